@@ -1,0 +1,40 @@
+"""Linearized modal analysis of pendulum chains, alone or coupled by a cart.
+
+    >>> from modal import load, natural_modes
+    >>> modes = natural_modes(load("paper-cart-2"))
+    >>> modes[2].omega
+    2.7175491179815823
+"""
+
+from modal._namesake import warn_about_namesake
+from modal.errors import ComputationError, MultipendulaError, SceneError
+from modal.files import dump, dumps, load, shipped
+from modal.linear import Matrices, matrices
+from modal.modes import Mode, Modes, Shape, natural_modes
+from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
+
+__all__ = [
+    "Bob",
+    "Body",
+    "Cart",
+    "ComputationError",
+    "Fixed",
+    "Matrices",
+    "Mode",
+    "Modes",
+    "MultipendulaError",
+    "Pendulum",
+    "Rod",
+    "Scene",
+    "SceneError",
+    "Shape",
+    "Start",
+    "dump",
+    "dumps",
+    "load",
+    "matrices",
+    "natural_modes",
+    "shipped",
+]
+
+warn_about_namesake()

@@ -1,0 +1,107 @@
+"""The dense route, for what breaks the chain's form: joint springs and dampers, small scenes only.
+
+Undamped: the symmetric pencil K φ = ω² M φ.  Damped: the state matrix of M q'' + D q' + K q = 0, whose eigenvalues
+−ζω ± iω√(1−ζ²) give the natural frequency |λ| and the damping ratio −Re λ/|λ|.  A free cart's position is taken
+out first, so that its rigid translation is exact and leaves no defective zero behind; so is its momentum where
+nothing damps it.  Coordinates whose inertia is singular (a massless cart over bobs) are refused by name.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.errors import ComputationError
+from modal.rig import Floats
+
+Complexes = NDArray[np.complex128]
+LARGEST_DAMPED = 500
+LARGEST_UNDAMPED = 2000
+EPS = float(np.finfo(float).eps)
+
+
+@dataclass(frozen=True, eq=False)
+class DenseModes:
+    """Eigenvalues λ (R,) of the oscillatory modes (one of each conjugate pair), shapes (size, R), relative errors (R,)."""
+
+    eigenvalue: Complexes
+    shape: Complexes
+    error: Floats
+
+
+def undamped(M: Floats, K: Floats, free: bool) -> DenseModes:
+    """Modes of K φ = ω² M φ, K positive definite but for a free cart in row 0."""
+    _refuse_beyond(LARGEST_UNDAMPED, len(M), "joint springs")
+    inertia, stiffness = _without_cart(M, K) if free else (M, K)
+    scale = 1 / np.sqrt(np.diag(stiffness))
+    L = np.linalg.cholesky(stiffness * scale * scale[:, None])
+    half = np.linalg.solve(L, inertia * scale * scale[:, None])
+    inverse_square, v = np.linalg.eigh(np.linalg.solve(L, half.T))
+    if inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
+        raise ComputationError("the frequencies spread too far for the dense route that joint springs need")
+    inverse_square, v = inverse_square[::-1], v[:, ::-1]
+    shape = scale[:, None] * np.linalg.solve(L.T, v)
+    error = 2 * len(M) * EPS * inverse_square[0] / inverse_square
+    return DenseModes(1j / np.sqrt(inverse_square), _with_cart(M, shape, free).astype(complex), error)
+
+
+def damped(M: Floats, D: Floats, K: Floats, free: bool) -> DenseModes:
+    """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it)."""
+    _refuse_beyond(LARGEST_DAMPED, len(M), "dampers")
+    if free and not D[0].any():
+        A, stiffness = _without_cart(M, K)
+        values, vectors, condition = _state_modes(A, D[1:, 1:], stiffness, keep=slice(None))
+        shape = _with_cart(M, vectors, free)
+    else:
+        values, shape, condition = _state_modes(M, D, K, keep=slice(1, None) if free else slice(None))
+    spread = float(np.abs(values).max()) if values.size else 0.0
+    error = 4 * len(M) * EPS * condition * spread / np.maximum(np.abs(values), np.finfo(float).tiny)
+    chosen = np.flatnonzero(values.imag >= 0)
+    chosen = chosen[np.argsort(np.abs(values[chosen]), kind="stable")]
+    return DenseModes(values[chosen], shape[:, chosen], error[chosen])
+
+
+def _state_modes(M: Floats, D: Floats, K: Floats, keep: slice) -> tuple[Complexes, Complexes, Floats]:
+    """Eigenvalues, shapes and condition numbers of the state matrix over positions `keep` and all rates."""
+    _refuse_singular(M)
+    n = len(M)
+    rates = np.eye(n)[keep]
+    held = len(rates)
+    state = np.zeros((held + n, held + n))
+    state[:held, held:] = rates
+    state[held:] = -np.linalg.solve(M, np.hstack([K[:, keep], D]))
+    values, right = np.linalg.eig(state)
+    left = np.linalg.pinv(right)
+    condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
+    moving = values != 0
+    shape = right[held:, moving] / values[moving]
+    return values[moving], shape, condition[moving]
+
+
+def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats]:
+    """The pendula alone, with a free cart that keeps the total momentum zero: A − b bᵀ/M_tot."""
+    return M[1:, 1:] - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0], K[1:, 1:]
+
+
+def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> NDArray[np.inexact]:
+    return np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
+
+
+def _refuse_singular(M: Floats) -> None:
+    scale = 1 / np.sqrt(np.diag(M))
+    spectrum = np.linalg.eigvalsh(M * scale * scale[:, None])
+    if spectrum[0] <= 4 * EPS * spectrum[-1]:
+        raise ComputationError(
+            "the mass matrix is singular to double precision (as with a massless cart over bobs): "
+            "with dampers this scene has no state-space form; give the cart or the links some inertia"
+        )
+
+
+def _refuse_beyond(largest: int, size: int, cause: str) -> None:
+    if size > largest:
+        raise ComputationError(
+            f"{cause} need the dense route: {size} coordinates, at most {largest} "
+            "(equal pendula count once; without them any size works)"
+        )

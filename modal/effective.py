@@ -1,0 +1,200 @@
+"""Frequencies and shapes by the effective mass, for chains on a fixed support and for chains that share a cart.
+
+On a fixed support every chain is alone: ω² is found where its count of D < 0 steps.  On a cart the pivots move
+together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
+
+A shape is built from both ends and joined at one joint (a twisted factorisation).  There it misses equilibrium by
+ω² (μ + ν) y, so its Rayleigh quotient misses ω² by |μ + ν| y² over the kinetic energy T: a residual that certifies
+the mode.  The joint is one where the halves agree to rounding (|μ + ν| against the joint's own mass) and the
+neighbouring links hold most of the kinetic energy: there the mode lives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.bisect import above_all, smallest_where
+from modal.chain import Swept, count_and_mass, from_above, from_below, joint_masses, kinetic, residual_mass
+from modal.rig import Block, Booleans, Floats, Ints
+
+
+ROUNDING = 1e-15
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Shapes of R modes: the cart's displacement (R,), turns a = l θ and energies (n, P, R) of each block.
+
+    Energies are twice the kinetic energy of each link over ω²; `residual` (R,) is the relative distance of the
+    Rayleigh quotient from ω².
+    """
+
+    cart: Floats
+    turns: tuple[Floats, ...]
+    energies: tuple[Floats, ...]
+    residual: Floats
+
+
+def lowest_possible(blocks: tuple[Block, ...], spring: float = 0.0, mass: float = 0.0) -> float:
+    """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M)."""
+    trace = sum(float((block.diagonal / block.b).sum()) for block in blocks)
+    if spring > 0:
+        trace += mass / spring
+    return float(2.0 ** (-np.ceil(np.log2(trace)) - 1))
+
+
+# ---------------------------------------------------------------------------------------------- fixed support
+
+
+def fixed_squares(block: Block) -> Floats:
+    """ω² of every chain on a fixed support, shape (n, P), ascending."""
+    order = np.arange(block.n)
+    low = 2.0 ** (-np.ceil(np.log2((block.diagonal / block.b).sum(0))) - 1)[:, None]
+    high = above_all(lambda x: count_and_mass(block, x)[0], low, np.full((block.size, 1), block.n))
+    shape = (block.size, block.n)
+    return smallest_where(
+        lambda x: count_and_mass(block, x)[0] > order,
+        np.broadcast_to(low, shape),
+        np.broadcast_to(high, shape),
+    ).T
+
+
+def fixed_shapes(chains: Block, x: Floats) -> Motion:
+    """Shape r of chain r at x[r], for R chains (columns, repeated as needed): one block with arrays (n, 1, R)."""
+    below, above = from_below(chains, x[:, None]), from_above(chains, x[:, None], None)
+    gap, cost = _mismatch(below, above, joint_masses(chains))
+    joint = cost[1:].argmin(0) + 1
+    y, a = _joined(chains, below, above, joint, np.full(joint.shape, True), np.zeros(joint.shape))
+    energies = kinetic(chains, y, a)
+    residual = np.take_along_axis(gap, joint[None], 0)[0] / energies.sum(0)
+    return Motion(np.zeros(len(x)), (a.swapaxes(1, 2),), (energies.swapaxes(1, 2),), residual[:, 0])
+
+
+# -------------------------------------------------------------------------------------------------- on a cart
+
+
+@dataclass(frozen=True, eq=False)
+class CartProblem:
+    """Chains that share a cart of `mass` on a spring of `stiffness`; counts are folded into the chains' masses."""
+
+    blocks: tuple[Block, ...]
+    mass: float
+    stiffness: float
+
+    @property
+    def bare_mass(self) -> float:
+        """m_c + Σ residual masses: what a force on the cart feels at infinite frequency; 0 where M is singular."""
+        return self.mass + float(sum(residual_mass(block).sum() for block in self.blocks))
+
+    @property
+    def n_modes(self) -> int:
+        """Oscillatory modes: a free cart's rigid translation is one of the coordinates, not one of these."""
+        links = sum(block.n * block.size for block in self.blocks)
+        return links + (self.stiffness > 0) - (self.bare_mass == 0)
+
+    def count(self, x: Floats) -> Ints:
+        """Number of oscillatory modes below each trial x (R,)."""
+        total: Ints = np.zeros(x.shape, dtype=np.int64)
+        felt = np.full(x.shape, self.mass)
+        for block in self.blocks:
+            below, mu = count_and_mass(block, x[None])
+            total += below.sum(0)
+            felt += mu.sum(0)
+        return total + (felt > self.stiffness / x) - (self.stiffness == 0)
+
+    def squares(self) -> Floats:
+        """ω² of every oscillatory mode, shape (n_modes,), ascending."""
+        total = self.mass + sum(float(block.mass.sum()) for block in self.blocks)
+        low = np.array([lowest_possible(self.blocks, self.stiffness, total)])
+        wanted = np.arange(self.n_modes)
+        if not wanted.size:
+            return np.zeros(0)
+        high = above_all(self.count, low, np.array([self.n_modes]))
+        return smallest_where(
+            lambda x: self.count(x) > wanted,
+            np.broadcast_to(low, wanted.shape),
+            np.broadcast_to(high, wanted.shape),
+        )
+
+    def shapes(self, x: Floats) -> Motion:
+        """Shapes of the modes at x (R,), all chains and the cart together."""
+        below = [from_below(block, x[None]) for block in self.blocks]
+        others = _without_each(self.mass - self.stiffness / x, [swept.mass[0] for swept in below])
+        energy = _without_each(np.full(x.shape, self.mass), [swept.energy[0] for swept in below])
+        above = [from_above(block, x[None], *felt) for block, *felt in zip(self.blocks, others, energy, strict=True)]
+        pivot = self.mass + sum(swept.nearest[0].sum(0) for swept in below)
+        for swept in below:
+            swept.nearest[0] = pivot
+        gaps, costs = zip(*map(_mismatch, below, above, self._joint_masses()), strict=True)
+        home = np.array([cost.min((0, 1)) for cost in costs]).argmin(0)
+
+        cart, gap = np.ones(x.shape), np.zeros(x.shape)
+        twists = []
+        for index, (block, cost) in enumerate(zip(self.blocks, costs, strict=True)):
+            flat = cost.reshape(-1, x.size).argmin(0)
+            joint = np.broadcast_to(flat // block.size, (block.size, x.size))
+            here = (np.arange(block.size)[:, None] == flat % block.size) & (home == index)
+            cart = np.where(home == index, _climb(above[index], joint, here)[0].sum(0), cart)
+            gap = np.where(home == index, gaps[index].reshape(-1, x.size)[flat, np.arange(x.size)], gap)
+            twists.append((joint, here))
+        shapes = [
+            _joined(block, lower, upper, joint, here, np.broadcast_to(cart, joint.shape))
+            for block, lower, upper, (joint, here) in zip(self.blocks, below, above, twists, strict=True)
+        ]
+        turns = tuple(a for _, a in shapes)
+        energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(self.blocks, shapes, strict=True))
+        total = self.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
+        return Motion(cart, turns, energies, gap / total)
+
+
+    def _joint_masses(self) -> list[Floats]:
+        own = [joint_masses(block) for block in self.blocks]
+        pivot = self.mass + sum(float(masses[0].sum()) for masses in own)
+        for masses in own:
+            masses[0] = pivot
+        return own
+
+
+def _without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
+    """own + Σ of all rows but each one, for rows (P, R) in several arrays; nothing is subtracted."""
+    rows = np.concatenate(parts)
+    before, after = np.zeros_like(rows), np.zeros_like(rows)
+    np.cumsum(rows[:-1], axis=0, out=before[1:])
+    after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
+    return np.split(own + (before + after), np.cumsum([len(part) for part in parts])[:-1])
+
+
+def _mismatch(below: Swept, above: Swept, own: Floats) -> tuple[Floats, Floats]:
+    """|μ + ν| at each joint, and how badly the halves would join there, given the joints' own masses (n + 1, P)."""
+    gap = np.abs(below.mass + above.mass)
+    near, whole = below.nearest + above.nearest, below.energy + above.energy
+    joinable = (own[:, :, None] > 0) & (near > 1e-150 * whole)
+    weight = np.where(joinable, own[:, :, None], 1.0)
+    share = np.where(joinable, near, 1.0) / np.where(joinable, whole, 1.0)
+    return gap, np.where(joinable, np.maximum(gap / weight, ROUNDING) / share, np.inf)
+
+
+def _climb(above: Swept, joint: Ints, twisted: Booleans) -> Floats:
+    """Joints y from the twist upward, 1 at the twist, in the chains that hold it; 0 elsewhere."""
+    y = np.zeros(above.mass.shape)
+    for i in reversed(range(len(y))):
+        y[i] = np.where(twisted & (joint == i), 1.0, 0.0)
+        if i < len(y) - 1:
+            y[i] += y[i + 1] * above.gain[i]
+    return y
+
+
+def _joined(
+    block: Block, below: Swept, above: Swept, joint: Ints, twisted: Booleans, pivot: Floats
+) -> tuple[Floats, Floats]:
+    """Joints and turns of the shapes: climbed above the twist, descended below it and in every other chain."""
+    climbed = _climb(above, joint, twisted)
+    y, a = np.empty_like(below.mass), np.empty_like(below.gain)
+    y[0] = np.where(twisted, climbed[0], pivot)
+    for i in range(block.n):
+        over = twisted & (joint > i)
+        y[i + 1] = np.where(over, climbed[i + 1], y[i] * below.gain[i])
+        a[i] = np.where(over, climbed[i + 1] * above.turn[i], y[i] * below.turn[i])
+    return y, a

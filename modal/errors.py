@@ -1,0 +1,19 @@
+"""Everything this project refuses to do, under one base class."""
+
+from collections.abc import Sequence
+
+
+class MultipendulaError(Exception):
+    """Base of every error raised on purpose."""
+
+
+class SceneError(MultipendulaError, ValueError):
+    """A scene that cannot be used: `problems` names every mistake and where it stands."""
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        self.problems = tuple(problems)
+        super().__init__("\n".join(self.problems))
+
+
+class ComputationError(MultipendulaError, ArithmeticError):
+    """A valid scene whose answer double precision or this machine's memory cannot give."""

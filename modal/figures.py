@@ -1,0 +1,154 @@
+"""Pictures of mode shapes: hanging pendula and their cart, at rest in grey and at both ends of the swing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import IO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+
+from modal.errors import ComputationError
+from modal.modes import Mode, Modes, Shape
+from modal.rig import Floats
+from modal.scene import Body, Bob, Rod
+
+INK, REST, FRONT, BACK, RAIL = "#22303c", "#c3cad0", "#0072b2", "#e69f00", "#8a949c"
+MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """The pendula that are drawn, the first link of each among all links, their pivots, and the size in metres."""
+
+    links: tuple[tuple[Bob | Rod | Body, ...], ...]
+    offsets: tuple[int, ...]
+    pivots: Floats
+    depth: float
+    half_width: float
+
+
+def draw_shapes(modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png") -> None:
+    """Draw the modes with these indices (from 0), one panel each, the largest angle at `amplitude_deg`."""
+    if len(numbers) > MOST_PANELS:
+        raise ComputationError(f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} with --modes")
+    rows = list(modes.rows(numbers))
+    layout = _layout(modes)
+    columns = min(len(rows), 5 if len(rows) > 8 else 4)
+    lines = -(-len(rows) // columns)
+    aspect = (layout.depth * 1.28) / (2 * layout.half_width)
+    width = 3.3
+    height = float(np.clip(width * aspect, 2.0, 4.4)) + 0.75
+    figure = Figure(figsize=(max(width * columns, 5.2), height * lines + 0.95), dpi=150, facecolor="white", layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.suptitle(modes.scene.title or "Mode shapes", fontsize=14, fontweight="bold", color=INK)
+    axes = figure.subplots(lines, columns, squeeze=False)
+    for axis in axes.flat:
+        axis.set_axis_off()
+    for axis, row in zip(axes.flat, rows, strict=False):
+        _panel(axis, modes, row, layout, np.radians(amplitude_deg))
+    figure.supxlabel(_caption(modes, layout, amplitude_deg), fontsize=8, color=RAIL)
+    figure.savefig(stream, format=form)
+
+
+def _layout(modes: Modes) -> _Layout:
+    hanging: list[tuple[tuple[Bob | Rod | Body, ...], int]] = []
+    first = 0
+    for pendulum in modes.scene.pendulum:
+        links = tuple(link for link in pendulum.links for _ in range(link.count))
+        hanging += [(links, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
+        first += pendulum.count * len(links)
+    picked = np.unique(np.linspace(0, len(hanging) - 1, min(len(hanging), MOST_PENDULA)).astype(int))
+    links, offsets = zip(*(hanging[k] for k in picked), strict=True)
+    depth = max(sum(link.length for link in chain) for chain in links)
+    pivots = 0.5 * depth * (np.arange(len(picked)) - (len(picked) - 1) / 2)
+    return _Layout(links, offsets, pivots, depth, float(pivots[-1] + 0.62 * depth))
+
+
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:
+    shape = modes.shape(row.number - 1)
+    if np.iscomplexobj(shape.angles):
+        shape = Shape(complex(shape.cart).real, shape.angles.real, shape.kinetic_energy_share, shape.across)
+    axis.set_xlim(-layout.half_width, layout.half_width)
+    axis.set_ylim(-1.14 * layout.depth, 0.22 * layout.depth)
+    axis.set_aspect("equal")
+    axis.plot([-layout.half_width, layout.half_width], [0, 0], color=RAIL, lw=1.0, zorder=0)
+    _swing(axis, modes, layout, shape, 0.0, REST, 1.0)
+    if row.omega == 0:
+        reach = 0.3 * layout.depth
+        axis.annotate("", (reach, 0.13 * layout.depth), (-reach, 0.13 * layout.depth), arrowprops={"arrowstyle": "<->", "color": FRONT, "lw": 1.6})
+    else:
+        _swing(axis, modes, layout, shape, -amplitude, BACK, 0.55)
+        _swing(axis, modes, layout, shape, amplitude, FRONT, 1.0)
+    decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio else ""
+    axis.set_title(
+        f"mode {row.number}:  {row.frequency:.4g} Hz\nω = {row.omega:.5g} rad/s{decay}\n{_wrapped(row.family)}",
+        fontsize=8.5,
+        color=INK,
+        linespacing=1.35,
+    )
+
+
+def _swing(axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: float, colour: str, alpha: float) -> None:
+    shift = float(shape.cart.real) * amplitude
+    shift = float(np.clip(shift, -0.5 * layout.depth, 0.5 * layout.depth))
+    _support(axis, modes, layout, shift, colour, alpha)
+    for links, first, pivot in zip(layout.links, layout.offsets, layout.pivots, strict=True):
+        angles = amplitude * shape.angles[first : first + len(links)]
+        length = np.array([link.length for link in links])
+        x = pivot + shift + np.concatenate([[0.0], np.cumsum(length * np.sin(angles))])
+        y = -np.concatenate([[0.0], np.cumsum(length * np.cos(angles))])
+        axis.plot(x, y, color=colour, alpha=alpha, lw=1.6, solid_capstyle="round", zorder=2)
+        if len(links) <= MOST_MARKS:
+            _marks(axis, links, x, y, colour, alpha)
+
+
+def _marks(axis: Axes, links: Sequence[Bob | Rod | Body], x: Floats, y: Floats, colour: str, alpha: float) -> None:
+    heaviest = max(link.mass for link in links)
+    for i, link in enumerate(links):
+        part = link.centre / link.length
+        centre = (x[i] + part * (x[i + 1] - x[i]), y[i] + part * (y[i + 1] - y[i]))
+        if isinstance(link, Rod):
+            axis.plot(x[i : i + 2], y[i : i + 2], color=colour, alpha=alpha, lw=4.0, solid_capstyle="round", zorder=3)
+        else:
+            size = 11.0 * (link.mass / heaviest) ** (1 / 3)
+            marker = "o" if isinstance(link, Bob) else "D"
+            axis.plot(*centre, marker, ms=max(size, 3.5), color=colour, alpha=alpha, mec="white", mew=0.7, zorder=4)
+    axis.plot(x[:-1], y[:-1], "o", ms=2.6, color="white", mec=colour, mew=0.9, alpha=alpha, zorder=5)
+
+
+def _support(axis: Axes, modes: Modes, layout: _Layout, shift: float, colour: str, alpha: float) -> None:
+    left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
+    height = 0.075 * layout.depth
+    if modes.rig.cart is None:
+        if colour == REST:
+            axis.plot([left, right], [0, 0], color=INK, lw=3.0, zorder=1)
+        return
+    box = FancyBboxPatch(
+        (left + shift, 0.0),
+        right - left,
+        height,
+        boxstyle=f"round,pad=0,rounding_size={height / 3}",
+        facecolor=colour if colour == REST else "none",
+        edgecolor=colour,
+        alpha=alpha,
+        lw=1.3,
+        zorder=1,
+    )
+    axis.add_patch(box)
+
+
+def _wrapped(words: str, width: int = 34) -> str:
+    from textwrap import fill
+
+    return fill(words, width)
+
+
+def _caption(modes: Modes, layout: _Layout, amplitude_deg: float) -> str:
+    total = modes.scene.n_pendula
+    part = f"; {len(layout.links)} of {total} pendula drawn" if len(layout.links) < total else ""
+    return f"grey: rest; blue and orange: the two ends of the swing, largest angle {amplitude_deg:g}°{part}"

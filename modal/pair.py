@@ -1,0 +1,87 @@
+"""The pair (A, b): the only place that knows masses and lengths.
+
+With u_i the unit direction of link i (in the plane or in space), e_x along the rail and e_z down,
+
+    T = ½ M x'² + x' e_x·Σ b_i u_i' + ½ Σ_ij A_ij u_i'·u_j',    V = −g Σ b_i u_i·e_z,    M = m_c + Σ m
+    b_i = m_i c_i + l_i Σ_{k>i} m_k,   A_ii = I_i + m_i c_i² + l_i² Σ_{k>i} m_k,   A_ij = l_i b_j (i above j).
+
+The functions are plain arithmetic over sequences, top link first: floats, fractions, SymPy symbols and whole
+arrays (one entry a pendulum) run the same lines.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+Scalars = Sequence[Any]
+
+
+def masses_below(mass: Scalars) -> list[Any]:
+    """Σ_{k>i} m_k for every link i (kg)."""
+    below = [0 * mass[-1]]
+    for m in reversed(mass[1:]):
+        below.append(below[-1] + m)
+    return below[::-1]
+
+
+def first_moments(mass: Scalars, length: Scalars, centre: Scalars) -> list[Any]:
+    """b_i (kg m): K_ii = g b_i, and the cart feels b_i θ_i''."""
+    return [
+        m * c + l * below for m, l, c, below in zip(mass, length, centre, masses_below(mass), strict=True)
+    ]
+
+
+def second_moments(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[Any]:
+    """A_ii (kg m²)."""
+    return [
+        I + m * c * c + l * l * below
+        for m, l, c, I, below in zip(mass, length, centre, inertia, masses_below(mass), strict=True)
+    ]
+
+
+def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[list[Any]]:
+    """The whole A (kg m²) as nested lists; a chain itself needs only l, b and the diagonal."""
+    b = first_moments(mass, length, centre)
+    diagonal = second_moments(mass, length, centre, inertia)
+    indices = range(len(b))
+    return [
+        [diagonal[i] if i == j else length[min(i, j)] * b[max(i, j)] for j in indices] for i in indices
+    ]
+
+
+class Constants(NamedTuple):
+    """What one link does to the motion of its two ends, in kg except k (see `modal.chain`).
+
+    With s = c/l and J = I/l², a link whose upper end moves by y and lower end by y + a has
+    T = ½ r a'² + (q + r) a' y' + ½ m y'²; p is to the lower end what r is to the upper.
+    """
+
+    m: Any  # its mass
+    mJ: Any  # m J (kg²), J = I/l²
+    r: Any  # m s² + J
+    p: Any  # m (1 − s)² + J
+    q: Any  # m s (1 − s) − J
+    upper: Any  # m s = r + q, the first moment about the upper end
+    lower: Any  # m (1 − s) = p + q, the first moment about the lower end
+    k: Any  # g b / l² (N/m)
+
+
+def constants(
+    mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars, gravity: Any = 1
+) -> list[Constants]:
+    """The constants of every link; l − c is formed before it is divided, so that centres next to a joint keep every digit."""
+    found = []
+    for m, l, c, I, below in zip(mass, length, centre, inertia, masses_below(mass), strict=True):
+        s, rest, J = c / l, (l - c) / l, I / l / l
+        found.append(
+            Constants(
+                m=m,
+                mJ=m * J,
+                r=m * s * s + J,
+                p=m * rest * rest + J,
+                q=m * s * rest - J,
+                upper=m * s,
+                lower=m * rest,
+                k=gravity * (m * s + below) / l,
+            )
+        )
+    return found

@@ -1,0 +1,218 @@
+"""A scene: what hangs from what, checked once at the door and immutable ever after.
+
+    gravity g;  a fixed support or a cart on a straight horizontal rail;  pendula, each a chain of links.
+
+Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i along it and moment of inertia I_i
+about that centre.  All numbers are SI; angles in a scene file are degrees, counted from the hanging rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from modal.errors import SceneError
+from modal.messages import problems_of
+
+LARGEST = 1e100
+SMALLEST = 1e-100
+MAX_COPIES = 1_000_000
+MAX_LINKS = 10_000_000
+
+Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST)]
+NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST)]
+Real = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
+Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES)]
+
+
+class _Checked(type(BaseModel)):  # type: ignore[misc]
+    """Makes a direct call, `Bob(mass=-1, ...)`, raise the project's own error."""
+
+    def __call__(cls, /, *args: Any, **data: Any) -> Any:
+        try:
+            return super().__call__(*args, **data)
+        except ValidationError as error:
+            raise SceneError(tuple(problems_of(error))) from None
+
+
+class _Part(BaseModel, metaclass=_Checked):
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Link(_Part):
+    """What every link has: mass (kg), length (m), and at its upper joint a damper (N m s/rad) and a spring (N m/rad)."""
+
+    mass: Positive
+    length: Positive
+    damping: NonNegative = 0.0
+    stiffness: NonNegative = 0.0
+    count: Count = 1
+
+
+class Bob(Link):
+    """A point mass at the end of a massless rod: c = l, I = 0."""
+
+    kind: Literal["bob"] = "bob"
+
+    @property
+    def centre(self) -> float:
+        """Distance (m) from the upper joint to the centre of mass."""
+        return self.length
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia (kg m²) about the centre of mass."""
+        return 0.0
+
+
+class Rod(Link):
+    """A uniform rod: c = l/2, I = m l²/12."""
+
+    kind: Literal["rod"] = "rod"
+
+    @property
+    def centre(self) -> float:
+        """Distance (m) from the upper joint to the centre of mass."""
+        return self.length / 2
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia (kg m²) about the centre of mass."""
+        return self.mass * self.length**2 / 12
+
+
+class Body(Link):
+    """A rigid body: any centre of mass c ≥ 0 (m), on the link or beyond it, and any inertia I ≥ 0 (kg m²)."""
+
+    kind: Literal["body"] = "body"
+    centre: NonNegative
+    inertia: NonNegative
+
+
+class Start(_Part):
+    """Where the simulator releases a pendulum: one angle (deg) and one rate (deg/s) a link, top to bottom.
+
+    `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
+    """
+
+    angles_deg: tuple[Real, ...]
+    rates_deg: tuple[Real, ...] | None = None
+    azimuths_deg: tuple[Real, ...] | None = None
+
+
+class Pendulum(_Part):
+    """A chain of links, top to bottom, hung `count` times."""
+
+    links: Annotated[tuple[Annotated[Bob | Rod | Body, Field(discriminator="kind")], ...], Field(min_length=1)]
+    count: Count = 1
+    start: Start | None = None
+
+    @property
+    def n_links(self) -> int:
+        """Number of links of one copy, runs of equal links counted out."""
+        return sum(link.count for link in self.links)
+
+    @model_validator(mode="after")
+    def _hangs(self) -> Pendulum:
+        last = self.links[-1]
+        if last.centre == 0:
+            raise ValueError(f".links[{len(self.links) - 1}].centre = 0.0: must be positive in the last link, or it feels no gravity")
+        return self
+
+    @model_validator(mode="after")
+    def _start_fits(self) -> Pendulum:
+        for name, values in self.start or ():
+            if values is not None and len(values) != self.n_links:
+                raise ValueError(f".start.{name}: has {len(values)} values for {self.n_links} links")
+        return self
+
+
+class Fixed(_Part):
+    """A support that does not move."""
+
+    kind: Literal["fixed"] = "fixed"
+
+
+class Cart(_Part):
+    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground."""
+
+    kind: Literal["cart"] = "cart"
+    mass: NonNegative
+    damping: NonNegative = 0.0
+    stiffness: NonNegative = 0.0
+
+
+class Scene(_Part):
+    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space."""
+
+    title: str = ""
+    gravity: Positive
+    space: Literal["plane", "space"] = "plane"
+    support: Annotated[Fixed | Cart, Field(discriminator="kind")] = Fixed()
+    pendulum: Annotated[tuple[Pendulum, ...], Field(min_length=1)]
+
+    @property
+    def n_pendula(self) -> int:
+        """Number of pendula, copies counted out."""
+        return sum(pendulum.count for pendulum in self.pendulum)
+
+    @property
+    def n_links(self) -> int:
+        """Number of links in the whole scene, copies counted out."""
+        return sum(pendulum.count * pendulum.n_links for pendulum in self.pendulum)
+
+    @property
+    def has_damping(self) -> bool:
+        """Whether anything in the scene dissipates energy."""
+        return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
+            link.damping > 0 for link in self.links()
+        )
+
+    @property
+    def has_joint_springs(self) -> bool:
+        """Whether any joint has a torsion spring."""
+        return any(link.stiffness > 0 for link in self.links())
+
+    def links(self) -> Iterator[Bob | Rod | Body]:
+        """Every link as written: copies and runs of equal links once each."""
+        return (link for pendulum in self.pendulum for link in pendulum.links)
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Scene:
+        if self.n_links > MAX_LINKS:
+            raise ValueError(f"the scene has {self.n_links} links in all: at most {MAX_LINKS}")
+        return self
+
+    @model_validator(mode="after")
+    def _azimuths_need_space(self) -> Scene:
+        if self.space == "plane":
+            for index, pendulum in enumerate(self.pendulum):
+                if pendulum.start and pendulum.start.azimuths_deg:
+                    raise ValueError(f'.pendulum[{index}].start.azimuths_deg: needs space = "space"')
+        return self
+
+
+def scene_from(data: object) -> Scene:
+    """The scene that nested mappings describe, as a scene file does; SceneError names every mistake."""
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(tuple(problems_of(error))) from None
+
+
+def described(part: BaseModel) -> dict[str, Any]:
+    """The mapping that `scene_from` reads back as an equal object: kinds first, defaults left out."""
+    found: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        if name != "kind" and value is not None and (field.is_required() or value != field.default):
+            found[name] = _plain(value)
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        return described(value)
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

@@ -1,0 +1,7 @@
+"""`python -m multipendula`."""
+
+import sys
+
+from multipendula.cli import main
+
+sys.exit(main())

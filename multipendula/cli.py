@@ -1,0 +1,215 @@
+"""The command: parse, call, print.  Data goes to standard output, everything else to standard error.
+
+Exit codes: 0, 1 for what could not be computed or written, 2 for bad input.
+"""
+
+from __future__ import annotations
+
+import argparse
+import errno
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+
+if TYPE_CHECKING:
+    from modal.modes import Modes
+
+SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
+FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
+USER_ERRORS = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit code."""
+    options = _parser().parse_args(arguments)
+    from modal.errors import MultipendulaError, SceneError
+
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except SceneError as error:
+        return _refuse(error, 2)
+    except MultipendulaError as error:
+        return _refuse(error, 1)
+    except MemoryError:
+        return _refuse("there is not enough memory for this scene", 1)
+    except KeyboardInterrupt:
+        return _refuse("interrupted", 130)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except OSError as error:
+        return _refuse(f"cannot write{_named(error)}: {error.strerror or error}", 2 if error.errno in USER_ERRORS else 1)
+    return 0
+
+
+def _refuse(problem: object, code: int) -> int:
+    for line in str(problem).splitlines():
+        print(f"multipendula: {line}", file=sys.stderr)
+    return code
+
+
+def _named(error: OSError) -> str:
+    return f" {error.filename}" if error.filename else ""
+
+
+# ------------------------------------------------------------------------------------------------- commands
+
+
+def scenes(options: argparse.Namespace) -> None:
+    """List the shipped scenes, or print one."""
+    from modal import files
+
+    if options.name:
+        sys.stdout.write(files.shipped_text(options.name))
+        return
+    names = files.shipped()
+    width = max(map(len, names))
+    for name in names:
+        print(f"{name:<{width}}  {files.load(name).title}")
+
+
+def schema(options: argparse.Namespace) -> None:
+    """Print the JSON Schema of a scene file."""
+    import json
+
+    from modal import files
+
+    print(json.dumps(files.schema(), indent=2))
+
+
+def table(options: argparse.Namespace) -> None:
+    """Print the table of modes."""
+    from modal import tables
+
+    modes, numbers = _modes(options)
+    text = tables.table(modes, numbers, options.format, shapes=options.shapes)
+    with _output(options.output) as write:
+        write(text)
+
+
+def shapes(options: argparse.Namespace) -> None:
+    """Draw the mode shapes."""
+    from modal.errors import SceneError
+    from modal.files import whole_file
+
+    form = os.path.splitext(options.output)[1].removeprefix(".").lower()
+    if form not in {"png", "svg", "pdf"}:
+        raise SceneError([f"--output {options.output}: the name must end in .png, .svg or .pdf"])
+    modes, numbers = _modes(options)
+    from modal.figures import MOST_PANELS, draw_shapes
+
+    chosen = numbers[:MOST_PANELS] if options.modes is None else numbers
+    with whole_file(options.output) as stream:
+        draw_shapes(modes, chosen, stream, amplitude_deg=options.amplitude, form=form)
+    if len(chosen) < len(numbers):
+        print(f"multipendula: drew the first {len(chosen)} of {len(numbers)} modes; choose with --modes", file=sys.stderr)
+
+
+def matrices(options: argparse.Namespace) -> None:
+    """Print M, K and D."""
+    from modal.files import load
+    from modal.linear import matrices as matrices_of
+    from modal.tables import matrices_table
+
+    scene = load(options.scene)
+    with _output(options.output) as write:
+        write(matrices_table(scene, matrices_of(scene), options.format))
+
+
+# -------------------------------------------------------------------------------------------------- helpers
+
+
+def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
+    from modal.files import load
+    from modal.modes import natural_modes
+
+    found = natural_modes(load(options.scene))
+    return found, _chosen(options.modes, len(found))
+
+
+def _chosen(text: str | None, total: int) -> range:
+    """Indices from 0 of `first:last`, counted from 1 and inclusive; either end, or all of it, may be left out."""
+    from modal.errors import SceneError
+
+    if text is None:
+        return range(total)
+    first, colon, last = text.partition(":")
+    try:
+        low = int(first) if first else 1
+        high = (int(last) if last else total) if colon else low
+    except ValueError:
+        raise SceneError([f"--modes {text}: must be a number or a range such as 1:10"]) from None
+    if not 1 <= low <= high or low > total:
+        raise SceneError([f"--modes {text}: the scene has modes 1 to {total}"])
+    return range(low - 1, min(high, total))
+
+
+@contextmanager
+def _output(path: str | None) -> Iterator[Callable[[str], object]]:
+    if path is None:
+        yield sys.stdout.write
+        return
+    from modal.files import whole_file
+
+    with whole_file(path) as stream:
+        yield lambda text: stream.write(text.encode())
+
+
+def _amplitude(text: str) -> float:
+    value = float(text)
+    if not 0 < value <= 90:
+        raise argparse.ArgumentTypeError("must be above 0 and at most 90 degrees")
+    return value
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="multipendula",
+        description="Linearized modal analysis of pendulum chains, alone or coupled by a cart.",
+        epilog="example: multipendula table paper-cart-2",
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def command(run: Callable[[argparse.Namespace], None], name: str, example: str) -> argparse.ArgumentParser:
+        words = (run.__doc__ or "").strip()
+        made = commands.add_parser(name, help=words, description=words, epilog=f"example: multipendula {example}")
+        made.set_defaults(run=run)
+        return made
+
+    add = command(scenes, "scenes", "scenes crane-hook > my-crane.toml")
+    add.add_argument("name", nargs="?", help="print this scene's file, to start one of your own")
+
+    add = command(table, "table", "table rope --modes 1:5 --format markdown")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--format", choices=FORMATS, default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
+    add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
+    add.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
+
+    add = command(shapes, "shapes", "shapes paper-cart-2 -o shapes.png")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
+    add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
+    add.add_argument("--amplitude", metavar="DEG", type=_amplitude, default=25.0, help="largest angle drawn (default 25)")
+
+    add = command(matrices, "matrices", "matrices chain-3")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--format", choices=("text", "json"), default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
+
+    command(schema, "schema", "schema > scene.schema.json")
+    return parser
+
+
+class _Version(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        print(f"multipendula {version('multipendula')}")
+        parser.exit()

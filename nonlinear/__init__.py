@@ -1,0 +1,1 @@
+"""Nonlinear simulation of the scenes of `modal`; empty in this release."""
