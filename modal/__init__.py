@@ -1,9 +1,9 @@
 """Linearized modal analysis of pendulum chains, alone or coupled by a cart.
 
-    >>> from modal import load, natural_modes
-    >>> modes = natural_modes(load("paper-cart-2"))
-    >>> modes[2].omega
-    2.7175491179815823
+>>> from modal import load, natural_modes
+>>> modes = natural_modes(load("paper-cart-2"))
+>>> modes[2].omega
+2.7175491179815823
 """
 
 from modal._namesake import warn_about_namesake

@@ -19,7 +19,6 @@ from modal.bisect import above_all, smallest_where
 from modal.chain import Swept, count_and_mass, from_above, from_below, joint_masses, kinetic, residual_mass
 from modal.rig import Block, Booleans, Floats, Ints
 
-
 ROUNDING = 1e-15
 
 
@@ -148,7 +147,6 @@ class CartProblem:
         total = self.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
         return Motion(cart, turns, energies, gap / total)
 
-
     def _joint_masses(self) -> list[Floats]:
         own = [joint_masses(block) for block in self.blocks]
         pivot = self.mass + sum(float(masses[0].sum()) for masses in own)
@@ -158,7 +156,7 @@ class CartProblem:
 
 
 def _without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
-    """own + Σ of all rows but each one, for rows (P, R) in several arrays; nothing is subtracted."""
+    """Own + Σ of all rows but each one, for rows (P, R) in several arrays; nothing is subtracted."""
     rows = np.concatenate(parts)
     before, after = np.zeros_like(rows), np.zeros_like(rows)
     np.cumsum(rows[:-1], axis=0, out=before[1:])

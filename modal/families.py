@@ -55,7 +55,7 @@ def _agreement(top: NDArray[np.inexact], energy: NDArray[np.float64], several: b
     """In phase or not, by the top links of all pendula that hold a fair share of the energy."""
     if len(top) == 1:
         return "in phase" if several else ""
-    busy = energy >= NEGLIGIBLE * energy.sum()
+    busy = energy >= NEGLIGIBLE * energy.max()
     if busy.sum() == 1:
         return f"mostly kind {int(energy.argmax()) + 1} of {len(top)}"
     signs = np.sign(_in_phase_with_largest(top[busy]))
@@ -70,7 +70,7 @@ def _order(chain: NDArray[np.float64]) -> str:
     if len(chain) == 2:
         return "fast" if opposed else "slow"
     if opposed in (0, len(chain) - 1):
-        return "fastest: all links opposed" if opposed else "slowest: all links agree"
+        return "fastest (neighbours opposed)" if opposed else "slowest (all links agree)"
     return f"{opposed} of {len(chain) - 1} joints opposed"
 
 

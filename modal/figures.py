@@ -15,9 +15,10 @@ from matplotlib.patches import FancyBboxPatch
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.rig import Floats
-from modal.scene import Body, Bob, Rod
+from modal.scene import Bob, Body, Rod
 
 INK, REST, FRONT, BACK, RAIL = "#22303c", "#c3cad0", "#0072b2", "#e69f00", "#8a949c"
+FARTHEST = 0.3  # of the picture's depth
 MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
 
 
@@ -32,18 +33,24 @@ class _Layout:
     half_width: float
 
 
-def draw_shapes(modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png") -> None:
+def draw_shapes(
+    modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png"
+) -> None:
     """Draw the modes with these indices (from 0), one panel each, the largest angle at `amplitude_deg`."""
     if len(numbers) > MOST_PANELS:
-        raise ComputationError(f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} with --modes")
+        raise ComputationError(
+            f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} with --modes"
+        )
     rows = list(modes.rows(numbers))
     layout = _layout(modes)
-    columns = min(len(rows), 5 if len(rows) > 8 else 4)
+    panel = 2 * layout.half_width / (1.3 * layout.depth)
+    columns = min(len(rows), 3 if panel > 1.4 else 5)
     lines = -(-len(rows) // columns)
-    aspect = (layout.depth * 1.28) / (2 * layout.half_width)
-    width = 3.3
-    height = float(np.clip(width * aspect, 2.0, 4.4)) + 0.75
-    figure = Figure(figsize=(max(width * columns, 5.2), height * lines + 0.95), dpi=150, facecolor="white", layout="constrained")
+    columns = -(-len(rows) // lines)
+    width = float(np.clip(2.6 * panel, 2.5, 4.6))
+    height = width / panel + 0.62
+    size = (max(width * columns, 4.6), height * lines + 0.75)
+    figure = Figure(figsize=size, dpi=150, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     figure.suptitle(modes.scene.title or "Mode shapes", fontsize=14, fontweight="bold", color=INK)
     axes = figure.subplots(lines, columns, squeeze=False)
@@ -65,8 +72,9 @@ def _layout(modes: Modes) -> _Layout:
     picked = np.unique(np.linspace(0, len(hanging) - 1, min(len(hanging), MOST_PENDULA)).astype(int))
     links, offsets = zip(*(hanging[k] for k in picked), strict=True)
     depth = max(sum(link.length for link in chain) for chain in links)
-    pivots = 0.5 * depth * (np.arange(len(picked)) - (len(picked) - 1) / 2)
-    return _Layout(links, offsets, pivots, depth, float(pivots[-1] + 0.62 * depth))
+    spacing = depth * (0.95 if len(picked) <= 4 else 0.5)
+    pivots = spacing * (np.arange(len(picked)) - (len(picked) - 1) / 2)
+    return _Layout(links, offsets, pivots, depth, float(pivots[-1] + 0.6 * depth))
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:
@@ -80,8 +88,14 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: floa
     _swing(axis, modes, layout, shape, 0.0, REST, 1.0)
     if row.omega == 0:
         reach = 0.3 * layout.depth
-        axis.annotate("", (reach, 0.13 * layout.depth), (-reach, 0.13 * layout.depth), arrowprops={"arrowstyle": "<->", "color": FRONT, "lw": 1.6})
+        axis.annotate(
+            "",
+            (reach, 0.13 * layout.depth),
+            (-reach, 0.13 * layout.depth),
+            arrowprops={"arrowstyle": "<->", "color": FRONT, "lw": 1.6},
+        )
     else:
+        amplitude = _fitting(layout, shape, amplitude)
         _swing(axis, modes, layout, shape, -amplitude, BACK, 0.55)
         _swing(axis, modes, layout, shape, amplitude, FRONT, 1.0)
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio else ""
@@ -93,15 +107,28 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: floa
     )
 
 
-def _swing(axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: float, colour: str, alpha: float) -> None:
+def _fitting(layout: _Layout, shape: Shape, amplitude: float) -> float:
+    """Smaller where the cart would leave the picture; long chains are drawn linearly, by their displacement."""
+    if max(map(len, layout.links)) > MOST_MARKS:
+        reach = [
+            np.abs(np.cumsum([link.length for link in links] * shape.angles[first : first + len(links)])).max()
+            for links, first in zip(layout.links, layout.offsets, strict=True)
+        ]
+        amplitude = FARTHEST * layout.depth / max(*reach, 1e-300)
+    return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
+
+
+def _swing(
+    axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: float, colour: str, alpha: float
+) -> None:
     shift = float(shape.cart.real) * amplitude
-    shift = float(np.clip(shift, -0.5 * layout.depth, 0.5 * layout.depth))
     _support(axis, modes, layout, shift, colour, alpha)
     for links, first, pivot in zip(layout.links, layout.offsets, layout.pivots, strict=True):
         angles = amplitude * shape.angles[first : first + len(links)]
         length = np.array([link.length for link in links])
-        x = pivot + shift + np.concatenate([[0.0], np.cumsum(length * np.sin(angles))])
-        y = -np.concatenate([[0.0], np.cumsum(length * np.cos(angles))])
+        lean = (np.sin(angles), np.cos(angles)) if len(links) <= MOST_MARKS else (angles, np.ones(len(links)))
+        x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
+        x, y = pivot + shift + x, -y
         axis.plot(x, y, color=colour, alpha=alpha, lw=1.6, solid_capstyle="round", zorder=2)
         if len(links) <= MOST_MARKS:
             _marks(axis, links, x, y, colour, alpha)
@@ -151,4 +178,6 @@ def _wrapped(words: str, width: int = 34) -> str:
 def _caption(modes: Modes, layout: _Layout, amplitude_deg: float) -> str:
     total = modes.scene.n_pendula
     part = f"; {len(layout.links)} of {total} pendula drawn" if len(layout.links) < total else ""
-    return f"grey: rest; blue and orange: the two ends of the swing, largest angle {amplitude_deg:g}°{part}"
+    linear = max(map(len, layout.links)) > MOST_MARKS
+    scale = "sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"
+    return f"grey: rest; blue and orange: the two ends of the swing, {scale}{part}"

@@ -7,10 +7,7 @@ from typing import Any
 from pydantic import ValidationError
 
 TAGS = frozenset({"bob", "rod", "body", "fixed", "cart"})
-KEYS = (
-    "title gravity space support pendulum kind mass damping stiffness count links start length centre inertia "
-    "angles_deg rates_deg azimuths_deg"
-).split()
+KEYS = ["title", "gravity", "space", "support", "pendulum", "kind", "mass", "damping", "stiffness", "count", "links", "start", "length", "centre", "inertia", "angles_deg", "rates_deg", "azimuths_deg"]
 
 WORDS = {
     "finite_number": "must be finite",

@@ -171,7 +171,7 @@ class Modes(Sequence[Mode]):
             return self.sources[source].details(np.array(rows))
 
     def _described(self, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
-        heads = sorted(((self.groups[n][0].source, self.groups[n][0].row, n) for n in numbers))
+        heads = sorted((self.groups[n][0].source, self.groups[n][0].row, n) for n in numbers)
         for source, members in groupby(heads, key=lambda head: head[0]):
             _, rows, wanted = zip(*members, strict=True)
             details = self._details(source, rows)
@@ -188,7 +188,7 @@ class Modes(Sequence[Mode]):
         on_rail = 0.0 if still and self.rig.cart else effective * (along if still else 1)
         kappa = float(details.kappa[at])
         ratio = -value.real / omega if omega > 0 else 0.0
-        several = not still and any(count > 1 for _, _, count in self.rig.members) or len(self.rig.members) > 1
+        several = (not still and any(count > 1 for _, _, count in self.rig.members)) or len(self.rig.members) > 1
         words = motion_words(details.angles, details.shares, at, several=several and not still)
         return Mode(
             number=number + 1,

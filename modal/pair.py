@@ -25,9 +25,7 @@ def masses_below(mass: Scalars) -> list[Any]:
 
 def first_moments(mass: Scalars, length: Scalars, centre: Scalars) -> list[Any]:
     """b_i (kg m): K_ii = g b_i, and the cart feels b_i θ_i''."""
-    return [
-        m * c + l * below for m, l, c, below in zip(mass, length, centre, masses_below(mass), strict=True)
-    ]
+    return [m * c + l * below for m, l, c, below in zip(mass, length, centre, masses_below(mass), strict=True)]
 
 
 def second_moments(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[Any]:
@@ -43,9 +41,7 @@ def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
     b = first_moments(mass, length, centre)
     diagonal = second_moments(mass, length, centre, inertia)
     indices = range(len(b))
-    return [
-        [diagonal[i] if i == j else length[min(i, j)] * b[max(i, j)] for j in indices] for i in indices
-    ]
+    return [[diagonal[i] if i == j else length[min(i, j)] * b[max(i, j)] for j in indices] for i in indices]
 
 
 class Constants(NamedTuple):
@@ -65,9 +61,7 @@ class Constants(NamedTuple):
     k: Any  # g b / l² (N/m)
 
 
-def constants(
-    mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars, gravity: Any = 1
-) -> list[Constants]:
+def constants(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars, gravity: Any = 1) -> list[Constants]:
     """The constants of every link; l − c is formed before it is divided, so that centres next to a joint keep every digit."""
     found = []
     for m, l, c, I, below in zip(mass, length, centre, inertia, masses_below(mass), strict=True):

@@ -118,7 +118,9 @@ class Pendulum(_Part):
     def _hangs(self) -> Pendulum:
         last = self.links[-1]
         if last.centre == 0:
-            raise ValueError(f".links[{len(self.links) - 1}].centre = 0.0: must be positive in the last link, or it feels no gravity")
+            raise ValueError(
+                f".links[{len(self.links) - 1}].centre = 0.0: must be positive in the last link, or it feels no gravity"
+            )
         return self
 
     @model_validator(mode="after")

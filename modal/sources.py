@@ -271,9 +271,7 @@ class Dense:
             turn = angle * block.length[:, :, None]
             top = cart + np.concatenate([np.zeros((1, *turn.shape[1:])), np.cumsum(turn, 0)[:-1]])
             centre = top + angle * block.centre[:, :, None]
-            found.append(
-                block.mass[:, :, None] * np.abs(centre) ** 2 + block.inertia[:, :, None] * np.abs(angle) ** 2
-            )
+            found.append(block.mass[:, :, None] * np.abs(centre) ** 2 + block.inertia[:, :, None] * np.abs(angle) ** 2)
         return tuple(found)
 
 
@@ -290,7 +288,7 @@ def bare_mobility(blocks: tuple[Block, ...], cart: tuple[float, float, float]) -
 
 
 def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
-    """max |θ| (R,) over all links."""
+    """Max |θ| (R,) over all links."""
     found: Floats = np.max([np.abs(angle).max((0, 1)) for angle in angles], axis=0)
     return found
 

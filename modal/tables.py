@@ -60,8 +60,16 @@ COLUMNS = (
         "{:.6g}",
         lambda modes: modes.rig.spatial,
     ),
-    Column("linear_to_1_percent_deg", "1 % at (°)", r"1\,\% at ($^\circ$)", lambda m: _known(m.linear_to_1_percent_deg), "{:.3g}"),
-    Column("amplitude_coefficient_per_rad2", "κ", r"$\kappa$", lambda m: _known(m.kappa), "{:.4g}", lambda modes: False),
+    Column(
+        "linear_to_1_percent_deg",
+        "1 % at (°)",
+        r"1\,\% at ($^\circ$)",
+        lambda m: _known(m.linear_to_1_percent_deg),
+        "{:.3g}",
+    ),
+    Column(
+        "amplitude_coefficient_per_rad2", "κ", r"$\kappa$", lambda m: _known(m.kappa), "{:.4g}", lambda modes: False
+    ),
     Column("resonances", "resonances", "resonances", lambda m: "; ".join(m.resonances), "{}", lambda modes: False),
     Column("residual", "residual", "residual", lambda m: m.residual, "{:.1e}", lambda modes: False),
     Column("relative_error_bound", "± rel.", r"$\pm$ rel.", lambda m: m.relative_error_bound, "{:.0e}"),
@@ -164,7 +172,10 @@ def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], n
 
 
 def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    plain = [[cell.replace("–", "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row] for row in cells]
+    plain = [
+        [cell.replace("–", "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row]
+        for row in cells
+    ]
     body = _dressed("latex_raw", columns, plain, [column.latex for column in columns])
     return "\n".join([f"% {line}" for line in (_title(modes).replace("\n", " "), *notes)] + [body]) + "\n"
 

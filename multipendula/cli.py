@@ -43,7 +43,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except OSError as error:
-        return _refuse(f"cannot write{_named(error)}: {error.strerror or error}", 2 if error.errno in USER_ERRORS else 1)
+        return _refuse(
+            f"cannot write{_named(error)}: {error.strerror or error}", 2 if error.errno in USER_ERRORS else 1
+        )
     return 0
 
 
@@ -107,7 +109,9 @@ def shapes(options: argparse.Namespace) -> None:
     with whole_file(options.output) as stream:
         draw_shapes(modes, chosen, stream, amplitude_deg=options.amplitude, form=form)
     if len(chosen) < len(numbers):
-        print(f"multipendula: drew the first {len(chosen)} of {len(numbers)} modes; choose with --modes", file=sys.stderr)
+        print(
+            f"multipendula: drew the first {len(chosen)} of {len(numbers)} modes; choose with --modes", file=sys.stderr
+        )
 
 
 def matrices(options: argparse.Namespace) -> None:
@@ -196,7 +200,9 @@ def _parser() -> argparse.ArgumentParser:
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
     add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
-    add.add_argument("--amplitude", metavar="DEG", type=_amplitude, default=25.0, help="largest angle drawn (default 25)")
+    add.add_argument(
+        "--amplitude", metavar="DEG", type=_amplitude, default=25.0, help="largest angle drawn (default 25)"
+    )
 
     add = command(matrices, "matrices", "matrices chain-3")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
