@@ -35,6 +35,11 @@ def _pairs(block: Block, angle: Floats) -> Floats:
     return total
 
 
+def coefficient(gamma: Floats, modal_mass: Floats, x: Floats, largest: Floats) -> Floats:
+    """κ (R,) of the modes with these Γ, φᵀMφ, ω² and largest angles, for a largest angle of 1 rad."""
+    return -4.0 * gamma / (modal_mass * x) / largest**2
+
+
 def one_percent_amplitude(kappa: float) -> float:
     """Largest angle of a mode (deg) at which |κ| a² = 0.01; infinite where κ = 0, NaN where κ has no meaning."""
     return degrees(sqrt(0.01 / abs(kappa))) if kappa else inf

@@ -35,7 +35,7 @@ def eliminate(block: Block, x: Floats) -> Iterator[tuple[Floats, Floats]]:
 
 
 def count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
-    """For every chain and trial x: how many fixed-support frequencies lie below, and the effective mass at the pivot."""
+    """How many fixed-support frequencies of each chain lie below each x, and the effective mass at its pivot."""
     below = np.zeros((block.size, x.shape[-1]), dtype=np.int64)
     mu = np.zeros(below.shape)
     for D, mu in eliminate(block, x):  # noqa: B007
@@ -121,11 +121,13 @@ def _columns(block: Block) -> list[Constants]:
 
 
 def _passed_on(link: Constants, x: Floats, other: Floats, mass: Floats) -> Floats:
-    return (1.0 - x * (other / link.k)) * mass + (link.m - x * (link.mJ / link.k))
+    passed: Floats = (1.0 - x * (other / link.k)) * mass + (link.m - x * (link.mJ / link.k))
+    return passed
 
 
 def _kinetic(link: Constants, y: Floats | float, a: Floats) -> Floats:
-    return link.m * (y + link.upper / link.m * a) ** 2 + link.mJ / link.m * a**2
+    twice: Floats = link.m * (y + link.upper / link.m * a) ** 2 + link.mJ / link.m * a**2
+    return twice
 
 
 def _empty(block: Block, x: Floats) -> Swept:

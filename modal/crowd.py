@@ -106,8 +106,6 @@ def _momentum(block: Block, y: Floats, a: Floats) -> Floats:
 def _apart(square: Floats) -> Floats:
     """Ascending squares with repetitions moved up by single roundings."""
     square = square.copy()
-    for k in np.flatnonzero(np.diff(square) <= 0) + 1:
-        while k < len(square) and square[k] <= square[k - 1]:
-            square[k] = np.nextafter(square[k - 1], np.inf)
-            k += 1
+    while (repeated := np.flatnonzero(np.diff(square) <= 0) + 1).size:
+        square[repeated] = np.nextafter(square[repeated - 1], np.inf)
     return square

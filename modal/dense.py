@@ -24,7 +24,7 @@ EPS = float(np.finfo(float).eps)
 
 @dataclass(frozen=True, eq=False)
 class DenseModes:
-    """Eigenvalues λ (R,) of the oscillatory modes (one of each conjugate pair), shapes (size, R), relative errors (R,)."""
+    """Eigenvalues λ (R,), one of each conjugate pair, with shapes (size, R) and relative error bounds (R,)."""
 
     eigenvalue: Complexes
     shape: Complexes
@@ -44,7 +44,7 @@ def undamped(M: Floats, K: Floats, free: bool) -> DenseModes:
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     error = 2 * len(M) * EPS * inverse_square[0] / inverse_square
-    return DenseModes(1j / np.sqrt(inverse_square), _with_cart(M, shape, free).astype(complex), error)
+    return DenseModes(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
 
 
 def damped(M: Floats, D: Floats, K: Floats, free: bool) -> DenseModes:
@@ -85,8 +85,9 @@ def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats]:
     return M[1:, 1:] - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0], K[1:, 1:]
 
 
-def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> NDArray[np.inexact]:
-    return np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
+def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> Complexes:
+    whole = np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
+    return whole.astype(np.complex128)
 
 
 def _refuse_singular(M: Floats) -> None:

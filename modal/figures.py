@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from modal.errors import ComputationError
-from modal.modes import Mode, Modes, Shape
+from modal.modes import Mode, Modes
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
+from modal.shapes import Shape
 
 INK, REST, FRONT, BACK, RAIL = "#22303c", "#c3cad0", "#0072b2", "#e69f00", "#8a949c"
 FARTHEST = 0.3  # of the picture's depth
@@ -70,11 +71,12 @@ def _layout(modes: Modes) -> _Layout:
         hanging += [(links, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
         first += pendulum.count * len(links)
     picked = np.unique(np.linspace(0, len(hanging) - 1, min(len(hanging), MOST_PENDULA)).astype(int))
-    links, offsets = zip(*(hanging[k] for k in picked), strict=True)
-    depth = max(sum(link.length for link in chain) for chain in links)
+    chains = tuple(hanging[k][0] for k in picked)
+    offsets = tuple(hanging[k][1] for k in picked)
+    depth = max(sum(link.length for link in chain) for chain in chains)
     spacing = depth * (0.95 if len(picked) <= 4 else 0.5)
-    pivots = spacing * (np.arange(len(picked)) - (len(picked) - 1) / 2)
-    return _Layout(links, offsets, pivots, depth, float(pivots[-1] + 0.6 * depth))
+    pivots = np.asarray(spacing * (np.arange(len(picked)) - (len(picked) - 1) / 2), dtype=np.float64)
+    return _Layout(chains, offsets, pivots, depth, float(pivots[-1] + 0.6 * depth))
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:

@@ -7,7 +7,11 @@ from typing import Any
 from pydantic import ValidationError
 
 TAGS = frozenset({"bob", "rod", "body", "fixed", "cart"})
-KEYS = ["title", "gravity", "space", "support", "pendulum", "kind", "mass", "damping", "stiffness", "count", "links", "start", "length", "centre", "inertia", "angles_deg", "rates_deg", "azimuths_deg"]
+KEYS = (
+    *("title", "gravity", "space", "support", "pendulum", "links", "start"),
+    *("kind", "mass", "length", "centre", "inertia", "damping", "stiffness", "count"),
+    *("angles_deg", "rates_deg", "azimuths_deg"),
+)
 
 WORDS = {
     "finite_number": "must be finite",
@@ -64,7 +68,7 @@ def _words(finding: Mapping[str, Any]) -> str:
         return f"must be one of {context.get('expected') or context['expected_tags']}"
     if kind == "value_error":
         return str(context["error"])
-    return WORDS.get(kind, finding["msg"])
+    return WORDS.get(kind, str(finding["msg"]))
 
 
 def _lower_bound(value: float, bound: float) -> str:

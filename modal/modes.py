@@ -1,37 +1,24 @@
-"""The modes of a scene: the right route for what hangs there, and what a table says about each mode.
-
-A fixed support leaves every pendulum alone.  On a cart, N equal pendula (equal links, bit for bit, wherever they
-stand in the file) split exactly: one pendulum N times as heavy moves together with the cart, and N − 1 antiphase
-copies of the pendulum's own modes hold it still.  In space the motion across the rail is that on a fixed support.
-"""
+"""The modes of a scene, and what a table says about each."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise, repeat
+from itertools import groupby, pairwise
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.amplitude import one_percent_amplitude
-from modal.crowd import Crowd
-from modal.effective import CartProblem
 from modal.errors import ComputationError
 from modal.families import family, motion_words
 from modal.rig import Floats, Ints, Rig, Units, rig_of
+from modal.routes import Part, families, notes
 from modal.scene import Scene
-from modal.sources import (
-    MOST_LINKS_TOGETHER,
-    Alone,
-    Dense,
-    Details,
-    Rigid,
-    Source,
-    Together,
-    bare_mobility,
-)
+from modal.shapes import Shape, expanded
+from modal.sources import Details, Source
 
 RESONANCE = 0.02
 CHUNK = 4_000_000
@@ -75,33 +62,6 @@ class Mode:
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
-    """One basis vector of a mode: the cart's displacement (m) and every link's angle (rad), copies counted out.
-
-    Complex for damped modes.  `across` says that it moves across the rail (scenes in space).
-    """
-
-    cart: complex
-    angles: NDArray[np.inexact]
-    kinetic_energy_share: Floats
-    across: bool
-
-
-@dataclass(frozen=True)
-class _Part:
-    """`along` + `across` modes of equal frequency: row `row` of source `source`.
-
-    `kind` is the (block, column) whose copies move while all else stands still; None where everything moves.
-    """
-
-    source: int
-    row: int
-    along: int
-    across: int
-    kind: tuple[int, int] | None
-
-
-@dataclass(frozen=True, eq=False)
 class Modes(Sequence[Mode]):
     """All modes in ascending order of natural frequency, one entry for each distinct one.
 
@@ -113,7 +73,7 @@ class Modes(Sequence[Mode]):
     rig: Rig
     units: Units
     sources: tuple[Source, ...]
-    groups: tuple[tuple[_Part, ...], ...]
+    groups: tuple[tuple[Part, ...], ...]
     eigenvalue: NDArray[np.complex128]
     error: Floats
     notes: tuple[str, ...]
@@ -121,7 +81,11 @@ class Modes(Sequence[Mode]):
     def __len__(self) -> int:
         return len(self.groups)
 
-    def __getitem__(self, index):  # type: ignore[no-untyped-def]
+    @overload
+    def __getitem__(self, index: int) -> Mode: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Mode]: ...
+    def __getitem__(self, index: int | slice) -> Mode | list[Mode]:
         chosen = range(len(self))[index]
         return list(self.rows(chosen)) if isinstance(chosen, range) else next(self.rows([chosen]))
 
@@ -152,7 +116,9 @@ class Modes(Sequence[Mode]):
             yield from (found[number] for number in chunk)
 
     def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:
-        """The copy-th basis vector of mode `number` (from 0), `normalise`d to "angle" (largest 1 rad) or "mass" (φᵀMφ = 1 kg).
+        """The copy-th basis vector of mode `number`, both from 0.
+
+        `normalise` is "angle" (the largest angle is 1 rad) or "mass" (φᵀMφ = 1 in SI units).
 
         Equal pendula in antiphase are spanned by (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one
         pendulum at a time across it.  The sign makes the first of the largest angles positive.
@@ -161,8 +127,7 @@ class Modes(Sequence[Mode]):
         for part in self.groups[number]:
             if 0 <= left < part.along + part.across:
                 details = self._details(part.source, [part.row])
-                shape = _together(self.rig, details) if part.kind is None else _alone(self.rig, part, left, details)
-                return _normalised(shape, float(details.modal_mass[0]), self.units, normalise)
+                return expanded(self.rig, self.units, part, left, details, normalise)
             left -= part.along + part.across
         raise IndexError(f"mode {number} has no basis vector {copy}")
 
@@ -188,7 +153,7 @@ class Modes(Sequence[Mode]):
         on_rail = 0.0 if still and self.rig.cart else effective * (along if still else 1)
         kappa = float(details.kappa[at])
         ratio = -value.real / omega if omega > 0 else 0.0
-        several = (not still and any(count > 1 for _, _, count in self.rig.members)) or len(self.rig.members) > 1
+        several = sum(count for _, _, count in self.rig.members) > 1
         words = motion_words(details.angles, details.shares, at, several=several and not still)
         return Mode(
             number=number + 1,
@@ -243,12 +208,12 @@ def natural_modes(scene: Scene) -> Modes:
     rig = rig_of(scene)
     natural, units = rig.natural()
     with np.errstate(all="ignore"):
-        families = list(_families(natural, scene.has_damping or scene.has_joint_springs))
-        values = np.concatenate([family.source.eigenvalue[family.rows] for family in families])
-        errors = np.concatenate([family.source.error[family.rows] for family in families])
+        found = list(families(natural, scene.has_damping or scene.has_joint_springs))
+        values = np.concatenate([member.source.eigenvalue[member.rows] for member in found])
+        errors = np.concatenate([member.source.error[member.rows] for member in found])
     if not np.all(np.isfinite(values)):
         raise ComputationError("the ratios in this scene are beyond double precision")
-    parts = [part for index, family in enumerate(families) for part in family.parts(index)]
+    parts = [part for index, member in enumerate(found) for part in member.parts(index)]
     order = np.lexsort((values.real, np.abs(values)))
     cuts = [0, *(k for k in range(1, len(order)) if values[order[k]] != values[order[k - 1]]), len(order)]
     first = order[cuts[:-1]]
@@ -256,117 +221,9 @@ def natural_modes(scene: Scene) -> Modes:
         scene=scene,
         rig=rig,
         units=units,
-        sources=tuple(family.source for family in families),
+        sources=tuple(member.source for member in found),
         groups=tuple(tuple(parts[k] for k in order[a:b]) for a, b in pairwise(cuts)),
-        eigenvalue=values[first] * units.rate,
+        eigenvalue=np.asarray(values[first] * units.rate, dtype=np.complex128),
         error=errors[first],
-        notes=_notes(natural),
+        notes=notes(natural),
     )
-
-
-@dataclass(frozen=True, eq=False)
-class _Family:
-    """Rows of a source with their multiplicities, all (R,); `block` and `columns` where single kinds move alone."""
-
-    source: Source
-    rows: Ints
-    along: Ints
-    across: Ints
-    block: int = -1
-    columns: Ints | None = None
-
-    def parts(self, index: int) -> Iterator[_Part]:
-        kinds = repeat(None) if self.columns is None else ((self.block, column) for column in self.columns.tolist())
-        numbers = zip(self.rows.tolist(), self.along.tolist(), self.across.tolist(), kinds, strict=False)
-        return (_Part(index, *number) for number in numbers)
-
-
-def _families(rig: Rig, is_dense: bool) -> Iterator[_Family]:
-    for index, block in enumerate(rig.blocks):
-        along = block.count - (1 if rig.cart else 0)
-        across = block.count if rig.spatial else np.zeros_like(block.count)
-        kinds = np.flatnonzero(along + across)
-        for chosen in np.split(kinds, len(kinds)) if is_dense else [kinds]:
-            if not chosen.size:
-                continue
-            alone = block.take(chosen)
-            source = Dense((alone,), (alone.count,), None, 1.0) if is_dense else Alone(alone)
-            rows = np.arange(len(source.eigenvalue))
-            columns = chosen[rows % chosen.size]
-            yield _Family(source, rows, along[columns], across[columns], index, columns)
-    if rig.cart:
-        yield from (_moving(source) for source in _with_cart(rig, rig.cart, is_dense))
-
-
-def _with_cart(rig: Rig, cart: tuple[float, float, float], is_dense: bool) -> Iterator[Source]:
-    mass, _, stiffness = cart
-    heavy = tuple(block.heavier(block.count) for block in rig.blocks)
-    counts = tuple(block.count for block in rig.blocks)
-    mobility = bare_mobility(heavy, cart)
-    if stiffness == 0:
-        yield Rigid(rig.blocks, rig.total_mass, mobility)
-    if is_dense:
-        yield Dense(heavy, counts, cart, mobility)
-    else:
-        few = rig.n_kinds == 1 or sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
-        yield Together(heavy, counts, (CartProblem if few else Crowd)(heavy, mass, stiffness), mobility)
-
-
-def _moving(source: Source) -> _Family:
-    rows = np.arange(len(source.eigenvalue))
-    return _Family(source, rows, np.ones_like(rows), np.zeros_like(rows))
-
-
-def _notes(rig: Rig) -> tuple[str, ...]:
-    if rig.cart and CartProblem(rig.blocks, rig.cart[0], rig.cart[2]).bare_mass == 0:
-        return (
-            "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
-            "so one mode has no finite frequency and is left out.",
-        )
-    return ()
-
-
-def _together(rig: Rig, details: Details) -> Shape:
-    angles, shares = (
-        np.concatenate([np.tile(values[block][:, column, 0], copies) for block, column, copies in rig.members])
-        for values in (details.angles, details.shares)
-    )
-    return Shape(details.cart[0], angles, shares.real, across=False)
-
-
-def _alone(rig: Rig, part: _Part, copy: int, details: Details) -> Shape:
-    across = copy >= part.along
-    copies = sum(count for block, column, count in rig.members if (block, column) == part.kind)
-    weights = np.zeros(copies)
-    if across or not rig.cart:
-        weights[copy - part.along if across else copy] = 1.0
-    else:
-        weights[: copy + 1], weights[copy + 1] = 1.0, -(copy + 1.0)
-        weights /= np.sqrt((copy + 1.0) * (copy + 2.0))
-    one, share = details.angles[0][:, 0, 0], details.shares[0][:, 0, 0]
-    angles, shares, used = [], [], 0
-    for block, column, count in rig.members:
-        if (block, column) == part.kind:
-            own = weights[used : used + count]
-            used += count
-        else:
-            own = np.zeros(count)
-        n = rig.blocks[block].n
-        angles.append(np.outer(own, one).ravel() if own.any() else np.zeros(count * n, one.dtype))
-        shares.append(np.outer(own**2, share).ravel() if own.any() else np.zeros(count * n))
-    return Shape(0.0, np.concatenate(angles), np.concatenate(shares), across)
-
-
-def _normalised(shape: Shape, modal_mass: float, units: Units, how: str) -> Shape:
-    """Cart in natural lengths and modal mass in natural units on entry; SI and the asked scale on return."""
-    size = np.abs(shape.angles)
-    largest = size.max()
-    scale: complex = 1.0
-    if largest > 0:
-        leading = shape.angles[np.argmax(size >= largest * (1 - 1e-9))]
-        scale = np.conj(leading) / abs(leading) / largest
-    if how == "mass" or largest == 0:
-        mass = modal_mass * (units.mass if how == "mass" else 1.0 / modal_mass)
-        scale = (scale / abs(scale)) / (np.sqrt(mass) * units.length)
-    scale = scale if np.iscomplexobj(shape.angles) else scale.real
-    return Shape(shape.cart * scale * units.length, shape.angles * scale, shape.kinetic_energy_share, shape.across)

@@ -12,7 +12,9 @@ arrays (one entry a pendulum) run the same lines.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-Scalars = Sequence[Any]
+from numpy.typing import NDArray
+
+Scalars = Sequence[Any] | NDArray[Any]
 
 
 def masses_below(mass: Scalars) -> list[Any]:
@@ -62,7 +64,7 @@ class Constants(NamedTuple):
 
 
 def constants(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars, gravity: Any = 1) -> list[Constants]:
-    """The constants of every link; l − c is formed before it is divided, so that centres next to a joint keep every digit."""
+    """The constants of every link; l − c is formed before it is divided: a centre next to a joint keeps every digit."""
     found = []
     for m, l, c, I, below in zip(mass, length, centre, inertia, masses_below(mass), strict=True):
         s, rest, J = c / l, (l - c) / l, I / l / l

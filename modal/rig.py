@@ -66,8 +66,8 @@ class Block:
 
     def take(self, columns: Ints) -> Block:
         """The chains in these columns, once each."""
-        arrays = (getattr(self, name)[:, columns] for name in ARRAYS)
-        return Block(*arrays, count=np.ones(len(columns), dtype=np.int64))
+        arrays = {name: getattr(self, name)[:, columns] for name in ARRAYS}
+        return Block(**arrays, count=np.ones(len(columns), dtype=np.int64))
 
     def heavier(self, factor: Floats | Ints) -> Block:
         """Chain p with factor[p] times the mass, dampers and springs: that many equal copies moving as one."""
@@ -115,8 +115,9 @@ class Rig:
 
     def natural(self) -> tuple[Rig, Units]:
         """The same rig in its natural units, and what those are in SI units."""
-        largest = [max(float(getattr(b, name).max()) for b in self.blocks) for name in ("mass", "length")]
-        units = Units(*(2.0 ** frexp(value)[1] for value in largest), self.gravity)
+        heaviest = max(float(block.mass.max()) for block in self.blocks)
+        longest = max(float(block.length.max()) for block in self.blocks)
+        units = Units(2.0 ** frexp(heaviest)[1], 2.0 ** frexp(longest)[1], self.gravity)
         moment = units.mass * units.length**2
         spring = units.mass * units.gravity
         blocks = tuple(
@@ -143,7 +144,7 @@ def rig_of(scene: Scene) -> Rig:
     """The arrays of a scene, in SI units."""
     deep = sorted(range(len(scene.pendulum)), key=lambda index: scene.pendulum[index].n_links)
     members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
-    blocks = []
+    blocks: list[Block] = []
     for _, group in groupby(deep, key=lambda index: scene.pendulum[index].n_links):
         indices = list(group)
         block, columns = _block([scene.pendulum[index] for index in indices])
@@ -164,7 +165,7 @@ def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
     different = table[np.sort(first)]
     count = np.bincount(columns, weights=[pendulum.count for pendulum in pendula]).astype(np.int64)
     arrays = np.ascontiguousarray(different.reshape(len(different), -1, 6).transpose(2, 1, 0))
-    return Block(*arrays, count=count), columns
+    return Block(**dict(zip(ARRAYS, arrays, strict=True)), count=count), columns
 
 
 def _parameters(pendulum: Pendulum) -> list[float]:

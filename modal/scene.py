@@ -9,7 +9,7 @@ about that centre.  All numbers are SI; angles in a scene file are degrees, coun
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -27,10 +27,16 @@ Real = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES)]
 
 
-class _Checked(type(BaseModel)):  # type: ignore[misc]
+if TYPE_CHECKING:
+    from pydantic._internal._model_construction import ModelMetaclass
+else:
+    ModelMetaclass = type(BaseModel)
+
+
+class _Checked(ModelMetaclass):
     """Makes a direct call, `Bob(mass=-1, ...)`, raise the project's own error."""
 
-    def __call__(cls, /, *args: Any, **data: Any) -> Any:
+    def __call__(cls, /, *args: Any, **data: Any) -> Any:  # noqa: N805
         try:
             return super().__call__(*args, **data)
         except ValidationError as error:
@@ -42,7 +48,7 @@ class _Part(BaseModel, metaclass=_Checked):
 
 
 class Link(_Part):
-    """What every link has: mass (kg), length (m), and at its upper joint a damper (N m s/rad) and a spring (N m/rad)."""
+    """Mass (kg) and length (m) of a link, and the damper (N m s/rad) and spring (N m/rad) at its upper joint."""
 
     mass: Positive
     length: Positive

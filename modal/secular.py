@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -95,8 +96,8 @@ class _Run:
                 yield self._leaf()
             return
         edges = np.linspace(self.first, self.last, min(FAN, gaps // (LEAF // 2)) + 1).astype(int)
-        for first, last in zip(edges[:-1], edges[1:], strict=True):
-            yield from self._part(int(first), int(last)).roots()
+        for first, last in pairwise(edges.tolist()):
+            yield from self._part(first, last).roots()
 
     def _part(self, first: int, last: int) -> _Run:
         square, weight = self.poles.square, self.poles.weight
@@ -128,7 +129,9 @@ class _Run:
         square, near = self.poles.square, slice(self.near, self.far)
         distance = (square[near] - square[anchor][:, None]) - offset[:, None]
         value: Floats = self.poles.constant + (self.poles.weight[near] / distance).sum(1)
-        return value if self.others is None else value + self.others(square[anchor] + offset)
+        if self.others is not None:
+            value += self.others(square[anchor] + offset)
+        return value
 
 
 def _beyond(poles: Poles) -> Roots:
@@ -137,7 +140,8 @@ def _beyond(poles: Poles) -> Roots:
     farthest = np.atleast_1d(2 * poles.weight.sum() / poles.constant)
 
     def deflated(size: Floats) -> Floats:
-        return size * poles.constant - (poles.weight * (size / (distance + size))).sum(keepdims=True)
+        value: Floats = size * poles.constant - (poles.weight * (size / (distance + size))).sum(keepdims=True)
+        return value
 
     size = _rising_zero(deflated, farthest, -poles.weight[-1:], deflated(farthest))
     return Roots(np.array([len(distance) - 1]), size)

@@ -4,28 +4,26 @@
     alone          pendula on a support that does not move for them: a fixed one, across the rail, or because equal
                    pendula in antiphase hold the cart still
     together       one pendulum of each kind, as heavy as all its copies, and the cart
-The last two have a structured form and, for joint springs and dampers, a dense one.  All in natural units.
+These are the structured forms; `modal.matrix_source` is for joint springs and dampers.  All in natural units.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import log2
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal import dense
-from modal.amplitude import quartic
+from modal.amplitude import coefficient, quartic
 from modal.chain import residual_mass
 from modal.crowd import Crowd
-from modal.effective import CartProblem, Motion, fixed_shapes, fixed_squares
-from modal.linear import assembled
-from modal.rig import Block, Floats, Ints, Rig
+from modal.effective import CartProblem, fixed_shapes, fixed_squares
+from modal.rig import Block, Floats, Ints
 
 ROUNDOFF = 2.0**-53
-MOST_LINKS_TOGETHER = 600
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +46,25 @@ class Details:
 class Source(Protocol):
     """One family of modes: complex eigenvalues (iω when undamped) and relative error bounds, both (R,)."""
 
-    route: str
+    @property
+    def route(self) -> str:
+        """The route in words."""
 
     @property
-    def eigenvalue(self) -> NDArray[np.complex128]: ...
+    def eigenvalue(self) -> NDArray[np.complex128]:
+        """Eigenvalues."""
+
     @property
-    def error(self) -> Floats: ...
-    def details(self, rows: Ints) -> Details: ...
+    def error(self) -> Floats:
+        """Relative error bounds."""
+
+    def details(self, rows: Ints) -> Details:
+        """What a table says about these rows."""
 
 
 def _structured_error(links: int, chains: int) -> float:
     """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
-    return (6 + 3 * links + np.log2(chains + 1)) * ROUNDOFF
+    return (6 + 3 * links + log2(chains + 1)) * ROUNDOFF
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +130,7 @@ class Alone:
             effective_mass=momentum**2 / energy,
             cart=motion.cart,
             mobility=np.zeros(len(x)),
-            kappa=_kappa(gamma, energy, x, (angle,)),
+            kappa=coefficient(gamma, energy, x, largest_angle((angle,))),
             residual=motion.residual,
             angles=(angle,),
             shares=(motion.energies[0] / energy,),
@@ -166,7 +171,7 @@ class Together:
     def details(self, rows: Ints) -> Details:
         """Shapes in which all copies of a kind move alike."""
         x = self.squares[rows]
-        motion: Motion = self.problem.shapes(rows if isinstance(self.problem, Crowd) else x)
+        motion = self.problem.shapes(rows) if isinstance(self.problem, Crowd) else self.problem.shapes(x)
         energy = self.problem.mass * motion.cart**2 + sum(part.sum((0, 1)) for part in motion.energies)
         angles = tuple(a / b.length[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
         gamma = sum(
@@ -177,102 +182,11 @@ class Together:
             effective_mass=(self.problem.stiffness * motion.cart / x) ** 2 / energy,
             cart=motion.cart,
             mobility=motion.cart**2 / energy / self.bare_mobility,
-            kappa=_kappa(gamma, energy, x, angles),
+            kappa=coefficient(gamma, energy, x, largest_angle(angles)),
             residual=motion.residual,
             angles=angles,
-            shares=_per_copy(motion.energies, energy, self.counts),
+            shares=per_copy(motion.energies, energy, self.counts),
         )
-
-
-@dataclass(frozen=True, eq=False)
-class Dense:
-    """Modes of one chain (`cart` None) or of everything together, from matrices: joint springs or dampers."""
-
-    blocks: tuple[Block, ...]
-    counts: tuple[Ints, ...]
-    cart: tuple[float, float, float] | None
-    bare_mobility: float
-    route = "dense"
-
-    @cached_property
-    def matrices(self) -> tuple[Floats, Floats, Floats]:
-        """(M, K, D) with copies folded into one heavy pendulum of each kind."""
-        columns = [(block, p) for block in self.blocks for p in range(block.size)]
-        support = Rig(1.0, (), (), self.cart, False)
-        return assembled(support, columns)
-
-    @property
-    def is_damped(self) -> bool:
-        """Whether the modes are complex."""
-        return bool(self.matrices[2].any())
-
-    @cached_property
-    def modes(self) -> dense.DenseModes:
-        """Eigenvalues, shapes, errors."""
-        M, K, D = self.matrices
-        free = self.cart is not None and self.cart[2] == 0
-        return dense.damped(M, D, K, free) if self.is_damped else dense.undamped(M, K, free)
-
-    @property
-    def eigenvalue(self) -> NDArray[np.complex128]:
-        """−ζω + iω√(1−ζ²)."""
-        return self.modes.eigenvalue
-
-    @property
-    def error(self) -> Floats:
-        """Relative error bounds."""
-        return self.modes.error
-
-    def details(self, rows: Ints) -> Details:
-        """Shapes; effective mass and κ have a meaning for undamped modes only."""
-        M, K, D = self.matrices
-        value, shape = self.modes.eigenvalue[rows], self.modes.shape[:, rows]
-        if not self.is_damped:
-            shape = shape.real
-        energy = np.einsum("ir,ij,jr->r", shape.conj(), M, shape).real
-        cart = shape[0] if self.cart else np.zeros(len(rows))
-        angles = self._split(shape[1 if self.cart else 0 :])
-        push = M @ shape * value**2 + D @ shape * value + K @ shape
-        size = abs(M) @ abs(shape) * abs(value) ** 2 + abs(D) @ abs(shape) * abs(value) + abs(K) @ abs(shape)
-        nan = np.full(len(rows), np.nan)
-        kappa = effective = nan
-        if not self.is_damped:
-            x = np.abs(value) ** 2
-            gamma = sum(quartic(b, x, cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True))
-            kappa = _kappa(gamma, energy, x, angles)
-            effective = self._momentum(M, shape, x, cart) ** 2 / energy
-        return Details(
-            modal_mass=energy,
-            effective_mass=effective,
-            cart=cart,
-            mobility=np.abs(cart) ** 2 / energy / self.bare_mobility,
-            kappa=kappa,
-            residual=(np.abs(push) / np.where(size > 0, size, 1.0)).max(0),
-            angles=angles,
-            shares=_per_copy(self._energies(cart, angles), energy, self.counts),
-        )
-
-    def _split(self, angles: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], ...]:
-        ends = np.cumsum([block.mass.size for block in self.blocks])[:-1]
-        parts = np.split(angles, ends)
-        return tuple(
-            part.reshape(block.size, block.n, -1).swapaxes(0, 1) for part, block in zip(parts, self.blocks, strict=True)
-        )
-
-    def _momentum(self, M: Floats, shape: Floats, x: Floats, cart: Floats) -> Floats:
-        if self.cart is None:
-            b = np.concatenate([block.b.T.ravel() for block in self.blocks])
-            return b @ shape
-        return self.cart[2] * cart / x
-
-    def _energies(self, cart: NDArray[np.inexact], angles: tuple[NDArray[np.inexact], ...]) -> tuple[Floats, ...]:
-        found = []
-        for block, angle in zip(self.blocks, angles, strict=True):
-            turn = angle * block.length[:, :, None]
-            top = cart + np.concatenate([np.zeros((1, *turn.shape[1:])), np.cumsum(turn, 0)[:-1]])
-            centre = top + angle * block.centre[:, :, None]
-            found.append(block.mass[:, :, None] * np.abs(centre) ** 2 + block.inertia[:, :, None] * np.abs(angle) ** 2)
-        return tuple(found)
 
 
 def bare_mobility(blocks: tuple[Block, ...], cart: tuple[float, float, float]) -> float:
@@ -293,10 +207,6 @@ def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
     return found
 
 
-def _kappa(gamma: Floats, energy: Floats, x: Floats, angles: tuple[Floats, ...]) -> Floats:
-    """κ for a largest angle of 1 rad."""
-    return -4.0 * gamma / (energy * x) / largest_angle(angles) ** 2
-
-
-def _per_copy(energies: tuple[Floats, ...], total: Floats, counts: tuple[Ints, ...]) -> tuple[Floats, ...]:
+def per_copy(energies: tuple[Floats, ...], total: Floats, counts: tuple[Ints, ...]) -> tuple[Floats, ...]:
+    """Energy shares of one copy, from the energies of `counts` copies folded together."""
     return tuple(part / total / count[:, None] for part, count in zip(energies, counts, strict=True))

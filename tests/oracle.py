@@ -53,15 +53,15 @@ def dense(scene: Scene) -> Dense:
     lift: dict[int, mp.mpf] = {}
     springs: list[tuple[mp.mpf, dict[int, mp.mpf]]] = []
     at = int(cart)
-    one = mp.mpf(1)
-    base = {0: one} if cart else {}
+    unit = mp.mpf(1)
+    base = {0: unit} if cart else {}
     if isinstance(scene.support, Cart):
         rows.append((mp.mpf(scene.support.mass), base))
         springs.append((mp.mpf(scene.support.stiffness), base))
     for pendulum in scene.pendulum:
         for _ in range(pendulum.count):
             pivot, upper = dict(base), None
-            for link in (link for link in pendulum.links for _ in range(link.count)):
+            for link in (one for one in pendulum.links for _ in range(one.count)):
                 m, l = mp.mpf(link.mass), mp.mpf(link.length)
                 if link.kind == "bob":
                     c, I = l, mp.mpf(0)
@@ -69,12 +69,12 @@ def dense(scene: Scene) -> Dense:
                     c, I = l / 2, m * l * l / 12
                 else:
                     c, I = mp.mpf(link.centre), mp.mpf(link.inertia)
-                rows += [(m, {**pivot, at: c}), (I, {at: one})]
-                for above in pivot:
+                rows += [(m, {**pivot, at: c}), (I, {at: unit})]
+                for above, arm in pivot.items():
                     if above >= cart:
-                        lift[above] = lift.get(above, mp.mpf(0)) + m * pivot[above]
+                        lift[above] = lift.get(above, mp.mpf(0)) + m * arm
                 lift[at] = lift.get(at, mp.mpf(0)) + m * c
-                springs.append((mp.mpf(link.stiffness), {at: one} if upper is None else {at: one, upper: -one}))
+                springs.append((mp.mpf(link.stiffness), {at: unit} if upper is None else {at: unit, upper: -unit}))
                 pivot[at], upper = l, at
                 at += 1
     M, K = _zeros(at), _zeros(at)
@@ -115,7 +115,7 @@ def _pivots(A: Matrix) -> list[mp.mpf]:
 def _solved(dense: Dense, x: mp.mpf, v: list[mp.mpf]) -> list[mp.mpf]:
     """(K − x M)⁻¹ M v, scaled to a largest entry of 1."""
     n = dense.size
-    A = [row + [mp.fdot(m, v)] for row, m in zip(_shifted(dense, x), dense.M, strict=True)]
+    A = [[*row, mp.fdot(m, v)] for row, m in zip(_shifted(dense, x), dense.M, strict=True)]
     for k in range(n):
         for i in range(k + 1, n):
             factor = A[i][k] / A[k][k]
