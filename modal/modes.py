@@ -29,7 +29,7 @@ class Mode:
     """One distinct natural frequency.
 
     `omega` (rad/s) is |λ| of the eigenvalue λ, `damping_ratio` −Re λ/|λ| (1: overdamped, below 0: unstable);
-    `cart_participation` is this mode's share of the cart's response to a sudden push (they sum to 1);
+    `cart_participation` is this mode's share of the cart's response to a sudden push (undamped modes sum to 1);
     `effective_mass` (kg) that of the support's motion along the rail; `kappa` and `linear_to_1_percent_deg` are for
     the largest angle of the mode.  NaN stands where a quantity has no meaning (κ of a damped mode).
     """
@@ -169,7 +169,7 @@ class Modes(Sequence[Mode]):
                 ratio=ratio,
                 motion=words,
             ),
-            cart_participation=float(details.mobility[at]),
+            cart_participation=float(details.mobility[at]) if abs(ratio) < 1.0 else np.nan,
             effective_mass=on_rail,
             effective_mass_share=on_rail / self.rig.total_mass,
             effective_mass_across=effective * across if across else 0.0,

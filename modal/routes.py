@@ -60,9 +60,7 @@ def families(rig: Rig, is_dense: bool) -> Iterator[Family]:
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
         kinds = np.flatnonzero(along + across)
-        for chosen in np.split(kinds, len(kinds)) if is_dense else [kinds]:
-            if not chosen.size:
-                continue
+        for chosen in kinds[:, None] if is_dense else filter(len, [kinds]):
             alone = block.take(chosen)
             source = Dense((alone,), (alone.count,), None, 1.0) if is_dense else Alone(alone)
             rows = np.arange(len(source.eigenvalue))

@@ -155,7 +155,7 @@ def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Flo
         if np.all(np.abs(trial - last) <= 4e-16 * trial):
             return trial
         value = function(trial)
-        above = value > 0
+        above = value >= 0
         at_low = np.where(above, np.where(trial < last, at_low / 2, at_low), value)
         at_high = np.where(above, value, np.where(trial > last, at_high / 2, at_high))
         low, high = np.where(above, low, trial), np.where(above, trial, high)

@@ -64,7 +64,7 @@ class Source(Protocol):
 
 def _structured_error(links: int, chains: int) -> float:
     """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
-    return (6 + 3 * links + log2(chains + 1)) * ROUNDOFF
+    return (12 + 6 * links + log2(chains + 1)) * ROUNDOFF
 
 
 @dataclass(frozen=True, eq=False)

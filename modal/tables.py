@@ -46,7 +46,7 @@ COLUMNS = (
         "cart_participation",
         "cart part.",
         "cart part.",
-        lambda m: m.cart_participation,
+        lambda m: _known(m.cart_participation),
         "{:.4g}",
         lambda modes: modes.rig.cart is not None,
     ),

@@ -1,0 +1,71 @@
+"""The house: imports run downhill, heavy packages stay out of the main job."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+LAYERS = {"modal": set(), "nonlinear": {"modal"}, "multipendula": {"modal", "nonlinear"}}
+HEAVY = {"matplotlib": {"modal.figures"}, "scipy": set(), "sympy": set(), "control": set()}
+
+
+def module_name(path: Path) -> str:
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def sources() -> dict[str, Path]:
+    return {module_name(path): path for package in LAYERS for path in (ROOT / package).rglob("*.py")}
+
+
+def imports(path: Path) -> set[str]:
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            known = sources()
+            full = {f"{node.module}.{name.name}" for name in node.names}
+            found |= {name if name in known else node.module for name in full}
+    return found
+
+
+@pytest.mark.parametrize("name", sources())
+def test_no_module_imports_upward(name: str) -> None:
+    package = name.partition(".")[0]
+    used = {target.partition(".")[0] for target in imports(sources()[name])} & LAYERS.keys()
+    assert used <= LAYERS[package] | {package}
+
+
+def test_no_circles() -> None:
+    graph = {name: imports(path) & sources().keys() - {name} for name, path in sources().items()}
+    assert len(list(TopologicalSorter(graph).static_order())) == len(graph)
+
+
+@pytest.mark.parametrize("name", sources())
+def test_one_module_for_each_heavy_import(name: str) -> None:
+    used = {target.partition(".")[0] for target in imports(sources()[name])}
+    assert {heavy for heavy in HEAVY if heavy in used and name not in HEAVY[heavy]} == set()
+
+
+def test_the_check_for_circles_bites(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("def f():\n    import matplotlib.pyplot\n")
+    assert imports(tmp_path / "a.py") == {"matplotlib.pyplot"}
+
+
+@pytest.mark.parametrize("job", ["import modal", "import modal; list(modal.natural_modes(modal.load('paper-cart-2')))"])
+def test_the_main_job_loads_no_heavy_package(job: str) -> None:
+    code = f"import sys; {job}; print(sorted({{name.partition('.')[0] for name in sys.modules}}))"
+    loaded = ast.literal_eval(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+    assert HEAVY.keys() & set(loaded) == set()
+    assert "numpy" in loaded
+
+
+def test_modules_stay_small() -> None:
+    sizes = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in sources().items()}
+    assert {name: size for name, size in sizes.items() if size > 250} == {}

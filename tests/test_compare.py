@@ -1,0 +1,31 @@
+"""The comparison helpers bite."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from compare import assert_certified, assert_shapes
+from oracle import dense
+
+from modal import load, natural_modes
+
+
+def test_a_frequency_off_by_three_roundings_of_the_tolerance_fails() -> None:
+    modes = natural_modes(load("chain-3"))
+    wrong = replace(modes, eigenvalue=modes.eigenvalue * np.array([1, 1 + 3e-14, 1]))
+    assert_certified(modes, 1e-14)
+    with pytest.raises(AssertionError, match="frequency 1"):
+        assert_certified(wrong, 1e-14)
+
+
+def test_a_missing_frequency_fails() -> None:
+    modes = natural_modes(load("chain-3"))
+    with pytest.raises(AssertionError, match="2 frequencies instead of 3"):
+        assert_certified(replace(modes, groups=modes.groups[:2], eigenvalue=modes.eigenvalue[:2]), 1e-14)
+
+
+def test_a_wrong_shape_fails() -> None:
+    modes, other = natural_modes(load("chain-3")), natural_modes(load("chain-unequal"))
+    assert assert_shapes(modes, dense(modes.scene)) == 3
+    with pytest.raises(AssertionError, match="mode 0"):
+        assert_shapes(modes, dense(other.scene))

@@ -1,0 +1,275 @@
+"""What `Modes` promises, each by a second route: dense matrices, sum rules, rescaling, symmetry."""
+
+from __future__ import annotations
+
+import mpmath as mp
+import numpy as np
+import pytest
+import scipy.linalg
+from compare import assert_certified
+from oracle import dense
+from random_scenes import random_scene
+
+from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
+from modal import dense as dense_route
+from modal.modes import Modes
+
+
+def mild(seed: int, **link: float) -> Scene:
+    """A well-conditioned random scene on a cart with copies; `link` adds dampers or springs to every joint."""
+    rng = np.random.default_rng(seed)
+    pendula = [
+        Pendulum(
+            links=[Body(mass=m, length=l, centre=c * l, inertia=i, **link) for m, l, c, i in rng.uniform(0.2, 2, (n, 4))],
+            count=int(rng.integers(1, 4)),
+        )
+        for n in rng.integers(1, 4, size=rng.integers(1, 4))
+    ]
+    cart = Cart(mass=rng.uniform(0.1, 5), stiffness=float(rng.choice([0.0, 2.0])), damping=0.0)
+    return Scene(gravity=9.81, support=cart if seed % 4 else Fixed(), pendulum=pendula)
+
+
+def whole_basis(modes: Modes, normalise: str) -> np.ndarray:
+    """Every basis vector of every mode as a column (cart first)."""
+    columns = []
+    for number, fold in enumerate(modes.multiplicity):
+        for copy in range(fold):
+            shape = modes.shape(number, copy, normalise)
+            columns.append([*([shape.cart] if modes.rig.cart else []), *shape.angles])
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_mass_normalised_shapes_diagonalise_M_and_K(seed: int) -> None:
+    modes = natural_modes(mild(seed))
+    phi, found = whole_basis(modes, "mass"), matrices(modes.scene)
+    omega = np.repeat(modes.omega, modes.multiplicity)
+    np.testing.assert_allclose(phi.T @ found.M @ phi, np.eye(len(phi)), atol=1e-11)
+    np.testing.assert_allclose(phi.T @ found.K @ phi, np.diag(omega**2), atol=1e-11 * omega.max() ** 2)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_shapes_are_normalised_with_a_deterministic_sign(seed: int) -> None:
+    modes = natural_modes(mild(seed))
+    for angles in whole_basis(modes, "angle").T[:, 1 if modes.rig.cart else 0 :]:
+        if angles.any():
+            leading = angles[np.argmax(np.abs(angles) >= np.abs(angles).max() * (1 - 1e-9))]
+            assert leading == pytest.approx(1.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_sum_rules(seed: int) -> None:
+    """Σ effective masses = bᵀA⁻¹b (fixed) or the total mass (cart); participations sum to 1, energy shares too."""
+    modes = natural_modes(mild(seed))
+    rows = list(modes)
+    found = matrices(modes.scene)
+    if modes.rig.cart:
+        expected = found.M[0, 0]
+        assert sum(row.cart_participation for row in rows) == pytest.approx(1, rel=1e-12)
+    else:
+        b = np.diag(found.K) / modes.scene.gravity
+        expected = b @ np.linalg.solve(found.M, b)
+    assert sum(row.effective_mass for row in rows) == pytest.approx(expected, rel=1e-12)
+    for number, row in enumerate(rows):
+        shape = modes.shape(number, 0, "mass")
+        cart = modes.rig.cart[0] * shape.cart**2 if modes.rig.cart else 0.0
+        assert shape.kinetic_energy_share.sum() + cart == pytest.approx(1, rel=1e-12)
+        assert row.residual < 1e-13
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 3.0])
+def test_a_massless_cart_over_bobs_loses_one_mode_and_says_so(stiffness: float) -> None:
+    scene = Scene(
+        gravity=9.81,
+        support=Cart(mass=0.0, stiffness=stiffness),
+        pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0), Rod(mass=2.0, length=0.5)), count=2)],
+    )
+    modes = natural_modes(scene)
+    assert "singular" in modes.notes[0]
+    assert modes.multiplicity.sum() == 4
+    assert sum(row.cart_participation for row in modes) == pytest.approx(1, rel=1e-13)
+    assert_certified(modes, 1e-14)
+
+
+def test_a_massless_cart_over_rods_keeps_all_modes() -> None:
+    scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0),), count=2)])
+    modes = natural_modes(scene)
+    assert modes.notes == ()
+    assert modes.multiplicity.sum() == 3
+
+
+def test_one_bob_on_a_massless_free_cart_has_the_rigid_translation_alone() -> None:
+    scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0),))])
+    assert natural_modes(scene).omega.tolist() == [0.0]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_antiphase_leaves_the_cart_exactly_still(seed: int) -> None:
+    modes = natural_modes(mild(4 * seed + 1))
+    still = [row for row in modes if row.family.startswith("cart still")]
+    copies = sum(count - 1 for _, _, count in modes.rig.members)
+    assert len(modes.rig.members) != modes.rig.n_kinds or sum(r.multiplicity for r in still) >= bool(copies)
+    for row in still:
+        for copy in range(row.multiplicity):
+            assert modes.shape(row.number - 1, copy).cart == 0.0
+        assert row.cart_participation == 0.0
+        assert row.effective_mass == 0.0
+
+
+def test_equal_pendula_written_apart_are_found() -> None:
+    apart = natural_modes(load("paper-cart-3"))
+    together = natural_modes(
+        Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=3)])
+    )
+    assert apart.omega.tolist() == together.omega.tolist()
+    assert apart.multiplicity.tolist() == [1, 2, 1, 2, 1]
+
+
+def test_space_is_two_plane_problems() -> None:
+    chain = load("chain-spatial")
+    modes, plane = natural_modes(chain), natural_modes(chain.model_copy(update={"space": "plane"}))
+    assert modes.omega.tolist() == plane.omega.tolist()
+    assert modes.multiplicity.tolist() == [2, 2, 2]
+    assert [modes.shape(0, copy).across for copy in range(2)] == [False, True]
+
+
+def test_a_cart_in_space_is_a_fixed_support_across_the_rail() -> None:
+    scene = mild(5).model_copy(update={"space": "space"})
+    modes = natural_modes(scene)
+    along = natural_modes(scene.model_copy(update={"space": "plane"}))
+    across = natural_modes(scene.model_copy(update={"space": "plane", "support": Fixed()}))
+    expected = np.concatenate([np.repeat(m.omega, m.multiplicity) for m in (along, across)])
+    assert np.repeat(modes.omega, modes.multiplicity).tolist() == sorted(expected.tolist())
+    assert sum(row.effective_mass_across for row in modes) == pytest.approx(sum(r.effective_mass for r in across))
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_joint_springs_agree_with_the_many_digit_pencil(seed: int) -> None:
+    modes = natural_modes(mild(seed, stiffness=1.5))
+    assert "dense" in modes.route
+    exact = dense(modes.scene)
+    j = 0
+    for omega, fold, error in zip(modes.omega, modes.multiplicity, modes.error, strict=True):
+        if omega:
+            tolerance = mp.mpf(max(float(error), 1e-15))
+            low, high = ((mp.mpf(float(omega)) * (1 + sign * tolerance)) ** 2 for sign in (-1, 1))
+            assert exact.below(low) <= j
+            assert exact.below(high) >= j + fold
+            j += fold
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_damped_modes_satisfy_the_quadratic_eigenproblem(seed: int) -> None:
+    """Against the generalised companion pencil of the whole scene in SciPy."""
+    scene = mild(seed, damping=0.3)
+    modes, found = natural_modes(scene), matrices(scene)
+    n, eye, zero = len(found.M), np.eye(len(found.M)), np.zeros_like(found.M)
+    values = scipy.linalg.eigvals(np.block([[zero, eye], [-found.K, -found.D]]), np.block([[eye, zero], [zero, found.M]]))
+    for number, (value, fold) in enumerate(zip(modes.eigenvalue, modes.multiplicity, strict=True)):
+        if value:
+            assert np.sum(np.abs(values - value) < 1e-7 * (1 + abs(value))) >= fold
+            assert modes[number].residual < 1e-11
+    real, zeros = np.sum(modes.multiplicity[modes.eigenvalue.imag == 0]), np.sum(modes.omega == 0)
+    assert 2 * modes.multiplicity.sum() - real + zeros * bool(zeros) == 2 * n + 0 * zeros
+
+
+def test_overdamped_modes_are_told_apart() -> None:
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0, damping=10.0),))])
+    slow, fast = natural_modes(scene)
+    roots = np.sort(np.abs(np.roots([1.0, 10.0, 9.81])))
+    assert [slow.omega, fast.omega] == pytest.approx(roots.tolist(), rel=1e-14)
+    assert slow.family == fast.family == "fixed support: overdamped"
+    assert slow.period is None
+    assert slow.damping_ratio == 1.0
+
+
+def test_light_damping_of_one_pendulum() -> None:
+    (mode,) = natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=2.0, length=3.0, damping=0.7),))]))
+    assert mode.omega == pytest.approx(np.sqrt(9.81 / 3), rel=1e-14)
+    assert mode.damping_ratio == pytest.approx(0.7 / (2 * 2.0 * 9 * np.sqrt(9.81 / 3)), rel=1e-13)
+
+
+def test_unstable_modes_are_recognised() -> None:
+    """A scene cannot be unstable at the hanging rest; the dense route and the words for it can."""
+    from modal.families import family
+
+    found = dense_route.damped(np.eye(1), np.array([[-0.2]]), np.eye(1), free=False)
+    assert found.eigenvalue[0].real == pytest.approx(0.1)
+    ratio = -found.eigenvalue[0].real / abs(found.eigenvalue[0])
+    words = family(on_cart=False, still=True, along=1, across=0, omega=1.0, ratio=ratio, motion="")
+    assert words == "fixed support: unstable"
+
+
+def test_units_of_powers_of_two_change_nothing() -> None:
+    for seed in range(40):
+        scene = random_scene(seed)
+        scaled = rescaled(scene, mass=2.0**70, length=2.0**-40)
+        found, expected = natural_modes(scaled).omega, natural_modes(scene).omega * 2.0**20
+        np.testing.assert_allclose(found, expected, rtol=4e-16)
+
+
+def rescaled(scene: Scene, *, mass: float, length: float) -> Scene:
+    def link(old: Bob | Rod | Body) -> Bob | Rod | Body:
+        size = {"mass": old.mass * mass, "length": old.length * length}
+        if isinstance(old, Body):
+            size |= {"centre": old.centre * length, "inertia": old.inertia * mass * length**2}
+        return old.model_copy(update=size)
+
+    pendula = tuple(p.model_copy(update={"links": tuple(link(one) for one in p.links)}) for p in scene.pendulum)
+    support = scene.support
+    if isinstance(support, Cart):
+        support = support.model_copy(update={"mass": support.mass * mass, "stiffness": support.stiffness * mass / length})
+    return scene.model_copy(update={"pendulum": pendula, "support": support})
+
+
+def test_nearly_equal_pendula_are_flagged() -> None:
+    pendula = [Pendulum(links=(Bob(mass=1.0, length=l),)) for l in (1.0, float(np.nextafter(1.0, 2.0)), 1.5)]
+    rows = list(natural_modes(Scene(gravity=9.81, pendulum=pendula)))
+    assert [row.indistinct for row in rows] == [False, True, True]
+
+
+def test_equal_frequencies_of_different_pendula_are_one_row() -> None:
+    pendula = [Pendulum(links=(Bob(mass=m, length=1.0),)) for m in (1.0, 2.0)]
+    modes = natural_modes(Scene(gravity=9.81, pendulum=pendula))
+    assert modes.multiplicity.tolist() == [2]
+    np.testing.assert_array_equal(np.abs(whole_basis(modes, "angle")), np.eye(2))
+
+
+def test_resonances_are_named() -> None:
+    lengths = (1.0, 1.0 / 9.0)
+    modes = natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=1.0, length=l),)) for l in lengths]))
+    assert [row.resonances for row in modes] == [("1:3 with mode 2",), ("3:1 with mode 1",)]
+
+
+def test_limits_of_the_dense_route_are_told() -> None:
+    links = tuple(Bob(mass=1.0, length=1.0 + 0.001 * k, damping=0.1) for k in range(501))
+    with pytest.raises(ComputationError, match="dampers need the dense route: 501 coordinates, at most 500"):
+        natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=links)]))
+    massless = Scene(
+        gravity=9.81, support=Cart(mass=0.0, damping=1.0), pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0),))]
+    )
+    with pytest.raises(ComputationError, match="mass matrix is singular"):
+        natural_modes(massless)
+
+
+def test_a_thousand_equal_damped_pendula_cost_one() -> None:
+    scene = Scene(
+        gravity=9.81,
+        support=Cart(mass=10.0, damping=1.0),
+        pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0, damping=0.1),), count=1000)],
+    )
+    modes = natural_modes(scene)
+    assert [source.matrices[0].shape for source in modes.sources if hasattr(source, "matrices")] == [(1, 1), (2, 2)]
+    assert modes.multiplicity.max() == 999
+
+
+def test_items_slices_and_iteration_agree() -> None:
+    modes = natural_modes(load("paper-cart-3"))
+    rows = list(modes)
+    assert len(rows) == len(modes) == 5
+    assert modes[-1] == rows[-1]
+    assert modes[1:3] == rows[1:3]
+    with pytest.raises(IndexError):
+        modes[5]
+    with pytest.raises(IndexError):
+        modes.shape(1, 2)
