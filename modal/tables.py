@@ -77,9 +77,8 @@ COLUMNS = (
 )
 
 
-def table(modes: Modes, numbers: Sequence[int], form: str, *, shapes: bool = False) -> str:
-    """The modes with these indices (from 0) in one of FORMATS; `shapes` adds mode shapes and energy shares to JSON."""
-    rows = list(modes.rows(numbers))
+def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False) -> str:
+    """These rows of `modes` in one of FORMATS; `shapes` adds mode shapes and energy shares to JSON."""
     if form == "json":
         return json_table(modes, rows, shapes=shapes)
     if form == "csv":

@@ -9,16 +9,17 @@ import argparse
 import errno
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 if TYPE_CHECKING:
-    from modal.modes import Modes
+    from modal.modes import Mode, Modes
 
 SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
+LONG_TABLE = 2000
 FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
 USER_ERRORS = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG}
 
@@ -89,9 +90,9 @@ def table(options: argparse.Namespace) -> None:
     from modal import tables
 
     modes, numbers = _modes(options)
-    text = tables.table(modes, numbers, options.format, shapes=options.shapes)
+    rows = list(_with_progress(modes.rows(numbers), len(numbers)))
     with _output(options.output) as write:
-        write(text)
+        write(tables.table(modes, rows, options.format, shapes=options.shapes))
 
 
 def shapes(options: argparse.Namespace) -> None:
@@ -134,6 +135,15 @@ def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
 
     found = natural_modes(load(options.scene))
     return found, _chosen(options.modes, len(found))
+
+
+def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:
+    """A progress bar for long tables, on a terminal only."""
+    if total < LONG_TABLE or not sys.stderr.isatty():
+        return rows
+    from tqdm import tqdm
+
+    return tqdm(rows, total=total, unit="mode", leave=False)
 
 
 def _chosen(text: str | None, total: int) -> range:

@@ -25,7 +25,9 @@ def lagrangian(scene: Scene, q: list[mp.mpf], rate: list[mp.mpf]) -> mp.mpf:
             s, c, w = mp.sin(q[at]), mp.cos(q[at]), rate[at]
             arm = mp.mpf(link.centre)
             vx, vz = x + arm * c * w, z - arm * s * w
-            value += link.mass * (vx**2 + vz**2) / 2 + link.inertia * w**2 / 2 + link.mass * scene.gravity * (down + arm * c)
+            value += (
+                link.mass * (vx**2 + vz**2) / 2 + link.inertia * w**2 / 2 + link.mass * scene.gravity * (down + arm * c)
+            )
             x, z, down = x + link.length * c * w, z - link.length * s * w, down + link.length * c
             at += 1
     return value
@@ -37,9 +39,13 @@ def fourth_order_average(scene: Scene, phi: list[float], omega: float) -> mp.mpf
 
     def average(a: mp.mpf) -> mp.mpf:
         times = [2 * mp.pi * k / 16 for k in range(16)]
-        return mp.fsum(
-            lagrangian(scene, [a * f * mp.cos(t) for f in phi], [-a * omega * f * mp.sin(t) for f in phi]) for t in times
-        ) / 16
+        return (
+            mp.fsum(
+                lagrangian(scene, [a * f * mp.cos(t) for f in phi], [-a * omega * f * mp.sin(t) for f in phi])
+                for t in times
+            )
+            / 16
+        )
 
     a = mp.mpf("1e-3")
     rest, one, two, three = (average(k * a) for k in (0, 1, 2, 3))

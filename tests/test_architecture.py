@@ -61,7 +61,9 @@ def test_the_check_for_circles_bites(tmp_path: Path) -> None:
 @pytest.mark.parametrize("job", ["import modal", "import modal; list(modal.natural_modes(modal.load('paper-cart-2')))"])
 def test_the_main_job_loads_no_heavy_package(job: str) -> None:
     code = f"import sys; {job}; print(sorted({{name.partition('.')[0] for name in sys.modules}}))"
-    loaded = ast.literal_eval(subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout)
+    loaded = ast.literal_eval(
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    )
     assert HEAVY.keys() & set(loaded) == set()
     assert "numpy" in loaded
 

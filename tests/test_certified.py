@@ -33,15 +33,15 @@ def links(draw: st.DrawFn) -> Bob | Rod | Body:
     if kind is not Body:
         return kind(mass=mass, length=length)
     centre = draw(st.floats(1e-3, 3.0)) * length
-    return Body(mass=mass, length=length, centre=centre, inertia=draw(st.sampled_from([0.0, 1e-6, 0.1])) * mass * length**2)
+    return Body(
+        mass=mass, length=length, centre=centre, inertia=draw(st.sampled_from([0.0, 1e-6, 0.1])) * mass * length**2
+    )
 
 
 @st.composite
 def scenes(draw: st.DrawFn) -> Scene:
     cart = st.builds(Cart, mass=st.just(0.0) | SIZES, stiffness=st.just(0.0) | SIZES)
-    pendulum = st.builds(
-        Pendulum, links=st.lists(links(), min_size=1, max_size=3).map(tuple), count=st.integers(1, 2)
-    )
+    pendulum = st.builds(Pendulum, links=st.lists(links(), min_size=1, max_size=3).map(tuple), count=st.integers(1, 2))
     return Scene(
         gravity=draw(st.floats(1e-6, 1e6)),
         support=draw(st.just(Fixed()) | cart),

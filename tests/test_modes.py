@@ -20,7 +20,9 @@ def mild(seed: int, **link: float) -> Scene:
     rng = np.random.default_rng(seed)
     pendula = [
         Pendulum(
-            links=[Body(mass=m, length=l, centre=c * l, inertia=i, **link) for m, l, c, i in rng.uniform(0.2, 2, (n, 4))],
+            links=[
+                Body(mass=m, length=l, centre=c * l, inertia=i, **link) for m, l, c, i in rng.uniform(0.2, 2, (n, 4))
+            ],
             count=int(rng.integers(1, 4)),
         )
         for n in rng.integers(1, 4, size=rng.integers(1, 4))
@@ -92,7 +94,9 @@ def test_a_massless_cart_over_bobs_loses_one_mode_and_says_so(stiffness: float) 
 
 
 def test_a_massless_cart_over_rods_keeps_all_modes() -> None:
-    scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0),), count=2)])
+    scene = Scene(
+        gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0),), count=2)]
+    )
     modes = natural_modes(scene)
     assert modes.notes == ()
     assert modes.multiplicity.sum() == 3
@@ -119,7 +123,11 @@ def test_antiphase_leaves_the_cart_exactly_still(seed: int) -> None:
 def test_equal_pendula_written_apart_are_found() -> None:
     apart = natural_modes(load("paper-cart-3"))
     together = natural_modes(
-        Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=3)])
+        Scene(
+            gravity=9.81,
+            support=Cart(mass=100.0),
+            pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=3)],
+        )
     )
     assert apart.omega.tolist() == together.omega.tolist()
     assert apart.multiplicity.tolist() == [1, 2, 1, 2, 1]
@@ -164,7 +172,9 @@ def test_damped_modes_satisfy_the_quadratic_eigenproblem(seed: int) -> None:
     scene = mild(seed, damping=0.3)
     modes, found = natural_modes(scene), matrices(scene)
     n, eye, zero = len(found.M), np.eye(len(found.M)), np.zeros_like(found.M)
-    values = scipy.linalg.eigvals(np.block([[zero, eye], [-found.K, -found.D]]), np.block([[eye, zero], [zero, found.M]]))
+    values = scipy.linalg.eigvals(
+        np.block([[zero, eye], [-found.K, -found.D]]), np.block([[eye, zero], [zero, found.M]])
+    )
     for number, (value, fold) in enumerate(zip(modes.eigenvalue, modes.multiplicity, strict=True)):
         if value:
             assert np.sum(np.abs(values - value) < 1e-7 * (1 + abs(value))) >= fold
@@ -218,7 +228,9 @@ def rescaled(scene: Scene, *, mass: float, length: float) -> Scene:
     pendula = tuple(p.model_copy(update={"links": tuple(link(one) for one in p.links)}) for p in scene.pendulum)
     support = scene.support
     if isinstance(support, Cart):
-        support = support.model_copy(update={"mass": support.mass * mass, "stiffness": support.stiffness * mass / length})
+        support = support.model_copy(
+            update={"mass": support.mass * mass, "stiffness": support.stiffness * mass / length}
+        )
     return scene.model_copy(update={"pendulum": pendula, "support": support})
 
 

@@ -39,7 +39,9 @@ def test_two_equal_rods() -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 7, 1000])
 def test_simple_pendula_on_a_free_cart(n: int) -> None:
-    scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=[Pendulum(links=(Bob(mass=0.2, length=2.0),), count=n)])
+    scene = Scene(
+        gravity=9.81, support=Cart(mass=3.0), pendulum=[Pendulum(links=(Bob(mass=0.2, length=2.0),), count=n)]
+    )
     modes = natural_modes(scene)
     expected = {0.0: 1, 9.81 / 2: n - 1, 9.81 / 2 * (1 + n * 0.2 / 3.0): 1}
     assert modes.multiplicity.tolist() == [fold for fold in expected.values() if fold]
@@ -50,7 +52,9 @@ def test_paper_cart_with_two_double_pendula() -> None:
     modes = natural_modes(load("paper-cart-2"))
     reference = [0, 2.680114012253376, 2.7175491179815836, 7.188670870287715, 7.209478103068923]
     np.testing.assert_allclose(modes.omega, reference, rtol=1e-15)
-    np.testing.assert_allclose([mode.kappa for mode in modes[1:]], [-0.038802, -0.042729, -0.857142, -0.867200], atol=5e-7)
+    np.testing.assert_allclose(
+        [mode.kappa for mode in modes[1:]], [-0.038802, -0.042729, -0.857142, -0.867200], atol=5e-7
+    )
     angles = [mode.linear_to_1_percent_deg for mode in modes[1:]]
     np.testing.assert_allclose(angles, [29.09, 27.72, 6.19, 6.15], atol=0.005)
     beats = 2 * pi / (modes.omega[2] - modes.omega[1]), 2 * pi / (modes.omega[4] - modes.omega[3])
