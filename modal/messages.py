@@ -58,7 +58,10 @@ def _place(location: tuple[int | str, ...]) -> str:
 def _words(finding: Mapping[str, Any]) -> str:
     kind, context = finding["type"], finding.get("ctx", {})
     if kind == "extra_forbidden":
-        near = get_close_matches(str(finding["loc"][-1]), KEYS, n=1)
+        key = str(finding["loc"][-1])
+        if key in KEYS:
+            return "does not belong here"
+        near = get_close_matches(key, KEYS, n=1)
         return "is not a known key" + (f" (did you mean {near[0]}?)" if near else "")
     if kind == "greater_than_equal":
         return _lower_bound(finding["input"], context["ge"])

@@ -19,6 +19,7 @@ from modal.messages import problems_of
 LARGEST = 1e100
 SMALLEST = 1e-100
 MAX_COPIES = 1_000_000
+MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 
 Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST)]
@@ -119,6 +120,12 @@ class Pendulum(_Part):
     def n_links(self) -> int:
         """Number of links of one copy, runs of equal links counted out."""
         return sum(link.count for link in self.links)
+
+    @model_validator(mode="after")
+    def _bounded(self) -> Pendulum:
+        if self.n_links > MAX_CHAIN:
+            raise ValueError(f".links: has {self.n_links} links, runs counted out: at most {MAX_CHAIN}")
+        return self
 
     @model_validator(mode="after")
     def _hangs(self) -> Pendulum:

@@ -154,7 +154,7 @@ def _chosen(text: str | None, total: int) -> range:
         return range(total)
     first, colon, last = text.partition(":")
     try:
-        low = int(first) if first else 1
+        low = int(first) if first or not colon else 1
         high = (int(last) if last else total) if colon else low
     except ValueError:
         raise SceneError([f"--modes {text}: must be a number or a range such as 1:10"]) from None

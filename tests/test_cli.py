@@ -1,0 +1,251 @@
+"""The command as people and pipes meet it."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modal import load, matrices, natural_modes, shipped
+from modal.files import parse
+
+KEYS = {
+    *("omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "multiplicity", "family", "cart_participation"),
+    *("effective_mass_kg", "linear_to_1_percent_deg", "relative_error_bound"),
+}
+
+
+def run(*words: str, **options: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "multipendula", *words]
+    return subprocess.run(command, capture_output=True, text=True, encoding="utf-8", check=False, **options)
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    from multipendula.cli import main
+
+    assert main(words) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys: pytest.CaptureFixture[str], code: int, *words: str) -> str:
+    from multipendula.cli import main
+
+    assert main(words) == code
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert "Traceback" not in streams.err
+    return streams.err
+
+
+def strict(text: str) -> dict:
+    return json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+
+
+@pytest.mark.parametrize("name", [name for name in shipped() if name not in {"rope", "thousand-pendula"}])
+def test_json_table(capsys: pytest.CaptureFixture[str], name: str) -> None:
+    found = strict(printed(capsys, "table", name, "--format", "json"))
+    assert parse(json_as_toml(found["scene"])) == load(name)
+    rows = found["modes"]
+    assert all(rows[0].keys() >= KEYS for _ in rows)
+    omega = [row["omega_rad_per_s"] for row in rows]
+    assert omega == sorted(set(omega))
+    assert omega == pytest.approx(natural_modes(load(name)).omega.tolist(), rel=1e-14)
+    for row in rows:
+        if row["omega_rad_per_s"] == 0:
+            assert row["period_s"] is None
+        assert row["frequency_hz"] == pytest.approx(row["omega_rad_per_s"] / (2 * np.pi))
+
+
+def json_as_toml(scene: dict) -> bytes:
+    import tomli_w
+
+    return tomli_w.dumps(scene).encode()
+
+
+def test_json_shapes(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = strict(printed(capsys, "table", "chain-spatial", "--format", "json", "--shapes"))["modes"]
+    assert [shape["direction"] for shape in rows[0]["shapes"]] == ["along the rail", "across the rail"]
+    assert max(rows[2]["shapes"][0]["angles_rad"], key=abs) == pytest.approx(1.0)
+
+
+def test_csv_table_has_every_digit(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = list(csv.DictReader(io.StringIO(printed(capsys, "table", "paper-cart-2", "--format", "csv"))))
+    assert [float(row["omega_rad_per_s"]) for row in rows] == natural_modes(load("paper-cart-2")).omega.tolist()
+
+
+class Tags(HTMLParser):
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.seen: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: Sequence[tuple[str, str | None]]) -> None:
+        self.seen.append(tag)
+
+
+def test_other_formats(capsys: pytest.CaptureFixture[str]) -> None:
+    html = Tags(printed(capsys, "table", "chain-3", "--format", "html")).seen
+    assert (html.count("table"), html.count("tr"), html.count("caption")) == (1, 4, 1)
+    latex = printed(capsys, "table", "paper-cart-2", "--format", "latex")
+    assert latex.count(r"\\") == 6
+    assert r"$\omega$ (rad/s)" in latex
+    markdown = printed(capsys, "table", "chain-3", "--format", "markdown").splitlines()
+    assert [line.count("|") for line in markdown if line.startswith("|")] == [11] * 5
+    assert "ω (rad/s)" in printed(capsys, "table", "chain-3")
+
+
+@pytest.mark.parametrize(
+    ("modes", "numbers"), [("2", [2]), ("2:3", [2, 3]), (":2", [1, 2]), ("4:", [4, 5]), ("4:99", [4, 5])]
+)
+def test_some_modes(capsys: pytest.CaptureFixture[str], modes: str, numbers: list[int]) -> None:
+    rows = strict(printed(capsys, "table", "paper-cart-2", "--format", "json", "--modes", modes))["modes"]
+    assert [row["mode"] for row in rows] == numbers
+
+
+@pytest.mark.parametrize("modes", ["0", "6", "3:2", "x", "1:2:3", "-1:2", ""])
+def test_wrong_modes(capsys: pytest.CaptureFixture[str], modes: str) -> None:
+    assert "--modes" in refused(capsys, 2, "table", "paper-cart-2", f"--modes={modes}")
+
+
+def test_bad_scene_is_told_line_by_line(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text('gravity = 0.0\n[[pendulum]]\nlinks = [{ kind = "rod", mass = -1.0, length = 1.0 }]\n')
+    lines = refused(capsys, 2, "table", str(path), "-o", str(tmp_path / "out.txt")).splitlines()
+    assert lines == [
+        f"multipendula: {path}: gravity = 0.0: must be positive",
+        f"multipendula: {path}: pendulum[0].links[0].mass = -1.0: must be positive",
+    ]
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_cannot_be_computed_is_1(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "beyond.toml"
+    links = '{ kind = "bob", mass = 1e-100, length = 1e100 }, { kind = "rod", mass = 1e100, length = 1e-100 }'
+    path.write_text(f"gravity = 1e-100\n[[pendulum]]\nlinks = [{links}]\n")
+    assert "beyond double precision" in refused(capsys, 1, "table", str(path))
+
+
+def test_usage_errors_are_2() -> None:
+    for words in ([], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]):
+        assert run(*words).returncode == 2
+
+
+def test_output_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert printed(capsys, "table", "chain-3", "-o", str(tmp_path / "t.txt")) == ""
+    assert (tmp_path / "t.txt").read_text(encoding="utf-8") == printed(capsys, "table", "chain-3")
+    assert "cannot write" in refused(capsys, 2, "table", "chain-3", "-o", str(tmp_path / "no" / "t.txt"))
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+def test_a_full_disk() -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "multipendula", "table", "chain-1"],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert "No space left" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_closed_pipe_is_quiet() -> None:
+    command = f"'{sys.executable}' -m multipendula table rope --modes 1:400 | head -n 1"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
+    assert done.stderr == ""
+    assert done.stdout == "Hanging rope of 1000 links\n"
+
+
+@pytest.mark.parametrize("form", ["png", "svg", "pdf"])
+def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
+    path = tmp_path / f"shapes.{form}"
+    assert printed(capsys, "shapes", "paper-cart-2", "-o", str(path)) == ""
+    assert path.stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["paper-cart-2", "rope", "thousand-pendula", "metronomes", "chain-spatial"])
+def test_no_panel_is_empty_and_nothing_touches_the_edge(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
+) -> None:
+    from matplotlib.image import imread
+
+    path = tmp_path / "shapes.png"
+    printed(capsys, "shapes", name, "-o", str(path), "--modes", "2:3")
+    picture = imread(path)[:, :, :3]
+    ink = (picture < 0.95).any(2)
+    assert not ink[[0, -1]].any()
+    for half in np.array_split(picture, 2, axis=1):
+        blue = np.abs(half - np.array([0.0, 0x72 / 255, 0xB2 / 255])).max(2) < 0.02
+        assert blue.sum() > 100
+
+
+def test_pictures_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert ".png, .svg or .pdf" in refused(capsys, 2, "shapes", "chain-1", "-o", str(tmp_path / "a.gif"))
+    assert "do not fit one picture" in refused(
+        capsys, 1, "shapes", "rope", "--modes", "1:25", "-o", str(tmp_path / "a.png")
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_matrices(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = strict(printed(capsys, "matrices", "metronomes", "--format", "json"))
+    exact = matrices(load("metronomes"))
+    assert found["coordinates"] == ["x", "theta[1,1]", "theta[2,1]"]
+    assert all(found[name] == getattr(exact, name).tolist() for name in "MKD")
+    assert "D = 0" in printed(capsys, "matrices", "chain-3")
+    long = tmp_path / "long.toml"
+    long.write_text('gravity = 1\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1, length = 1, count = 4001 }]')
+    assert "at most 4000 coordinates" in refused(capsys, 1, "matrices", str(long))
+
+
+def test_scenes(capsys: pytest.CaptureFixture[str]) -> None:
+    listed = printed(capsys, "scenes").splitlines()
+    assert [line.split()[0] for line in listed] == shipped()
+    assert parse(printed(capsys, "scenes", "crane-hook").encode()) == load("crane-hook")
+    assert "did you mean" in refused(capsys, 2, "scenes", "crane-hok")
+
+
+def test_schema(capsys: pytest.CaptureFixture[str]) -> None:
+    assert strict(printed(capsys, "schema"))["title"] == "Scene"
+
+
+def test_version() -> None:
+    assert run("--version").stdout.startswith("multipendula 0.")
+
+
+def test_the_table_command_loads_no_heavy_package() -> None:
+    code = "import sys; from multipendula.cli import main; main(['table', 'chain-3'])"
+    code += "; print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    loaded = {name.partition(".")[0] for name in done.stderr.split()}
+    assert {"numpy", "modal"} <= loaded
+    assert not {"scipy", "sympy", "control", "matplotlib"} & loaded
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
+def test_interrupted(tmp_path: Path) -> None:
+    path, out = tmp_path / "long.toml", tmp_path / "out.txt"
+    path.write_text(
+        'gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "rod", mass = 1.0, length = 1.0, count = 20000 }]\n'
+    )
+    command = [sys.executable, "-m", "multipendula", "table", str(path), "-o", str(out)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        time.sleep(3)
+        process.send_signal(signal.SIGINT)
+        errors = process.communicate(timeout=30)[1]
+    assert process.returncode == 130
+    assert errors == "multipendula: interrupted\n"
+    assert not out.exists()

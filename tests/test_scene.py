@@ -1,0 +1,253 @@
+"""The door: every mistake is named with its place, and what passes is written back bit for bit."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+import tomllib
+from pathlib import Path
+
+import jsonschema
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, SceneError, Start, dump, dumps, load, shipped
+from modal.files import parse, schema, shipped_text, whole_file
+
+GOOD = {"gravity": 9.81, "pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
+
+
+def refused(text: str) -> list[str]:
+    with pytest.raises(SceneError) as caught:
+        parse(text.encode())
+    return list(caught.value.problems)
+
+
+def with_link(**changes: object) -> list[str]:
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0} | changes
+    inline = ", ".join(
+        f"{key} = {value if isinstance(value, str) else json.dumps(value)}" for key, value in link.items()
+    )
+    return refused(f"gravity = 9.81\n[[pendulum]]\nlinks = [{{ {inline} }}]".replace("kind = bob", 'kind = "bob"'))
+
+
+def test_all_mistakes_at_once_each_with_its_place() -> None:
+    text = """
+gravity = -9.81
+space = "aether"
+colour = "red"
+[support]
+kind = "cart"
+mas = 3.0
+[[pendulum]]
+links = [{ kind = "bob", mass = 1.0, length = 1.0 }]
+[[pendulum]]
+links = []
+[[pendulum]]
+count = 0
+links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 1.0, length = 1.0 }, { mass = 1.0 }]
+"""
+    assert set(refused(text)) == {
+        "gravity = -9.81: must be positive",
+        "space = 'aether': must be one of 'plane' or 'space'",
+        "colour: is not a known key",
+        "support.mass: is required",
+        "support.mas: is not a known key (did you mean mass?)",
+        "pendulum[1].links: must not be empty",
+        "pendulum[2].count = 0: must be positive",
+        "pendulum[2].links[0].mass = -1.0: must be positive",
+        "pendulum[2].links[0].length = nan: must be finite",
+        "pendulum[2].links[1].kind = 'spring': must be one of 'bob', 'rod', 'body'",
+        "pendulum[2].links[2]: needs a kind",
+    }
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"mass": "0.0"}, "pendulum[0].links[0].mass = 0.0: must be positive"),
+        ({"mass": "inf"}, "pendulum[0].links[0].mass = inf: must be finite"),
+        ({"mass": "true"}, "pendulum[0].links[0].mass = True: must be a number"),
+        ({"mass": '"heavy"'}, "pendulum[0].links[0].mass = 'heavy': must be a number"),
+        ({"mass": "1e101"}, "pendulum[0].links[0].mass = 1e+101: must be at most 1e+100"),
+        ({"mass": "1e-101"}, "pendulum[0].links[0].mass = 1e-101: must be at least 1e-100"),
+        ({"length": "2026-11-21"}, "pendulum[0].links[0].length = datetime.date(2026, 11, 21): must be a number"),
+        ({"count": "1.5"}, "pendulum[0].links[0].count = 1.5: must be a whole number"),
+        ({"count": "2000000"}, "pendulum[0].links[0].count = 2000000: must be at most 1e+06"),
+        ({"count": "20001"}, "pendulum[0].links: has 20001 links, runs counted out: at most 20000"),
+        ({"damping": "-0.1"}, "pendulum[0].links[0].damping = -0.1: must not be negative"),
+        ({"centre": "0.1"}, "pendulum[0].links[0].centre: does not belong here"),
+    ],
+)
+def test_one_mistake_in_a_link(changes: dict, words: str) -> None:
+    assert with_link(**changes) == [words]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("gravity = ", "broken TOML: "),
+        ("gravity = 9.81\ngravity = 9.81", "broken TOML: "),
+        ("a = " + "[" * 5000, "broken TOML: "),
+        ("", "gravity: is required"),
+        ("gravity = 9.81\npendulum = 3", "pendulum = 3: must be a list"),
+        ("gravity = 9.81\npendulum = [3]", "pendulum[0] = 3: must be a table"),
+        ("self = 1\ncls = 2\n'' = 3\ngravity = 1", "self: is not a known key"),
+        (f"gravity = {10**400}", "gravity = 100000000000000000000000000000000000000…: must be a number"),
+    ],
+)
+def test_broken_documents(text: str, words: str) -> None:
+    assert any(problem.startswith(words) for problem in refused(text)), refused(text)
+
+
+@pytest.mark.parametrize(
+    ("start", "words"),
+    [
+        ("{ angles_deg = [1, 2] }", "pendulum[0].start.angles_deg: has 2 values for 1 links"),
+        ("{ angles_deg = [1], rates_deg = [] }", "pendulum[0].start.rates_deg: has 0 values for 1 links"),
+        ("{ angles_deg = [nan] }", "pendulum[0].start.angles_deg[0] = nan: must be finite"),
+        ("{ angles_deg = [1], azimuths_deg = [1] }", 'pendulum[0].start.azimuths_deg: needs space = "space"'),
+    ],
+)
+def test_starts(start: str, words: str) -> None:
+    link = '{ kind = "bob", mass = 1.0, length = 1.0 }'
+    assert refused(f"gravity = 9.81\n[[pendulum]]\nlinks = [{link}]\nstart = {start}") == [words]
+
+
+def test_a_last_link_on_its_own_pivot_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"links\[1\]\.centre = 0\.0: must be positive in the last link"):
+        Pendulum(links=(Bob(mass=1.0, length=1.0), Body(mass=1.0, length=1.0, centre=0.0, inertia=1.0)))
+
+
+def test_too_many_links_in_all() -> None:
+    with pytest.raises(SceneError, match="20000000 links in all"):
+        Scene(gravity=1.0, pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0, count=20),), count=1_000_000)])
+
+
+def test_python_objects_are_checked_alike() -> None:
+    with pytest.raises(SceneError, match=r"^mass = -1: must be positive$"):
+        Bob(mass=-1, length=1.0)
+    with pytest.raises(ValueError, match="angles_deg: is required"):
+        Start()
+
+
+def test_scenes_are_immutable_and_hashable() -> None:
+    scene, same = load("paper-cart-2"), load("paper-cart-2")
+    assert hash(scene) == hash(same)
+    assert scene == same
+    assert len({scene, same, load("chain-1")}) == 2
+    with pytest.raises(ValueError, match="frozen"):
+        scene.gravity = 1.0
+
+
+def test_every_promised_scene_is_shipped() -> None:
+    promised = {*(f"paper-cart-{n}" for n in (1, 2, 3)), *(f"chain-{n}" for n in range(1, 6))}
+    promised |= {
+        "chain-unequal",
+        "chain-spatial",
+        "crane-hook",
+        "crane-two-loads",
+        "metronomes",
+        "rope",
+        "thousand-pendula",
+    }
+    assert set(shipped()) == promised
+    assert load("rope").n_links == 1000
+    lengths = [pendulum.links[0].length for pendulum in load("thousand-pendula").pendulum]
+    assert len(set(lengths)) == 1000
+
+
+@pytest.mark.parametrize("name", shipped())
+def test_shipped_scenes_come_back_exactly(name: str) -> None:
+    scene = load(name)
+    assert parse(dumps(scene).encode()) == scene
+    jsonschema.validate(tomllib.loads(shipped_text(name)), schema())
+
+
+NUMBERS = st.floats(1e-100, 1e100)
+COUNTS = st.integers(1, 5)
+LINKS = st.one_of(
+    st.builds(Bob, mass=NUMBERS, length=NUMBERS, count=COUNTS, damping=st.just(0.0) | NUMBERS),
+    st.builds(Rod, mass=NUMBERS, length=NUMBERS, stiffness=st.just(0.0) | NUMBERS),
+    st.builds(Body, mass=NUMBERS, length=NUMBERS, centre=NUMBERS, inertia=st.just(0.0) | NUMBERS),
+)
+PENDULA = st.builds(Pendulum, links=st.lists(LINKS, min_size=1, max_size=3).map(tuple), count=COUNTS)
+SCENES = st.builds(
+    Scene,
+    title=st.text(st.characters(exclude_categories=["Cs"])),
+    gravity=NUMBERS,
+    space=st.sampled_from(["plane", "space"]),
+    support=st.just(Fixed()) | st.builds(Cart, mass=st.just(0.0) | NUMBERS, stiffness=st.just(0.0) | NUMBERS),
+    pendulum=st.lists(PENDULA, min_size=1, max_size=3).map(tuple),
+)
+
+
+@settings(max_examples=100, deadline=None, derandomize=True)
+@given(SCENES)
+def test_any_scene_comes_back_exactly(scene: Scene) -> None:
+    text = dumps(scene)
+    assert parse(text.encode()) == scene
+    jsonschema.validate(tomllib.loads(text), schema())
+
+
+def test_the_schema_refuses_what_we_refuse() -> None:
+    jsonschema.validate(GOOD, schema())
+    for bad in ({**GOOD, "gravity": -1}, {**GOOD, "colour": "red"}, {**GOOD, "pendulum": []}):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(bad, schema())
+
+
+def test_a_written_scene_is_read_back(tmp_path: Path) -> None:
+    scene = load("metronomes")
+    dump(scene, tmp_path / "mine.toml")
+    assert load(tmp_path / "mine.toml") == scene
+
+
+@pytest.mark.parametrize("prefix", [b"\xef\xbb\xbf", b""])
+def test_windows_files_are_read(tmp_path: Path, prefix: bytes) -> None:
+    path = tmp_path / "windows.toml"
+    path.write_bytes(prefix + shipped_text("chain-3").replace("\n", "\r\n").encode())
+    assert load(path) == load("chain-3")
+
+
+def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(shipped_text("chain-2").encode())))
+    assert load("-") == load("chain-2")
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("paper-cart", r"paper-cart: no such file and no such shipped scene \(did you mean paper-cart-"),
+        ("nowhere.toml", "nowhere.toml: cannot be read: No such file"),
+        (".", ".: not a file"),
+        ("bad\0name.toml", "cannot be read"),
+    ],
+)
+def test_what_cannot_be_read(name: str, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        load(name)
+
+
+def test_text_that_is_not_utf8(tmp_path: Path) -> None:
+    path = tmp_path / "latin.toml"
+    path.write_bytes('title = "caf\xe9"'.encode("latin-1"))
+    with pytest.raises(SceneError, match=r"latin\.toml: byte 12 is not UTF-8 text"):
+        load(path)
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
+    path = tmp_path / "old.txt"
+    path.write_text("old")
+
+    def half_written() -> None:
+        with whole_file(path) as stream:
+            stream.write(b"new")
+            raise RuntimeError("power cut")
+
+    with pytest.raises(RuntimeError, match="power cut"):
+        half_written()
+    assert path.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [path]
