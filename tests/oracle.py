@@ -12,7 +12,7 @@ import mpmath as mp
 
 from modal.scene import Cart, Scene
 
-BITS = 1500
+BITS = 1200
 Matrix = list[list[mp.mpf]]
 
 
