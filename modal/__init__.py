@@ -10,7 +10,8 @@ from modal._namesake import warn_about_namesake
 from modal.errors import ComputationError, MultipendulaError, SceneError
 from modal.files import dump, dumps, load, shipped
 from modal.linear import Matrices, matrices
-from modal.modes import Mode, Modes, natural_modes
+from modal.mode import Mode
+from modal.modes import Modes, natural_modes
 from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
 from modal.shapes import Shape
 

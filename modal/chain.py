@@ -43,12 +43,22 @@ def count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
     return below, mu
 
 
-def residual_mass(block: Block, joint: int = 0) -> Floats:
-    """Effective mass (P,) at a joint at infinite frequency, where only inertia counts: a sum of positive terms."""
-    mu = np.zeros(block.size)
-    for link in reversed(block.constants[joint:]):
-        mu = (link.p * mu + link.mJ) / (link.r + mu)
-    return mu
+def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
+    """(α, β, γ), each (P,), of the effective mass α − β/ω² − γ/ω⁴ − … at the pivot for high frequencies.
+
+    α is the residual mass, what inertia alone makes the pivot feel.  With R = r + α and u = m s + α below the link,
+
+        α' = (p α + m J)/R,   β' = (k u² + β q²)/R²,   γ' = (k u + β q)²/R³ + γ q²/R²,
+
+    sums of positive terms, from the recursion by expanding in 1/ω².
+    """
+    alpha = beta = gamma = np.zeros(block.size)
+    for link in reversed(block.constants):
+        R, u = link.r + alpha, link.upper + alpha
+        gamma = (link.k * u + beta * link.q) ** 2 / R**3 + gamma * link.q**2 / R**2
+        beta = (link.k * u**2 + beta * link.q**2) / R**2
+        alpha = (link.p * alpha + link.mJ) / R
+    return alpha, beta, gamma
 
 
 class Swept(NamedTuple):

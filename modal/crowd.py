@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.chain import kinetic, residual_mass
+from modal.chain import at_infinity, kinetic
 from modal.effective import Motion, fixed_shapes, fixed_squares
 from modal.rig import Block, Floats, Ints
 from modal.secular import Poles, Roots, solve
@@ -50,7 +50,7 @@ class Crowd:
         if self.stiffness > 0:
             order = np.append(-1, order)
             square, weight = np.append(0.0, square), np.append(self.stiffness, weight)
-        constant = self.mass + float(sum(residual_mass(block).sum() for block in self.blocks))
+        constant = self.mass + float(sum(at_infinity(block)[0].sum() for block in self.blocks))
         return Poles(square, weight, constant), order
 
     @cached_property

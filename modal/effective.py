@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from modal.bisect import above_all, smallest_where
-from modal.chain import Swept, count_and_mass, from_above, from_below, joint_masses, kinetic, residual_mass
+from modal.chain import Swept, at_infinity, count_and_mass, from_above, from_below, joint_masses, kinetic
 from modal.rig import Block, Booleans, Floats, Ints
 
 ROUNDING = 1e-15
@@ -85,7 +85,7 @@ class CartProblem:
     @property
     def bare_mass(self) -> float:
         """m_c + Σ residual masses: what a force on the cart feels at infinite frequency; 0 where M is singular."""
-        return self.mass + float(sum(residual_mass(block).sum() for block in self.blocks))
+        return self.mass + float(sum(at_infinity(block)[0].sum() for block in self.blocks))
 
     @property
     def n_modes(self) -> int:

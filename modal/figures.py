@@ -13,7 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from modal.errors import ComputationError
-from modal.modes import Mode, Modes
+from modal.mode import Mode
+from modal.modes import Modes
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from modal.shapes import Shape

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import groupby, pairwise
-from typing import overload
+from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from modal.amplitude import one_percent_amplitude
 from modal.errors import ComputationError
 from modal.families import family, motion_words
+from modal.mode import Mode
 from modal.rig import Floats, Ints, Rig, Units, rig_of
 from modal.routes import Part, families, notes
 from modal.scene import Scene
@@ -24,41 +25,21 @@ RESONANCE = 0.02
 CHUNK = 4_000_000
 
 
-@dataclass(frozen=True)
-class Mode:
-    """One distinct natural frequency.
+class _Piece(NamedTuple):
+    """A part of a row and its place in the details of its source."""
 
-    `omega` (rad/s) is |λ| of the eigenvalue λ, `damping_ratio` −Re λ/|λ| (1: overdamped, below 0: unstable);
-    `cart_participation` is this mode's share of the cart's response to a sudden push (undamped modes sum to 1);
-    `effective_mass` (kg) that of the support's motion along the rail; `kappa` and `linear_to_1_percent_deg` are for
-    the largest angle of the mode.  NaN stands where a quantity has no meaning (κ of a damped mode).
-    """
+    part: Part
+    details: Details
+    at: int
 
-    number: int
-    omega: float
-    damping_ratio: float
-    multiplicity: int
-    family: str
-    cart_participation: float
-    effective_mass: float
-    effective_mass_share: float
-    effective_mass_across: float
-    kappa: float
-    linear_to_1_percent_deg: float
-    resonances: tuple[str, ...]
-    residual: float
-    relative_error_bound: float
-    indistinct: bool
+    def effective_mass(self, on_cart: bool) -> float:
+        """Along the rail; what swings in antiphase or across it adds nothing."""
+        copies = 1 if self.part.kind is None else 0 if on_cart else self.part.along
+        return float(self.details.effective_mass[self.at]) * copies if copies else 0.0
 
-    @property
-    def frequency(self) -> float:
-        """Hz."""
-        return self.omega / (2 * np.pi)
-
-    @property
-    def period(self) -> float | None:
-        """Seconds; None for ω = 0 and for a mode that does not oscillate."""
-        return 2 * np.pi / self.omega if self.omega > 0 and abs(self.damping_ratio) < 1 else None
+    def effective_mass_across(self) -> float:
+        """Across the rail."""
+        return float(self.details.effective_mass[self.at]) * self.part.across if self.part.across else 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,49 +117,55 @@ class Modes(Sequence[Mode]):
             return self.sources[source].details(np.array(rows))
 
     def _described(self, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
-        heads = sorted((self.groups[n][0].source, self.groups[n][0].row, n) for n in numbers)
-        for source, members in groupby(heads, key=lambda head: head[0]):
-            _, rows, wanted = zip(*members, strict=True)
-            details = self._details(source, rows)
-            for position, number in enumerate(wanted):
-                yield number, self._mode(number, details, position)
+        needed = sorted(
+            ((part, n) for n in numbers for part in self.groups[n]), key=lambda entry: (entry[0].source, entry[0].row)
+        )
+        pieces: dict[int, list[_Piece]] = {n: [] for n in numbers}
+        for source, members in groupby(needed, key=lambda entry: entry[0].source):
+            found = list(members)
+            details = self._details(source, [part.row for part, _ in found])
+            for at, (part, n) in enumerate(found):
+                pieces[n].append(_Piece(part, details, at))
+        return ((n, self._mode(n, pieces[n])) for n in numbers)
 
-    def _mode(self, number: int, details: Details, at: int) -> Mode:
-        parts, value = self.groups[number], self.eigenvalue[number]
-        omega, unit = float(abs(value)), self.units.mass
-        still = parts[0].kind is not None
-        along = sum(part.along for part in parts)
-        across = sum(part.across for part in parts)
-        effective = float(details.effective_mass[at]) * unit
-        on_rail = 0.0 if still and self.rig.cart else effective * (along if still else 1)
-        kappa = float(details.kappa[at])
-        ratio = -value.real / omega if omega > 0 else 0.0
-        several = sum(count for _, _, count in self.rig.members) > 1
-        words = motion_words(details.angles, details.shares, at, several=several and not still)
+    def _mode(self, number: int, pieces: list[_Piece]) -> Mode:
+        """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
+        value, unit = self.eigenvalue[number], self.units.mass
+        head = next((piece for piece in pieces if piece.part.kind is None), pieces[0])
+        omega = float(abs(value))
+        ratio = float(-value.real / omega) if omega > 0 else 0.0
+        on_cart = self.rig.cart is not None
+        effective = float(sum(piece.effective_mass(on_cart) for piece in pieces)) * unit
+        kappa = float(head.details.kappa[head.at])
         return Mode(
             number=number + 1,
             omega=omega,
-            damping_ratio=float(min(1.0, max(-1.0, ratio))) + 0.0,
-            multiplicity=along + across,
-            family=family(
-                on_cart=self.rig.cart is not None,
-                still=still,
-                along=along,
-                across=across,
-                omega=omega,
-                ratio=ratio,
-                motion=words,
-            ),
-            cart_participation=float(details.mobility[at]) if abs(ratio) < 1.0 else np.nan,
-            effective_mass=on_rail,
-            effective_mass_share=on_rail / self.rig.total_mass,
-            effective_mass_across=effective * across if across else 0.0,
+            damping_ratio=min(1.0, max(-1.0, ratio)) + 0.0,
+            multiplicity=int(self.multiplicity[number]),
+            family=self._family(number, head, omega, ratio),
+            cart_participation=float(sum(p.details.mobility[p.at] for p in pieces)) if abs(ratio) < 1.0 else np.nan,
+            effective_mass=effective,
+            effective_mass_share=effective / self.rig.total_mass,
+            effective_mass_across=float(sum(piece.effective_mass_across() for piece in pieces)) * unit,
             kappa=kappa,
             linear_to_1_percent_deg=one_percent_amplitude(kappa),
             resonances=self._resonances(number) if np.isfinite(kappa) else (),
-            residual=float(details.residual[at]),
+            residual=float(max(p.details.residual[p.at] for p in pieces)),
             relative_error_bound=float(self.error[number]),
             indistinct=self._indistinct(number),
+        )
+
+    def _family(self, number: int, head: _Piece, omega: float, ratio: float) -> str:
+        still = head.part.kind is not None
+        several = not still and sum(count for _, _, count in self.rig.members) > 1
+        return family(
+            on_cart=self.rig.cart is not None,
+            still=still,
+            along=sum(part.along for part in self.groups[number]),
+            across=sum(part.across for part in self.groups[number]),
+            omega=omega,
+            ratio=ratio,
+            motion=motion_words(head.details.angles, head.details.shares, head.at, several=several),
         )
 
     def _resonances(self, number: int) -> tuple[str, ...]:

@@ -97,6 +97,12 @@ class Body(Link):
     centre: NonNegative
     inertia: NonNegative
 
+    @model_validator(mode="after")
+    def _turns(self) -> Body:
+        if self.centre == 0 and self.inertia == 0:
+            raise ValueError(".inertia = 0.0: must be positive where the centre is on the pivot")
+        return self
+
 
 class Start(_Part):
     """Where the simulator releases a pendulum: one angle (deg) and one rate (deg/s) a link, top to bottom.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.errors import ComputationError
 from modal.rig import Floats, Rig, Units
 from modal.routes import Part
 from modal.sources import Details
@@ -28,6 +29,8 @@ class Shape:
 def expanded(rig: Rig, units: Units, part: Part, copy: int, details: Details, normalise: str) -> Shape:
     """The copy-th vector of a part, `details` holding its one row."""
     shape = _together(rig, details) if part.kind is None else _alone(rig, part, copy, details)
+    if not np.all(np.isfinite(shape.angles)):
+        raise ComputationError("a mode shape of this scene is beyond double precision")
     return _normalised(shape, float(details.modal_mass[0]), units, normalise)
 
 

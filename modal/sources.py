@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.amplitude import coefficient, quartic
-from modal.chain import residual_mass
+from modal.chain import at_infinity
 from modal.crowd import Crowd
 from modal.effective import CartProblem, fixed_shapes, fixed_squares
 from modal.rig import Block, Floats, Ints
@@ -190,15 +190,9 @@ class Together:
 
 
 def bare_mobility(blocks: tuple[Block, ...], cart: tuple[float, float, float]) -> float:
-    """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx, or S₂/S₁² from f(ω²) = −S₁/ω² − S₂/ω⁴ … where M is singular."""
-    mass = cart[0] + sum(float(residual_mass(block).sum()) for block in blocks)
-    if mass > 0:
-        return 1.0 / mass
-    first = cart[2] + sum(float(block.constants[0].k.sum()) for block in blocks)
-    second = sum(
-        float((block.constants[0].k ** 2 / (block.constants[0].r + residual_mass(block, 1))).sum()) for block in blocks
-    )
-    return second / first**2
+    """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
+    alpha, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, blocks), strict=True))
+    return 1.0 / (cart[0] + alpha) if cart[0] + alpha > 0 else gamma / (cart[2] + beta) ** 2
 
 
 def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:

@@ -11,11 +11,14 @@ from html import escape
 from math import isfinite
 from typing import Any
 
+from modal.errors import ComputationError
 from modal.linear import Matrices
-from modal.modes import Mode, Modes
+from modal.mode import Mode
+from modal.modes import Modes
 from modal.rig import Floats
 from modal.scene import Scene, described
 
+MOST_SHAPE_NUMBERS = 5_000_000
 FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
 Value = float | int | str | bool | None
 
@@ -46,17 +49,17 @@ COLUMNS = (
         "cart_participation",
         "cart part.",
         "cart part.",
-        lambda m: _known(m.cart_participation),
+        lambda m: m.cart_participation,
         "{:.4g}",
         lambda modes: modes.rig.cart is not None,
     ),
-    Column("effective_mass_kg", "eff. mass (kg)", r"$\mu$ (kg)", lambda m: _known(m.effective_mass), "{:.6g}"),
-    Column("effective_mass_share", "share", "share", lambda m: _known(m.effective_mass_share), "{:.4g}"),
+    Column("effective_mass_kg", "eff. mass (kg)", r"$\mu$ (kg)", lambda m: m.effective_mass, "{:.6g}"),
+    Column("effective_mass_share", "share", "share", lambda m: m.effective_mass_share, "{:.4g}"),
     Column(
         "effective_mass_across_kg",
         "across (kg)",
         r"$\mu_y$ (kg)",
-        lambda m: _known(m.effective_mass_across),
+        lambda m: m.effective_mass_across,
         "{:.6g}",
         lambda modes: modes.rig.spatial,
     ),
@@ -64,12 +67,10 @@ COLUMNS = (
         "linear_to_1_percent_deg",
         "1 % at (°)",
         r"1\,\% at ($^\circ$)",
-        lambda m: _known(m.linear_to_1_percent_deg),
+        lambda m: m.linear_to_1_percent_deg,
         "{:.3g}",
     ),
-    Column(
-        "amplitude_coefficient_per_rad2", "κ", r"$\kappa$", lambda m: _known(m.kappa), "{:.4g}", lambda modes: False
-    ),
+    Column("amplitude_coefficient_per_rad2", "κ", r"$\kappa$", lambda m: m.kappa, "{:.4g}", lambda modes: False),
     Column("resonances", "resonances", "resonances", lambda m: "; ".join(m.resonances), "{}", lambda modes: False),
     Column("residual", "residual", "residual", lambda m: m.residual, "{:.1e}", lambda modes: False),
     Column("relative_error_bound", "± rel.", r"$\pm$ rel.", lambda m: m.relative_error_bound, "{:.0e}"),
@@ -90,7 +91,7 @@ def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False
 
 def records(rows: Sequence[Mode]) -> list[dict[str, Value]]:
     """One mapping a mode, all columns, units in the names."""
-    return [{column.key: column.value(row) for column in COLUMNS} for row in rows]
+    return [{column.key: _finite(column.value(row)) for column in COLUMNS} for row in rows]
 
 
 def json_table(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
@@ -99,6 +100,9 @@ def json_table(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
         {**record, "resonances": list(row.resonances)} for record, row in zip(records(rows), rows, strict=True)
     ]
     if shapes:
+        numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
+        if numbers > MOST_SHAPE_NUMBERS:
+            raise ComputationError(f"the shapes asked for hold {numbers} angles: choose fewer modes with --modes")
         for record, row in zip(found, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
     whole = {"scene": described(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
@@ -117,12 +121,13 @@ def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
     }
 
 
-def _known(value: float) -> float | None:
-    return value if isfinite(value) else None
+def _finite(value: Value) -> Value:
+    """The value, or None where it has no meaning."""
+    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def _shown(column: Column, row: Mode) -> str:
-    value = column.value(row)
+    value = _finite(column.value(row))
     if value is None:
         return "–"
     if column.key == "mode":

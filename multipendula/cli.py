@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 if TYPE_CHECKING:
-    from modal.modes import Mode, Modes
+    from modal.mode import Mode
+    from modal.modes import Modes
 
 SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
 LONG_TABLE = 2000

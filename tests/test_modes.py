@@ -244,7 +244,20 @@ def test_equal_frequencies_of_different_pendula_are_one_row() -> None:
     pendula = [Pendulum(links=(Bob(mass=m, length=1.0),)) for m in (1.0, 2.0)]
     modes = natural_modes(Scene(gravity=9.81, pendulum=pendula))
     assert modes.multiplicity.tolist() == [2]
+    assert modes[0].effective_mass == pytest.approx(3.0, rel=1e-14)
     np.testing.assert_array_equal(np.abs(whole_basis(modes, "angle")), np.eye(2))
+
+
+@pytest.mark.parametrize("seed", range(5000, 5200))
+def test_sum_rules_at_the_extremes(seed: int) -> None:
+    """Also where a mode that moves the cart has, to the last bit, the frequency of one that does not."""
+    scene = random_scene(seed, copies=True)
+    modes = natural_modes(scene.model_copy(update={"space": "space"}) if seed % 3 == 0 else scene)
+    rows = list(modes)
+    assert all(row.residual < 2e-15 for row in rows)
+    if modes.rig.cart:
+        assert sum(row.cart_participation for row in rows) == pytest.approx(1, rel=1e-9)
+        assert sum(row.effective_mass_share for row in rows) == pytest.approx(1, rel=1e-9)
 
 
 def test_resonances_are_named() -> None:

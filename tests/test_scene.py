@@ -121,6 +121,11 @@ def test_a_last_link_on_its_own_pivot_is_refused() -> None:
         Pendulum(links=(Bob(mass=1.0, length=1.0), Body(mass=1.0, length=1.0, centre=0.0, inertia=1.0)))
 
 
+def test_a_body_that_nothing_keeps_from_turning_is_refused() -> None:
+    with pytest.raises(SceneError, match=r"^inertia = 0\.0: must be positive where the centre is on the pivot$"):
+        Body(mass=1.0, length=1.0, centre=0.0, inertia=0.0)
+
+
 def test_too_many_links_in_all() -> None:
     with pytest.raises(SceneError, match="20000000 links in all"):
         Scene(gravity=1.0, pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0, count=20),), count=1_000_000)])
