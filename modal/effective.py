@@ -64,10 +64,11 @@ def fixed_shapes(chains: Block, x: Floats) -> Motion:
     """Shape r of chain r at x[r], for R chains (columns, repeated as needed): one block with arrays (n, 1, R)."""
     below, above = from_below(chains, x[:, None]), from_above(chains, x[:, None], None)
     gap, cost = _mismatch(below, above, joint_masses(chains))
-    joint = cost[1:].argmin(0) + 1
-    y, a = _joined(chains, below, above, joint, np.full(joint.shape, True), np.zeros(joint.shape))
+    cost[0] = np.inf
+    twist = np.arange(chains.n + 1)[:, None, None] == cost.argmin(0)
+    y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
     energies = kinetic(chains, y, a)
-    residual = np.take_along_axis(gap, joint[None], 0)[0] / energies.sum(0)
+    residual = np.where(twist, gap, 0.0).sum(0) / energies.sum(0)
     return Motion(np.zeros(len(x)), (a.swapaxes(1, 2),), (energies.swapaxes(1, 2),), residual[:, 0])
 
 
@@ -119,6 +120,22 @@ class CartProblem:
 
     def shapes(self, x: Floats) -> Motion:
         """Shapes of the modes at x (R,), all chains and the cart together."""
+        below, above = self._both_ways(x)
+        gaps, costs = zip(*map(_mismatch, below, above, self._joint_masses()), strict=True)
+        twists = _cheapest(costs)
+        climbed = [_climb(upper, twist) for upper, twist in zip(above, twists, strict=True)]
+        cart = np.sum([y[0].sum(0) for y in climbed], axis=0)
+        shapes = [
+            _joined(lower, y, upper.turn, twist, np.broadcast_to(cart, y[0].shape))
+            for lower, y, upper, twist in zip(below, climbed, above, twists, strict=True)
+        ]
+        energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(self.blocks, shapes, strict=True))
+        total = self.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
+        missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
+        return Motion(cart, tuple(a for _, a in shapes), energies, missed / total)
+
+    def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
+        """Elimination from the free ends, and from the cart with all the other chains on it."""
         below = [from_below(block, x[None]) for block in self.blocks]
         others = _without_each(self.mass - self.stiffness / x, [swept.mass[0] for swept in below])
         energy = _without_each(np.full(x.shape, self.mass), [swept.energy[0] for swept in below])
@@ -126,26 +143,7 @@ class CartProblem:
         pivot = self.mass + sum(swept.nearest[0].sum(0) for swept in below)
         for swept in below:
             swept.nearest[0] = pivot
-        gaps, costs = zip(*map(_mismatch, below, above, self._joint_masses()), strict=True)
-        home = np.array([cost.min((0, 1)) for cost in costs]).argmin(0)
-
-        cart, gap = np.ones(x.shape), np.zeros(x.shape)
-        twists = []
-        for index, (block, cost) in enumerate(zip(self.blocks, costs, strict=True)):
-            flat = cost.reshape(-1, x.size).argmin(0)
-            joint = np.broadcast_to(flat // block.size, (block.size, x.size))
-            here = (np.arange(block.size)[:, None] == flat % block.size) & (home == index)
-            cart = np.where(home == index, _climb(above[index], joint, here)[0].sum(0), cart)
-            gap = np.where(home == index, gaps[index].reshape(-1, x.size)[flat, np.arange(x.size)], gap)
-            twists.append((joint, here))
-        shapes = [
-            _joined(block, lower, upper, joint, here, np.broadcast_to(cart, joint.shape))
-            for block, lower, upper, (joint, here) in zip(self.blocks, below, above, twists, strict=True)
-        ]
-        turns = tuple(a for _, a in shapes)
-        energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(self.blocks, shapes, strict=True))
-        total = self.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
-        return Motion(cart, turns, energies, gap / total)
+        return below, above
 
     def _joint_masses(self) -> list[Floats]:
         own = [joint_masses(block) for block in self.blocks]
@@ -174,25 +172,32 @@ def _mismatch(below: Swept, above: Swept, own: Floats) -> tuple[Floats, Floats]:
     return gap, np.where(joinable, np.maximum(gap / weight, ROUNDING) / share, np.inf)
 
 
-def _climb(above: Swept, joint: Ints, twisted: Booleans) -> Floats:
+def _cheapest(costs: tuple[Floats, ...]) -> list[Booleans]:
+    """For every mode the one joint of all chains with the least cost, marked in arrays (n + 1, P, R)."""
+    home = np.array([cost.min((0, 1)) for cost in costs]).argmin(0)
+    marked = []
+    for index, cost in enumerate(costs):
+        flat = cost.reshape(-1, cost.shape[-1])
+        here = (np.arange(len(flat))[:, None] == flat.argmin(0)) & (home == index)
+        marked.append(here.reshape(cost.shape))
+    return marked
+
+
+def _climb(above: Swept, twist: Booleans) -> Floats:
     """Joints y from the twist upward, 1 at the twist, in the chains that hold it; 0 elsewhere."""
-    y = np.zeros(above.mass.shape)
-    for i in reversed(range(len(y))):
-        y[i] = np.where(twisted & (joint == i), 1.0, 0.0)
-        if i < len(y) - 1:
-            y[i] += y[i + 1] * above.gain[i]
+    y = np.where(twist, 1.0, 0.0)
+    for i in reversed(range(len(y) - 1)):
+        y[i] += y[i + 1] * above.gain[i]
     return y
 
 
-def _joined(
-    block: Block, below: Swept, above: Swept, joint: Ints, twisted: Booleans, pivot: Floats
-) -> tuple[Floats, Floats]:
+def _joined(below: Swept, climbed: Floats, turn_above: Floats, twist: Booleans, pivot: Floats) -> tuple[Floats, Floats]:
     """Joints and turns of the shapes: climbed above the twist, descended below it and in every other chain."""
-    climbed = _climb(above, joint, twisted)
     y, a = np.empty_like(below.mass), np.empty_like(below.gain)
-    y[0] = np.where(twisted, climbed[0], pivot)
-    for i in range(block.n):
-        over = twisted & (joint > i)
+    over = twist.any(0)
+    y[0] = np.where(over, climbed[0], pivot)
+    for i in range(len(a)):
+        over = over & ~twist[i]
         y[i + 1] = np.where(over, climbed[i + 1], y[i] * below.gain[i])
-        a[i] = np.where(over, climbed[i + 1] * above.turn[i], y[i] * below.turn[i])
+        a[i] = np.where(over, climbed[i + 1] * turn_above[i], y[i] * below.turn[i])
     return y, a

@@ -9,7 +9,7 @@ NEGLIGIBLE = 0.01
 
 
 def family(*, on_cart: bool, still: bool, along: int, across: int, omega: float, ratio: float, motion: str) -> str:
-    """Words for one distinct frequency: `along` the rail and `across` it it is so many-fold.
+    """Words for one distinct frequency: so many-fold `along` the rail and `across` it.
 
     `still` says that the support does not move; `ratio` is −Re λ/|λ|, `motion` comes from `motion_words`.
     """
@@ -35,11 +35,16 @@ def _decay(ratio: float) -> str:
 
 
 def motion_words(
-    angles: tuple[NDArray[np.inexact], ...], shares: tuple[NDArray[np.float64], ...], at: int, *, several: bool
+    angles: tuple[NDArray[np.inexact], ...],
+    shares: tuple[NDArray[np.float64], ...],
+    at: int,
+    names: list[str],
+    *,
+    several: bool,
 ) -> str:
     """Which pendula agree and how the links of the busiest one do, in mode `at` of angles and shares (n, P, R).
 
-    `several` says that every column stands for more than one pendulum moving alike.
+    `names` are those of all P kinds; `several` says that one column stands for several pendula moving alike.
     """
     energy = np.concatenate([share[:, :, at].sum(0) for share in shares])
     busiest = int(energy.argmax())
@@ -48,16 +53,16 @@ def motion_words(
     column = busiest - int(sizes[block]) + shares[block].shape[1]
     chain = _in_phase_with_largest(angles[block][:, column, at])
     top = np.concatenate([angle[0, :, at] for angle in angles])
-    return ", ".join(word for word in (_agreement(top, energy, several), _order(chain)) if word)
+    return ", ".join(word for word in (_agreement(top, energy, names, several), _order(chain)) if word)
 
 
-def _agreement(top: NDArray[np.inexact], energy: NDArray[np.float64], several: bool) -> str:
+def _agreement(top: NDArray[np.inexact], energy: NDArray[np.float64], names: list[str], several: bool) -> str:
     """In phase or not, by the top links of all pendula that hold a fair share of the energy."""
     if len(top) == 1:
         return "in phase" if several else ""
     busy = energy >= NEGLIGIBLE * energy.max()
     if busy.sum() == 1:
-        return f"mostly kind {int(energy.argmax()) + 1} of {len(top)}"
+        return f"mostly {names[int(energy.argmax())]}"
     signs = np.sign(_in_phase_with_largest(top[busy]))
     return "in phase" if np.all(signs > 0) or np.all(signs < 0) else "mixed phases"
 

@@ -165,8 +165,16 @@ class Modes(Sequence[Mode]):
             across=sum(part.across for part in self.groups[number]),
             omega=omega,
             ratio=ratio,
-            motion=motion_words(head.details.angles, head.details.shares, head.at, several=several),
+            motion=motion_words(head.details.angles, head.details.shares, head.at, self._names, several=several),
         )
+
+    @cached_property
+    def _names(self) -> list[str]:
+        """Every kind by the first pendulum entry of the file that hangs it, block by block."""
+        first: dict[tuple[int, int], int] = {}
+        for entry, (block, column, _) in enumerate(self.rig.members, 1):
+            first.setdefault((block, column), entry)
+        return [f"pendulum {first[key]}" for key in sorted(first)]
 
     def _resonances(self, number: int) -> tuple[str, ...]:
         """Other modes whose frequency is within 2 % of this one's, three times it or a third of it."""
@@ -195,7 +203,7 @@ def natural_modes(scene: Scene) -> Modes:
     rig = rig_of(scene)
     natural, units = rig.natural()
     with np.errstate(all="ignore"):
-        found = list(families(natural, scene.has_damping or scene.has_joint_springs))
+        found = list(families(natural))
         values = np.concatenate([member.source.eigenvalue[member.rows] for member in found])
         errors = np.concatenate([member.source.error[member.rows] for member in found])
     if not np.all(np.isfinite(values)):

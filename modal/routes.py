@@ -16,7 +16,7 @@ import numpy as np
 from modal.crowd import Crowd
 from modal.effective import CartProblem
 from modal.matrix_source import Dense
-from modal.rig import Ints, Rig
+from modal.rig import Block, Booleans, Ints, Rig
 from modal.sources import Alone, Rigid, Source, Together, bare_mobility
 
 MOST_LINKS_TOGETHER = 600
@@ -54,30 +54,44 @@ class Family:
         return (Part(index, *number) for number in numbers)
 
 
-def families(rig: Rig, is_dense: bool) -> Iterator[Family]:
-    """All modes of a rig in natural units; `is_dense` where joint springs or dampers break the structured form."""
+def families(rig: Rig) -> Iterator[Family]:
+    """All modes of a rig in natural units; a dense source only for what has joint springs or dampers."""
     for index, block in enumerate(rig.blocks):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
-        kinds = np.flatnonzero(along + across)
-        for chosen in kinds[:, None] if is_dense else filter(len, [kinds]):
-            alone = block.take(chosen)
-            source = Dense((alone,), (alone.count,), None, 1.0) if is_dense else Alone(alone)
+        needed = along + across > 0
+        for chosen, source in _alone(block, needed):
             rows = np.arange(len(source.eigenvalue))
             columns = chosen[rows % chosen.size]
             yield Family(source, rows, along[columns], across[columns], index, columns)
     if rig.cart:
-        yield from (_moving(source) for source in _with_cart(rig, rig.cart, is_dense))
+        yield from (_moving(source) for source in _with_cart(rig, rig.cart))
 
 
-def _with_cart(rig: Rig, cart: tuple[float, float, float], is_dense: bool) -> Iterator[Source]:
-    mass, _, stiffness = cart
+def _alone(block: Block, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
+    """The needed columns and their sources: all structured chains in one, the others one by one."""
+    structured = np.flatnonzero(needed & ~_is_dense(block))
+    if structured.size:
+        yield structured, Alone(block.take(structured))
+    for column in np.flatnonzero(needed & _is_dense(block)):
+        chain = block.take(np.array([column]))
+        yield np.array([column]), Dense((chain,), (chain.count,), None, 1.0)
+
+
+def _is_dense(block: Block) -> Booleans:
+    """Which chains (P,) have joint springs or dampers."""
+    broken: Booleans = (block.damping > 0).any(0) | (block.stiffness > 0).any(0)
+    return broken
+
+
+def _with_cart(rig: Rig, cart: tuple[float, float, float]) -> Iterator[Source]:
+    mass, damping, stiffness = cart
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
     mobility = bare_mobility(heavy, cart)
     if stiffness == 0:
         yield Rigid(rig.blocks, rig.total_mass, mobility)
-    if is_dense:
+    if damping > 0 or any(_is_dense(block).any() for block in rig.blocks):
         yield Dense(heavy, counts, cart, mobility)
     else:
         few = rig.n_kinds == 1 or sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER

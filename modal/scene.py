@@ -191,11 +191,6 @@ class Scene(_Part):
             link.damping > 0 for link in self.links()
         )
 
-    @property
-    def has_joint_springs(self) -> bool:
-        """Whether any joint has a torsion spring."""
-        return any(link.stiffness > 0 for link in self.links())
-
     def links(self) -> Iterator[Bob | Rod | Body]:
         """Every link as written: copies and runs of equal links once each."""
         return (link for pendulum in self.pendulum for link in pendulum.links)

@@ -193,6 +193,27 @@ def test_overdamped_modes_are_told_apart() -> None:
     assert slow.damping_ratio == 1.0
 
 
+def test_a_damper_on_the_cart_leaves_antiphase_its_exact_route() -> None:
+    """It drains only the modes that move the cart (Huygens); the others are those of the undamped scene."""
+    links = (Rod(mass=1.0, length=1.0), Bob(mass=1.0, length=0.5))
+    free, dragged = (
+        natural_modes(Scene(gravity=9.81, support=Cart(mass=5.0, damping=c), pendulum=[Pendulum(links=links, count=3)]))
+        for c in (0.0, 2.0)
+    )
+    still = [[row for row in modes if row.family.startswith("cart still")] for modes in (free, dragged)]
+    assert [row.omega for row in still[0]] == [row.omega for row in still[1]]
+    assert all(row.damping_ratio == 0 and np.isfinite(row.kappa) for row in still[1])
+    assert all(row.damping_ratio > 0 for row in dragged if row not in still[1] and row.omega > 0)
+
+
+def test_words_name_pendula_as_the_file_counts_them() -> None:
+    pendula = [Pendulum(links=(Bob(mass=1.0, length=l, count=n),)) for l, n in ((1.0, 2), (5.0, 1), (9.0, 1))]
+    modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=1e9), pendulum=pendula))
+    assert [row.family for row in modes[1:4]] == [
+        f"cart moves: mostly pendulum {k}" + w for k, w in ((3, ""), (2, ""), (1, ", slow"))
+    ]
+
+
 def test_light_damping_of_one_pendulum() -> None:
     (mode,) = natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=2.0, length=3.0, damping=0.7),))]))
     assert mode.omega == pytest.approx(np.sqrt(9.81 / 3), rel=1e-14)
