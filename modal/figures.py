@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from textwrap import fill
 from typing import IO
 
 import numpy as np
@@ -60,7 +61,7 @@ def draw_shapes(
         axis.set_axis_off()
     for axis, row in zip(axes.flat, rows, strict=False):
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))
-    figure.supxlabel(_caption(modes, layout, amplitude_deg), fontsize=8, color=RAIL)
+    figure.supxlabel(_caption(modes, rows, layout, amplitude_deg), fontsize=8, color=RAIL)
     figure.savefig(stream, format=form)
 
 
@@ -103,7 +104,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: floa
         _swing(axis, modes, layout, shape, amplitude, FRONT, 1.0)
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio else ""
     axis.set_title(
-        f"mode {row.number}:  {row.frequency:.4g} Hz\nω = {row.omega:.5g} rad/s{decay}\n{_wrapped(row.family)}",
+        f"mode {row.number}:  {row.frequency:.4g} Hz\nω = {row.omega:.5g} rad/s{decay}\n{_wrapped(row.family, layout)}",
         fontsize=8.5,
         color=INK,
         linespacing=1.35,
@@ -128,6 +129,8 @@ def _swing(
     _support(axis, modes, layout, shift, colour, alpha)
     for links, first, pivot in zip(layout.links, layout.offsets, layout.pivots, strict=True):
         angles = amplitude * shape.angles[first : first + len(links)]
+        if colour != REST and shift == 0 and not angles.any():
+            continue
         length = np.array([link.length for link in links])
         lean = (np.sin(angles), np.cos(angles)) if len(links) <= MOST_MARKS else (angles, np.ones(len(links)))
         x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
@@ -172,15 +175,16 @@ def _support(axis: Axes, modes: Modes, layout: _Layout, shift: float, colour: st
     axis.add_patch(box)
 
 
-def _wrapped(words: str, width: int = 34) -> str:
-    from textwrap import fill
-
-    return fill(words, width)
+def _wrapped(words: str, layout: _Layout) -> str:
+    return fill(words, 34 if layout.half_width < layout.depth else 50)
 
 
-def _caption(modes: Modes, layout: _Layout, amplitude_deg: float) -> str:
-    total = modes.scene.n_pendula
-    part = f"; {len(layout.links)} of {total} pendula drawn" if len(layout.links) < total else ""
+def _caption(modes: Modes, rows: Sequence[Mode], layout: _Layout, amplitude_deg: float) -> str:
     linear = max(map(len, layout.links)) > MOST_MARKS
-    scale = "sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"
-    return f"grey: rest; blue and orange: the two ends of the swing, {scale}{part}"
+    words = ["grey: rest", "blue and orange: the two ends of the swing"]
+    words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
+    if any(row.multiplicity > 1 for row in rows):
+        words += ["one shape of each many-fold mode"]
+    if len(layout.links) < modes.scene.n_pendula:
+        words += [f"{len(layout.links)} of {modes.scene.n_pendula} pendula drawn"]
+    return "; ".join(words)

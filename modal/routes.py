@@ -80,8 +80,7 @@ def _alone(block: Block, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
 
 def _is_dense(block: Block) -> Booleans:
     """Which chains (P,) have joint springs or dampers."""
-    broken: Booleans = (block.damping > 0).any(0) | (block.stiffness > 0).any(0)
-    return broken
+    return np.asarray(((block.damping > 0) | (block.stiffness > 0)).any(0), dtype=np.bool_)
 
 
 def _with_cart(rig: Rig, cart: tuple[float, float, float]) -> Iterator[Source]:
