@@ -3,7 +3,7 @@
 Undamped: the symmetric pencil K φ = ω² M φ.  Damped: the state matrix of M q'' + D q' + K q = 0, whose eigenvalues
 −ζω ± iω√(1−ζ²) give the natural frequency |λ| and the damping ratio −Re λ/|λ|.  A free cart's position is taken
 out first, so that its rigid translation is exact and leaves no defective zero behind; so is its momentum where
-nothing damps it.  Coordinates whose inertia is singular (a massless cart over bobs) are refused by name.
+nothing damps it.  With dampers a singular mass matrix (a massless cart over bobs) is refused by name.
 """
 
 from __future__ import annotations
@@ -31,23 +31,27 @@ class DenseModes:
     error: Floats
 
 
-def undamped(M: Floats, K: Floats, free: bool) -> DenseModes:
-    """Modes of K φ = ω² M φ, K positive definite but for a free cart in row 0."""
+def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> DenseModes:
+    """Modes of K φ = ω² M φ, K positive definite but for a `free` cart in row 0.
+
+    Where M is known to be `singular`, by one dimension, the mode at infinite frequency is left out.
+    """
     _refuse_beyond(LARGEST_UNDAMPED, len(M), "joint springs")
     inertia, stiffness = _without_cart(M, K) if free else (M, K)
     scale = 1 / np.sqrt(np.diag(stiffness))
     L = np.linalg.cholesky(stiffness * scale * scale[:, None])
     half = np.linalg.solve(L, inertia * scale * scale[:, None])
     inverse_square, v = np.linalg.eigh(np.linalg.solve(L, half.T))
-    if inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
+    inverse_square, v = inverse_square[singular:], v[:, singular:]
+    if inverse_square.size and inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
         raise ComputationError("the frequencies spread too far for the dense route that joint springs need")
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
-    error = 2 * len(M) * EPS * inverse_square[0] / inverse_square
+    error = 2 * len(M) * EPS * inverse_square[:1] / inverse_square
     return DenseModes(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
 
 
-def damped(M: Floats, D: Floats, K: Floats, free: bool) -> DenseModes:
+def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> DenseModes:
     """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it)."""
     _refuse_beyond(LARGEST_DAMPED, len(M), "dampers")
     if free and not D[0].any():
@@ -75,9 +79,11 @@ def _state_modes(M: Floats, D: Floats, K: Floats, keep: slice) -> tuple[Complexe
     values, right = np.linalg.eig(state)
     left = np.linalg.pinv(right)
     condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
-    moving = values != 0
-    shape = right[held:, moving] / values[moving]
-    return values[moving], shape, condition[moving]
+    if np.any(values == 0):
+        raise ComputationError(
+            "the dampers spread this scene's eigenvalues beyond double precision: some came out as 0"
+        )
+    return values, right[held:] / values, condition
 
 
 def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats]:

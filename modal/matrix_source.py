@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from modal import dense
 from modal.amplitude import coefficient, quartic
+from modal.effective import CartProblem
 from modal.linear import assembled
 from modal.rig import Block, Floats, Ints, Rig
 from modal.sources import Details, largest_angle, per_copy
@@ -42,7 +43,10 @@ class Dense:
         """Eigenvalues, shapes, errors."""
         M, K, D = self.matrices
         free = self.cart is not None and self.cart[2] == 0
-        return dense.damped(M, D, K, free) if self.is_damped else dense.undamped(M, K, free)
+        if self.is_damped:
+            return dense.damped(M, D, K, free=free)
+        singular = self.cart is not None and CartProblem(self.blocks, self.cart[0], self.cart[2]).bare_mass == 0
+        return dense.undamped(M, K, free=free, singular=singular)
 
     @property
     def eigenvalue(self) -> NDArray[np.complex128]:

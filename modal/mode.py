@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import pi
 
+UNCERTAIN = 0.1
+
 
 @dataclass(frozen=True)
 class Mode:
@@ -31,6 +33,11 @@ class Mode:
     residual: float
     relative_error_bound: float
     indistinct: bool
+
+    @property
+    def is_uncertain(self) -> bool:
+        """Whether no digit of `omega` is certain: the scene is beyond double precision on its route."""
+        return self.relative_error_bound >= UNCERTAIN
 
     @property
     def frequency(self) -> float:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from modal.amplitude import one_percent_amplitude
 from modal.errors import ComputationError
 from modal.families import family, motion_words
-from modal.mode import Mode
+from modal.mode import UNCERTAIN, Mode
 from modal.rig import Floats, Ints, Rig, Units, rig_of
 from modal.routes import Part, families, notes
 from modal.scene import Scene
@@ -156,6 +156,8 @@ class Modes(Sequence[Mode]):
         )
 
     def _family(self, number: int, head: _Piece, omega: float, ratio: float) -> str:
+        if self.error[number] >= UNCERTAIN:
+            return "beyond double precision"
         still = head.part.kind is not None
         several = not still and sum(count for _, _, count in self.rig.members) > 1
         return family(

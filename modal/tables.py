@@ -131,7 +131,8 @@ def _shown(column: Column, row: Mode) -> str:
     if value is None:
         return "–"
     if column.key == "mode":
-        return f"{value}{'*' if row.resonances else ''}{'~' if row.indistinct else ''}"
+        marks = (("*", bool(row.resonances)), ("~", row.indistinct), ("!", row.is_uncertain))
+        return f"{value}{''.join(mark for mark, holds in marks if holds)}"
     if column.key == "linear_to_1_percent_deg" and isinstance(value, float) and value > 90:
         return ">90"
     return column.form.format(value)
@@ -141,6 +142,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
     notes = list(modes.notes)
     if any(row.resonances for row in rows):
         notes.append("* near a 1:1 or 1:3 resonance with another mode: the 1 % amplitude is a guide there.")
+    if any(row.is_uncertain for row in rows):
+        notes.append("! beyond double precision: no digit of this frequency is certain.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to a neighbour than the error bounds can tell apart.")
     return notes

@@ -136,6 +136,20 @@ def test_what_cannot_be_computed_is_1(capsys: pytest.CaptureFixture[str], tmp_pa
     assert "beyond double precision" in refused(capsys, 1, "table", str(path))
 
 
+def stiff(path: Path, damping: str) -> str:
+    links = f'{{ kind = "bob", mass = 1, length = 1, damping = {damping} }}, {{ kind = "rod", mass = 1, length = 1 }}'
+    path.write_text(f"gravity = 1.0\n[[pendulum]]\nlinks = [{links}]\n")
+    return str(path)
+
+
+def test_frequencies_without_a_certain_digit_are_marked(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    text = printed(capsys, "table", stiff(tmp_path / "stiff.toml", "1e10"))
+    assert "1!" in text
+    assert text.count("beyond double precision") == 2
+    assert "!" not in printed(capsys, "table", "metronomes")
+    assert "beyond double precision" in refused(capsys, 1, "table", stiff(tmp_path / "stiffer.toml", "1e30"))
+
+
 def test_usage_errors_are_2() -> None:
     for words in ([], ["table"], ["table", "chain-1", "--format", "yaml"], ["dance"]):
         assert run(*words).returncode == 2

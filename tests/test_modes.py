@@ -93,6 +93,23 @@ def test_a_massless_cart_over_bobs_loses_one_mode_and_says_so(stiffness: float) 
     assert_certified(modes, 1e-14)
 
 
+def test_a_massless_cart_over_bobs_with_joint_springs() -> None:
+    """One bob on a spring, its pivot free: nothing but the translation has a finite frequency; two bobs: one more."""
+    scenes = [
+        Scene(
+            gravity=9.81,
+            support=Cart(mass=0.0),
+            pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0, stiffness=2.0, count=n),))],
+        )
+        for n in (1, 2)
+    ]
+    assert natural_modes(scenes[0]).omega.tolist() == [0.0]
+    modes = natural_modes(scenes[1])
+    assert "singular" in modes.notes[0]
+    exact = dense(scenes[1])
+    assert [exact.below(mp.mpf(float(modes.omega[1])) ** 2 * (1 + s * mp.mpf("1e-13"))) for s in (-1, 1)] == [0, 1]
+
+
 def test_a_massless_cart_over_rods_keeps_all_modes() -> None:
     scene = Scene(
         gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0),), count=2)]
