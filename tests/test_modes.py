@@ -336,3 +336,27 @@ def test_items_slices_and_iteration_agree() -> None:
         modes[5]
     with pytest.raises(IndexError):
         modes.shape(1, 2)
+
+
+def state_eigenvalues(scene: Scene) -> list[complex]:
+    """All eigenvalues of the whole scene's state matrix, in 60 digits."""
+    with mp.workdps(60):
+        M, K, D = (mp.matrix(a.tolist()) for a in (getattr(matrices(scene), name) for name in "MKD"))
+        n, inverse = M.rows, M**-1
+        state = mp.zeros(2 * n, 2 * n)
+        state[:n, n:] = mp.eye(n)
+        state[n:, :n], state[n:, n:] = -inverse * K, -inverse * D
+        return [complex(value) for value in mp.eig(state)[0]]
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_damped_error_bounds_hold(seed: int) -> None:
+    """Dampers over eight decades, on joints and, every other time, on the cart."""
+    scene = mild(seed, damping=float(10 ** np.random.default_rng(seed).uniform(-4, 4)))
+    scene = scene.model_copy(update={"pendulum": tuple(p.model_copy(update={"count": 1}) for p in scene.pendulum)})
+    if seed % 2 and isinstance(scene.support, Cart):
+        scene = scene.model_copy(update={"support": scene.support.model_copy(update={"damping": 1.5})})
+    modes, exact = natural_modes(scene), np.array(state_eigenvalues(scene))
+    for value, error in zip(modes.eigenvalue, modes.error, strict=True):
+        if value:
+            assert np.abs(exact - value).min() <= (error + 4e-16) * abs(value)
