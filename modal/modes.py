@@ -22,7 +22,7 @@ from modal.shapes import Shape, expanded
 from modal.sources import Details, Source
 
 RESONANCE = 0.02
-CHUNK = 4_000_000
+CHUNK = 400_000
 
 
 class _Piece(NamedTuple):
