@@ -15,6 +15,9 @@ from modal.linear import assembled
 from modal.rig import Block, Floats, Ints, Rig
 from modal.sources import Details, largest_angle, per_copy
 
+LIGHT = 0.1
+"""Damping ratio up to which a mode has an amplitude coefficient."""
+
 
 @dataclass(frozen=True, eq=False)
 class Dense:
@@ -59,39 +62,45 @@ class Dense:
         return self.modes.error
 
     def details(self, rows: Ints) -> Details:
-        """Shapes; what a damped mode lacks is NaN."""
+        """Shapes, turned so that the largest angle is real; what a damped mode lacks is NaN."""
         M, K, D = self.matrices
-        value, shape = self.modes.eigenvalue[rows], self.modes.shape[:, rows]
+        first = 1 if self.cart else 0
+        value, shape = self.modes.eigenvalue[rows], _in_phase(self.modes.shape[:, rows], first)
         energy = np.einsum("ir,ij,jr->r", shape.conj(), M, shape).real
         cart = shape[0] if self.cart else np.zeros(len(rows), dtype=np.complex128)
-        angles = self._split(shape[1 if self.cart else 0 :])
+        angles = self._split(shape[first:])
         push = M @ shape * value**2 + D @ shape * value + K @ shape
         size = abs(M) @ abs(shape) * abs(value) ** 2 + abs(D) @ abs(shape) * abs(value) + abs(K) @ abs(shape)
-        shares = per_copy(self._energies(cart, angles), energy, self.counts)
         found = Details(
             modal_mass=energy,
             effective_mass=np.full(len(rows), np.nan),
             cart=cart,
             mobility=np.abs(cart) ** 2 / energy / self.bare_mobility,
-            kappa=np.full(len(rows), np.nan),
+            kappa=np.where(
+                np.abs(value.real) < LIGHT * abs(value), self._kappa(cart, angles, energy, abs(value)), np.nan
+            ),
             residual=(np.abs(push) / np.where(size > 0, size, 1.0)).max(0),
             angles=angles,
-            shares=shares,
+            shares=per_copy(self._energies(cart, angles), energy, self.counts),
         )
-        return found if self.is_damped else self._conservative(found, np.abs(value) ** 2)
+        return found if self.is_damped else self._conservative(found, np.abs(value))
 
-    def _conservative(self, found: Details, x: Floats) -> Details:
-        """The same with real shapes, effective mass and κ, which damped modes do not have."""
+    def _kappa(
+        self, cart: NDArray[np.inexact], angles: tuple[NDArray[np.inexact], ...], energy: Floats, omega: Floats
+    ) -> Floats:
+        """κ of the part of each shape that moves in phase: exact without dampers, to first order in light ones."""
+        in_phase, x = tuple(angle.real for angle in angles), omega**2
+        parts = [quartic(block, x, cart.real, angle).sum(0) for block, angle in zip(self.blocks, in_phase, strict=True)]
+        return coefficient(np.sum(parts, axis=0), energy, x, largest_angle(in_phase))
+
+    def _conservative(self, found: Details, omega: Floats) -> Details:
+        """The same with real shapes and effective masses, which damped modes do not have."""
         cart, angles = found.cart.real, tuple(angle.real for angle in found.angles)
-        parts = [quartic(block, x, cart, angle).sum(0) for block, angle in zip(self.blocks, angles, strict=True)]
-        momentum = self.cart[2] * cart / x if self.cart else (self.blocks[0].b[:, :, None] * angles[0]).sum((0, 1))
-        return replace(
-            found,
-            cart=cart,
-            angles=angles,
-            effective_mass=momentum**2 / found.modal_mass,
-            kappa=coefficient(np.sum(parts, axis=0), found.modal_mass, x, largest_angle(angles)),
-        )
+        if self.cart:
+            momentum = self.cart[2] * cart / omega**2
+        else:
+            momentum = (self.blocks[0].b[:, :, None] * angles[0]).sum((0, 1))
+        return replace(found, cart=cart, angles=angles, effective_mass=momentum**2 / found.modal_mass)
 
     def _split(self, angles: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], ...]:
         ends = np.cumsum([block.mass.size for block in self.blocks])[:-1]
@@ -108,3 +117,11 @@ class Dense:
             centre = top + angle * block.centre[:, :, None]
             found.append(block.mass[:, :, None] * np.abs(centre) ** 2 + block.inertia[:, :, None] * np.abs(angle) ** 2)
         return tuple(found)
+
+
+def _in_phase(shape: NDArray[np.complex128], first: int) -> NDArray[np.complex128]:
+    """Each column turned in the complex plane until its largest angle, in rows `first` …, is real and positive."""
+    angles = shape[first:]
+    leading = np.take_along_axis(angles, np.abs(angles).argmax(0)[None], 0)[0]
+    size = np.abs(leading)
+    return shape * np.where(size > 0, leading.conj() / np.where(size > 0, size, 1.0), 1.0)

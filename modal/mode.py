@@ -15,7 +15,8 @@ class Mode:
     `omega` (rad/s) is |λ| of the eigenvalue λ, `damping_ratio` −Re λ/|λ| (1: overdamped, below 0: unstable);
     `cart_participation` is this mode's share of the cart's response to a sudden push (undamped modes sum to 1);
     `effective_mass` (kg) that of the support's motion along the rail; `kappa` and `linear_to_1_percent_deg` are for
-    the largest angle of the mode.  NaN stands where a quantity has no meaning (κ of a damped mode).
+    the largest angle of the mode.  NaN stands where a quantity has no meaning (effective mass of a damped mode, κ above
+    a damping ratio of 0.1).
     """
 
     number: int

@@ -231,6 +231,21 @@ def test_words_name_pendula_as_the_file_counts_them() -> None:
     ]
 
 
+def test_light_damping_hardly_moves_the_amplitude_coefficient() -> None:
+    """κ differs from the undamped one by a term that shrinks with the damping; strong damping has none."""
+    links = (Rod(mass=1.0, length=1.0), Rod(mass=2.0, length=0.7))
+    undamped, light, lighter, strong = (
+        list(natural_modes(Scene(gravity=9.81, support=Cart(mass=5.0, damping=c), pendulum=[Pendulum(links=links)])))
+        for c in (0.0, 1e-2, 1e-3, 1e4)
+    )
+    errors = [
+        [abs(a.kappa / b.kappa - 1) for a, b in zip(rows[-2:], undamped[-2:], strict=True)] for rows in (light, lighter)
+    ]
+    assert max(errors[0]) < 1e-3
+    assert max(errors[1]) < 0.11 * max(errors[0])
+    assert any(np.isnan(row.kappa) for row in strong)
+
+
 def test_light_damping_of_one_pendulum() -> None:
     (mode,) = natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=2.0, length=3.0, damping=0.7),))]))
     assert mode.omega == pytest.approx(np.sqrt(9.81 / 3), rel=1e-14)
