@@ -77,7 +77,7 @@ class Dense:
             cart=cart,
             mobility=np.abs(cart) ** 2 / energy / self.bare_mobility,
             kappa=np.where(
-                np.abs(value.real) < LIGHT * abs(value), self._kappa(cart, angles, energy, abs(value)), np.nan
+                np.abs(value.real) < LIGHT * np.abs(value), self._kappa(cart, angles, energy, np.abs(value)), np.nan
             ),
             residual=(np.abs(push) / np.where(size > 0, size, 1.0)).max(0),
             angles=angles,
