@@ -169,8 +169,21 @@ def _title(modes: Modes) -> str:
 
 
 def _text(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    body = _dressed("simple", columns, cells, [column.heading for column in columns])
-    return "\n".join([_title(modes), "", body, *(["", *notes] if notes else [])]) + "\n"
+    """Aligned by hand: the default format imports nothing, so that the command starts quickly."""
+    headings = [column.heading for column in columns]
+    widths = [max(map(len, column)) for column in zip(headings, *cells, strict=True)]
+    lines = [headings, ["-" * width for width in widths], *cells]
+    return (
+        "\n".join([_title(modes), "", *(_aligned(columns, widths, line) for line in lines), "", *notes]).rstrip() + "\n"
+    )
+
+
+def _aligned(columns: Sequence[Column], widths: list[int], cells: list[str]) -> str:
+    padded = (
+        cell.ljust(width) if column.key == "family" else cell.rjust(width)
+        for column, width, cell in zip(columns, widths, cells, strict=True)
+    )
+    return "  ".join(padded).rstrip()
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
