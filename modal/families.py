@@ -71,7 +71,8 @@ def _order(chain: NDArray[np.float64]) -> str:
     """Slow and fast for two links; else the number of neighbours that swing against each other."""
     if len(chain) == 1:
         return ""
-    opposed = int(np.sum(chain[1:] * chain[:-1] < 0))
+    signs = np.sign(chain[chain != 0])
+    opposed = int(np.sum(signs[1:] != signs[:-1]))
     if len(chain) == 2:
         return "fast" if opposed else "slow"
     if opposed in (0, len(chain) - 1):

@@ -35,13 +35,14 @@ def load(source: str | os.PathLike[str]) -> Scene:
 def parse(text: bytes) -> Scene:
     """The scene in a TOML document."""
     try:
-        return scene_from(tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n")))
+        data = tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n"))
     except UnicodeDecodeError as error:
         raise SceneError([f"byte {error.start} is not UTF-8 text"]) from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
+    return scene_from(data)
 
 
 def dumps(scene: Scene) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
+from math import pi, sqrt
 
 UNCERTAIN = 0.1
 
@@ -47,5 +47,6 @@ class Mode:
 
     @property
     def period(self) -> float | None:
-        """Seconds; None for ω = 0 and for a mode that does not oscillate."""
-        return 2 * pi / self.omega if self.omega > 0 and abs(self.damping_ratio) < 1 else None
+        """Seconds, 2π/|Im λ|; None for ω = 0 and for a mode that does not oscillate."""
+        ratio = self.damping_ratio
+        return 2 * pi / (self.omega * sqrt((1 - ratio) * (1 + ratio))) if self.omega > 0 and abs(ratio) < 1 else None

@@ -204,10 +204,13 @@ def natural_modes(scene: Scene) -> Modes:
     """
     rig = rig_of(scene)
     natural, units = rig.natural()
-    with np.errstate(all="ignore"):
-        found = list(families(natural))
-        values = np.concatenate([member.source.eigenvalue[member.rows] for member in found])
-        errors = np.concatenate([member.source.error[member.rows] for member in found])
+    try:
+        with np.errstate(all="ignore"):
+            found = list(families(natural))
+            values = np.concatenate([member.source.eigenvalue[member.rows] for member in found])
+            errors = np.concatenate([member.source.error[member.rows] for member in found])
+    except np.linalg.LinAlgError:
+        raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
     if not np.all(np.isfinite(values)):
         raise ComputationError("the ratios in this scene are beyond double precision")
     parts = [part for index, member in enumerate(found) for part in member.parts(index)]

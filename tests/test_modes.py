@@ -200,6 +200,18 @@ def test_damped_modes_satisfy_the_quadratic_eigenproblem(seed: int) -> None:
     assert 2 * modes.multiplicity.sum() - real + zeros * bool(zeros) == 2 * n + 0 * zeros
 
 
+def test_the_period_of_a_damped_mode_is_that_of_its_oscillation() -> None:
+    (mode,) = natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0, damping=5.0),))]))
+    assert mode.period == pytest.approx(2 * np.pi / abs(np.roots([1.0, 5.0, 9.81])[0].imag), rel=1e-13)
+
+
+def test_opposed_joints_are_counted_even_where_products_of_angles_underflow() -> None:
+    rows = natural_modes(load("rope"))[900:1000:33]
+    opposed = [int(row.family.split(": ")[1].split()[0]) for row in rows]
+    assert opposed[:3] == [row.number - 1 for row in rows[:3]]
+    assert opposed[3] > 900
+
+
 def test_overdamped_modes_are_told_apart() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=1.0, length=1.0, damping=10.0),))])
     slow, fast = natural_modes(scene)

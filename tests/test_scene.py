@@ -91,6 +91,7 @@ def test_one_mistake_in_a_link(changes: dict, words: str) -> None:
         ("gravity = ", "broken TOML: "),
         ("gravity = 9.81\ngravity = 9.81", "broken TOML: "),
         ("a = " + "[" * 5000, "broken TOML: "),
+        ("gravity = " + "9" * 5000, "broken TOML: "),
         ("", "gravity: is required"),
         ("gravity = 9.81\npendulum = 3", "pendulum = 3: must be a list"),
         ("gravity = 9.81\npendulum = [3]", "pendulum[0] = 3: must be a table"),
