@@ -1,7 +1,8 @@
 """A cart with many different pendula: each one's own modes, coupled by the secular equation.
 
 With the cart displaced by X, the fixed-support mode r of a pendulum follows with amplitude
-x P_r X / (E_r (λ_r − x)), where P_r = φ_rᵀ b is its momentum, E_r = φ_rᵀ A φ_r and μ_r = P_r²/E_r.
+x P_r X / (E_r (λ_r − x)), where P_r = φ_rᵀ b is its momentum, E_r = φ_rᵀ A φ_r and μ_r = P_r²/E_r its modal
+effective mass.  Equal λ_r are one pole.
 """
 
 from __future__ import annotations
@@ -11,101 +12,95 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.chain import at_infinity, kinetic
-from modal.effective import Motion, fixed_shapes, fixed_squares
-from modal.rig import Block, Floats, Ints
+from modal.chain import joints, kinetic, momentum
+from modal.coincident import Clusters
+from modal.effective import Motion, bare_mass, fixed_shapes
+from modal.rig import Block, CartNumbers, Floats, Ints
 from modal.secular import Poles, Roots, solve
+
+LIGHTEST = 1e-290
+"""The floor of a pole's weight: a lighter one moves no digit of any root, and its products underflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Own:
-    """A block's own modes: squares, momenta and energies (n modes, P), turns (n links, n modes, P)."""
+    """A block's own modes: momenta and modal masses (n modes, P), turns (n links, n modes, P)."""
 
-    square: Floats
     momentum: Floats
-    energy: Floats
+    modal_mass: Floats
     turn: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class Crowd:
-    """Chains that share a cart; counts are folded into the chains' masses."""
+    """Chains that share a cart, counts folded into their masses, with their fixed-support `own` squares (n, P)."""
 
     blocks: tuple[Block, ...]
-    mass: float
-    stiffness: float
+    cart: CartNumbers
+    own: tuple[Floats, ...]
+    clusters: Clusters
+    route = "secular equation"
+    slack = 4
 
     @cached_property
-    def own(self) -> tuple[_Own, ...]:
+    def modes(self) -> tuple[_Own, ...]:
         """Fixed-support modes of every block."""
-        return tuple(_own_modes(block) for block in self.blocks)
+        return tuple(_own_modes(block, square) for block, square in zip(self.blocks, self.own, strict=True))
 
     @cached_property
-    def poles(self) -> tuple[Poles, Ints]:
-        """All poles in ascending order, and where each stood before sorting (−1: the spring)."""
-        square = np.concatenate([own.square.ravel() for own in self.own])
-        weight = np.concatenate([(own.momentum**2 / own.energy * own.square).ravel() for own in self.own])
-        order = np.argsort(square, kind="stable")
-        square, weight = _apart(square[order]), np.maximum(weight[order], 1e-290)
-        if self.stiffness > 0:
-            order = np.append(-1, order)
-            square, weight = np.append(0.0, square), np.append(self.stiffness, weight)
-        constant = self.mass + float(sum(at_infinity(block)[0].sum() for block in self.blocks))
-        return Poles(square, weight, constant), order
+    def poles(self) -> Poles:
+        """One for each cluster, after that of the spring."""
+        own = zip(self.modes, self.own, strict=True)
+        weight = np.concatenate([(modes.momentum**2 / modes.modal_mass * x).ravel() for modes, x in own])
+        weight = np.maximum(np.add.reduceat(weight[self.clusters.order], self.clusters.first), LIGHTEST)
+        square, spring = self.clusters.square, self.cart.stiffness
+        if spring > 0:
+            square, weight = np.append(0.0, square), np.append(spring, weight)
+        return Poles(square, weight, bare_mass(self.blocks, self.cart))
 
     @cached_property
     def roots(self) -> Roots:
-        """The modes, as offsets from the nearest pole."""
-        return solve(self.poles[0])
+        """The modes that move the cart, as offsets from the nearest pole."""
+        return solve(self.poles)
 
+    @cached_property
     def squares(self) -> Floats:
-        """ω² of every oscillatory mode, ascending."""
-        return self.poles[0].square[self.roots.anchor] + self.roots.offset
+        """ω² of every mode that moves the cart, ascending."""
+        return self.poles.square[self.roots.anchor] + self.roots.offset
 
     def shapes(self, rows: Ints) -> Motion:
-        """Shapes of the modes with these indices."""
-        poles, order = self.poles
-        anchor, offset = self.roots.anchor[rows], self.roots.offset[rows]
-        x = poles.square[anchor] + offset
-        distance = np.empty((len(order), len(rows)))
-        distance[order] = poles.square[:, None] - poles.square[anchor] - offset
-        distance = distance[: len(order) - (self.stiffness > 0)]
-        ends = np.cumsum([own.square.size for own in self.own])[:-1]
+        """Shapes of these modes."""
+        x = self.squares[rows]
         amplitudes = [
-            (own.momentum / own.energy)[..., None] * x / part.reshape(*own.square.shape, len(rows))
-            for own, part in zip(self.own, np.split(distance, ends), strict=True)
+            (modes.momentum / modes.modal_mass)[..., None] * x / distance
+            for modes, distance in zip(self.modes, self._distances(rows), strict=True)
         ]
         cart = 1.0 / np.maximum(1.0, np.max([np.abs(part).max((0, 1)) for part in amplitudes], axis=0))
         turns = tuple(
-            np.einsum("imp,mpr->ipr", own.turn, part * cart) for own, part in zip(self.own, amplitudes, strict=True)
+            np.einsum("imp,mpr->ipr", modes.turn, part * cart)
+            for modes, part in zip(self.modes, amplitudes, strict=True)
         )
-        joints = [cart + np.concatenate([np.zeros((1, *a.shape[1:])), np.cumsum(a, 0)]) for a in turns]
-        energies = tuple(kinetic(block, y, a) for block, y, a in zip(self.blocks, joints, turns, strict=True))
-        total = self.mass * cart**2 + sum(part.sum((0, 1)) for part in energies)
-        push = (self.mass - self.stiffness / x) * cart + sum(
-            (_momentum(block, y, a)).sum((0, 1)) for block, y, a in zip(self.blocks, joints, turns, strict=True)
-        )
-        return Motion(cart, turns, energies, np.abs(push * cart) / total)
+        moved = [(block, joints(cart, a), a) for block, a in zip(self.blocks, turns, strict=True)]
+        energies = tuple(kinetic(*chain) for chain in moved)
+        modal_mass = self.cart.mass * cart**2 + sum(part.sum((0, 1)) for part in energies)
+        held = self.cart.stiffness / x * cart
+        push = self.cart.mass * cart - held + sum(momentum(*chain).sum((0, 1)) for chain in moved)
+        return Motion(cart, turns, energies, modal_mass, held, np.abs(push * cart) / modal_mass)
+
+    def _distances(self, rows: Ints) -> list[Floats]:
+        """λ_r − x of every fixed-support mode, for each block (n modes, P, R), with full relative accuracy."""
+        anchor, offset = self.roots.anchor[rows], self.roots.offset[rows]
+        square = self.poles.square[len(self.poles.square) - len(self.clusters.first) :]
+        apart = square[:, None] - self.poles.square[anchor] - offset
+        distance = np.empty((len(self.clusters.order), len(rows)))
+        distance[self.clusters.order] = np.repeat(apart, self.clusters.size, axis=0)
+        ends = np.cumsum([own.size for own in self.own])[:-1]
+        parts = zip(np.split(distance, ends), self.own, strict=True)
+        return [part.reshape(*own.shape, len(rows)) for part, own in parts]
 
 
-def _own_modes(block: Block) -> _Own:
-    square = fixed_squares(block)
+def _own_modes(block: Block, square: Floats) -> _Own:
     column = np.broadcast_to(np.arange(block.size), square.shape).ravel()
     motion = fixed_shapes(block.take(column), square.ravel())
     turn = motion.turns[0][:, 0].reshape(block.n, block.n, block.size)
-    energy = motion.energies[0].sum((0, 1)).reshape(square.shape)
-    top = block.constants[0]
-    return _Own(square, turn[0] * (top.k / square + top.q), energy, turn)
-
-
-def _momentum(block: Block, y: Floats, a: Floats) -> Floats:
-    links = zip(block.constants, y[:-1], a, strict=True)
-    return np.array([link.m[:, None] * top + link.upper[:, None] * turn for link, top, turn in links])
-
-
-def _apart(square: Floats) -> Floats:
-    """Ascending squares with repetitions moved up by single roundings."""
-    square = square.copy()
-    while (repeated := np.flatnonzero(np.diff(square) <= 0) + 1).size:
-        square[repeated] = np.nextafter(square[repeated - 1], np.inf)
-    return square
+    return _Own(motion.momentum.reshape(square.shape), motion.modal_mass.reshape(square.shape), turn)

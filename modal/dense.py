@@ -23,7 +23,7 @@ EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
-class DenseModes:
+class Eigen:
     """Eigenvalues λ (R,), one of each conjugate pair, with shapes (size, R) and relative error bounds (R,)."""
 
     eigenvalue: Complexes
@@ -31,7 +31,7 @@ class DenseModes:
     error: Floats
 
 
-def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> DenseModes:
+def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
     """Modes of K φ = ω² M φ, K positive definite but for a `free` cart in row 0.
 
     Where M is known to be `singular`, by one dimension, the mode at infinite frequency is left out.
@@ -48,10 +48,10 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> DenseModes:
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     error = 2 * len(M) * EPS * inverse_square[:1] / inverse_square
-    return DenseModes(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
+    return Eigen(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
 
 
-def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> DenseModes:
+def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> Eigen:
     """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it)."""
     _refuse_beyond(LARGEST_DAMPED, len(M), "dampers")
     if free and not D[0].any():
@@ -60,9 +60,19 @@ def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> DenseModes:
         shape = _with_cart(M, vectors, free)
     else:
         values, shape, error = _state_modes(M, D, K, keep=slice(1, None) if free else slice(None))
+    rounded_up = (values.imag != 0) & (values.real > 0) & (values.real <= error * np.abs(values))
+    values = np.where(rounded_up, 1j * values.imag, values)
     chosen = np.flatnonzero(values.imag >= 0)
     chosen = chosen[np.argsort(np.abs(values[chosen]), kind="stable")]
-    return DenseModes(values[chosen], shape[:, chosen], error[chosen])
+    return Eigen(values[chosen], shape[:, chosen], error[chosen])
+
+
+def in_phase(shape: Complexes, first: int) -> Complexes:
+    """Each column turned in the complex plane until its largest entry in rows `first` … is real and positive."""
+    entries = shape[first:]
+    leading = np.take_along_axis(entries, np.abs(entries).argmax(0)[None], 0)[0]
+    size = np.abs(leading)
+    return shape * np.where(size > 0, leading.conj() / np.where(size > 0, size, 1.0), 1.0)
 
 
 def _state_modes(M: Floats, D: Floats, K: Floats, keep: slice) -> tuple[Complexes, Complexes, Floats]:

@@ -12,27 +12,31 @@ neighbouring links hold most of the kinetic energy: there the mode lives.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from modal.bisect import above_all, smallest_where
 from modal.chain import Swept, at_infinity, count_and_mass, from_above, from_below, joint_masses, kinetic
-from modal.rig import Block, Booleans, Floats, Ints
+from modal.rig import Block, Booleans, CartNumbers, Floats, Ints
 
 ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Shapes of R modes: the cart's displacement (R,), turns a = l θ and energies (n, P, R) of each block.
+    """Shapes φ of R modes: the cart's displacement (R,), turns a = l θ and energies (n, P, R) of each block.
 
-    Energies are twice the kinetic energy of each link over ω²; `residual` (R,) is the relative distance of the
-    Rayleigh quotient from ω².
+    Energies are twice the kinetic energy of each link over ω², `modal_mass` (R,) their sum φᵀMφ with the cart's;
+    `momentum` (R,) is φᵀMe for the unit translation e of everything, and `residual` (R,) the relative distance of
+    the Rayleigh quotient from ω².
     """
 
     cart: Floats
     turns: tuple[Floats, ...]
     energies: tuple[Floats, ...]
+    modal_mass: Floats
+    momentum: Floats
     residual: Floats
 
 
@@ -41,7 +45,12 @@ def lowest_possible(blocks: tuple[Block, ...], spring: float = 0.0, mass: float 
     trace = sum(float((block.diagonal / block.b).sum()) for block in blocks)
     if spring > 0:
         trace += mass / spring
-    return float(2.0 ** (-np.ceil(np.log2(trace)) - 1))
+    return float(_below_all(np.float64(trace)))
+
+
+def _below_all(trace: Floats | np.float64) -> Floats:
+    bound: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
+    return bound
 
 
 # ---------------------------------------------------------------------------------------------- fixed support
@@ -50,7 +59,7 @@ def lowest_possible(blocks: tuple[Block, ...], spring: float = 0.0, mass: float 
 def fixed_squares(block: Block) -> Floats:
     """ω² of every chain on a fixed support, shape (n, P), ascending."""
     order = np.arange(block.n)
-    low = 2.0 ** (-np.ceil(np.log2((block.diagonal / block.b).sum(0))) - 1)[:, None]
+    low = _below_all((block.diagonal / block.b).sum(0))[:, None]
     high = above_all(lambda x: count_and_mass(block, x)[0], low, np.full((block.size, 1), block.n))
     shape = (block.size, block.n)
     return smallest_where(
@@ -68,47 +77,62 @@ def fixed_shapes(chains: Block, x: Floats) -> Motion:
     twist = np.arange(chains.n + 1)[:, None, None] == cost.argmin(0)
     y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
     energies = kinetic(chains, y, a)
-    residual = np.where(twist, gap, 0.0).sum(0) / energies.sum(0)
-    return Motion(np.zeros(len(x)), (a.swapaxes(1, 2),), (energies.swapaxes(1, 2),), residual[:, 0])
+    modal_mass = energies.sum(0)[:, 0]
+    top = chains.constants[0]
+    return Motion(
+        cart=np.zeros(len(x)),
+        turns=(a.swapaxes(1, 2),),
+        energies=(energies.swapaxes(1, 2),),
+        modal_mass=modal_mass,
+        momentum=a[0, :, 0] * (top.k / x + top.q),
+        residual=np.where(twist, gap, 0.0).sum(0)[:, 0] / modal_mass,
+    )
 
 
 # -------------------------------------------------------------------------------------------------- on a cart
 
 
+def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
+    """m_c + Σ residual masses: what a force on the cart feels at infinite frequency; 0 where M is singular."""
+    return cart.mass + float(sum(at_infinity(block)[0].sum() for block in blocks))
+
+
 @dataclass(frozen=True, eq=False)
 class CartProblem:
-    """Chains that share a cart of `mass` on a spring of `stiffness`; counts are folded into the chains' masses."""
+    """Chains that share a cart; counts are folded into the chains' masses.
+
+    `still` are the places, among all oscillatory modes, of those that lie between equal frequencies of the chains
+    alone: they leave the cart still (`modal.coincident`) and are not looked for here.
+    """
 
     blocks: tuple[Block, ...]
-    mass: float
-    stiffness: float
-
-    @property
-    def bare_mass(self) -> float:
-        """m_c + Σ residual masses: what a force on the cart feels at infinite frequency; 0 where M is singular."""
-        return self.mass + float(sum(at_infinity(block)[0].sum() for block in self.blocks))
+    cart: CartNumbers
+    still: Ints
+    route = "effective mass"
+    slack = 1
 
     @property
     def n_modes(self) -> int:
         """Oscillatory modes: a free cart's rigid translation is one of the coordinates, not one of these."""
         links = sum(block.n * block.size for block in self.blocks)
-        return links + (self.stiffness > 0) - (self.bare_mass == 0)
+        return links + (self.cart.stiffness > 0) - (bare_mass(self.blocks, self.cart) == 0)
 
     def count(self, x: Floats) -> Ints:
         """Number of oscillatory modes below each trial x (R,)."""
         total: Ints = np.zeros(x.shape, dtype=np.int64)
-        felt = np.full(x.shape, self.mass)
+        felt = np.full(x.shape, self.cart.mass)
         for block in self.blocks:
             below, mu = count_and_mass(block, x[None])
             total += below.sum(0)
             felt += mu.sum(0)
-        return total + (felt > self.stiffness / x) - (self.stiffness == 0)
+        return total + (felt > self.cart.stiffness / x) - (self.cart.stiffness == 0)
 
+    @cached_property
     def squares(self) -> Floats:
-        """ω² of every oscillatory mode, shape (n_modes,), ascending."""
-        total = self.mass + sum(float(block.mass.sum()) for block in self.blocks)
-        low = np.array([lowest_possible(self.blocks, self.stiffness, total)])
-        wanted = np.arange(self.n_modes)
+        """ω² of every mode that moves the cart, (R,), ascending."""
+        total = self.cart.mass + sum(float(block.mass.sum()) for block in self.blocks)
+        low = np.array([lowest_possible(self.blocks, self.cart.stiffness, total)])
+        wanted = np.delete(np.arange(self.n_modes), self.still)
         if not wanted.size:
             return np.zeros(0)
         high = above_all(self.count, low, np.array([self.n_modes]))
@@ -118,8 +142,9 @@ class CartProblem:
             np.broadcast_to(high, wanted.shape),
         )
 
-    def shapes(self, x: Floats) -> Motion:
-        """Shapes of the modes at x (R,), all chains and the cart together."""
+    def shapes(self, rows: Ints) -> Motion:
+        """Shapes of these modes, all chains and the cart together."""
+        x = self.squares[rows]
         below, above = self._both_ways(x)
         gaps, costs = zip(*map(_mismatch, below, above, self._joint_masses()), strict=True)
         twists = _cheapest(costs)
@@ -130,24 +155,25 @@ class CartProblem:
             for lower, y, upper, twist in zip(below, climbed, above, twists, strict=True)
         ]
         energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(self.blocks, shapes, strict=True))
-        total = self.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
+        modal_mass = self.cart.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
         missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
-        return Motion(cart, tuple(a for _, a in shapes), energies, missed / total)
+        turns = tuple(a for _, a in shapes)
+        return Motion(cart, turns, energies, modal_mass, self.cart.stiffness * cart / x, missed / modal_mass)
 
     def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
         """Elimination from the free ends, and from the cart with all the other chains on it."""
         below = [from_below(block, x[None]) for block in self.blocks]
-        others = _without_each(self.mass - self.stiffness / x, [swept.mass[0] for swept in below])
-        energy = _without_each(np.full(x.shape, self.mass), [swept.energy[0] for swept in below])
+        others = _without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
+        energy = _without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
         above = [from_above(block, x[None], *felt) for block, *felt in zip(self.blocks, others, energy, strict=True)]
-        pivot = self.mass + sum(swept.nearest[0].sum(0) for swept in below)
+        pivot = self.cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
         for swept in below:
             swept.nearest[0] = pivot
         return below, above
 
     def _joint_masses(self) -> list[Floats]:
         own = [joint_masses(block) for block in self.blocks]
-        pivot = self.mass + sum(float(masses[0].sum()) for masses in own)
+        pivot = self.cart.mass + sum(float(masses[0].sum()) for masses in own)
         for masses in own:
             masses[0] = pivot
         return own

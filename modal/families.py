@@ -6,25 +6,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 NEGLIGIBLE = 0.01
+FIXED, CART_STILL, CART_MOVES = "fixed support", "cart still", "cart moves"
 
 
-def family(*, on_cart: bool, still: bool, along: int, across: int, omega: float, ratio: float, motion: str) -> str:
+def family(*, where: str, along: int, across: int, antiphase: bool, ratio: float, motion: str) -> str:
     """Words for one distinct frequency: so many-fold `along` the rail and `across` it.
 
-    `still` says that the support does not move; `ratio` is −Re λ/|λ|, `motion` comes from `motion_words`.
+    `where` is what the support does, `antiphase` whether pendula on a cart balance each other along the rail,
+    `ratio` −Re λ/|λ|; `motion` comes from `motion_words`.
     """
-    if omega == 0:
-        return "rigid translation"
     folds = along + across
-    where = ("cart still" if on_cart else "fixed support") if still else "cart moves"
-    where += f", {folds}-fold" if folds > 1 else ""
-    kinds = []
-    if still and on_cart:
-        kinds += ["antiphase"] if along else []
-        kinds += ["across the rail"] if across else []
-        if along and across:
-            kinds = [f"antiphase {along}, across the rail {across}"]
+    kinds = ["antiphase"] if antiphase else []
+    kinds += ["across the rail"] if across and where == CART_STILL else []
+    if len(kinds) == 2:
+        kinds = [f"antiphase {along}, across the rail {across}"]
     words = ", ".join(word for word in (*kinds, motion, _decay(ratio)) if word)
+    where += f", {folds}-fold" if folds > 1 else ""
     return f"{where}: {words}" if words else where
 
 
@@ -41,10 +38,12 @@ def motion_words(
     names: list[str],
     *,
     several: bool,
+    balanced: bool,
 ) -> str:
     """Which pendula agree and how the links of the busiest one do, in mode `at` of angles and shares (n, P, R).
 
-    `names` are those of all P kinds; `several` says that one column stands for several pendula moving alike.
+    `names` are those of all P kinds; `several` says that one column stands for several pendula moving alike,
+    `balanced` that they hold the support still, so that nothing is left to say about their phases.
     """
     energy = np.concatenate([share[:, :, at].sum(0) for share in shares])
     busiest = int(energy.argmax())
@@ -53,7 +52,8 @@ def motion_words(
     column = busiest - int(sizes[block]) + shares[block].shape[1]
     chain = _in_phase_with_largest(angles[block][:, column, at])
     top = np.concatenate([angle[0, :, at] for angle in angles])
-    return ", ".join(word for word in (_agreement(top, energy, names, several), _order(chain)) if word)
+    agreement = "" if balanced else _agreement(top, energy, names, several)
+    return ", ".join(word for word in (agreement, _order(chain)) if word)
 
 
 def _agreement(top: NDArray[np.inexact], energy: NDArray[np.float64], names: list[str], several: bool) -> str:
@@ -68,7 +68,7 @@ def _agreement(top: NDArray[np.inexact], energy: NDArray[np.float64], names: lis
 
 
 def _order(chain: NDArray[np.float64]) -> str:
-    """Slow and fast for two links; else the number of neighbours that swing against each other."""
+    """Slow and fast for two links; else how many neighbours, among the links that move, swing against each other."""
     if len(chain) == 1:
         return ""
     signs = np.sign(chain[chain != 0])

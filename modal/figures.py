@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from textwrap import fill
 from typing import IO
 
@@ -84,7 +84,7 @@ def _layout(modes: Modes) -> _Layout:
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:
     shape = modes.shape(row.number - 1)
     if np.iscomplexobj(shape.angles):
-        shape = Shape(complex(shape.cart).real, shape.angles.real, shape.kinetic_energy_share, shape.across)
+        shape = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
     axis.set_xlim(-layout.half_width, layout.half_width)
     axis.set_ylim(-1.14 * layout.depth, 0.22 * layout.depth)
     axis.set_aspect("equal")
@@ -103,8 +103,9 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: floa
         _swing(axis, modes, layout, shape, -amplitude, BACK, 0.55)
         _swing(axis, modes, layout, shape, amplitude, FRONT, 1.0)
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio else ""
+    frequency = "" if row.frequency is None else f":  {row.frequency:.4g} Hz"
     axis.set_title(
-        f"mode {row.number}:  {row.frequency:.4g} Hz\nω = {row.omega:.5g} rad/s{decay}\n{_wrapped(row.family, layout)}",
+        f"mode {row.number}{frequency}\nω = {row.omega:.5g} rad/s{decay}\n{_wrapped(row.family, layout)}",
         fontsize=8.5,
         color=INK,
         linespacing=1.35,

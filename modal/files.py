@@ -53,7 +53,7 @@ def dumps(scene: Scene) -> str:
 
 
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene file."""
+    """Write a scene file, whole or not at all; OSError names `path` where it cannot be written."""
     with whole_file(path) as stream:
         stream.write(dumps(scene).encode())
 
@@ -79,9 +79,22 @@ def shipped_text(name: str) -> str:
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
-    """A binary stream that becomes `path` when the block ends well and leaves nothing behind when it does not."""
+    """A binary stream that becomes `path` when the block ends well and leaves nothing behind when it does not.
+
+    Raises OSError, naming `path`, where it cannot be written.
+    """
     target = Path(path)
-    with NamedTemporaryFile(dir=target.parent, prefix=f".{target.name}.", delete=False) as stream:
+    try:
+        with _temporary(target) as stream:
+            yield stream
+    except OSError as error:
+        error.filename = str(target)
+        raise
+
+
+@contextmanager
+def _temporary(target: Path) -> Iterator[IO[bytes]]:
+    with NamedTemporaryFile(dir=target.parent, prefix=".multipendula-", delete=False) as stream:
         temporary = Path(stream.name)
         try:
             yield stream
@@ -103,12 +116,14 @@ def _umask() -> int:
 
 
 def _read(name: str) -> bytes:
-    if name == "-":
-        return _limited(sys.stdin.buffer)
-    looks_like_path = any(mark in name for mark in (os.sep, "/", ".")) or Path(name).is_file()
-    if not looks_like_path:
-        return shipped_text(name).encode()
     try:
+        if name == "-":
+            if sys.stdin is None:
+                raise SceneError(["standard input is closed"])
+            return _limited(sys.stdin.buffer)
+        looks_like_path = any(mark in name for mark in (os.sep, "/", ".")) or Path(name).is_file()
+        if not looks_like_path:
+            return shipped_text(name).encode()
         if Path(name).exists() and not Path(name).is_file() and not Path(name).is_fifo():
             raise SceneError(["not a file"])
         with open(name, "rb") as stream:

@@ -14,7 +14,7 @@ import numpy as np
 
 from modal import pair
 from modal.errors import ComputationError
-from modal.rig import Block, Floats, Rig, rig_of
+from modal.rig import Block, CartNumbers, Floats, Rig, rig_of
 from modal.scene import Scene
 
 LARGEST_DENSE = 4000
@@ -43,7 +43,7 @@ def matrices(scene: Scene) -> Matrices:
         )
     rig = rig_of(scene)
     columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
-    return Matrices(*assembled(rig, columns), labels=coordinate_labels(rig))
+    return Matrices(*assembled(columns, rig.cart, rig.gravity), labels=coordinate_labels(rig))
 
 
 def coordinate_labels(rig: Rig) -> tuple[str, ...]:
@@ -53,9 +53,10 @@ def coordinate_labels(rig: Rig) -> tuple[str, ...]:
     return (*(["x"] if rig.cart else []), *angles)
 
 
-def assembled(rig: Rig, columns: list[tuple[Block, int]]) -> tuple[Floats, Floats, Floats]:
-    """(M, K, D) of the rig's support with one pendulum for each (block, column)."""
-    cart = rig.cart
+def assembled(
+    columns: list[tuple[Block, int]], cart: CartNumbers | None, gravity: float
+) -> tuple[Floats, Floats, Floats]:
+    """(M, K, D) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
     first = 1 if cart else 0
     size = first + sum(block.n for block, _ in columns)
     M, K, D = (np.zeros((size, size)) for _ in range(3))
@@ -64,15 +65,15 @@ def assembled(rig: Rig, columns: list[tuple[Block, int]]) -> tuple[Floats, Float
         own = slice(at, at + block.n)
         geometry = (block.mass, block.length, block.centre, block.inertia)
         M[own, own] = pair.inertia_matrix(*(values[:, column].tolist() for values in geometry))
-        K[own, own] = np.diag(rig.gravity * block.b[:, column]) + _on_joints(block.stiffness[:, column])
+        K[own, own] = np.diag(gravity * block.b[:, column]) + _on_joints(block.stiffness[:, column])
         D[own, own] = _on_joints(block.damping[:, column])
         if cart:
             M[0, own] = M[own, 0] = block.b[:, column]
             M[0, 0] += block.mass[:, column].sum()
         at += block.n
     if cart:
-        M[0, 0] += cart[0]
-        D[0, 0], K[0, 0] = cart[1:]
+        M[0, 0] += cart.mass
+        D[0, 0], K[0, 0] = cart.damping, cart.stiffness
     return M, K, D
 
 

@@ -1,40 +1,49 @@
-"""Modes from matrices, for joint springs and dampers: one chain, or one heavy pendulum of each kind and the cart."""
+"""Modes from matrices, for joint springs and dampers: one chain, or one heavy pendulum of each kind and the cart.
+
+A damped mode φ of eigenvalue λ takes part in the cart's response to a sudden push with its residue,
+
+    x'(0+) = Σ λ φ_x²/(φᵀ(2λM + D)φ)    over all eigenvalues,
+
+of which a conjugate pair gives twice the real part; without dampers that is φ_x²/(φᵀMφ).
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal import dense
 from modal.amplitude import coefficient, quartic
-from modal.effective import CartProblem
+from modal.chain import joints, kinetic
+from modal.effective import bare_mass
 from modal.linear import assembled
-from modal.rig import Block, Floats, Ints, Rig
+from modal.rig import Block, CartNumbers, Floats, Ints
 from modal.sources import Details, largest_angle, per_copy
 
 LIGHT = 0.1
-"""Damping ratio up to which a mode has an amplitude coefficient."""
+"""Damping ratio, and share of a shape out of phase with the rest, up to which a mode has an amplitude coefficient."""
+
+Numbers = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Dense:
+class FromMatrices:
     """Modes of one chain (`cart` None) or of everything together, from matrices: joint springs or dampers."""
 
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
-    cart: tuple[float, float, float] | None
+    cart: CartNumbers | None
     bare_mobility: float
     route = "dense"
 
     @cached_property
     def matrices(self) -> tuple[Floats, Floats, Floats]:
         """(M, K, D) with copies folded into one heavy pendulum of each kind."""
-        columns = [(block, p) for block in self.blocks for p in range(block.size)]
-        support = Rig(1.0, (), (), self.cart, False)
-        return assembled(support, columns)
+        return assembled([(block, p) for block in self.blocks for p in range(block.size)], self.cart, gravity=1.0)
 
     @property
     def is_damped(self) -> bool:
@@ -42,13 +51,13 @@ class Dense:
         return bool(self.matrices[2].any())
 
     @cached_property
-    def modes(self) -> dense.DenseModes:
+    def modes(self) -> dense.Eigen:
         """Eigenvalues, shapes, errors."""
         M, K, D = self.matrices
-        free = self.cart is not None and self.cart[2] == 0
+        free = self.cart is not None and self.cart.stiffness == 0
         if self.is_damped:
             return dense.damped(M, D, K, free=free)
-        singular = self.cart is not None and CartProblem(self.blocks, self.cart[0], self.cart[2]).bare_mass == 0
+        singular = self.cart is not None and bare_mass(self.blocks, self.cart) == 0
         return dense.undamped(M, K, free=free, singular=singular)
 
     @property
@@ -63,65 +72,71 @@ class Dense:
 
     def details(self, rows: Ints) -> Details:
         """Shapes, turned so that the largest angle is real; what a damped mode lacks is NaN."""
+        value, shape = self.modes.eigenvalue[rows], self._shapes(rows)
         M, K, D = self.matrices
-        first = 1 if self.cart else 0
-        value, shape = self.modes.eigenvalue[rows], _in_phase(self.modes.shape[:, rows], first)
-        energy = np.einsum("ir,ij,jr->r", shape.conj(), M, shape).real
-        cart = shape[0] if self.cart else np.zeros(len(rows), dtype=np.complex128)
-        angles = self._split(shape[first:])
+        cart, angles = self._split(shape)
+        modal_mass = np.einsum("ir,ij,jr->r", shape.conj(), M, shape).real
         push = M @ shape * value**2 + D @ shape * value + K @ shape
-        size = abs(M) @ abs(shape) * abs(value) ** 2 + abs(D) @ abs(shape) * abs(value) + abs(K) @ abs(shape)
-        found = Details(
-            modal_mass=energy,
-            effective_mass=np.full(len(rows), np.nan),
+        size = sum(np.abs(part) @ np.abs(shape) * np.abs(value) ** power for power, part in enumerate((K, D, M)))
+        energies = per_copy(self._energies(cart, angles), self.counts)
+        return Details(
+            modal_mass=modal_mass,
+            momentum=np.full(len(rows), np.nan) if self.is_damped else self._momentum(cart, angles, np.abs(value)),
             cart=cart,
-            mobility=np.abs(cart) ** 2 / energy / self.bare_mobility,
-            kappa=np.where(
-                np.abs(value.real) < LIGHT * np.abs(value), self._kappa(cart, angles, energy, np.abs(value)), np.nan
-            ),
+            participation=self._participation(shape, value),
+            kappa=self._kappa(shape, value),
             residual=(np.abs(push) / np.where(size > 0, size, 1.0)).max(0),
             angles=angles,
-            shares=per_copy(self._energies(cart, angles), energy, self.counts),
+            shares=tuple(part / modal_mass for part in energies),
         )
-        return found if self.is_damped else self._conservative(found, np.abs(value))
 
-    def _kappa(
-        self, cart: NDArray[np.inexact], angles: tuple[NDArray[np.inexact], ...], energy: Floats, omega: Floats
-    ) -> Floats:
+    def _shapes(self, rows: Ints) -> Numbers:
+        """(size, R), real without dampers; a cart that moves no more than rounding makes it is still."""
+        first = 1 if self.cart else 0
+        shape = dense.in_phase(self.modes.shape[:, rows], first)
+        noise = len(shape) * dense.EPS * np.abs(shape).max(0)
+        shape[:first] = np.where(np.abs(shape[:first]) > noise, shape[:first], 0.0)
+        return shape if self.is_damped else shape.real
+
+    def _participation(self, shape: Numbers, value: NDArray[np.complex128]) -> Floats:
+        if not self.cart:
+            return np.zeros(len(value))
+        M, _, D = self.matrices
+        slope = np.einsum("ir,ijr,jr->r", shape, 2 * value * M[:, :, None] + D[:, :, None], shape)
+        residue: Floats = (value * shape[0] ** 2 / slope).real / self.bare_mobility
+        return np.where(value.imag > 0, 2 * residue, residue)
+
+    def _kappa(self, shape: Numbers, value: NDArray[np.complex128]) -> Floats:
         """κ of the part of each shape that moves in phase: exact without dampers, to first order in light ones."""
-        in_phase, x = tuple(angle.real for angle in angles), omega**2
-        parts = [quartic(block, x, cart.real, angle).sum(0) for block, angle in zip(self.blocks, in_phase, strict=True)]
-        return coefficient(np.sum(parts, axis=0), energy, x, largest_angle(in_phase))
+        in_phase, omega = shape.real, np.abs(value)
+        cart, angles = self._split(in_phase)
+        modal_mass = np.einsum("ir,ij,jr->r", in_phase, self.matrices[0], in_phase)
+        parts = [quartic(b, omega**2, cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
+        kappa = coefficient(np.sum(parts, axis=0), modal_mass, omega**2, largest_angle(angles))
+        light = (np.abs(value.real) < LIGHT * omega) & (np.abs(shape.imag).max(0) < LIGHT * np.abs(in_phase).max(0))
+        return np.where(light, kappa, np.nan)
 
-    def _conservative(self, found: Details, omega: Floats) -> Details:
-        """The same with real shapes and effective masses, which damped modes do not have."""
-        cart, angles = found.cart.real, tuple(angle.real for angle in found.angles)
+    def _momentum(self, cart: Numbers, angles: tuple[Numbers, ...], omega: Floats) -> Floats:
         if self.cart:
-            momentum = self.cart[2] * cart / omega**2
-        else:
-            momentum = (self.blocks[0].b[:, :, None] * angles[0]).sum((0, 1))
-        return replace(found, cart=cart, angles=angles, effective_mass=momentum**2 / found.modal_mass)
+            held: Floats = self.cart.stiffness * cart.real / omega**2
+            return held
+        whole: Floats = (self.blocks[0].b[:, :, None] * angles[0].real).sum((0, 1))
+        return whole
 
-    def _split(self, angles: NDArray[np.inexact]) -> tuple[NDArray[np.inexact], ...]:
-        ends = np.cumsum([block.mass.size for block in self.blocks])[:-1]
-        parts = np.split(angles, ends)
-        return tuple(
+    def _split(self, shape: Numbers) -> tuple[Numbers, tuple[Numbers, ...]]:
+        """The cart (R,) and the angles (n, P, R) of each block."""
+        first = 1 if self.cart else 0
+        parts = np.split(shape[first:], np.cumsum([block.mass.size for block in self.blocks])[:-1])
+        angles = tuple(
             part.reshape(block.size, block.n, -1).swapaxes(0, 1) for part, block in zip(parts, self.blocks, strict=True)
         )
+        return (shape[0] if self.cart else np.zeros(shape.shape[1])), angles
 
-    def _energies(self, cart: NDArray[np.inexact], angles: tuple[NDArray[np.inexact], ...]) -> tuple[Floats, ...]:
+    def _energies(self, cart: Numbers, angles: tuple[Numbers, ...]) -> tuple[Floats, ...]:
+        """Those of the real and of the imaginary part, added."""
         found = []
         for block, angle in zip(self.blocks, angles, strict=True):
             turn = angle * block.length[:, :, None]
-            top = cart + np.concatenate([np.zeros((1, *turn.shape[1:])), np.cumsum(turn, 0)[:-1]])
-            centre = top + angle * block.centre[:, :, None]
-            found.append(block.mass[:, :, None] * np.abs(centre) ** 2 + block.inertia[:, :, None] * np.abs(angle) ** 2)
+            parts = ((cart.real, turn.real), (cart.imag, turn.imag))
+            found.append(sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(turn.shape)))
         return tuple(found)
-
-
-def _in_phase(shape: NDArray[np.complex128], first: int) -> NDArray[np.complex128]:
-    """Each column turned in the complex plane until its largest angle, in rows `first` …, is real and positive."""
-    angles = shape[first:]
-    leading = np.take_along_axis(angles, np.abs(angles).argmax(0)[None], 0)[0]
-    size = np.abs(leading)
-    return shape * np.where(size > 0, leading.conj() / np.where(size > 0, size, 1.0), 1.0)

@@ -1,6 +1,8 @@
 """A validator's findings in the user's words: `pendulum[2].links[0].mass = -1.0: must be positive`."""
 
+import json
 from collections.abc import Iterator, Mapping
+from datetime import date, time
 from difflib import get_close_matches
 from typing import Any
 
@@ -24,7 +26,9 @@ WORDS = {
     "missing": "is required",
     "too_short": "must not be empty",
     "union_tag_not_found": "needs a kind",
+    "string_too_long": "is too long",
 }
+LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "links": "links = [{ … }, …]"}
 
 
 def problems_of(error: ValidationError) -> Iterator[str]:
@@ -66,9 +70,13 @@ def _words(finding: Mapping[str, Any]) -> str:
     if kind == "greater_than_equal":
         return _lower_bound(finding["input"], context["ge"])
     if kind == "less_than_equal":
-        return f"must be at most {context['le']:g}"
+        return f"must be at most {_bound(context['le'])}"
+    if kind == "float_type" and isinstance(finding["input"], int) and not isinstance(finding["input"], bool):
+        return "is too large"
+    if kind == "tuple_type" and isinstance(finding["input"], Mapping):
+        return f"must be a list: write {LISTS_OF_TABLES.get(str(finding['loc'][-1]), '[…]')}"
     if kind in {"literal_error", "union_tag_invalid"}:
-        return f"must be one of {context.get('expected') or context['expected_tags']}"
+        return f"must be one of {context.get('expected') or context['expected_tags']}".replace("'", '"')
     if kind == "value_error":
         return str(context["error"])
     return WORDS.get(kind, str(finding["msg"]))
@@ -79,9 +87,19 @@ def _lower_bound(value: float, bound: float) -> str:
         return "must not be negative"
     if value <= 0:
         return "must be positive"
-    return f"must be at least {bound:g}"
+    return f"must be at least {_bound(bound)}"
+
+
+def _bound(value: float) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _shown(value: object, width: int = 40) -> str:
-    text = repr(value)
+    """As a scene file writes it."""
+    if isinstance(value, int) and value.bit_length() > 1024:
+        return "(an enormous integer)"
+    if isinstance(value, str | bool):
+        text = json.dumps(value, ensure_ascii=False)
+    else:
+        text = value.isoformat() if isinstance(value, date | time) else repr(value)
     return text if len(text) <= width else text[: width - 1] + "…"

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import groupby, pairwise
+from itertools import groupby
 from typing import NamedTuple, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.amplitude import one_percent_amplitude
-from modal.errors import ComputationError
-from modal.families import family, motion_words
+from modal.families import CART_MOVES, CART_STILL, FIXED, family, motion_words
 from modal.mode import UNCERTAIN, Mode
+from modal.resonances import resonances
 from modal.rig import Floats, Ints, Rig, Units, rig_of
-from modal.routes import Part, families, notes
+from modal.routes import Part, notes
 from modal.scene import Scene
-from modal.shapes import Shape, expanded
-from modal.sources import Details, Source
+from modal.shapes import Shape, checked_normalisation, expanded
+from modal.sources import Details
+from modal.spectrum import Spectrum, spectrum
 
-RESONANCE = 0.02
 CHUNK = 400_000
 
 
@@ -33,34 +34,35 @@ class _Piece(NamedTuple):
     at: int
 
     def effective_mass(self, on_cart: bool) -> float:
-        """Along the rail; what swings in antiphase or across it adds nothing."""
-        copies = 1 if self.part.kind is None else 0 if on_cart else self.part.along
-        return float(self.details.effective_mass[self.at]) * copies if copies else 0.0
+        """Along the rail; what holds a cart still or moves across the rail adds nothing."""
+        balanced = self.part.still and on_cart
+        return 0.0 if balanced or not self.part.along else self._effective_mass() * self.part.along
 
     def effective_mass_across(self) -> float:
         """Across the rail."""
-        return float(self.details.effective_mass[self.at]) * self.part.across if self.part.across else 0.0
+        return self._effective_mass() * self.part.across if self.part.across else 0.0
+
+    def _effective_mass(self) -> float:
+        return float(self.details.effective_mass[self.at])
 
 
 @dataclass(frozen=True, eq=False)
 class Modes(Sequence[Mode]):
-    """All modes in ascending order of natural frequency, one entry for each distinct one.
+    """All modes of a scene in ascending order of natural frequency, one entry for each distinct one.
 
-    `omega` (R,) in rad/s and `multiplicity` (R,) are at hand for all of them; an item computes its `Mode`.
-    `notes` say what was left out and why.
+    `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,), are at hand for all of them; an item computes its
+    `Mode`.  `rig` holds the scene as arrays, `spectrum` where each mode comes from in natural `units`; `notes` say
+    what was left out and why.
     """
 
     scene: Scene
     rig: Rig
     units: Units
-    sources: tuple[Source, ...]
-    groups: tuple[tuple[Part, ...], ...]
-    eigenvalue: NDArray[np.complex128]
-    error: Floats
+    spectrum: Spectrum
     notes: tuple[str, ...]
 
     def __len__(self) -> int:
-        return len(self.groups)
+        return len(self.spectrum.groups)
 
     @overload
     def __getitem__(self, index: int) -> Mode: ...
@@ -74,19 +76,29 @@ class Modes(Sequence[Mode]):
         return self.rows(range(len(self)))
 
     @cached_property
+    def eigenvalue(self) -> NDArray[np.complex128]:
+        """λ (R,) in rad/s: iω for undamped modes, −ζω + iω√(1−ζ²) for damped ones."""
+        return np.asarray(self.spectrum.eigenvalue * self.units.rate)
+
+    @cached_property
     def omega(self) -> Floats:
         """Natural frequencies |λ| (R,) in rad/s."""
         return np.abs(self.eigenvalue)
 
-    @cached_property
+    @property
     def multiplicity(self) -> Ints:
         """How many independent modes share each frequency, (R,)."""
-        return np.array([sum(part.along + part.across for part in parts) for parts in self.groups])
+        return self.spectrum.multiplicity
+
+    @property
+    def error(self) -> Floats:
+        """Bounds on the relative errors of `eigenvalue`, (R,)."""
+        return self.spectrum.error
 
     @cached_property
     def route(self) -> str:
         """The routes that were taken, for people."""
-        return ", ".join(dict.fromkeys(source.route for source in self.sources))
+        return ", ".join(dict.fromkeys(source.route for source in self.spectrum.sources))
 
     def rows(self, numbers: Sequence[int]) -> Iterator[Mode]:
         """The modes with these indices (from 0), computed together, a bounded amount of memory at a time."""
@@ -97,33 +109,31 @@ class Modes(Sequence[Mode]):
             yield from (found[number] for number in chunk)
 
     def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:
-        """The copy-th basis vector of mode `number`, both from 0.
+        """The copy-th basis vector of the mode with index `number`, both from 0 (`Mode.number` counts from 1).
 
-        `normalise` is "angle" (the largest angle is 1 rad) or "mass" (φᵀMφ = 1 in SI units).
-
-        Equal pendula in antiphase are spanned by (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one
-        pendulum at a time across it.  The sign makes the first of the largest angles positive.
+        `normalise` is "angle" (the largest angle is 1 rad; where there is none, the cart moves 1 m) or "mass"
+        (φᵀMφ = 1).  The vectors of one row are orthogonal in M: equal pendula in antiphase are spanned by
+        (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one pendulum at a time across it; different pendula
+        of equal frequency as in `modal.coincident`.  The sign makes the first of the largest angles positive.
+        Raises IndexError for a mode or copy that is not there, ValueError for another normalisation.
         """
-        left = copy
-        for part in self.groups[number]:
+        how, left = checked_normalisation(normalise), copy
+        for part in self.spectrum.groups[number]:
             if 0 <= left < part.along + part.across:
-                details = self._details(part.source, [part.row])
-                return expanded(self.rig, self.units, part, left, details, normalise)
+                details = self.spectrum.details(part.source, [part.row_of(left)])
+                return expanded(self.rig, self.units, part, left, details, how)
             left -= part.along + part.across
-        raise IndexError(f"mode {number} has no basis vector {copy}")
-
-    def _details(self, source: int, rows: Sequence[int]) -> Details:
-        with np.errstate(all="ignore"):
-            return self.sources[source].details(np.array(rows))
+        raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
 
     def _described(self, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
         needed = sorted(
-            ((part, n) for n in numbers for part in self.groups[n]), key=lambda entry: (entry[0].source, entry[0].row)
+            ((part, n) for n in numbers for part in self.spectrum.groups[n]),
+            key=lambda entry: (entry[0].source, entry[0].row),
         )
         pieces: dict[int, list[_Piece]] = {n: [] for n in numbers}
         for source, members in groupby(needed, key=lambda entry: entry[0].source):
             found = list(members)
-            details = self._details(source, [part.row for part, _ in found])
+            details = self.spectrum.details(source, [part.row for part, _ in found])
             for at, (part, n) in enumerate(found):
                 pieces[n].append(_Piece(part, details, at))
         return ((n, self._mode(n, pieces[n])) for n in numbers)
@@ -131,22 +141,22 @@ class Modes(Sequence[Mode]):
     def _mode(self, number: int, pieces: list[_Piece]) -> Mode:
         """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
         value, unit = self.eigenvalue[number], self.units.mass
-        head = next((piece for piece in pieces if piece.part.kind is None), pieces[0])
+        head = next((piece for piece in pieces if not piece.part.still), pieces[0])
         omega = float(abs(value))
-        ratio = float(-value.real / omega) if omega > 0 else 0.0
-        on_cart = self.rig.cart is not None
-        effective = float(sum(piece.effective_mass(on_cart) for piece in pieces)) * unit
-        kappa = float(head.details.kappa[head.at])
+        certain = 1.0 if self.error[number] < UNCERTAIN else np.nan
+        ratio = certain * float(np.clip(-value.real / omega, -1.0, 1.0) + 0.0 if omega > 0 else 0.0)
+        effective = certain * unit * sum(piece.effective_mass(self.on_cart) for piece in pieces)
+        kappa = certain * float(head.details.kappa[head.at])
         return Mode(
             number=number + 1,
             omega=omega,
-            damping_ratio=min(1.0, max(-1.0, ratio)) + 0.0,
+            damping_ratio=ratio,
             multiplicity=int(self.multiplicity[number]),
-            family=self._family(number, head, omega, ratio),
-            cart_participation=float(sum(p.details.mobility[p.at] for p in pieces)) if abs(ratio) < 1.0 else np.nan,
+            family=self._family(number, head, ratio),
+            cart_participation=certain * float(sum(p.details.participation[p.at] for p in pieces)),
             effective_mass=effective,
             effective_mass_share=effective / self.rig.total_mass,
-            effective_mass_across=float(sum(piece.effective_mass_across() for piece in pieces)) * unit,
+            effective_mass_across=certain * unit * sum(piece.effective_mass_across() for piece in pieces),
             kappa=kappa,
             linear_to_1_percent_deg=one_percent_amplitude(kappa),
             resonances=self._resonances(number) if np.isfinite(kappa) else (),
@@ -155,39 +165,61 @@ class Modes(Sequence[Mode]):
             indistinct=self._indistinct(number),
         )
 
-    def _family(self, number: int, head: _Piece, omega: float, ratio: float) -> str:
-        if self.error[number] >= UNCERTAIN:
+    @property
+    def on_cart(self) -> bool:
+        """Whether the support is a cart."""
+        return self.rig.cart is not None
+
+    def _family(self, number: int, head: _Piece, ratio: float) -> str:
+        if np.isnan(ratio):
             return "beyond double precision"
-        still = head.part.kind is not None
+        if self.eigenvalue[number] == 0:
+            return "rigid translation"
+        still = head.part.still or head.details.cart[head.at] == 0
+        balanced = still and self.on_cart and (head.part.still or self.rig.n_kinds > 1)
         several = not still and sum(count for _, _, count in self.rig.members) > 1
+        along, across = (
+            sum(getattr(part, way) for part in self.spectrum.groups[number]) for way in ("along", "across")
+        )
+        details = head.details
         return family(
-            on_cart=self.rig.cart is not None,
-            still=still,
-            along=sum(part.along for part in self.groups[number]),
-            across=sum(part.across for part in self.groups[number]),
-            omega=omega,
+            where=FIXED if not self.on_cart else CART_STILL if still else CART_MOVES,
+            along=along,
+            across=across,
+            antiphase=balanced and along > 0,
             ratio=ratio,
-            motion=motion_words(head.details.angles, head.details.shares, head.at, self._names, several=several),
+            motion=motion_words(
+                details.angles, details.shares, head.at, self._names, several=several, balanced=balanced
+            ),
         )
 
     @cached_property
     def _names(self) -> list[str]:
-        """Every kind by the first pendulum entry of the file that hangs it, block by block."""
+        """Every kind, block by block, by the first of its pendula, copies counted out."""
         first: dict[tuple[int, int], int] = {}
-        for entry, (block, column, _) in enumerate(self.rig.members, 1):
-            first.setdefault((block, column), entry)
-        return [f"pendulum {first[key]}" for key in sorted(first)]
+        copies: Counter[tuple[int, int]] = Counter()
+        for block, column, count in self.rig.members:
+            first.setdefault((block, column), copies.total() + 1)
+            copies[block, column] += count
+        return [
+            f"pendulum {first[key]}" if copies[key] == 1 else f"the {copies[key]} equal to pendulum {first[key]}"
+            for key in sorted(first)
+        ]
 
     def _resonances(self, number: int) -> tuple[str, ...]:
-        """Other modes whose frequency is within 2 % of this one's, three times it or a third of it."""
-        omega, own = self.omega, self.omega[number]
-        if own == 0:
-            return ()
-        found = []
-        for name, factor in (("1:1", 1.0), ("1:3", 3.0), ("3:1", 1 / 3)):
-            low, high = np.searchsorted(omega, own * factor * np.array([1 - RESONANCE, 1 + RESONANCE]))
-            found += [f"{name} with mode {k + 1}" for k in range(low, min(high, low + 4)) if k != number]
-        return tuple(found)
+        """With other modes that it can exchange energy with: on a cart all, on a fixed support the same pendulum's."""
+        parts = self.spectrum.groups[number]
+        fold = self.multiplicity[number] if self.on_cart else 1 + any(part.along and part.across for part in parts)
+        own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
+        if self.on_cart:
+            partners = self._numbers
+        else:
+            partners = np.unique([row for part in parts for row in self.spectrum.numbers_of_kind[part.kind]])
+        return own + resonances(self.omega, number, partners)
+
+    @cached_property
+    def _numbers(self) -> Ints:
+        return np.arange(len(self))
 
     def _indistinct(self, number: int) -> bool:
         omega, error = self.omega, self.error
@@ -200,30 +232,9 @@ class Modes(Sequence[Mode]):
 def natural_modes(scene: Scene) -> Modes:
     """All modes of a scene about its hanging rest.
 
-    Raises ComputationError where double precision or memory cannot give them.
+    Raises ComputationError where double precision or memory cannot give them.  Methods and their sources stand in
+    the modules that `modal.routes` chooses from.
     """
     rig = rig_of(scene)
     natural, units = rig.natural()
-    try:
-        with np.errstate(all="ignore"):
-            found = list(families(natural))
-            values = np.concatenate([member.source.eigenvalue[member.rows] for member in found])
-            errors = np.concatenate([member.source.error[member.rows] for member in found])
-    except np.linalg.LinAlgError:
-        raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
-    if not np.all(np.isfinite(values)):
-        raise ComputationError("the ratios in this scene are beyond double precision")
-    parts = [part for index, member in enumerate(found) for part in member.parts(index)]
-    order = np.lexsort((values.real, np.abs(values)))
-    cuts = [0, *(k for k in range(1, len(order)) if values[order[k]] != values[order[k - 1]]), len(order)]
-    first = order[cuts[:-1]]
-    return Modes(
-        scene=scene,
-        rig=rig,
-        units=units,
-        sources=tuple(member.source for member in found),
-        groups=tuple(tuple(parts[k] for k in order[a:b]) for a, b in pairwise(cuts)),
-        eigenvalue=np.asarray(values[first] * units.rate, dtype=np.complex128),
-        error=errors[first],
-        notes=notes(natural),
-    )
+    return Modes(scene, rig, units, spectrum(natural), notes(natural))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
 from math import frexp, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,9 +90,17 @@ class Units:
         return sqrt(self.gravity / self.length)
 
 
+class CartNumbers(NamedTuple):
+    """A cart's mass (kg), damper (N s/m) and spring (N/m) to the ground."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Blocks of different chains, the cart's three numbers (None: fixed support), and who hangs where.
+    """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and who hangs where.
 
     `members` follows the file: (block, column, copies) for every pendulum entry.
     """
@@ -99,14 +108,14 @@ class Rig:
     gravity: float
     blocks: tuple[Block, ...]
     members: tuple[tuple[int, int, int], ...]
-    cart: tuple[float, float, float] | None
+    cart: CartNumbers | None
     spatial: bool
 
     @cached_property
     def total_mass(self) -> float:
         """Everything that hangs, and the cart (kg)."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
-        return hanging + (self.cart[0] if self.cart else 0.0)
+        return hanging + (self.cart.mass if self.cart else 0.0)
 
     @cached_property
     def n_kinds(self) -> int:
@@ -132,10 +141,10 @@ class Rig:
             )
             for block in self.blocks
         )
-        cart = self.cart and (
-            self.cart[0] / units.mass,
-            self.cart[1] / (units.mass * units.rate),
-            self.cart[2] / (spring / units.length),
+        cart = self.cart and CartNumbers(
+            mass=self.cart.mass / units.mass,
+            damping=self.cart.damping / (units.mass * units.rate),
+            stiffness=self.cart.stiffness / (spring / units.length),
         )
         return replace(self, gravity=1.0, blocks=blocks, cart=cart), units
 
@@ -152,7 +161,7 @@ def rig_of(scene: Scene) -> Rig:
             members[index] = (len(blocks), int(column), scene.pendulum[index].count)
         blocks.append(block)
     support = scene.support
-    cart = (support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
+    cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
     return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space")
 
 

@@ -2,7 +2,8 @@
 
 A fixed support leaves every pendulum alone.  On a cart, N equal pendula (equal links, bit for bit, wherever they
 stand in the file) split exactly: one pendulum N times as heavy moves together with the cart, and N − 1 antiphase
-copies of the pendulum's own modes hold it still.  In space the motion across the rail is that on a fixed support.
+copies of the pendulum's own modes hold it still.  So do all but one of the modes of equal frequency of different
+pendula.  In space the motion across the rail is that on a fixed support.
 """
 
 from __future__ import annotations
@@ -13,10 +14,11 @@ from itertools import repeat
 
 import numpy as np
 
+from modal.coincident import Still, clusters
 from modal.crowd import Crowd
-from modal.effective import CartProblem
-from modal.matrix_source import Dense
-from modal.rig import Block, Booleans, Ints, Rig
+from modal.effective import CartProblem, bare_mass
+from modal.matrix_source import FromMatrices
+from modal.rig import Block, Booleans, CartNumbers, Ints, Rig
 from modal.sources import Alone, Rigid, Source, Together, bare_mobility
 
 MOST_LINKS_TOGETHER = 600
@@ -24,9 +26,10 @@ MOST_LINKS_TOGETHER = 600
 
 @dataclass(frozen=True)
 class Part:
-    """`along` + `across` modes of equal frequency: row `row` of source `source`.
+    """`along` + `across` modes of equal frequency, from row `row` of source `source` on.
 
-    `kind` is the (block, column) whose copies move while all else stands still; None where everything moves.
+    `kind` is the (block, column) whose copies share that row and move while all else stands still; None where one
+    vector moves several kinds and has a row of its own.  `still` says that the support does not move.
     """
 
     source: int
@@ -34,16 +37,22 @@ class Part:
     along: int
     across: int
     kind: tuple[int, int] | None
+    still: bool
+
+    def row_of(self, copy: int) -> int:
+        """The row of the copy-th vector."""
+        return self.row if self.kind else self.row + copy
 
 
 @dataclass(frozen=True, eq=False)
-class Family:
+class Batch:
     """Rows of a source with their multiplicities, all (R,); `block` and `columns` where single kinds move alone."""
 
     source: Source
     rows: Ints
     along: Ints
     across: Ints
+    still: bool = False
     block: int = -1
     columns: Ints | None = None
 
@@ -51,31 +60,36 @@ class Family:
         """The rows one by one, this being source number `index`."""
         kinds = repeat(None) if self.columns is None else ((self.block, column) for column in self.columns.tolist())
         numbers = zip(self.rows.tolist(), self.along.tolist(), self.across.tolist(), kinds, strict=False)
-        return (Part(index, *number) for number in numbers)
+        return (Part(index, *number, self.still) for number in numbers)
 
 
-def families(rig: Rig) -> Iterator[Family]:
+def batches(rig: Rig) -> Iterator[Batch]:
     """All modes of a rig in natural units; a dense source only for what has joint springs or dampers."""
-    for index, block in enumerate(rig.blocks):
+    alone = [Alone(block) for block in rig.blocks]
+    for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
-        needed = along + across > 0
-        for chosen, source in _alone(block, needed):
-            rows = np.arange(len(source.eigenvalue))
-            columns = chosen[rows % chosen.size]
-            yield Family(source, rows, along[columns], across[columns], index, columns)
+        yield from _apart(index, source, along, across)
     if rig.cart:
-        yield from (_moving(source) for source in _with_cart(rig, rig.cart))
+        yield from _on_cart(rig, rig.cart, alone)
 
 
-def _alone(block: Block, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
-    """The needed columns and their sources: all structured chains in one, the others one by one."""
+def _apart(index: int, source: Alone, along: Ints, across: Ints) -> Iterator[Batch]:
+    """What is needed of a block's chains one by one: all structured ones from one source, the others each its own."""
+    for columns, each in _sources(source, along + across > 0):
+        rows = np.arange(len(each.eigenvalue))
+        column = columns[rows % columns.size]
+        yield Batch(each, rows, along[column], across[column], still=True, block=index, columns=column)
+
+
+def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
+    block = source.block
     structured = np.flatnonzero(needed & ~_is_dense(block))
     if structured.size:
-        yield structured, Alone(block.take(structured))
+        yield structured, source if structured.size == block.size else Alone(block.take(structured))
     for column in np.flatnonzero(needed & _is_dense(block)):
         chain = block.take(np.array([column]))
-        yield np.array([column]), Dense((chain,), (chain.count,), None, 1.0)
+        yield np.array([column]), FromMatrices((chain,), (chain.count,), None, 1.0)
 
 
 def _is_dense(block: Block) -> Booleans:
@@ -83,28 +97,37 @@ def _is_dense(block: Block) -> Booleans:
     return np.asarray(((block.damping > 0) | (block.stiffness > 0)).any(0), dtype=np.bool_)
 
 
-def _with_cart(rig: Rig, cart: tuple[float, float, float]) -> Iterator[Source]:
-    mass, damping, stiffness = cart
+def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
     mobility = bare_mobility(heavy, cart)
-    if stiffness == 0:
-        yield Rigid(rig.blocks, rig.total_mass, mobility)
-    if damping > 0 or any(_is_dense(block).any() for block in rig.blocks):
-        yield Dense(heavy, counts, cart, mobility)
+    if cart.stiffness == 0:
+        yield _moving(Rigid(rig.blocks, rig.total_mass, mobility, dragged=cart.damping > 0))
+    if cart.damping > 0 or any(_is_dense(block).any() for block in rig.blocks):
+        yield _moving(FromMatrices(heavy, counts, cart, mobility))
+    elif rig.n_kinds == 1:
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, np.zeros(0, dtype=np.int64)), mobility))
     else:
-        few = rig.n_kinds == 1 or sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
-        yield Together(heavy, counts, (CartProblem if few else Crowd)(heavy, mass, stiffness), mobility)
+        own = tuple(source.squares for source in alone)
+        gathered = clusters(own)
+        still = Still(heavy, gathered)
+        if still.shared.size:
+            first = np.cumsum(still.folds) - still.folds
+            yield Batch(Together(heavy, counts, still, mobility), first, still.folds, np.zeros_like(first), still=True)
+        few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
+        between = gathered.still + (1 if cart.stiffness > 0 else 0)
+        problem = CartProblem(heavy, cart, between) if few else Crowd(heavy, cart, own, gathered)
+        yield _moving(Together(heavy, counts, problem, mobility))
 
 
-def _moving(source: Source) -> Family:
+def _moving(source: Source) -> Batch:
     rows = np.arange(len(source.eigenvalue))
-    return Family(source, rows, np.ones_like(rows), np.zeros_like(rows))
+    return Batch(source, rows, np.ones_like(rows), np.zeros_like(rows))
 
 
 def notes(rig: Rig) -> tuple[str, ...]:
     """What was left out, and why."""
-    if rig.cart and CartProblem(rig.blocks, rig.cart[0], rig.cart[2]).bare_mass == 0:
+    if rig.cart and bare_mass(rig.blocks, rig.cart) == 0:
         return (
             "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
             "so one mode has no finite frequency and is left out.",

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Any, Literal
+from unicodedata import category
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
 
 from modal.errors import SceneError
 from modal.messages import problems_of
@@ -168,7 +169,7 @@ class Cart(_Part):
 class Scene(_Part):
     """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space."""
 
-    title: str = ""
+    title: Annotated[str, Field(max_length=200)] = ""
     gravity: Positive
     space: Literal["plane", "space"] = "plane"
     support: Annotated[Fixed | Cart, Field(discriminator="kind")] = Fixed()
@@ -194,6 +195,13 @@ class Scene(_Part):
     def links(self) -> Iterator[Bob | Rod | Body]:
         """Every link as written: copies and runs of equal links once each."""
         return (link for pendulum in self.pendulum for link in pendulum.links)
+
+    @field_validator("title")
+    @classmethod
+    def _one_line(cls, title: str) -> str:
+        if any(category(letter) in {"Cc", "Zl", "Zp"} for letter in title):
+            raise ValueError("must be one line without control characters")
+        return title
 
     @model_validator(mode="after")
     def _bounded(self) -> Scene:

@@ -8,97 +8,128 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from html import escape
-from math import isfinite
+from math import isfinite, log10
 from typing import Any
 
 from modal.errors import ComputationError
-from modal.linear import Matrices
 from modal.mode import Mode
 from modal.modes import Modes
-from modal.rig import Floats
-from modal.scene import Scene, described
+from modal.scene import described
 
 MOST_SHAPE_NUMBERS = 5_000_000
-FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
+NOTHING = "–"
 Value = float | int | str | bool | None
 
 
 @dataclass(frozen=True)
 class Column:
-    """A machine name with its unit, a heading for people (plain and LaTeX), a value and how people see it."""
+    """A machine name with its unit, its value and, where people see it, a heading, plain and in LaTeX, and a form."""
 
     key: str
-    heading: str
-    latex: str
     value: Callable[[Mode], Value]
-    form: str = "{}"
+    heading: str = ""
+    latex: str = ""
+    shown: Callable[[Mode], str] | None = None
     only_if: Callable[[Modes], bool] = lambda modes: True
+
+    @property
+    def headed(self) -> str:
+        """The heading in LaTeX."""
+        return self.latex or self.heading
+
+
+def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
+    """At most so many significant digits, and no more than the bound on ω leaves certain."""
+
+    def shown(mode: Mode) -> str:
+        number, bound = value(mode), mode.relative_error_bound
+        if number is None or not isfinite(number) or mode.is_uncertain:
+            return NOTHING
+        certain = most if bound == 0 else min(most, max(1, int(-log10(bound))))
+        return f"{number:.{certain}g}"
+
+    return shown
+
+
+def _marked(mode: Mode) -> str:
+    marks = (("*", bool(mode.resonances)), ("~", mode.indistinct), ("!", mode.is_uncertain))
+    return f"{mode.number}{''.join(mark for mark, holds in marks if holds)}"
+
+
+def _trusted(mode: Mode) -> str:
+    angle = mode.linear_to_1_percent_deg
+    return ">90" if angle > 90 and isfinite(mode.kappa) and mode.kappa else _digits(3, lambda m: angle)(mode)
+
+
+def _number(
+    key: str,
+    value: Callable[[Mode], float | None],
+    heading: str,
+    latex: str,
+    digits: int,
+    only_if: Callable[[Modes], bool] = lambda modes: True,
+) -> Column:
+    return Column(key, value, heading, latex, _digits(digits, value), only_if)
 
 
 COLUMNS = (
-    Column("mode", "mode", "mode", lambda m: m.number),
-    Column("omega_rad_per_s", "ω (rad/s)", r"$\omega$ (rad/s)", lambda m: m.omega, "{:.9g}"),
-    Column("frequency_hz", "f (Hz)", r"$f$ (Hz)", lambda m: m.frequency, "{:.7g}"),
-    Column("period_s", "T (s)", r"$T$ (s)", lambda m: m.period, "{:.7g}"),
-    Column(
-        "damping_ratio", "ζ", r"$\zeta$", lambda m: m.damping_ratio, "{:.4g}", lambda modes: modes.scene.has_damping
-    ),
-    Column("multiplicity", "fold", "fold", lambda m: m.multiplicity),
-    Column("family", "family", "family", lambda m: m.family),
-    Column(
-        "cart_participation",
-        "cart part.",
-        "cart part.",
-        lambda m: m.cart_participation,
-        "{:.4g}",
-        lambda modes: modes.rig.cart is not None,
-    ),
-    Column("effective_mass_kg", "eff. mass (kg)", r"$\mu$ (kg)", lambda m: m.effective_mass, "{:.6g}"),
-    Column("effective_mass_share", "share", "share", lambda m: m.effective_mass_share, "{:.4g}"),
-    Column(
+    Column("mode", lambda m: m.number, "mode", shown=_marked),
+    _number("omega_rad_per_s", lambda m: m.omega, "ω (rad/s)", r"$\omega$ (rad/s)", 9),
+    _number("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
+    _number("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
+    _number("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
+    Column("multiplicity", lambda m: m.multiplicity, "fold", shown=lambda m: str(m.multiplicity)),
+    Column("family", lambda m: m.family, "family", shown=lambda m: m.family),
+    _number("cart_participation", lambda m: m.cart_participation, "cart part.", "", 4, lambda modes: modes.on_cart),
+    _number("effective_mass_kg", lambda m: m.effective_mass, "eff. mass (kg)", r"$m_\mathrm{eff}$ (kg)", 6),
+    _number("effective_mass_share", lambda m: m.effective_mass_share, "share", "", 4),
+    _number(
         "effective_mass_across_kg",
-        "across (kg)",
-        r"$\mu_y$ (kg)",
         lambda m: m.effective_mass_across,
-        "{:.6g}",
+        "across (kg)",
+        r"$m_\mathrm{eff}$ across (kg)",
+        6,
         lambda modes: modes.rig.spatial,
     ),
     Column(
-        "linear_to_1_percent_deg",
-        "1 % at (°)",
-        r"1\,\% at ($^\circ$)",
-        lambda m: m.linear_to_1_percent_deg,
-        "{:.3g}",
+        "linear_to_1_percent_deg", lambda m: m.linear_to_1_percent_deg, "1 % at (°)", r"1\,\% at ($^\circ$)", _trusted
     ),
-    Column("amplitude_coefficient_per_rad2", "κ", r"$\kappa$", lambda m: m.kappa, "{:.4g}", lambda modes: False),
-    Column("resonances", "resonances", "resonances", lambda m: "; ".join(m.resonances), "{}", lambda modes: False),
-    Column("residual", "residual", "residual", lambda m: m.residual, "{:.1e}", lambda modes: False),
-    Column("relative_error_bound", "± rel.", r"$\pm$ rel.", lambda m: m.relative_error_bound, "{:.0e}"),
-    Column("indistinct", "", "", lambda m: m.indistinct, "{}", lambda modes: False),
+    Column("kappa_per_rad2", lambda m: m.kappa),
+    Column("resonances", lambda m: "; ".join(m.resonances)),
+    Column("residual", lambda m: m.residual),
+    Column(
+        "relative_error_bound",
+        lambda m: m.relative_error_bound,
+        "± rel.",
+        r"$\pm$ rel.",
+        lambda m: f"{m.relative_error_bound:.0e}",
+    ),
+    Column("indistinct", lambda m: m.indistinct),
 )
 
 
 def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False) -> str:
-    """These rows of `modes` in one of FORMATS; `shapes` adds mode shapes and energy shares to JSON."""
+    """These rows of `modes` as text, markdown, latex, csv, html or json, the `form`.
+
+    `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.
+    """
     if form == "json":
-        return json_table(modes, rows, shapes=shapes)
+        return _json(modes, rows, shapes=shapes)
     if form == "csv":
         return _csv(rows)
-    columns = [column for column in COLUMNS if column.only_if(modes)]
-    cells = [[_shown(column, row) for column in columns] for row in rows]
+    columns = [column for column in COLUMNS if column.shown and column.only_if(modes)]
+    cells = [[column.shown(row) for column in columns if column.shown] for row in rows]
     return _DRESSES[form](modes, columns, cells, _footnotes(modes, rows))
 
 
-def records(rows: Sequence[Mode]) -> list[dict[str, Value]]:
-    """One mapping a mode, all columns, units in the names."""
+def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
+    """One mapping a mode, all columns, units in the names; None where a value has no meaning."""
     return [{column.key: _finite(column.value(row)) for column in COLUMNS} for row in rows]
 
 
-def json_table(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
+def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
     """JSON: the scene, its modes, the route that was taken and notes."""
-    found: list[dict[str, Any]] = [
-        {**record, "resonances": list(row.resonances)} for record, row in zip(records(rows), rows, strict=True)
-    ]
+    found = [{**record, "resonances": list(row.resonances)} for record, row in zip(_records(rows), rows, strict=True)]
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
         if numbers > MOST_SHAPE_NUMBERS:
@@ -117,31 +148,20 @@ def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
         "direction": "across the rail" if shape.across else "along the rail",
         "cart_m": cart,
         "angles_rad": angles,
+        "modal_mass_kg_m2": shape.modal_mass,
+        "participation_factor_per_m": _finite(shape.participation_factor),
         "kinetic_energy_share": shape.kinetic_energy_share.tolist(),
     }
 
 
 def _finite(value: Value) -> Value:
-    """The value, or None where it has no meaning."""
     return None if isinstance(value, float) and not isfinite(value) else value
-
-
-def _shown(column: Column, row: Mode) -> str:
-    value = _finite(column.value(row))
-    if value is None:
-        return "–"
-    if column.key == "mode":
-        marks = (("*", bool(row.resonances)), ("~", row.indistinct), ("!", row.is_uncertain))
-        return f"{value}{''.join(mark for mark, holds in marks if holds)}"
-    if column.key == "linear_to_1_percent_deg" and isinstance(value, float) and value > 90:
-        return ">90"
-    return column.form.format(value)
 
 
 def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
     notes = list(modes.notes)
     if any(row.resonances for row in rows):
-        notes.append("* near a 1:1 or 1:3 resonance with another mode: the 1 % amplitude is a guide there.")
+        notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own: the 1 % amplitude is a guide.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
     if any(row.indistinct for row in rows):
@@ -153,7 +173,7 @@ def _csv(rows: Sequence[Mode]) -> str:
     stream = io.StringIO()
     writer = csv.DictWriter(stream, [column.key for column in COLUMNS], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(records(rows))
+    writer.writerows(_records(rows))
     return stream.getvalue()
 
 
@@ -193,11 +213,11 @@ def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], n
 
 def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
     plain = [
-        [cell.replace("–", "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row]
+        [cell.replace(NOTHING, "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row]
         for row in cells
     ]
-    body = _dressed("latex_raw", columns, plain, [column.latex for column in columns])
-    return "\n".join([f"% {line}" for line in (_title(modes).replace("\n", " "), *notes)] + [body]) + "\n"
+    body = _dressed("latex_raw", columns, plain, [column.headed for column in columns])
+    return "\n".join([f"% {line}" for line in (_title(modes), *notes)] + [body]) + "\n"
 
 
 def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
@@ -207,25 +227,3 @@ def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes
 
 
 _DRESSES = {"text": _text, "markdown": _markdown, "latex": _latex, "html": _html}
-
-
-def matrices_table(scene: Scene, found: Matrices, form: str) -> str:
-    """M, K and D as text or JSON."""
-    named = {"M": found.M, "K": found.K, "D": found.D}
-    if form == "json":
-        whole = {
-            "scene": described(scene),
-            "coordinates": list(found.labels),
-            **{name: matrix.tolist() for name, matrix in named.items()},
-        }
-        return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
-    parts = [f"coordinates ({len(found.labels)}): {', '.join(found.labels)}"]
-    for name, matrix in named.items():
-        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix)}")
-    return "\n\n".join(parts) + "\n"
-
-
-def _grid(matrix: Floats) -> str:
-    cells = [[f"{value:.10g}" for value in row] for row in matrix]
-    width = max(len(cell) for row in cells for cell in row)
-    return "\n".join("  " + "  ".join(cell.rjust(width) for cell in row) for row in cells)

@@ -11,6 +11,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from io import TextIOWrapper
 from typing import TYPE_CHECKING
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
@@ -30,6 +31,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     from modal.errors import MultipendulaError, SceneError
 
+    if sys.stdout is None:
+        return _refuse("standard output is closed", 1)
+    if isinstance(sys.stdout, TextIOWrapper):
+        sys.stdout.reconfigure(errors="replace")
     try:
         options.run(options)
         sys.stdout.flush()
@@ -89,7 +94,10 @@ def schema(options: argparse.Namespace) -> None:
 def table(options: argparse.Namespace) -> None:
     """Print the table of modes."""
     from modal import tables
+    from modal.errors import SceneError
 
+    if options.shapes and options.format != "json":
+        raise SceneError(["--shapes: needs --format json"])
     modes, numbers = _modes(options)
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
     with _output(options.output) as write:
@@ -120,7 +128,7 @@ def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
     from modal.files import load
     from modal.linear import matrices as matrices_of
-    from modal.tables import matrices_table
+    from modal.matrix_tables import matrices_table
 
     scene = load(options.scene)
     with _output(options.output) as write:
@@ -159,7 +167,9 @@ def _chosen(text: str | None, total: int) -> range:
         high = (int(last) if last else total) if colon else low
     except ValueError:
         raise SceneError([f"--modes {text}: must be a number or a range such as 1:10"]) from None
-    if not 1 <= low <= high or low > total:
+    if colon and low > high and (last or low <= total):
+        raise SceneError([f"--modes {text}: begins after its end"])
+    if low < 1 or low > total:
         raise SceneError([f"--modes {text}: the scene has modes 1 to {total}"])
     return range(low - 1, min(high, total))
 
@@ -176,9 +186,12 @@ def _output(path: str | None) -> Iterator[Callable[[str], object]]:
 
 
 def _amplitude(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
     if not 0 < value <= 90:
-        raise argparse.ArgumentTypeError("must be above 0 and at most 90 degrees")
+        raise argparse.ArgumentTypeError(f"{text}: must be a number of degrees above 0 and at most 90")
     return value
 
 

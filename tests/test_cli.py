@@ -65,7 +65,10 @@ def test_json_table(capsys: pytest.CaptureFixture[str], name: str) -> None:
     for row in rows:
         if row["omega_rad_per_s"] == 0:
             assert row["period_s"] is None
-        assert row["frequency_hz"] == pytest.approx(row["omega_rad_per_s"] / (2 * np.pi))
+        if row["damping_ratio"] == 1:
+            assert row["frequency_hz"] is None
+        else:
+            assert row["frequency_hz"] == pytest.approx(row["omega_rad_per_s"] / (2 * np.pi))
 
 
 def json_as_toml(scene: dict) -> bytes:
@@ -139,9 +142,10 @@ def test_what_cannot_be_computed_is_1(capsys: pytest.CaptureFixture[str], tmp_pa
 
 def test_frequencies_without_a_certain_digit_are_marked() -> None:
     modes = natural_modes(load("chain-2"))
-    uncertain = replace(modes, error=np.array([0.2, 1e-15]))
+    uncertain = replace(modes, spectrum=replace(modes.spectrum, error=np.array([0.2, 1e-15])))
     lines = tables.table(uncertain, list(uncertain), "text").splitlines()
     assert lines[4].split()[0] == "1!"
+    assert lines[4].split()[1:4] == ["–", "–", "–"]
     assert "beyond double precision" in lines[4]
     assert lines[5].split()[0] == "2"
     assert lines[-1].startswith("! beyond double precision")
@@ -159,6 +163,40 @@ def test_dampers_beyond_double_precision_give_no_silent_digits(
     code = main(["table", str(path)])
     streams = capsys.readouterr()
     assert "beyond double precision" in (streams.err if code else streams.out)
+
+
+def test_no_more_digits_are_shown_than_the_bound_leaves(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    modes = natural_modes(load("chain-2"))
+    rough = replace(modes, spectrum=replace(modes.spectrum, error=np.array([2e-4, 1e-15])))
+    cells = [line.split()[1] for line in tables.table(rough, list(rough), "text").splitlines()[4:6]]
+    assert cells == [f"{modes.omega[0]:.3g}", f"{modes.omega[1]:.9g}"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX shell")
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        ("table chain-1 >&-", 1, "standard output is closed"),
+        ("table - <&-", 2, "-: standard input is closed"),
+        (f"table {'x' * 5000}", 2, "cannot be read"),
+        ("table chain-1 --shapes", 2, "--shapes: needs --format json"),
+        ("table chain-1 -o /no/such/place/t.txt", 2, "cannot write /no/such/place/t.txt: No such file or directory"),
+        ("table chain-3 --modes 3:2", 2, "--modes 3:2: begins after its end"),
+        ("shapes chain-1 -o a.png --amplitude abc", 2, "abc: must be a number of degrees above 0 and at most 90"),
+    ],
+)
+def test_one_clear_message(words: str, code: int, message: str) -> None:
+    line = f"'{sys.executable}' -m multipendula {words}"
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
+    assert done.returncode == code
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_terminal_that_knows_only_ascii() -> None:
+    done = run("table", "chain-1", env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert done.returncode == 0
+    assert "(rad/s)" in done.stdout
 
 
 def test_usage_errors_are_2() -> None:

@@ -6,13 +6,16 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes, routes, secular
+from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes, secular
+from modal.coincident import clusters
 from modal.crowd import Crowd
-from modal.effective import CartProblem
+from modal.effective import CartProblem, fixed_squares
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.rig import rig_of
 from modal.secular import Poles, solve
+
+NOWHERE = np.zeros(0, dtype=np.int64)
 
 
 def random_crowd(seed: int, size: int = 40) -> Scene:
@@ -28,21 +31,20 @@ def random_crowd(seed: int, size: int = 40) -> Scene:
 def problems(scene: Scene) -> tuple[Crowd, CartProblem]:
     rig, _ = rig_of(scene).natural()
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
-    return Crowd(heavy, rig.cart[0], rig.cart[2]), CartProblem(heavy, rig.cart[0], rig.cart[2])
+    own = tuple(fixed_squares(block) for block in rig.blocks)
+    return Crowd(heavy, rig.cart, own, clusters(own)), CartProblem(heavy, rig.cart, NOWHERE)
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_two_routes_to_the_same_modes(seed: int) -> None:
     crowd, direct = problems(random_crowd(seed))
-    x = crowd.squares()
-    np.testing.assert_allclose(x, direct.squares(), rtol=1e-14)
-    one, two = crowd.shapes(np.arange(len(x))), direct.shapes(x)
+    x = crowd.squares
+    np.testing.assert_allclose(x, direct.squares, rtol=1e-14)
+    one, two = crowd.shapes(np.arange(len(x))), direct.shapes(np.arange(len(x)))
     gap = np.diff(x, prepend=0, append=2 * x[-1])
     apart = np.minimum(gap[1:], gap[:-1]) / x
     for a, b in zip((one.cart[None, None], *one.turns), (two.cart[None, None], *two.turns), strict=True):
-        scaled = [
-            m * np.sign(s.cart) / np.sqrt(sum(e.sum((0, 1)) for e in s.energies)) for m, s in ((a, one), (b, two))
-        ]
+        scaled = [m * np.sign(s.cart) / np.sqrt(s.modal_mass) for m, s in ((a, one), (b, two))]
         assert np.all(np.abs(scaled[0] - scaled[1]).max((0, 1)) <= 1e-13 / apart * np.abs(scaled[1]).max())
     assert one.residual.max() < 1e-13
 
@@ -106,16 +108,29 @@ def test_thousand_pendula_take_the_secular_route() -> None:
 
 def natural_modes_by_count(modes: Modes) -> np.ndarray:
     rig, units = modes.rig.natural()
-    return np.sqrt(CartProblem(rig.blocks, rig.cart[0], 0.0).squares()) * units.rate
+    return np.sqrt(CartProblem(rig.blocks, rig.cart, NOWHERE).squares) * units.rate
 
 
-def test_equal_poles_of_different_pendula_hold_the_cart_all_but_still(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(routes, "MOST_LINKS_TOGETHER", 0)
-    pendula = [Pendulum(links=(Bob(mass=m, length=1.0),)) for m in (1.0, 2.0, 4.0)]
+def test_two_thousand_equal_lengths_of_different_mass() -> None:
+    """One mode moves the cart, ω² = (g/l)(1 + Σm/m_c); 1999 leave it still, whatever the masses."""
+    masses = np.random.default_rng(0).uniform(0.5, 1.5, 2000).tolist()
+    pendula = [Pendulum(links=(Bob(mass=m, length=1.0),)) for m in masses]
     modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=7.0), pendulum=pendula))
-    np.testing.assert_allclose(modes.omega**2, [0, 9.81, 19.62], rtol=1e-14)
-    assert modes.multiplicity.tolist() == [1, 2, 1]
-    assert all(abs(modes.shape(1, copy).cart) < 1e-14 for copy in (0, 1))
+    assert "secular equation" in modes.route
+    assert modes.multiplicity.tolist() == [1, 1999, 1]
+    np.testing.assert_allclose(modes.omega[1:] ** 2, [9.81, 9.81 * (1 + sum(masses) / 7.0)], rtol=1e-14)
+    for copy in (0, 1, 700, 1998):
+        shape = modes.shape(1, copy)
+        assert shape.cart == 0.0
+        assert abs(shape.angles @ masses) < 1e-12 * (np.abs(shape.angles) @ masses)
+
+
+def test_nearly_equal_poles_are_not_taken_for_one_beyond_rounding() -> None:
+    lengths = 1.0 + 2.0**-46 * np.arange(700)
+    pendula = [Pendulum(links=(Bob(mass=1.0, length=float(l)),)) for l in lengths]
+    modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=7.0), pendulum=pendula))
+    assert modes.multiplicity.max() == 1
+    assert all(modes.omega[1:700] < np.sqrt(9.81 / lengths[0]) * (1 + 1e-15))
 
 
 def terms_summed(size: int, monkeypatch: pytest.MonkeyPatch) -> int:

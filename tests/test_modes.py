@@ -10,7 +10,20 @@ from compare import assert_certified
 from oracle import dense
 from random_scenes import random_scene
 
-from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
+from modal import (
+    Bob,
+    Body,
+    Cart,
+    ComputationError,
+    Fixed,
+    Pendulum,
+    Rod,
+    Scene,
+    load,
+    matrices,
+    natural_modes,
+    routes,
+)
 from modal import dense as dense_route
 from modal.modes import Modes
 
@@ -73,7 +86,12 @@ def test_sum_rules(seed: int) -> None:
         expected = b @ np.linalg.solve(found.M, b)
     assert sum(row.effective_mass for row in rows) == pytest.approx(expected, rel=1e-12)
     for number, row in enumerate(rows):
+        vectors = [modes.shape(number, copy) for copy in range(row.multiplicity)]
+        assert sum(v.participation_factor**2 * v.modal_mass for v in vectors) == pytest.approx(
+            row.effective_mass, rel=1e-12, abs=1e-14 * expected
+        )
         shape = modes.shape(number, 0, "mass")
+        assert shape.modal_mass == pytest.approx(1, rel=1e-14)
         cart = modes.rig.cart[0] * shape.cart**2 if modes.rig.cart else 0.0
         assert shape.kinetic_energy_share.sum() + cart == pytest.approx(1, rel=1e-12)
         assert row.residual < 1e-13
@@ -266,12 +284,12 @@ def test_light_damping_of_one_pendulum() -> None:
 
 def test_unstable_modes_are_recognised() -> None:
     """A scene cannot be unstable at the hanging rest; the dense route and the words for it can."""
-    from modal.families import family
+    from modal.families import FIXED, family
 
     found = dense_route.damped(np.eye(1), np.array([[-0.2]]), np.eye(1), free=False)
     assert found.eigenvalue[0].real == pytest.approx(0.1)
     ratio = -found.eigenvalue[0].real / abs(found.eigenvalue[0])
-    words = family(on_cart=False, still=True, along=1, across=0, omega=1.0, ratio=ratio, motion="")
+    words = family(where=FIXED, along=1, across=0, antiphase=False, ratio=ratio, motion="")
     assert words == "fixed support: unstable"
 
 
@@ -326,9 +344,30 @@ def test_sum_rules_at_the_extremes(seed: int) -> None:
 
 
 def test_resonances_are_named() -> None:
-    lengths = (1.0, 1.0 / 9.0)
-    modes = natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=(Bob(mass=1.0, length=l),)) for l in lengths]))
-    assert [row.resonances for row in modes] == [("1:3 with mode 2",), ("3:1 with mode 1",)]
+    pendula = [Pendulum(links=(Bob(mass=1.0, length=l),)) for l in (1.0, 1.0 / 9.0)]
+    coupled = natural_modes(Scene(gravity=9.81, support=Cart(mass=1e4), pendulum=pendula))
+    assert [row.resonances for row in coupled] == [(), ("1:3 with mode 3",), ("3:1 with mode 2",)]
+    uncoupled = natural_modes(Scene(gravity=9.81, pendulum=pendula))
+    assert [row.resonances for row in uncoupled] == [(), ()]
+
+
+def test_modes_of_equal_frequency_are_in_resonance_where_something_couples_them() -> None:
+    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), count=3)
+    on_cart = natural_modes(Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=[pendulum]))
+    assert on_cart[1].resonances == ("1:1 among its own 2 shapes",)
+    apart = natural_modes(Scene(gravity=9.81, pendulum=[pendulum]))
+    assert apart[0].resonances == ()
+    in_space = natural_modes(Scene(gravity=9.81, space="space", pendulum=[pendulum]))
+    assert in_space[0].resonances == ("1:1 among its own 2 shapes",)
+
+
+def test_a_long_list_of_resonances_says_how_many_are_left_out() -> None:
+    row = natural_modes(load("thousand-pendula"))[500]
+    named = [int(words.split()[-1]) - 1 for words in row.resonances if "with mode" in words]
+    more = [int(words.split()[2]) for words in row.resonances if words.endswith("more")]
+    omega = natural_modes(load("thousand-pendula")).omega
+    expected = sum(np.sum(np.abs(omega / (row.omega * f) - 1) < 0.02) for f in (1, 3, 1 / 3)) - 1
+    assert len(named) + sum(more) == pytest.approx(expected, abs=1)
 
 
 def test_limits_of_the_dense_route_are_told() -> None:
@@ -349,7 +388,10 @@ def test_a_thousand_equal_damped_pendula_cost_one() -> None:
         pendulum=[Pendulum(links=(Rod(mass=1.0, length=1.0, damping=0.1),), count=1000)],
     )
     modes = natural_modes(scene)
-    assert [source.matrices[0].shape for source in modes.sources if hasattr(source, "matrices")] == [(1, 1), (2, 2)]
+    assert [source.matrices[0].shape for source in modes.spectrum.sources if hasattr(source, "matrices")] == [
+        (1, 1),
+        (2, 2),
+    ]
     assert modes.multiplicity.max() == 999
 
 
@@ -387,3 +429,92 @@ def test_damped_error_bounds_hold(seed: int) -> None:
     for value, error in zip(modes.eigenvalue, modes.error, strict=True):
         if value:
             assert np.abs(exact - value).min() <= (error + 4e-16) * abs(value)
+
+
+def test_the_rigid_translation_is_normalised_by_the_cart() -> None:
+    modes = natural_modes(load("paper-cart-2"))
+    assert (modes.shape(0).cart, modes.shape(0).modal_mass) == (1.0, pytest.approx(104.0))
+    assert modes.shape(0, 0, "mass").cart == pytest.approx(104.0**-0.5)
+    assert modes.shape(0).participation_factor == pytest.approx(1.0)
+
+
+def test_an_unknown_normalisation_is_refused() -> None:
+    with pytest.raises(ValueError, match='must be "angle" or "mass"'):
+        natural_modes(load("chain-2")).shape(0, normalise="unit")
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_damped_participations_are_the_response_to_a_push(seed: int) -> None:
+    """Against the left and right eigenvectors of the state matrix: x'(0+) after a unit push on the cart."""
+    scene = mild(seed, damping=0.0 if seed % 3 == 0 else 2.0)
+    if not isinstance(scene.support, Cart):
+        scene = scene.model_copy(update={"support": Cart(mass=1.5, stiffness=1.0)})
+    scene = scene.model_copy(update={"support": scene.support.model_copy(update={"damping": 0.7 * (seed % 2)})})
+    rows, found = list(natural_modes(scene)), matrices(scene)
+    assert sum(row.cart_participation for row in rows) == pytest.approx(1, rel=1e-9)
+    n = len(found.M)
+    inverse = np.linalg.inv(found.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ found.K, -inverse @ found.D]])
+    values, left, right = scipy.linalg.eig(state, left=True)
+    push = np.concatenate([np.zeros(n), inverse[:, 0]])
+    shares = (left.conj().T @ push) * right[n] / np.einsum("ij,ij->j", left.conj(), right) / inverse[0, 0]
+    for row, value in zip(rows, natural_modes(scene).eigenvalue, strict=True):
+        near = np.abs(values - value) < 1e-6 * (1 + abs(value))
+        if near.sum() == 1 and row.multiplicity == 1 and row.omega > 0:
+            expected = shares[near][0] + (0 if value.imag == 0 else shares[near][0].conj())
+            assert row.cart_participation == pytest.approx(expected.real, abs=1e-8)
+
+
+def test_modes_far_out_of_phase_have_no_amplitude_coefficient() -> None:
+    """Two nearly equal pendula, one damped: light damping ratios, but parts that are a quarter period apart."""
+    pendula = [Pendulum(links=(Bob(mass=1.0, length=l, damping=c),)) for l, c in ((1.0, 0.02), (1.00001, 0.0))]
+    modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=400.0), pendulum=pendula))
+    assert modes[2].damping_ratio < 0.1
+    assert np.abs(modes.shape(2).angles.imag).max() > 0.1
+    assert np.isnan(modes[2].kappa)
+
+
+def scaled_family(seed: int) -> Scene:
+    """Different pendula of equal frequencies: chains with their masses scaled, beside others of their own."""
+    rng = np.random.default_rng(seed)
+    pendula = []
+    for n in rng.integers(1, 4, size=rng.integers(1, 3)):
+        numbers = rng.uniform(0.3, 2, (n, 4))
+        for factor in rng.uniform(0.2, 5, rng.integers(2, 5)):
+            links = [Body(mass=m * factor, length=l, centre=c * l, inertia=i * factor) for m, l, c, i in numbers]
+            pendula.append(Pendulum(links=links, count=int(rng.integers(1, 3))))
+    rng.shuffle(pendula)
+    cart = Cart(mass=float(10 ** rng.uniform(-2, 2)), stiffness=float(rng.choice([0.0, 3.0])))
+    return Scene(gravity=9.81, support=cart, pendulum=pendula)
+
+
+@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("most_together", [0, 600])
+def test_different_pendula_of_equal_frequency_keep_a_whole_basis(
+    seed: int, most_together: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All vectors of all rows diagonalise M and K, and all but one of each set leave the cart exactly still."""
+    monkeypatch.setattr(routes, "MOST_LINKS_TOGETHER", most_together)
+    scene = scaled_family(seed)
+    modes, found = natural_modes(scene), matrices(scene)
+    assert_certified(modes, 1e-14)
+    phi, omega = whole_basis(modes, "mass"), np.repeat(modes.omega, modes.multiplicity)
+    np.testing.assert_allclose(phi.T @ found.M @ phi, np.eye(len(phi)), atol=1e-11)
+    np.testing.assert_allclose(phi.T @ found.K @ phi, np.diag(omega**2), atol=1e-11 * omega.max() ** 2)
+    free = scene.support.stiffness == 0
+    kinds = {p.model_copy(update={"count": 1}) for p in scene.pendulum}
+    depths = [len(p.links) for p in kinds]
+    moving = sum(len({p.links[0].length for p in kinds if len(p.links) == d}) * d for d in set(depths)) + 1
+    assert np.sum(phi[0] != 0) == moving
+    assert sum(row.multiplicity for row in modes if row.family.startswith("cart still")) == len(phi) - moving
+    assert modes[0].omega == 0 if free else modes[0].omega > 0
+
+
+def test_equal_pendula_on_a_dragged_cart_leave_it_still() -> None:
+    pendula = [Pendulum(links=(Bob(mass=m, length=1.0),)) for m in (1.0, 1.1, 1.2)]
+    rows = list(natural_modes(Scene(gravity=9.81, support=Cart(mass=3.0, damping=2.0), pendulum=pendula)))
+    still = [row for row in rows if row.family == "cart still: antiphase"]
+    assert [row.cart_participation for row in still] == [0.0, 0.0]
+    assert [row.damping_ratio for row in still] == pytest.approx([0.0, 0.0], abs=1e-14)
+    assert rows[0].cart_participation == 0.0
+    assert np.isnan(rows[0].effective_mass)

@@ -51,7 +51,7 @@ links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 
 """
     assert set(refused(text)) == {
         "gravity = -9.81: must be positive",
-        "space = 'aether': must be one of 'plane' or 'space'",
+        'space = "aether": must be one of "plane" or "space"',
         "colour: is not a known key",
         "support.mass: is required",
         "support.mas: is not a known key (did you mean mass?)",
@@ -59,7 +59,7 @@ links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 
         "pendulum[2].count = 0: must be positive",
         "pendulum[2].links[0].mass = -1.0: must be positive",
         "pendulum[2].links[0].length = nan: must be finite",
-        "pendulum[2].links[1].kind = 'spring': must be one of 'bob', 'rod', 'body'",
+        'pendulum[2].links[1].kind = "spring": must be one of "bob", "rod", "body"',
         "pendulum[2].links[2]: needs a kind",
     }
 
@@ -69,13 +69,13 @@ links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 
     [
         ({"mass": "0.0"}, "pendulum[0].links[0].mass = 0.0: must be positive"),
         ({"mass": "inf"}, "pendulum[0].links[0].mass = inf: must be finite"),
-        ({"mass": "true"}, "pendulum[0].links[0].mass = True: must be a number"),
-        ({"mass": '"heavy"'}, "pendulum[0].links[0].mass = 'heavy': must be a number"),
+        ({"mass": "true"}, "pendulum[0].links[0].mass = true: must be a number"),
+        ({"mass": '"heavy"'}, 'pendulum[0].links[0].mass = "heavy": must be a number'),
         ({"mass": "1e101"}, "pendulum[0].links[0].mass = 1e+101: must be at most 1e+100"),
         ({"mass": "1e-101"}, "pendulum[0].links[0].mass = 1e-101: must be at least 1e-100"),
-        ({"length": "2026-11-21"}, "pendulum[0].links[0].length = datetime.date(2026, 11, 21): must be a number"),
+        ({"length": "2026-11-21"}, "pendulum[0].links[0].length = 2026-11-21: must be a number"),
         ({"count": "1.5"}, "pendulum[0].links[0].count = 1.5: must be a whole number"),
-        ({"count": "2000000"}, "pendulum[0].links[0].count = 2000000: must be at most 1e+06"),
+        ({"count": "2000000"}, "pendulum[0].links[0].count = 2000000: must be at most 1000000"),
         ({"count": "20001"}, "pendulum[0].links: has 20001 links, runs counted out: at most 20000"),
         ({"damping": "-0.1"}, "pendulum[0].links[0].damping = -0.1: must not be negative"),
         ({"centre": "0.1"}, "pendulum[0].links[0].centre: does not belong here"),
@@ -96,7 +96,10 @@ def test_one_mistake_in_a_link(changes: dict, words: str) -> None:
         ("gravity = 9.81\npendulum = 3", "pendulum = 3: must be a list"),
         ("gravity = 9.81\npendulum = [3]", "pendulum[0] = 3: must be a table"),
         ("self = 1\ncls = 2\n'' = 3\ngravity = 1", "self: is not a known key"),
-        (f"gravity = {10**400}", "gravity = 100000000000000000000000000000000000000…: must be a number"),
+        (f"gravity = 0x{'f' * 5000}", "gravity = (an enormous integer): is too large"),
+        ('title = "a\\u0007"\ngravity = 1.0', "title: must be one line without control characters"),
+        ("[pendulum]\nlinks = []", "pendulum: must be a list: write [[pendulum]]"),
+        (f"gravity = {10**400}", "gravity = (an enormous integer): is too large"),
     ],
 )
 def test_broken_documents(text: str, words: str) -> None:
@@ -182,7 +185,7 @@ LINKS = st.one_of(
 PENDULA = st.builds(Pendulum, links=st.lists(LINKS, min_size=1, max_size=3).map(tuple), count=COUNTS)
 SCENES = st.builds(
     Scene,
-    title=st.text(st.characters(exclude_categories=["Cs"])),
+    title=st.text(st.characters(exclude_categories=["Cs", "Cc", "Zl", "Zp"]), max_size=200),
     gravity=NUMBERS,
     space=st.sampled_from(["plane", "space"]),
     support=st.just(Fixed()) | st.builds(Cart, mass=st.just(0.0) | NUMBERS, stiffness=st.just(0.0) | NUMBERS),
