@@ -36,7 +36,7 @@ def _pairs(block: Block, angle: Floats) -> Floats:
 
 
 def coefficient(gamma: Floats, modal_mass: Floats, x: Floats, largest: Floats) -> Floats:
-    """κ (R,) of the modes with these Γ, φᵀMφ, ω² and largest angles, for a largest angle of 1 rad."""
+    """κ (R,) of the modes with these Γ, φᵀMφ, ω² and largest angles, (1/rad², of the largest angle)."""
     return -4.0 * gamma / (modal_mass * x) / largest**2
 
 

@@ -4,7 +4,8 @@ Elimination from the free end.  With t = ω²/k and μ the effective mass felt a
 
     D = 1 − t (r + μ),    μ' = ((1 − t p) μ + m (1 − t J)) / D        (μ = 0 below the last link),
 
-the number of D < 0 is the number of frequencies below ω (Sylvester), and a link whose upper joint moves by y
+the number of D < 0 is the number of frequencies below ω (Sylvester's law of inertia: Parlett, The Symmetric
+Eigenvalue Problem, §3.3), and a link whose upper joint moves by y
 turns by a = t (m s + μ) y / D and carries its lower joint to y (1 + t q) / D.  From above the same lines hold
 with s → 1 − s, p ↔ r and ν, the effective mass of all that is above, in place of μ.
 

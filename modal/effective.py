@@ -3,7 +3,8 @@
 On a fixed support every chain is alone: ω² is found where its count of D < 0 steps.  On a cart the pivots move
 together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
 
-A shape is built from both ends and joined at one joint (a twisted factorisation).  There it misses equilibrium by
+A shape is built from both ends and joined at one joint (a twisted factorisation: Dhillon & Parlett, SIAM J. Matrix
+Anal. Appl. 25, 858 (2004), §2).  There it misses equilibrium by
 ω² (μ + ν) y, so its Rayleigh quotient misses ω² by |μ + ν| y² over the kinetic energy T: a residual that certifies
 the mode.  The joint is one where the halves agree to rounding (|μ + ν| against the joint's own mass) and the
 neighbouring links hold most of the kinetic energy: there the mode lives.

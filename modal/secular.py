@@ -9,7 +9,8 @@ poles, so each gap holds one root, and one more lies beyond the last pole if c >
 (nearest pole, offset), which leaves every difference λ_r − x its full relative accuracy.
 
 Distant poles act smoothly on a short run of gaps: their sum is tabulated at Chebyshev points, run by run, while
-the runs are divided until few enough neighbours are left to be summed one by one.
+the runs are divided until few enough neighbours are left to be summed one by one, as in fast multipole sums
+(Gu & Eisenstat, SIAM J. Matrix Anal. Appl. 16, 172 (1995)).
 """
 
 from __future__ import annotations
@@ -148,7 +149,10 @@ def _beyond(poles: Poles) -> Roots:
 
 
 def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Floats, at_high: Floats) -> Floats:
-    """Zeros in (0, high] of functions that rise through them, given the values at both ends (Illinois rule)."""
+    """Zeros in (0, high] of functions that rise through them, given the values at both ends.
+
+    The Illinois rule (Dowell & Jarratt, BIT 11, 168 (1971)); ComputationError if it does not converge.
+    """
     low, last = np.zeros_like(high), np.zeros_like(high)
     for _ in range(MAX_STEPS):
         trial = np.clip((low * at_high - high * at_low) / (at_high - at_low), low, high)

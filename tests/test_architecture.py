@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
-from graphlib import TopologicalSorter
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
-LAYERS = {"modal": set(), "nonlinear": {"modal"}, "multipendula": {"modal", "nonlinear"}}
+PACKAGES = ("modal", "nonlinear", "multipendula")
+MAP = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
 HEAVY = {"matplotlib": {"modal.figures"}, "scipy": set(), "sympy": set(), "control": set()}
 
 
@@ -20,7 +21,7 @@ def module_name(path: Path) -> str:
 
 
 def sources() -> dict[str, Path]:
-    return {module_name(path): path for package in LAYERS for path in (ROOT / package).rglob("*.py")}
+    return {module_name(path): path for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
 
 
 def imports(path: Path) -> set[str]:
@@ -35,27 +36,43 @@ def imports(path: Path) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("name", sources())
-def test_no_module_imports_upward(name: str) -> None:
-    package = name.partition(".")[0]
-    used = {target.partition(".")[0] for target in imports(sources()[name])} & LAYERS.keys()
-    assert used <= LAYERS[package] | {package}
+def upward(order: list[str], imported: dict[str, set[str]]) -> set[tuple[str, str]]:
+    """Imports of a module that the map does not name earlier."""
+    return {
+        (name, target)
+        for place, name in enumerate(order)
+        for target in imported[name] & imported.keys()
+        if target not in order[:place]
+    }
 
 
-def test_no_circles() -> None:
-    graph = {name: imports(path) & sources().keys() - {name} for name, path in sources().items()}
-    assert len(list(TopologicalSorter(graph).static_order())) == len(graph)
+def test_the_map_names_every_module() -> None:
+    assert sorted(MAP) == sorted(sources())
+
+
+def test_imports_run_downhill() -> None:
+    """Which also excludes circles."""
+    assert upward(MAP, {name: imports(path) - {name} for name, path in sources().items()}) == set()
+
+
+def test_nobody_imports_the_command_and_modal_nothing_of_nonlinear() -> None:
+    for name, path in sources().items():
+        package = name.partition(".")[0]
+        used = {target.partition(".")[0] for target in imports(path)} & set(PACKAGES)
+        assert used <= set(PACKAGES[: PACKAGES.index(package) + 1]), name
+
+
+def test_the_check_of_imports_bites(tmp_path: Path) -> None:
+    assert upward(["a", "b"], {"a": {"b"}, "b": {"numpy"}}) == {("a", "b")}
+    assert upward(["a", "b"], {"a": {"b"}, "b": {"a"}}) == {("a", "b")}
+    (tmp_path / "a.py").write_text("def f():\n    import matplotlib.pyplot\n")
+    assert imports(tmp_path / "a.py") == {"matplotlib.pyplot"}
 
 
 @pytest.mark.parametrize("name", sources())
 def test_one_module_for_each_heavy_import(name: str) -> None:
     used = {target.partition(".")[0] for target in imports(sources()[name])}
     assert {heavy for heavy in HEAVY if heavy in used and name not in HEAVY[heavy]} == set()
-
-
-def test_the_check_for_circles_bites(tmp_path: Path) -> None:
-    (tmp_path / "a.py").write_text("def f():\n    import matplotlib.pyplot\n")
-    assert imports(tmp_path / "a.py") == {"matplotlib.pyplot"}
 
 
 @pytest.mark.parametrize("job", ["import modal", "import modal; list(modal.natural_modes(modal.load('paper-cart-2')))"])

@@ -51,10 +51,7 @@ def test_the_python_lines_run(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_the_shown_table_is_what_the_command_prints(capsys: pytest.CaptureFixture[str]) -> None:
     main(["table", "paper-cart-2"])
-    printed = {line.split()[1] for line in capsys.readouterr().out.splitlines() if line[:6].strip(" *").isdigit()}
-    shown = {line.split()[1] for line in blocks("")[0].splitlines() if line[:6].strip(" *").isdigit()}
-    assert shown == printed
-    assert len(shown) == 5
+    assert blocks("")[0] == capsys.readouterr().out
 
 
 def test_the_message_it_quotes_is_the_real_one() -> None:
