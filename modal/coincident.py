@@ -37,11 +37,16 @@ class Clusters:
     square: Floats
 
     @property
-    def still(self) -> Ints:
-        """Places in ascending order, among the gaps between all K modes, of the gaps inside clusters."""
-        inside = np.ones(len(self.order), dtype=np.bool_)
-        inside[self.first] = False
-        return np.flatnonzero(inside) - 1
+    def inside(self) -> Ints:
+        """Places of the gaps inside clusters among the gaps between all K modes; each holds a mode of that square."""
+        inner = np.ones(len(self.order), dtype=np.bool_)
+        inner[self.first] = False
+        return np.flatnonzero(inner) - 1
+
+    @property
+    def shared(self) -> Ints:
+        """Those with more than one member."""
+        return np.flatnonzero(self.size > 1)
 
 
 def clusters(squares: tuple[Floats, ...]) -> Clusters:
@@ -72,19 +77,14 @@ class Still:
     slack = 1
 
     @cached_property
-    def shared(self) -> Ints:
-        """The clusters with more than one member."""
-        return np.flatnonzero(self.clusters.size > 1)
-
-    @property
     def folds(self) -> Ints:
-        """How many vectors each of these has."""
-        return self.clusters.size[self.shared] - 1
+        """How many vectors each shared cluster has."""
+        return self.clusters.size[self.clusters.shared] - 1
 
     @property
     def squares(self) -> Floats:
         """ω² of every row."""
-        return np.repeat(self.clusters.square[self.shared], self.folds)
+        return np.repeat(self.clusters.square[self.clusters.shared], self.folds)
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these rows."""
@@ -93,7 +93,7 @@ class Still:
         ends = np.cumsum(self.folds)
         for at, row in enumerate(rows):
             group = int(np.searchsorted(ends, row, side="right"))
-            members = self._members(int(self.shared[group]))
+            members = self._members(int(self.clusters.shared[group]))
             number = int(row - ends[group] + self.folds[group])
             for member, amplitude in zip(members, _combination(members, number), strict=False):
                 turns[member.block][:, member.column, at] = amplitude * member.turn

@@ -14,7 +14,7 @@ import numpy as np
 
 from modal.chain import joints, kinetic, momentum
 from modal.coincident import Clusters
-from modal.effective import Motion, bare_mass, fixed_shapes
+from modal.effective import CartProblem, Motion, bare_mass, fixed_shapes
 from modal.rig import Block, CartNumbers, Floats, Ints
 from modal.secular import Poles, Roots, solve
 
@@ -97,6 +97,19 @@ class Crowd:
         ends = np.cumsum([own.size for own in self.own])[:-1]
         parts = zip(np.split(distance, ends), self.own, strict=True)
         return [part.reshape(*own.shape, len(rows)) for part, own in parts]
+
+
+class Counted(Crowd):
+    """The same for few links, with its frequencies found by the effective mass."""
+
+    route = "effective mass"
+    slack = 1
+
+    @cached_property
+    def squares(self) -> Floats:
+        """ω² of every mode that moves the cart, ascending."""
+        held = 1 if self.cart.stiffness > 0 else 0
+        return CartProblem(self.blocks, self.cart, self.clusters.inside + held).squares
 
 
 def _own_modes(block: Block, square: Floats) -> _Own:

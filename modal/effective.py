@@ -12,7 +12,7 @@ neighbouring links hold most of the kinetic energy: there the mode lives.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -102,13 +102,12 @@ def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
 class CartProblem:
     """Chains that share a cart; counts are folded into the chains' masses.
 
-    `still` are the places, among all oscillatory modes, of those that lie between equal frequencies of the chains
-    alone: they leave the cart still (`modal.coincident`) and are not looked for here.
+    `known` are the places, among all oscillatory modes, of those that are not to be looked for.
     """
 
     blocks: tuple[Block, ...]
     cart: CartNumbers
-    still: Ints
+    known: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     route = "effective mass"
     slack = 1
 
@@ -130,10 +129,10 @@ class CartProblem:
 
     @cached_property
     def squares(self) -> Floats:
-        """ω² of every mode that moves the cart, (R,), ascending."""
+        """ω² of every other oscillatory mode, (R,), ascending."""
         total = self.cart.mass + sum(float(block.mass.sum()) for block in self.blocks)
         low = np.array([lowest_possible(self.blocks, self.cart.stiffness, total)])
-        wanted = np.delete(np.arange(self.n_modes), self.still)
+        wanted = np.delete(np.arange(self.n_modes), self.known)
         if not wanted.size:
             return np.zeros(0)
         high = above_all(self.count, low, np.array([self.n_modes]))

@@ -15,11 +15,11 @@ from itertools import repeat
 import numpy as np
 
 from modal.coincident import Still, clusters
-from modal.crowd import Crowd
+from modal.crowd import Counted, Crowd
 from modal.effective import CartProblem, bare_mass
 from modal.matrix_source import FromMatrices
-from modal.rig import Block, Booleans, CartNumbers, Ints, Rig
-from modal.sources import Alone, Rigid, Source, Together, bare_mobility
+from modal.rig import Block, Booleans, CartNumbers, Floats, Ints, Rig
+from modal.sources import Alone, Problem, Rigid, Source, Together, bare_mobility
 
 MOST_LINKS_TOGETHER = 600
 
@@ -106,18 +106,26 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]
     if cart.damping > 0 or any(_is_dense(block).any() for block in rig.blocks):
         yield _moving(FromMatrices(heavy, counts, cart, mobility))
     elif rig.n_kinds == 1:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, np.zeros(0, dtype=np.int64)), mobility))
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), mobility))
     else:
         own = tuple(source.squares for source in alone)
-        gathered = clusters(own)
+        yield from _different(heavy, counts, cart, own, mobility)
+
+
+def _different(
+    heavy: tuple[Block, ...], counts: tuple[Ints, ...], cart: CartNumbers, own: tuple[Floats, ...], mobility: float
+) -> Iterator[Batch]:
+    """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
+    gathered = clusters(own)
+    few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
+    if not gathered.shared.size:
+        problem: Problem = CartProblem(heavy, cart) if few else Crowd(heavy, cart, own, gathered)
+    else:
         still = Still(heavy, gathered)
-        if still.shared.size:
-            first = np.cumsum(still.folds) - still.folds
-            yield Batch(Together(heavy, counts, still, mobility), first, still.folds, np.zeros_like(first), still=True)
-        few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
-        between = gathered.still + (1 if cart.stiffness > 0 else 0)
-        problem = CartProblem(heavy, cart, between) if few else Crowd(heavy, cart, own, gathered)
-        yield _moving(Together(heavy, counts, problem, mobility))
+        first = np.cumsum(still.folds) - still.folds
+        yield Batch(Together(heavy, counts, still, mobility), first, still.folds, np.zeros_like(first), still=True)
+        problem = (Counted if few else Crowd)(heavy, cart, own, gathered)
+    yield _moving(Together(heavy, counts, problem, mobility))
 
 
 def _moving(source: Source) -> Batch:

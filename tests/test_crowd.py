@@ -15,8 +15,6 @@ from modal.modes import Modes
 from modal.rig import rig_of
 from modal.secular import Poles, solve
 
-NOWHERE = np.zeros(0, dtype=np.int64)
-
 
 def random_crowd(seed: int, size: int = 40) -> Scene:
     rng = np.random.default_rng(seed)
@@ -32,7 +30,7 @@ def problems(scene: Scene) -> tuple[Crowd, CartProblem]:
     rig, _ = rig_of(scene).natural()
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     own = tuple(fixed_squares(block) for block in rig.blocks)
-    return Crowd(heavy, rig.cart, own, clusters(own)), CartProblem(heavy, rig.cart, NOWHERE)
+    return Crowd(heavy, rig.cart, own, clusters(own)), CartProblem(heavy, rig.cart)
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -108,7 +106,7 @@ def test_thousand_pendula_take_the_secular_route() -> None:
 
 def natural_modes_by_count(modes: Modes) -> np.ndarray:
     rig, units = modes.rig.natural()
-    return np.sqrt(CartProblem(rig.blocks, rig.cart, NOWHERE).squares) * units.rate
+    return np.sqrt(CartProblem(rig.blocks, rig.cart).squares) * units.rate
 
 
 def test_two_thousand_equal_lengths_of_different_mass() -> None:
