@@ -3,8 +3,9 @@
     Γ = (ω²/8) [ −½ φ_x Σ b_i φ_i³ − ¼ Σ_ij A_ij (φ_i − φ_j)² φ_i φ_j ] + (g/64) Σ b_i φ_i⁴
     κ = −4 Γ / (φᵀ M φ ω²)
 
-from averaging the fourth-order Lagrangian, even in the amplitude; it holds away from 1:1 and 1:3 resonance and for
-motion in one vertical plane.  A simple pendulum has κ = −1/16.
+with σ_i b_i and σ_i σ_j A_ij for b_i and A_ij where links stand up (σ_i = −1); from averaging the fourth-order
+Lagrangian, even in the amplitude.  It holds away from 1:1 and 1:3 resonance and for motion in one vertical plane.  A
+simple pendulum has κ = −1/16 (1/rad², of the largest angle).
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from modal.rig import Block, Floats
 
 def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
     """Each chain's part (P, R) of Γ at g = 1, for x = ω² and cart displacements (R,) and angles (n, P, R)."""
-    b = block.b[:, :, None]
+    b = (block.sigma * block.b)[:, :, None]
     inertial = -cart / 2 * (b * angle**3).sum(0) - _pairs(block, angle) / 2
     part: Floats = x / 8 * inertial + (b * angle**4).sum(0) / 64
     return part
@@ -26,7 +27,7 @@ def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
 
 def _pairs(block: Block, angle: Floats) -> Floats:
     """Σ_{i above j} A_ij (φ_i − φ_j)² φ_i φ_j of every chain, (P, R), by running sums down the chain."""
-    b, length = block.b[:, :, None], block.length[:, :, None]
+    b, length = ((block.sigma * values)[:, :, None] for values in (block.b, block.length))
     total = np.zeros(angle.shape[1:])
     sums = [np.zeros(angle.shape[1:]) for _ in range(3)]
     for i, phi in enumerate(angle):

@@ -1,9 +1,10 @@
 """The dense route, for what breaks the chain's form: joint springs and dampers, small scenes only.
 
-Undamped: the symmetric pencil K φ = ω² M φ.  Damped: the state matrix of M q'' + D q' + K q = 0, whose eigenvalues
-−ζω ± iω√(1−ζ²) give the natural frequency |λ| and the damping ratio −Re λ/|λ|.  A free cart's position is taken
-out first, so that its rigid translation is exact and leaves no defective zero behind; so is its momentum where
-nothing damps it.  With dampers a singular mass matrix (a massless cart over bobs) is refused by name.
+Undamped: the symmetric pencil K φ = ω² M φ, also where links stand up and K is indefinite.  Damped: the state matrix
+of M q'' + D q' + K q = 0, whose eigenvalues −ζω ± iω√(1−ζ²) give the natural frequency |λ| and the damping ratio
+−Re λ/|λ|.  A free cart's position is taken out first, so that its rigid translation is exact and leaves no defective
+zero behind; so is its momentum where nothing damps it.  With dampers a singular mass matrix (a massless cart over
+bobs) is refused by name.
 """
 
 from __future__ import annotations
@@ -49,6 +50,23 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     error = 2 * len(M) * EPS * inverse_square[:1] / inverse_square
     return Eigen(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
+
+
+def indefinite(M: Floats, K: Floats, *, free: bool) -> Eigen:
+    """Modes of K φ = x M φ for a rest that need not be stable: λ = i√x, and where x < 0 the growth rate √−x > 0.
+
+    The decaying mirror image −√−x of a growing mode has the same shape and is not listed.
+    """
+    _refuse_beyond(LARGEST_UNDAMPED, len(M), "links that stand up")
+    inertia, stiffness = _without_cart(M, K) if free else (M, K)
+    _refuse_singular(inertia)
+    scale = 1 / np.sqrt(np.diag(inertia))
+    L = np.linalg.cholesky(inertia * scale * scale[:, None])
+    half = np.linalg.solve(L, stiffness * scale * scale[:, None])
+    x, v = np.linalg.eigh(np.linalg.solve(L, half.T))
+    shape = scale[:, None] * np.linalg.solve(L.T, v)
+    error = 2 * len(M) * EPS * np.abs(x).max(initial=0.0) / np.abs(x)
+    return Eigen(np.sqrt(-x.astype(np.complex128)), _with_cart(M, shape, free), error)
 
 
 def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> Eigen:
@@ -113,8 +131,8 @@ def _refuse_singular(M: Floats) -> None:
     spectrum = np.linalg.eigvalsh(M * scale * scale[:, None])
     if spectrum[0] <= 4 * EPS * spectrum[-1]:
         raise ComputationError(
-            "the mass matrix is singular to double precision (as with a massless cart over bobs): "
-            "with dampers this scene has no state-space form; give the cart or the links some inertia"
+            "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
+            "links that stand up this scene has no state-space form; give the cart or the links some inertia"
         )
 
 

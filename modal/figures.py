@@ -27,13 +27,29 @@ MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """The pendula that are drawn, the first link of each among all links, their pivots, and the size in metres."""
+    """The pendula that are drawn and which way their links point, the first link of each among all, and their pivots.
+
+    In metres: the longest chain, how far any reaches below and above the rail, and half the width.
+    """
 
     links: tuple[tuple[Bob | Rod | Body, ...], ...]
+    ways: tuple[Floats, ...]
     offsets: tuple[int, ...]
     pivots: Floats
     depth: float
+    below: float
+    above: float
     half_width: float
+
+    @property
+    def bottom(self) -> float:
+        """The lower edge of a panel."""
+        return -(self.below + 0.14 * self.depth)
+
+    @property
+    def top(self) -> float:
+        """The upper edge of a panel."""
+        return max(0.22 * self.depth, self.above + 0.14 * self.depth)
 
 
 def draw_shapes(
@@ -46,7 +62,7 @@ def draw_shapes(
         )
     rows = list(modes.rows(numbers))
     layout = _layout(modes)
-    panel = 2 * layout.half_width / (1.3 * layout.depth)
+    panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns = min(len(rows), 3 if panel > 1.4 else 5)
     lines = -(-len(rows) // columns)
     columns = -(-len(rows) // lines)
@@ -66,19 +82,21 @@ def draw_shapes(
 
 
 def _layout(modes: Modes) -> _Layout:
-    hanging: list[tuple[tuple[Bob | Rod | Body, ...], int]] = []
+    hanging: list[tuple[tuple[Bob | Rod | Body, ...], Floats, int]] = []
     first = 0
     for pendulum in modes.scene.pendulum:
         links = tuple(link for link in pendulum.links for _ in range(link.count))
-        hanging += [(links, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
+        way = np.array([1.0 if way == "down" else -1.0 for way in pendulum.ways])
+        hanging += [(links, way, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
         first += pendulum.count * len(links)
     picked = np.unique(np.linspace(0, len(hanging) - 1, min(len(hanging), MOST_PENDULA)).astype(int))
-    chains = tuple(hanging[k][0] for k in picked)
-    offsets = tuple(hanging[k][1] for k in picked)
+    chains, ways, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
+    levels = [np.cumsum([0.0, *(w * [link.length for link in c])]) for c, w in zip(chains, ways, strict=True)]
     depth = max(sum(link.length for link in chain) for chain in chains)
     spacing = depth * (0.95 if len(picked) <= 4 else 0.5)
     pivots = np.asarray(spacing * (np.arange(len(picked)) - (len(picked) - 1) / 2), dtype=np.float64)
-    return _Layout(chains, offsets, pivots, depth, float(pivots[-1] + 0.6 * depth))
+    below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
+    return _Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:
@@ -86,7 +104,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: floa
     if np.iscomplexobj(shape.angles):
         shape = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
     axis.set_xlim(-layout.half_width, layout.half_width)
-    axis.set_ylim(-1.14 * layout.depth, 0.22 * layout.depth)
+    axis.set_ylim(layout.bottom, layout.top)
     axis.set_aspect("equal")
     axis.plot([-layout.half_width, layout.half_width], [0, 0], color=RAIL, lw=1.0, zorder=0)
     _swing(axis, modes, layout, shape, 0.0, REST, 1.0)
@@ -128,12 +146,13 @@ def _swing(
 ) -> None:
     shift = float(shape.cart.real) * amplitude
     _support(axis, modes, layout, shift, colour, alpha)
-    for links, first, pivot in zip(layout.links, layout.offsets, layout.pivots, strict=True):
+    for links, way, first, pivot in zip(layout.links, layout.ways, layout.offsets, layout.pivots, strict=True):
         angles = amplitude * shape.angles[first : first + len(links)]
         if colour != REST and shift == 0 and not angles.any():
             continue
         length = np.array([link.length for link in links])
         lean = (np.sin(angles), np.cos(angles)) if len(links) <= MOST_MARKS else (angles, np.ones(len(links)))
+        lean = (way * lean[0], way * lean[1])
         x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
         x, y = pivot + shift + x, -y
         axis.plot(x, y, color=colour, alpha=alpha, lw=1.6, solid_capstyle="round", zorder=2)

@@ -1,9 +1,11 @@
-"""M, K and D about the hanging rest, written out: for printing, for small dense problems and for oracles.
+"""M, K and D about a scene's rest, written out: for printing, for small dense problems and for oracles.
 
-    M = [[M_tot, bᵀ], [b, A]],   K = diag(k_c, g b) + torsion springs,   D = diag(c_c, 0) + joint dampers
+    M = [[M_tot, σ_i b_i], [σ_i b_i, σ_i σ_j A_ij]],   K = diag(k_c, g σ_i b_i) + torsion springs,
+    D = diag(c_c, 0) + joint dampers
 
-over the coordinates x (on a cart), then the absolute angle of every link, pendulum by pendulum, top to bottom.
-A spring or damper at a joint acts on the difference of two neighbouring angles.
+over the coordinates x (on a cart), then the absolute angle of every link from its rest, pendulum by pendulum, top to
+bottom; σ_i is 1 for a link that hangs and −1 for one that stands.  A spring or damper at a joint acts on the
+difference of two neighbouring angles, the spring being relaxed at the rest.
 """
 
 from __future__ import annotations
@@ -64,11 +66,13 @@ def assembled(
     for block, column in columns:
         own = slice(at, at + block.n)
         geometry = (block.mass, block.length, block.centre, block.inertia)
+        sigma = block.sigma[:, column]
         M[own, own] = pair.inertia_matrix(*(values[:, column].tolist() for values in geometry))
-        K[own, own] = np.diag(gravity * block.b[:, column]) + _on_joints(block.stiffness[:, column])
+        M[own, own] *= np.outer(sigma, sigma)
+        K[own, own] = np.diag(gravity * sigma * block.b[:, column]) + _on_joints(block.stiffness[:, column])
         D[own, own] = _on_joints(block.damping[:, column])
         if cart:
-            M[0, own] = M[own, 0] = block.b[:, column]
+            M[0, own] = M[own, 0] = sigma * block.b[:, column]
             M[0, 0] += block.mass[:, column].sum()
         at += block.n
     if cart:

@@ -1,4 +1,6 @@
-"""Modes from matrices, for joint springs and dampers: one chain, or one heavy pendulum of each kind and the cart.
+"""Modes from matrices, for joint springs, dampers and links that stand up.
+
+Of one chain, or of one heavy pendulum of each kind and the cart.
 
 A damped mode φ of eigenvalue λ takes part in the cart's response to a sudden push with its residue,
 
@@ -32,7 +34,7 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class FromMatrices:
-    """Modes of one chain (`cart` None) or of everything together, from matrices: joint springs or dampers."""
+    """Modes of one chain (`cart` None) or of everything together."""
 
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
@@ -57,6 +59,8 @@ class FromMatrices:
         free = self.cart is not None and self.cart.stiffness == 0
         if self.is_damped:
             return dense.damped(M, D, K, free=free)
+        if any((block.sigma < 0).any() for block in self.blocks):
+            return dense.indefinite(M, K, free=free)
         singular = self.cart is not None and bare_mass(self.blocks, self.cart) == 0
         return dense.undamped(M, K, free=free, singular=singular)
 
@@ -81,7 +85,7 @@ class FromMatrices:
         energies = per_copy(self._energies(cart, angles), self.counts)
         return Details(
             modal_mass=modal_mass,
-            momentum=np.full(len(rows), np.nan) if self.is_damped else self._momentum(cart, angles, np.abs(value)),
+            momentum=np.full(len(rows), np.nan) if self.is_damped else self._momentum(cart, angles, -(value**2).real),
             cart=cart,
             participation=self._participation(shape, value),
             kappa=self._kappa(shape, value),
@@ -104,7 +108,7 @@ class FromMatrices:
         M, _, D = self.matrices
         slope = np.einsum("ir,ijr,jr->r", shape, 2 * value * M[:, :, None] + D[:, :, None], shape)
         residue: Floats = (value * shape[0] ** 2 / slope).real / self.bare_mobility
-        return np.where(value.imag > 0, 2 * residue, residue)
+        return np.where((value.imag > 0) | (not self.is_damped), 2 * residue, residue)
 
     def _kappa(self, shape: Numbers, value: NDArray[np.complex128]) -> Floats:
         """κ of the part of each shape that moves in phase: exact without dampers, to first order in light ones."""
@@ -116,11 +120,11 @@ class FromMatrices:
         light = (np.abs(value.real) < LIGHT * omega) & (np.abs(shape.imag).max(0) < LIGHT * np.abs(in_phase).max(0))
         return np.where(light, kappa, np.nan)
 
-    def _momentum(self, cart: Numbers, angles: tuple[Numbers, ...], omega: Floats) -> Floats:
+    def _momentum(self, cart: Numbers, angles: tuple[Numbers, ...], x: Floats) -> Floats:
         if self.cart:
-            held: Floats = self.cart.stiffness * cart.real / omega**2
+            held: Floats = self.cart.stiffness * cart.real / x
             return held
-        whole: Floats = (self.blocks[0].b[:, :, None] * angles[0].real).sum((0, 1))
+        whole: Floats = ((self.blocks[0].sigma * self.blocks[0].b)[:, :, None] * angles[0].real).sum((0, 1))
         return whole
 
     def _split(self, shape: Numbers) -> tuple[Numbers, tuple[Numbers, ...]]:
@@ -136,7 +140,7 @@ class FromMatrices:
         """Those of the real and of the imaginary part, added."""
         found = []
         for block, angle in zip(self.blocks, angles, strict=True):
-            turn = angle * block.length[:, :, None]
+            turn = angle * (block.sigma * block.length)[:, :, None]
             parts = ((cart.real, turn.real), (cart.imag, turn.imag))
             found.append(sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(turn.shape)))
         return tuple(found)

@@ -12,7 +12,7 @@ TAGS = frozenset({"bob", "rod", "body", "fixed", "cart"})
 KEYS = (
     *("title", "gravity", "space", "support", "pendulum", "links", "start"),
     *("kind", "mass", "length", "centre", "inertia", "damping", "stiffness", "count"),
-    *("angles_deg", "rates_deg", "azimuths_deg"),
+    *("equilibrium", "angles_deg", "rates_deg", "azimuths_deg"),
 )
 
 WORDS = {

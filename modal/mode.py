@@ -64,8 +64,13 @@ class Mode:
         return self.omega > 0 and not isnan(self.damping_ratio) and abs(self.damping_ratio) < 1
 
     @property
+    def growth_rate(self) -> float | None:
+        """Re λ (1/s) of an unstable mode, which grows like exp(Re λ t); None for all others."""
+        return -self.damping_ratio * self.omega if self.damping_ratio < 0 else None
+
+    @property
     def frequency(self) -> float | None:
-        """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for a mode that decays without a swing."""
+        """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for what decays or grows without a swing."""
         return self.omega / (2 * pi) if self.oscillates or self.omega == 0 else None
 
     @property

@@ -25,12 +25,15 @@ Ints = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
 
 
-ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness")
+ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """P different chains of n links: arrays of shape (n, P), top link first; `count` (P,) copies of each."""
+    """P different chains of n links: arrays of shape (n, P), top link first; `count` (P,) copies of each.
+
+    `sigma` is 1 where a link points down at rest and −1 where it points up.
+    """
 
     mass: Floats
     length: Floats
@@ -38,6 +41,7 @@ class Block:
     inertia: Floats
     damping: Floats
     stiffness: Floats
+    sigma: Floats
     count: Ints
 
     @property
@@ -173,13 +177,14 @@ def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
     columns = place[inverse]
     different = table[np.sort(first)]
     count = np.bincount(columns, weights=[pendulum.count for pendulum in pendula]).astype(np.int64)
-    arrays = np.ascontiguousarray(different.reshape(len(different), -1, 6).transpose(2, 1, 0))
+    arrays = np.ascontiguousarray(different.reshape(len(different), -1, len(ARRAYS)).transpose(2, 1, 0))
     return Block(**dict(zip(ARRAYS, arrays, strict=True)), count=count), columns
 
 
 def _parameters(pendulum: Pendulum) -> list[float]:
+    links = (link for link in pendulum.links for _ in range(link.count))
     return [
         value
-        for link in pendulum.links
-        for value in (link.mass, link.length, link.centre, link.inertia, link.damping, link.stiffness) * link.count
+        for link, way in zip(links, pendulum.ways, strict=True)
+        for value in (*(getattr(link, name) for name in ARRAYS[:-1]), 1.0 if way == "down" else -1.0)
     ]

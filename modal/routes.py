@@ -93,8 +93,9 @@ def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
 
 
 def _is_dense(block: Block) -> Booleans:
-    """Which chains (P,) have joint springs or dampers."""
-    return np.asarray(((block.damping > 0) | (block.stiffness > 0)).any(0), dtype=np.bool_)
+    """Which chains (P,) have joint springs or dampers, or links that stand up."""
+    broken = (block.damping > 0) | (block.stiffness > 0) | (block.sigma < 0)
+    return np.asarray(broken.any(0), dtype=np.bool_)
 
 
 def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:

@@ -26,6 +26,7 @@ MAX_LINKS = 10_000_000
 Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST)]
 NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST)]
 Real = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
+Way = Literal["down", "up"]
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES)]
 
 
@@ -117,16 +118,26 @@ class Start(_Part):
 
 
 class Pendulum(_Part):
-    """A chain of links, top to bottom, hung `count` times."""
+    """A chain of links, top to bottom, hung `count` times.
+
+    `equilibrium` says for each link whether it points down or up at the rest about which the scene is linearized.
+    """
 
     links: Annotated[tuple[Annotated[Bob | Rod | Body, Field(discriminator="kind")], ...], Field(min_length=1)]
     count: Count = 1
+    equilibrium: tuple[Way, ...] | None = None
     start: Start | None = None
 
     @property
     def n_links(self) -> int:
         """Number of links of one copy, runs of equal links counted out."""
         return sum(link.count for link in self.links)
+
+    @property
+    def ways(self) -> tuple[Way, ...]:
+        """Which way every link of one copy points at rest."""
+        hanging: tuple[Way, ...] = ("down",)
+        return self.equilibrium or hanging * self.n_links
 
     @model_validator(mode="after")
     def _bounded(self) -> Pendulum:
@@ -144,10 +155,11 @@ class Pendulum(_Part):
         return self
 
     @model_validator(mode="after")
-    def _start_fits(self) -> Pendulum:
-        for name, values in self.start or ():
+    def _one_value_a_link(self) -> Pendulum:
+        lists = [("equilibrium", self.equilibrium), *((f"start.{name}", values) for name, values in self.start or ())]
+        for name, values in lists:
             if values is not None and len(values) != self.n_links:
-                raise ValueError(f".start.{name}: has {len(values)} values for {self.n_links} links")
+                raise ValueError(f".{name}: has {len(values)} values for {self.n_links} links")
         return self
 
 
@@ -191,6 +203,11 @@ class Scene(_Part):
         return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
             link.damping > 0 for link in self.links()
         )
+
+    @property
+    def stands(self) -> bool:
+        """Whether any link points up at rest."""
+        return any("up" in pendulum.ways for pendulum in self.pendulum)
 
     def links(self) -> Iterator[Bob | Rod | Body]:
         """Every link as written: copies and runs of equal links once each."""

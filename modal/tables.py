@@ -78,6 +78,7 @@ COLUMNS = (
     _number("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
     _number("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
     _number("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
+    _number("growth_rate_per_s", lambda m: m.growth_rate, "growth (1/s)", "", 7, lambda modes: modes.scene.stands),
     Column("multiplicity", lambda m: m.multiplicity, "fold", shown=lambda m: str(m.multiplicity)),
     Column("family", lambda m: m.family, "family", shown=lambda m: m.family),
     _number("cart_participation", lambda m: m.cart_participation, "cart part.", "", 4, lambda modes: modes.on_cart),
@@ -164,6 +165,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
         notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own: the 1 % amplitude is a guide.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
+    if any(row.growth_rate for row in rows):
+        notes.append("unstable: this rest is not one to stay at; a growing mode has a mirror image that decays.")
     if any(row.indistinct for row in rows):
         notes.append("~ closer to a neighbour than the error bounds can tell apart.")
     return notes

@@ -135,7 +135,46 @@ def matrices(options: argparse.Namespace) -> None:
         write(matrices_table(scene, matrices_of(scene), options.format))
 
 
+def derive(options: argparse.Namespace) -> None:
+    """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
+    from modal import catalogue, derivation, targets, typeset
+    from modal.errors import SceneError
+
+    show, symbols, ways = (_listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
+    if unknown := [word for word in show if word not in derivation.SECTIONS]:
+        raise SceneError([f"--show {word}: must be one of {', '.join(derivation.SECTIONS)}" for word in unknown])
+    if options.target.startswith("paper:"):
+        title, sections = catalogue.paper(options.target.removeprefix("paper:"))
+    else:
+        system, scene = targets.target(options.target, options.links, symbols, ways)
+        title = system.title
+        sections = list(derivation.derivation(system, show or derivation.SECTIONS, scene))
+    with _output(options.output) as write:
+        write(typeset.typeset(title, sections, options.format))
+
+
+def enclose(options: argparse.Namespace) -> None:
+    """Print every natural frequency in a proved enclosure, to as many digits as asked for."""
+    from modal.certified import enclosures
+    from modal.files import load
+
+    with _output(options.output) as write:
+        for row in enclosures(load(options.scene), options.digits):
+            folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
+            write(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}\n")
+
+
 # -------------------------------------------------------------------------------------------------- helpers
+
+
+def _listed(text: str | None) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",")) if text else ()
+
+
+def _digits(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 5 and 1 <= int(text) <= 1000):
+        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 1000")
+    return int(text)
 
 
 def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
@@ -231,6 +270,25 @@ def _parser() -> argparse.ArgumentParser:
     add = command(matrices, "matrices", "matrices chain-3")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--format", choices=("text", "json"), default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
+
+    add = command(derive, "derive", "derive chain:3 --symbolic masses,lengths --format latex")
+    add.add_argument(
+        "target",
+        metavar="TARGET",
+        help="chain:N, cart:N (a chain of N links on a cart), cart:PxN (P of them), "
+        "paper:000, paper:001 or paper:002 (what it prints and what is right), or a scene",
+    )
+    add.add_argument("--symbolic", metavar="WORDS", help="in symbols, each link its own: masses,lengths,gravity,cart")
+    add.add_argument("--show", metavar="WORDS", help="only these: lagrangian,equations,matrices,polynomial,modes")
+    add.add_argument("--links", choices=("bob", "rod"), default="bob", help="what chain: and cart: are made of")
+    add.add_argument("--equilibrium", metavar="down,up", help="where the links of chain: and cart: point at rest")
+    add.add_argument("--format", choices=("text", "latex", "markdown"), default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
+
+    add = command(enclose, "enclose", "enclose paper-cart-2 --digits 50")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--digits", metavar="N", type=_digits, default=30, help="relative width 10^-N (default 30)")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
 
     command(schema, "schema", "schema > scene.schema.json")

@@ -1,0 +1,106 @@
+"""Intervals that provably hold the roots of a polynomial all of whose roots are real, by integer arithmetic alone.
+
+For such polynomials Descartes' rule is exact: the roots above a, with their multiplicities, are as many as the
+sign changes in the coefficients of p(a + y).  Once a simple root is alone, the sign of p halves its interval.
+Endpoints are dyadic, and every interval is half-open: low < root ≤ high.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from fractions import Fraction
+from itertools import pairwise
+from typing import NamedTuple
+
+from modal.errors import ComputationError
+
+
+class Interval(NamedTuple):
+    """low < root ≤ high, and how many roots it holds: more than one only where they are closer than the width."""
+
+    low: Fraction
+    high: Fraction
+    multiplicity: int
+
+
+def isolated(coefficients: Sequence[int], width: Fraction) -> list[Interval]:
+    """Ascending intervals, none wider than `width`, of all roots of a real-rooted polynomial, highest power first.
+
+    That all roots are real is the caller's knowledge (K and M are symmetric, M positive): ComputationError where
+    Newton's inequalities deny it.  Intervals that are all simple prove it.
+    """
+    if width <= 0:
+        raise ValueError(f"width = {width}: must be positive")
+    if not _newton(coefficients):
+        raise ComputationError(f"the polynomial with coefficients {list(coefficients)} has roots that are not real")
+    bound, degree = Fraction(_root_bound(coefficients)), len(coefficients) - 1
+    return list(_split(coefficients, width, (-bound, degree), (bound, 0)))
+
+
+def above(coefficients: Sequence[int], a: Fraction) -> int:
+    """Number of roots > a, with multiplicity, of a real-rooted polynomial."""
+    return _sign_changes(_shifted(coefficients, a))
+
+
+def _split(
+    p: Sequence[int], width: Fraction, low: tuple[Fraction, int], high: tuple[Fraction, int]
+) -> Iterator[Interval]:
+    """The roots between two points, each given with the number of roots above it."""
+    count = low[1] - high[1]
+    if count == 1:
+        yield _halved(p, width, low[0], *high)
+    elif count and high[0] - low[0] <= width:
+        yield Interval(low[0], high[0], count)
+    elif count:
+        middle = (low[0] + high[0]) / 2
+        between = (middle, above(p, middle))
+        yield from _split(p, width, low, between)
+        yield from _split(p, width, between, high)
+
+
+def _halved(p: Sequence[int], width: Fraction, low: Fraction, high: Fraction, above_high: int) -> Interval:
+    """A simple root narrowed by signs: just above it p has the sign of (−1)^(roots above high) times the first."""
+    beyond = (-1) ** above_high * p[0] > 0
+    while high - low > width:
+        middle = (low + high) / 2
+        value = _scaled_value(p, middle)
+        if value == 0 or (value > 0) == beyond:
+            high = middle
+        else:
+            low = middle
+    return Interval(low, high, 1)
+
+
+def _scaled_value(p: Sequence[int], a: Fraction) -> int:
+    """p(a) times the denominator of a to the degree: an integer of the same sign."""
+    value, power = 0, 1
+    for c in p:
+        value = value * a.numerator + c * power
+        power *= a.denominator
+    return value
+
+
+def _shifted(p: Sequence[int], a: Fraction) -> list[int]:
+    """Coefficients of p((u + y)/v), a = u/v, times v^degree."""
+    c = [value * a.denominator**i for i, value in enumerate(p)]
+    for end in range(len(c), 1, -1):
+        for i in range(1, end):
+            c[i] += a.numerator * c[i - 1]
+    return c
+
+
+def _sign_changes(p: Sequence[int]) -> int:
+    signs = [c > 0 for c in p if c]
+    return sum(a != b for a, b in pairwise(signs))
+
+
+def _newton(p: Sequence[int]) -> bool:
+    """Newton's inequalities, necessary for real roots: c_k² ≥ c_{k−1} c_{k+1} (k + 1)(n − k + 1)/(k (n − k))."""
+    n = len(p) - 1
+    return all(p[k] ** 2 * k * (n - k) >= p[k - 1] * p[k + 1] * (k + 1) * (n - k + 1) for k in range(1, n))
+
+
+def _root_bound(p: Sequence[int]) -> int:
+    """A power of two above every |root| (Cauchy: 1 + max |c_i/c_0|)."""
+    largest = max(abs(c) for c in p) // abs(p[0]) + 2
+    return 1 << int(largest).bit_length()

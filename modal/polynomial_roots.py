@@ -1,0 +1,145 @@
+"""Roots in closed form where there is one, and characteristic polynomials in symbols (SymPy).
+
+Degrees 1 and 2 have radicals; an irreducible cubic with three real roots has none without complex numbers (casus
+irreducibilis), but cosines: x_k = −c₁/(3 c₀) + 2 √(−p/3) cos(⅓ arccos(3q/(2p) √(−3/p)) − 2πk/3).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from typing import Any, Literal
+
+import sympy as sp
+from sympy.polys.fields import FracField
+
+from modal import pair
+from modal.integer_polynomials import scaled, total
+from modal.isolation import isolated
+from modal.polynomials import Polynomial, Variable, eliminated
+
+FACTORED_UP_TO = 12
+"""Polynomials of a higher degree are not searched for rational factors."""
+
+
+@dataclass(frozen=True)
+class Root:
+    """low < root ≤ high, its multiplicity, and the root itself in closed form (None: it has none of degree ≤ 3)."""
+
+    exact: sp.Expr | None
+    low: Fraction
+    high: Fraction
+    multiplicity: int
+
+
+def roots(polynomial: Polynomial, width: Fraction | float = 1e-15) -> list[Root]:
+    """Ascending roots, each in closed form where there is one and in any case in an interval of at most `width`."""
+    found = [root for factor, count in _factors(polynomial) for root in _of_factor(factor, count, Fraction(width))]
+    return sorted(found, key=lambda root: root.low + root.high)
+
+
+def closed_forms(coefficients: Sequence[Any]) -> list[sp.Expr] | None:
+    """Ascending roots of a real-rooted polynomial of degree 1 to 3 in closed form, highest power first, else None.
+
+    The coefficients may be symbols.
+    """
+    c = [sp.sympify(value) for value in coefficients]
+    if len(c) == 2:
+        return [sp.factor(-c[1] / c[0])]
+    if len(c) == 3:
+        middle, offset = -c[1] / (2 * c[0]), sp.sqrt(sp.factor(c[1] ** 2 - 4 * c[0] * c[2])) / (2 * c[0])
+        return [middle - offset, middle + offset]
+    return _cosines(*c) if len(c) == 4 else None
+
+
+def symbolic(
+    n: int,
+    kind: Literal["bob", "rod"] = "bob",
+    *,
+    cart: bool = False,
+    count: Any = 1,
+    variable: Variable = "x",
+) -> sp.Expr:
+    """The polynomial of n unequal bobs or rods in symbols m_i, l_i, g, powers collected and coefficients factored.
+
+    On a free cart of mass m_c, `count` equal pendula (a number or a symbol): the factor of the modes that move the
+    cart.  In x = ω² (rad²/s²), or in λ = −g/ω² (m), from which g drops out: det(A + λ diag b), with equal lengths
+    (12) to (14) of paper 001.
+    """
+    m, l = ([sp.Symbol(f"{name}_{i + 1}", positive=True) for i in range(n)] for name in "ml")
+    geometry = (m, l, *_shapes(kind, m, l))
+    mass = sp.Symbol("m_c", positive=True) if cart else None
+    return of_chain(geometry, sp.Symbol("g", positive=True), cart=mass, count=count, variable=variable)
+
+
+def of_chain(
+    geometry: Sequence[Sequence[Any]], gravity: Any, *, cart: Any = None, count: Any = 1, variable: Variable = "x"
+) -> sp.Expr:
+    """The same of one chain's masses, lengths, centres and moments of inertia in any symbols and exact numbers.
+
+    `cart` is the mass of a free cart on which `count` of these chains hang, None for a fixed support.
+    """
+    g, number, m_c = map(sp.sympify, (gravity, count, cart or 0))
+    names = {name for value in (g, number, m_c, *(v for row in geometry for v in row)) for name in value.free_symbols}
+    field = FracField(sorted(names, key=str) or [sp.Symbol("x")], sp.ZZ)
+    mass, length, centre, inertia = ([field.from_expr(sp.sympify(value)) for value in row] for row in geometry)
+    found, N = eliminated(pair.constants(mass, length, centre, inertia, field.from_expr(g)), _cleared)
+    if cart is not None:
+        _, inert, many = _cleared([field.one, field.from_expr(m_c), field.from_expr(number)])
+        found = total(scaled(inert, found), scaled(many, N))
+    return _collected(found, g, variable)
+
+
+def _shapes(kind: str, mass: Sequence[Any], length: Sequence[Any]) -> tuple[list[Any], list[Any]]:
+    """Centres and moments of inertia of bobs or rods."""
+    if kind == "bob":
+        return list(length), [0 * m for m in mass]
+    return [l / 2 for l in length], [m * l * l / 12 for m, l in zip(mass, length, strict=True)]
+
+
+def _cleared(values: list[Any]) -> list[Any]:
+    """Rational functions times their least common denominator, over what then is common to all."""
+    unit = reduce(lambda a, b: a.lcm(b), (value.denom for value in values))
+    return _without_content([value.numer * unit.exquo(value.denom) for value in values])
+
+
+def _without_content(values: list[Any]) -> list[Any]:
+    shared = reduce(lambda a, b: a.gcd(b), values)
+    return [value.exquo(shared) for value in values]
+
+
+def _collected(ascending: list[Any], g: sp.Expr, variable: Variable) -> sp.Expr:
+    """Σ c_k x^k with every c_k factored, or with x = −g/λ, times λ^n/g^n: Σ (−1)^k g^{k−n} c_k λ^{n−k}."""
+    n = len(ascending) - 1
+    coefficients = [c.as_expr() for c in _without_content(ascending)]
+    if variable == "x":
+        return sp.Add(*((-1) ** n * sp.factor(c) * sp.Symbol("x") ** k for k, c in enumerate(coefficients)))
+    return sp.Add(
+        *((-1) ** k * sp.factor(c * g ** (k - n)) * sp.Symbol("lambda") ** (n - k) for k, c in enumerate(coefficients))
+    )
+
+
+def _factors(polynomial: Polynomial) -> Iterator[tuple[list[int], int]]:
+    """Irreducible factors over the rationals and how often they occur, where the degree is modest."""
+    c = list(polynomial.coefficients)
+    if polynomial.degree > FACTORED_UP_TO:
+        return iter([(c, 1)])
+    _, found = sp.Poly(c, sp.Symbol("x")).factor_list()
+    return ((list(map(int, factor.all_coeffs())), int(count)) for factor, count in found)
+
+
+def _of_factor(coefficients: list[int], count: int, width: Fraction) -> Iterator[Root]:
+    intervals = isolated(coefficients, width)
+    exact = closed_forms(coefficients) or [None] * len(intervals)
+    for form, interval in zip(exact, intervals, strict=True):
+        yield Root(form, interval.low, interval.high, count * interval.multiplicity)
+
+
+def _cosines(a: sp.Expr, b: sp.Expr, c: sp.Expr, d: sp.Expr) -> list[sp.Expr]:
+    """Three distinct real roots of a x³ + b x² + c x + d, ascending (Viète)."""
+    p = (3 * a * c - b**2) / (3 * a**2)
+    q = (2 * b**3 - 9 * a * b * c + 27 * a**2 * d) / (27 * a**3)
+    third = sp.acos(3 * q / (2 * p) * sp.sqrt(-3 / p)) / 3
+    return [-b / (3 * a) + 2 * sp.sqrt(-p / 3) * sp.cos(third - 2 * sp.pi * k / 3) for k in (2, 1, 0)]

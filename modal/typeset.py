@@ -1,0 +1,100 @@
+"""A derivation as plain text, LaTeX or Markdown that can be pasted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import sympy as sp
+
+from modal.derivation import Section
+
+GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω"}
+_NAME = re.compile(r"\b(theta|phi|lambda|omega|[xu])(ddot|dot)?((?:_\d+)*)\b")
+
+
+def typeset(title: str, sections: Iterable[Section], form: str) -> str:
+    """The document; `form` is text, latex or markdown."""
+    return _DRESSES[form](title, list(sections))
+
+
+def plain(formula: Any) -> str:
+    """One line as people write it: θ1'' for thetaddot_1, ^ for a power, a space for a product."""
+    if isinstance(formula, sp.Equality):
+        return f"{plain(formula.lhs)} = {plain(formula.rhs)}"
+    if isinstance(formula, sp.MatrixBase):
+        return _grid(formula)
+    written = _NAME.sub(_symbol, sp.sstr(formula))
+    return written.replace("**", "^").replace("*", " ")
+
+
+def _symbol(found: re.Match[str]) -> str:
+    name, dots, index = found.groups()
+    marks = {"dot": "'", "ddot": "''", None: ""}[dots]
+    return GREEK.get(name, name) + index.removeprefix("_").replace("_", ",") + marks
+
+
+def _grid(matrix: Any) -> str:
+    cells = [[plain(value) for value in matrix.row(i)] for i in range(matrix.rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    rows = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
+    return "\n" + "\n".join(f"      [ {row} ]" for row in rows)
+
+
+def _text(title: str, sections: list[Section]) -> str:
+    lines = [title, ""]
+    for section in sections:
+        heading = _readable(section.title)
+        lines += [heading, "-" * len(heading)]
+        for words, formula in section.lines:
+            lines.append(f"  {_readable(words)}" + (f":  {plain(formula)}" if formula is not None else ""))
+        lines.append("")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _readable(words: str) -> str:
+    return _NAME.sub(_symbol, words)
+
+
+def _latex(title: str, sections: list[Section]) -> str:
+    lines = [rf"\section*{{{_escaped(title)}}}"]
+    for section in sections:
+        lines += [rf"\subsection*{{{_escaped(_readable(section.title))}}}"]
+        for words, formula in section.lines:
+            end = "." if formula is None else ":"
+            lines.append(_escaped(_readable(words)) + end)
+            lines += [] if formula is None else [r"\begin{equation*}", sp.latex(formula), r"\end{equation*}"]
+    return "\n".join(lines) + "\n"
+
+
+def _markdown(title: str, sections: list[Section]) -> str:
+    blocks = [f"# {title}"]
+    for section in sections:
+        blocks.append(f"## {_readable(section.title)}")
+        for words, formula in section.lines:
+            blocks.append(_readable(words) + ("." if formula is None else ":"))
+            blocks += [] if formula is None else [f"$$\n{sp.latex(formula)}\n$$"]
+    return "\n\n".join(blocks) + "\n"
+
+
+_SPECIAL = {
+    **{letter: "\\" + letter for letter in "&%$#_{}"},
+    **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "√": r"$\surd$"},
+    **{
+        "θ": r"$\theta$",
+        "φ": r"$\phi$",
+        "λ": r"$\lambda$",
+        "ω": r"$\omega$",
+        "×": r"$\times$",
+        "−": "$-$",
+        "²": "$^2$",
+    },
+}
+
+
+def _escaped(words: str) -> str:
+    return "".join(_SPECIAL.get(letter, letter) for letter in words)
+
+
+_DRESSES: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}

@@ -1,0 +1,140 @@
+"""Guaranteed enclosures: they hold known zeros, agree with the many-digit oracle, and are as narrow as asked."""
+
+from __future__ import annotations
+
+import sys
+from decimal import Decimal
+
+import mpmath as mp
+import oracle
+import pytest
+from random_scenes import random_scene
+
+from modal import Bob, Cart, ComputationError, Pendulum, Scene, load, natural_modes
+from modal.balls import MissingExtraError, flint
+from modal.certified import Enclosure, _decimal, _problems, enclosures
+
+pytest.importorskip("flint")
+
+
+def bobs(n: int, **scene: object) -> Scene:
+    return Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, count=n),)),), **scene)
+
+
+def square(text: str) -> mp.mpf:
+    return mp.mpf(text) ** 2
+
+
+def assert_proved(scene: Scene, found: list[Enclosure]) -> None:
+    """With copies counted, the oracle has at most so many frequencies below each low end and enough below each high."""
+    dense = oracle.dense(scene)
+    moving = [e for e in found if e.high != "0"]
+    assert sum(e.multiplicity for e in found) == natural_modes(scene).multiplicity.sum()
+    for e in moving:
+        surely = sum(o.multiplicity for o in moving if Decimal(o.high) < Decimal(e.low))
+        perhaps = sum(o.multiplicity for o in moving if Decimal(o.low) <= Decimal(e.high))
+        assert surely <= dense.below(square(e.low)) <= perhaps - e.multiplicity
+        assert surely + e.multiplicity <= dense.below(square(e.high)) <= perhaps
+
+
+def assert_narrow(found: list[Enclosure], digits: int) -> None:
+    for e in found:
+        assert mp.mpf(e.high) - mp.mpf(e.low) <= mp.mpf(10) ** -digits * mp.mpf(e.low)
+
+
+@pytest.mark.parametrize(("n", "digits"), [(1, 30), (3, 60), (20, 30), (60, 100)])
+def test_equal_bobs_have_the_zeros_of_laguerre(n: int, digits: int) -> None:
+    mp.mp.dps = 3 * digits + 100
+    found = enclosures(bobs(n), digits)
+    assert len(found) == n
+    assert_narrow(found, digits)
+    for k, e in enumerate(found):
+        low, high = mp.laguerre(n, 0, square(e.low)), mp.laguerre(n, 0, square(e.high))
+        assert low * high < 0
+        assert (low > 0) == (k % 2 == 0)
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_random_scenes_against_the_oracle(seed: int) -> None:
+    scene = random_scene(seed, copies=seed % 2 == 0)
+    found = enclosures(scene, 25)
+    assert_narrow(found, 25)
+    assert_proved(scene, found)
+
+
+def test_the_proof_bites() -> None:
+    scene = bobs(3)
+    found = enclosures(scene)
+    shifted = [Enclosure(e.high, str(Decimal(e.high) + 1), e.multiplicity, e.label) for e in found]
+    with pytest.raises(AssertionError):
+        assert_proved(scene, shifted)
+    with pytest.raises(AssertionError):
+        assert_narrow(found, 40)
+
+
+def test_the_paper_cart() -> None:
+    found = enclosures(load("paper-cart-2"))
+    assert (found[0].low, found[0].high, found[0].label) == ("0", "0", "rigid translation")
+    assert [e.label for e in found[1:]] == ["cart still: pendulum 1", "cart moves"] * 2
+    known = ["2.68011401225337", "2.71754911798158", "7.18867087028771", "7.20947810306892"]
+    assert [e.low[:16] for e in found[1:]] == known
+    assert found[2].text().startswith("2.7175491179815823321816907218")
+
+
+def test_symmetric_copies_are_counted_not_computed() -> None:
+    scene = bobs(2, support=Cart(mass=2.0)).model_dump()
+    scene["pendulum"][0]["count"] = 4
+    for space, still in (("plane", 3), ("space", 7)):
+        found = enclosures(Scene.model_validate(scene | {"space": space}))
+        assert [e.multiplicity for e in found if e.label == "cart still: pendulum 1"] == [still] * 2
+        assert [e.multiplicity for e in found if e.label == "cart moves"] == [1] * 2
+
+
+def test_a_massless_cart_loses_a_mode() -> None:
+    assert [e.label for e in enclosures(bobs(1, support=Cart(mass=0.0)))] == ["rigid translation"]
+    held = enclosures(bobs(1, support=Cart(mass=0.0, stiffness=1.0)))
+    assert [Decimal(e.low) ** 2 <= Decimal("0.5") <= Decimal(e.high) ** 2 for e in held] == [True]
+
+
+def test_bisection_alone_gives_the_same() -> None:
+    """Where Newton's iteration fails, from however bad a start."""
+    (problem,) = _problems(bobs(4))
+    with flint().ctx.workprec(200):
+        arb = flint().arb
+        width = arb(10) ** -30
+        for index, start in enumerate((arb(40), arb(40), arb("0.001"), arb(1))):
+            low, high = problem.bisected(index, start, width, 200)
+            assert high - low < 3 * width * high
+            assert problem.hung.count(low, 200) == index
+            assert problem.hung.count(high, 200) == index + 1
+
+
+def test_a_cluster_closer_than_double_precision() -> None:
+    """Two pendula on a heavy cart whose squares differ by parts in 10^15, far less than Newton can tell apart."""
+    near = (Pendulum(links=(Bob(mass=1.0, length=1.0),)), Pendulum(links=(Bob(mass=1.0, length=1.0 + 2**-52),)))
+    scene = Scene(gravity=1.0, support=Cart(mass=1e18), pendulum=near)
+    found = enclosures(scene, 40)
+    assert_narrow(found[1:], 40)
+    assert_proved(scene, found)
+    assert Decimal(found[1].high) < Decimal(found[2].low)
+
+
+@pytest.mark.parametrize(("x", "low", "high"), [(2, "1.4142", "1.4143"), (9, "3.0000", "3.0000")])
+def test_decimals_are_rounded_outward(x: int, low: str, high: str) -> None:
+    assert (_decimal(flint().arb(x), 3, up=False), _decimal(flint().arb(x), 3, up=True)) == (low, high)
+    tiny = flint().arb(2) ** -401
+    assert Decimal(_decimal(tiny, 3, up=False)) ** 2 < Decimal(2) ** -401 < Decimal(_decimal(tiny, 3, up=True)) ** 2
+
+
+def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
+    damped = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=1.0),)),))
+    sprung = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, stiffness=1.0),)),))
+    for scene in (damped, sprung):
+        with pytest.raises(ComputationError, match="without dampers and joint springs"):
+            enclosures(scene)
+    (problem,) = _problems(bobs(1))
+    with pytest.raises(ComputationError, match="bits do not tell"):
+        problem.hung.count(flint().arb(1), 64)
+    monkeypatch.setitem(sys.modules, "flint", None)
+    with pytest.raises(MissingExtraError, match=r"multipendula\[certified\]"):
+        enclosures(bobs(1))

@@ -1,0 +1,176 @@
+"""Symbols against numbers, the pair against the Cartesian Lagrangian, space against the plane."""
+
+from __future__ import annotations
+
+import random
+
+import numpy as np
+import pytest
+import scipy.linalg
+import sympy as sp
+
+from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes, symbolic
+from modal.derivation import derivation
+from modal.lagrange import coordinate
+from modal.lagrangian import lagrangian, vanishes
+from modal.polynomial_roots import symbolic as symbolic_polynomial
+from modal.symbolic import System, cart, chain
+
+
+def decimal(rng: random.Random) -> float:
+    return round(rng.uniform(0.1, 3.0), 2)
+
+
+def random_scene(seed: int, *, standing: bool = True, joints: bool = True) -> Scene:
+    """Decimals with two places: bobs, rods and bodies, some of them standing, joint springs and dampers, copies."""
+    rng = random.Random(seed)
+    pendula = []
+    for _ in range(rng.choice([1, 1, 2, 3])):
+        links = []
+        for _ in range(rng.randint(1, 3)):
+            extra = {"damping": rng.choice([0.0, decimal(rng)]), "stiffness": rng.choice([0.0, decimal(rng)])}
+            size = {"mass": decimal(rng), "length": decimal(rng), **(extra if joints else {})}
+            body = {"centre": decimal(rng), "inertia": decimal(rng)}
+            links.append(rng.choice([Bob(**size), Rod(**size), Body(**size, **body)]))
+        ways = tuple(rng.choice(["down", "down", "up"]) for _ in links) if standing else None
+        pendula.append(Pendulum(links=links, count=rng.choice([1, 1, 2]), equilibrium=ways))
+    support = rng.choice([Fixed(), Cart(mass=decimal(rng), damping=decimal(rng), stiffness=decimal(rng))])
+    return Scene(gravity=9.81, support=support, pendulum=pendula)
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_symbolic_matrices_are_the_numeric_ones(seed: int) -> None:
+    scene = random_scene(seed)
+    expected = matrices(scene)
+    for found, exact in zip(symbolic.of_scene(scene).matrices(), (expected.M, expected.K, expected.D), strict=True):
+        np.testing.assert_allclose(np.array(found.tolist(), dtype=float), exact, rtol=1e-14, atol=1e-14)
+
+
+SYSTEMS = [
+    *(chain(n, kind, ("masses", "lengths")) for n in (1, 2, 3) for kind in ("bob", "rod")),
+    cart(2, 2, "rod", ("masses",)),
+    cart(3, 1, "bob", ("masses", "lengths"), (-1, 1, -1)),
+    *(symbolic.of_scene(random_scene(seed)) for seed in (3, 5, 8, 13)),
+]
+
+
+@pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
+def test_the_pair_gives_the_lagrange_equations_of_the_cartesian_positions(system: System) -> None:
+    derived, found = lagrangian(system).equations, system.equations()
+    assert all(vanishes(a - b) for a, b in zip(derived, found, strict=True))
+    assert not vanishes(derived[-1] - 2 * found[-1])
+
+
+@pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
+def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: System) -> None:
+    for derived, found in zip(lagrangian(system).linearized(), system.matrices(), strict=True):
+        assert sp.simplify(derived - found) == sp.zeros(*found.shape)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
+    """∂u_i/∂θ_i·F_i and ∂u_i/∂φ_i·F_i are Lagrange's equations of θ_i and φ_i, at random states in 30 digits."""
+    links = (Bob(mass=1.5, length=0.7), Body(mass=0.4, length=1.2, centre=0.5, inertia=0.3), Rod(mass=2.0, length=0.9))
+    support = Cart(mass=3.0, stiffness=2.0) if seed % 2 else Fixed()
+    system = symbolic.of_scene(Scene(gravity=9.81, space="space", support=support, pendulum=[Pendulum(links=links)]))
+    spherical = lagrangian(system)
+    rng = random.Random(seed)
+    state = {part: sp.Rational(rng.randint(-900, 900), 700) for c in spherical.coordinates for part in c}
+    equations = dict(zip([c.q.name for c in spherical.coordinates], spherical.equations, strict=True))
+    forces = system.vector_equations()
+    u = [sp.Matrix([sp.sin(t) * sp.cos(f), sp.sin(t) * sp.sin(f), sp.cos(t)]) for t, f in symbols_of(system)]
+    second = [accelerated(vector, spherical.coordinates) for vector in u]
+    for i, (_, F) in enumerate(forces):
+        weights = {coordinate("u", j + 1).a: second[j] for j in range(len(u))}
+        vector = sum((F.coeff(name) * value for name, value in weights.items()), sp.zeros(3, 1))
+        vector += sp.Matrix([F.coeff(sp.Symbol("e_x")), 0, F.coeff(sp.Symbol("e_z"))])
+        for name in (f"theta_{i + 1}", f"phi_{i + 1}"):
+            virtual = u[i].diff(sp.Symbol(name)).dot(vector)
+            assert abs(sp.N((virtual - equations[name]).subs(state), 30)) < 1e-25
+
+
+def symbols_of(system: System) -> list[tuple[sp.Symbol, sp.Symbol]]:
+    return [(angle.q, sp.Symbol(angle.q.name.replace("theta", "phi"))) for angle in system.angles]
+
+
+def accelerated(vector: sp.Matrix, coordinates: tuple) -> sp.Matrix:
+    """u'' by the chain rule."""
+    from modal.lagrange import time_derivative
+
+    rate = vector.applyfunc(lambda f: time_derivative(f, coordinates))
+    return rate.applyfunc(lambda f: time_derivative(f, coordinates))
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_modes_about_any_rest(seed: int) -> None:
+    """Against the generalised companion pencil in SciPy: growth rates, decays and frequencies alike."""
+    scene = random_scene(seed, joints=seed % 2 == 0)
+    modes, found = natural_modes(scene), matrices(scene)
+    n, eye, zero = len(found.M), np.eye(len(found.M)), np.zeros_like(found.M)
+    values = scipy.linalg.eigvals(
+        np.block([[zero, eye], [-found.K, -found.D]]), np.block([[eye, zero], [zero, found.M]])
+    )
+    for value, fold in zip(modes.eigenvalue, modes.multiplicity, strict=True):
+        assert np.sum(np.abs(values - value) < 1e-6 * (1 + abs(value))) >= fold or value == 0
+    growing = np.sum(modes.multiplicity[modes.eigenvalue.real > 1e-9])
+    assert growing == np.sum(np.linalg.eigvalsh(found.K) < -1e-12)
+    assert all(row.residual < 1e-11 for row in modes)
+    assert n + (np.sum(modes.eigenvalue.imag == 0) and 0) <= modes.multiplicity.sum() + n
+
+
+def test_an_upright_rod_on_a_cart_grows_at_the_textbook_rate() -> None:
+    """σ² = (g/l)·6(m + m_c)/(m + 4 m_c) for a uniform rod of mass m standing on a free cart of mass m_c."""
+    m, m_c, l = 0.3, 1.7, 0.8
+    pendulum = Pendulum(links=(Rod(mass=m, length=l),), equilibrium=("up",))
+    rows = list(natural_modes(Scene(gravity=9.81, support=Cart(mass=m_c), pendulum=[pendulum])))
+    assert rows[1].growth_rate == pytest.approx(np.sqrt(9.81 / l * 6 * (m + m_c) / (m + 4 * m_c)), rel=1e-14)
+    assert rows[1].family == "cart moves: unstable"
+    assert (rows[1].frequency, rows[1].period) == (None, None)
+    assert rows[0].growth_rate is None
+    assert sum(row.cart_participation for row in rows) == pytest.approx(1, rel=1e-13)
+
+
+def test_hanging_written_out_is_hanging() -> None:
+    links = (Rod(mass=1.0, length=1.0), Bob(mass=2.0, length=0.5))
+    plain, written = (
+        natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=links, equilibrium=ways)]))
+        for ways in (None, ("down", "down"))
+    )
+    assert plain.omega.tolist() == written.omega.tolist()
+    assert "dense" not in written.route
+
+
+def test_kappa_of_a_stable_mode_beside_a_standing_link() -> None:
+    """Two equal pendula far apart in mass on a heavy cart: κ of the hanging one is that of a simple pendulum."""
+    hanging = Pendulum(links=(Bob(mass=1.0, length=1.0),))
+    standing = Pendulum(links=(Bob(mass=1.0, length=1.0),), equilibrium=("up",))
+    rows = list(natural_modes(Scene(gravity=9.81, support=Cart(mass=1e9), pendulum=[hanging, standing])))
+    assert sorted(row.kappa for row in rows[1:] if np.isfinite(row.kappa)) == pytest.approx([-1 / 16], rel=1e-6)
+
+
+@pytest.mark.parametrize("n", range(1, 6))
+def test_from_the_lagrangian_to_the_printed_polynomial(n: int) -> None:
+    printed = {1: [1, 1], 2: [2, 4, 1], 3: [6, 18, 9, 1], 4: [24, 96, 72, 16, 1], 5: [120, 600, 600, 200, 25, 1]}
+    system = chain(n)
+    M, K, _ = lagrangian(system).linearized()
+    m, l, g = sp.symbols("m l g", positive=True)
+    lam = sp.Symbol("lambda")
+    determinant = (M + lam * K * l / g).det(method="berkowitz") / (m * l**2) ** n
+    assert sp.Poly(sp.expand(determinant), lam).all_coeffs() == printed[n]
+    lines = [line for section in derivation(system, ("polynomial",)) for line in section.lines]
+    assert sp.Poly(lines[0].formula.lhs, lam).all_coeffs() == printed[n]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
+    """Also of partly equal symbols and on a cart."""
+    x = sp.Symbol("x")
+    for system, on_cart in ((chain(n, "rod", ("masses", "lengths")), False), (cart(n, 1, "rod", ("lengths",)), True)):
+        M, K, _ = lagrangian(system).linearized()
+        determinant = (K - x * M).det(method="berkowitz")
+        section = next(iter(derivation(system, ("polynomial",))))
+        formula = next(line.formula for line in section.lines if line.formula is not None and line.formula.has(x))
+        ratio = sp.cancel(determinant / formula.lhs)
+        assert ratio.free_symbols & {x} == ({x} if on_cart else set())
+        assert sp.cancel(ratio / (x if on_cart else 1)).free_symbols & {x} == set()
+    assert symbolic_polynomial(n, "rod").has(x)
