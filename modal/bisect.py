@@ -12,6 +12,7 @@ from modal.errors import ComputationError
 from modal.rig import Booleans, Floats, Ints
 
 STRIDE = 2.0**24
+BEYOND = "the ratios in this scene are beyond double precision: a frequency overflows"
 
 
 def smallest_where(reached: Callable[[Floats], Booleans], low: Floats, high: Floats) -> Floats:
@@ -28,8 +29,10 @@ def smallest_where(reached: Callable[[Floats], Booleans], low: Floats, high: Flo
 def above_all(count: Callable[[Floats], Ints], start: Floats, wanted: Ints) -> Floats:
     """Powers of STRIDE times `start` until `count` has reached `wanted` everywhere."""
     high = start * STRIDE
+    if not np.all((start > 0) & np.isfinite(start)):
+        raise ComputationError(BEYOND)
     while np.any(count(high) < wanted):
         high = high * STRIDE
         if not np.all(high < 1e280):
-            raise ComputationError("the ratios in this scene are beyond double precision: a frequency overflows")
+            raise ComputationError(BEYOND)
     return high

@@ -44,6 +44,11 @@ class Clusters:
         return np.flatnonzero(inner) - 1
 
     @property
+    def closest(self) -> float:
+        """The smallest relative gap between two different ones."""
+        return float((np.diff(self.square) / self.square[1:]).min(initial=1.0))
+
+    @property
     def shared(self) -> Ints:
         """Those with more than one member."""
         return np.flatnonzero(self.size > 1)

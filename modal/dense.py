@@ -21,6 +21,10 @@ Complexes = NDArray[np.complex128]
 LARGEST_DAMPED = 500
 LARGEST_UNDAMPED = 2000
 EPS = float(np.finfo(float).eps)
+SINGULAR = (
+    "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
+    "links that stand up this scene has no state-space form; give the cart or the links some inertia"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,17 +42,17 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
     Where M is known to be `singular`, by one dimension, the mode at infinite frequency is left out.
     """
     _refuse_beyond(LARGEST_UNDAMPED, len(M), "joint springs")
-    inertia, stiffness = _without_cart(M, K) if free else (M, K)
-    scale = 1 / np.sqrt(np.diag(stiffness))
-    L = np.linalg.cholesky(stiffness * scale * scale[:, None])
-    half = np.linalg.solve(L, inertia * scale * scale[:, None])
-    inverse_square, v = np.linalg.eigh(np.linalg.solve(L, half.T))
+    inertia, stiffness, _ = _without_cart(M, K) if free else (M, K, 1.0)
+    scale, L, sensitivity = _factored(stiffness)
+    inverse_square, v = np.linalg.eigh(_in_factors(L, inertia * scale * scale[:, None]))
     inverse_square, v = inverse_square[singular:], v[:, singular:]
     if inverse_square.size and inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
         raise ComputationError("the frequencies spread too far for the dense route that joint springs need")
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
-    error = 2 * len(M) * EPS * inverse_square[:1] / inverse_square
+    rounded = M[1:, 1:] if free else M
+    largest = np.trace(_in_factors(L, rounded * scale * scale[:, None]))
+    error = 2 * len(M) * EPS * (sensitivity + largest / inverse_square)
     return Eigen(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
 
 
@@ -58,24 +62,23 @@ def indefinite(M: Floats, K: Floats, *, free: bool) -> Eigen:
     The decaying mirror image −√−x of a growing mode has the same shape and is not listed.
     """
     _refuse_beyond(LARGEST_UNDAMPED, len(M), "links that stand up")
-    inertia, stiffness = _without_cart(M, K) if free else (M, K)
-    _refuse_singular(inertia)
-    scale = 1 / np.sqrt(np.diag(inertia))
-    L = np.linalg.cholesky(inertia * scale * scale[:, None])
-    half = np.linalg.solve(L, stiffness * scale * scale[:, None])
-    x, v = np.linalg.eigh(np.linalg.solve(L, half.T))
+    _refuse_singular(M)
+    inertia, stiffness, lost = _without_cart(M, K) if free else (M, K, 1.0)
+    scale, L, sensitivity = _factored(inertia)
+    x, v = np.linalg.eigh(_in_factors(L, stiffness * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
-    error = 2 * len(M) * EPS * np.abs(x).max(initial=0.0) / np.abs(x)
+    error = 2 * len(M) * EPS * sensitivity * lost * np.abs(x).max(initial=0.0) / np.abs(x)
     return Eigen(np.sqrt(-x.astype(np.complex128)), _with_cart(M, shape, free), error)
 
 
 def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> Eigen:
     """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it)."""
     _refuse_beyond(LARGEST_DAMPED, len(M), "dampers")
+    _refuse_singular(M)
     if free and not D[0].any():
-        A, stiffness = _without_cart(M, K)
+        A, stiffness, lost = _without_cart(M, K)
         values, vectors, error = _state_modes(A, D[1:, 1:], stiffness, keep=slice(None))
-        shape = _with_cart(M, vectors, free)
+        error, shape = lost * error, _with_cart(M, vectors, free)
     else:
         values, shape, error = _state_modes(M, D, K, keep=slice(1, None) if free else slice(None))
     rounded_up = (values.imag != 0) & (values.real > 0) & (values.real <= error * np.abs(values))
@@ -96,10 +99,10 @@ def in_phase(shape: Complexes, first: int) -> Complexes:
 def _state_modes(M: Floats, D: Floats, K: Floats, keep: slice) -> tuple[Complexes, Complexes, Floats]:
     """Eigenvalues, shapes and error bounds from the state matrix over positions `keep` and all rates.
 
-    The bound is the first-order one: condition number times a backward error of a few roundings of the matrix's norm.
+    The bound is the first-order one: condition number times a backward error of a few roundings of the matrix's norm,
+    and of M⁻¹'s sensitivity.
     """
-    _refuse_singular(M)
-    n = len(M)
+    n, sensitivity = len(M), _factored(M)[2]
     rates = np.eye(n)[keep]
     held = len(rates)
     state = np.zeros((held + n, held + n))
@@ -112,13 +115,32 @@ def _state_modes(M: Floats, D: Floats, K: Floats, keep: slice) -> tuple[Complexe
         raise ComputationError(
             "the dampers spread this scene's eigenvalues beyond double precision: some came out as 0"
         )
-    backward = 4 * len(state) * EPS * np.linalg.norm(state, 2)
+    backward = 4 * len(state) * EPS * sensitivity * np.linalg.norm(state, 2)
     return values, right[held:] / values, backward * condition / np.abs(values)
 
 
-def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats]:
-    """The pendula alone, with a free cart that keeps the total momentum zero: A − b bᵀ/M_tot."""
-    return M[1:, 1:] - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0], K[1:, 1:]
+def _factored(S: Floats) -> tuple[Floats, Floats, float]:
+    """Scale to a unit diagonal, Cholesky factor, and sensitivity ‖L⁻¹‖² of a positive definite matrix.
+
+    Roundings of the scaled entries move its quadratic form by no more than so many times their sum.
+    """
+    scale = 1 / np.sqrt(np.diag(S))
+    L = np.asarray(np.linalg.cholesky(S * scale * scale[:, None]), dtype=np.float64)
+    return scale, L, float(np.linalg.norm(np.linalg.inv(L), 2) ** 2) if len(S) else 1.0
+
+
+def _in_factors(L: Floats, S: Floats) -> Floats:
+    """L⁻¹ S L⁻ᵀ of a symmetric S."""
+    found: Floats = np.linalg.solve(L, np.linalg.solve(L, S).T)
+    return found
+
+
+def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
+    """The pendula with a free cart that keeps the total momentum zero, A − b bᵀ/M_tot, and what that lost in digits."""
+    A = M[1:, 1:]
+    reduced = A - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0]
+    lost = float((np.diag(A) / np.diag(reduced)).max(initial=1.0))
+    return reduced, K[1:, 1:], lost
 
 
 def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> Complexes:
@@ -130,10 +152,7 @@ def _refuse_singular(M: Floats) -> None:
     scale = 1 / np.sqrt(np.diag(M))
     spectrum = np.linalg.eigvalsh(M * scale * scale[:, None])
     if spectrum[0] <= 4 * EPS * spectrum[-1]:
-        raise ComputationError(
-            "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
-            "links that stand up this scene has no state-space form; give the cart or the links some inertia"
-        )
+        raise ComputationError(SINGULAR)
 
 
 def _refuse_beyond(largest: int, size: int, cause: str) -> None:

@@ -9,19 +9,18 @@ NEGLIGIBLE = 0.01
 FIXED, CART_STILL, CART_MOVES = "fixed support", "cart still", "cart moves"
 
 
-def family(*, where: str, along: int, across: int, antiphase: bool, ratio: float, motion: str) -> str:
-    """Words for one distinct frequency: so many-fold `along` the rail and `across` it.
+def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> str:
+    """Words for one distinct frequency.
 
-    `where` is what the support does, `antiphase` whether pendula on a cart balance each other along the rail,
-    `ratio` −Re λ/|λ|; `motion` comes from `motion_words`.
+    `where` is what the support does; `folds` how many shapes are of which sort ("" needs no word), `motion` comes from
+    `motion_words`, `ratio` is −Re λ/|λ|.
     """
-    folds = along + across
-    kinds = ["antiphase"] if antiphase else []
-    kinds += ["across the rail"] if across and where == CART_STILL else []
-    if len(kinds) == 2:
-        kinds = [f"antiphase {along}, across the rail {across}"]
-    words = ", ".join(word for word in (*kinds, motion, _decay(ratio)) if word)
-    where += f", {folds}-fold" if folds > 1 else ""
+    total = sum(folds.values())
+    named = [(sort, count) for sort, count in folds.items() if count and sort]
+    several = len([count for count in folds.values() if count]) > 1
+    sorts = [", ".join(f"{sort} {count}" for sort, count in named)] if several else [sort for sort, _ in named]
+    words = ", ".join(word for word in (*sorts, motion, _decay(ratio)) if word)
+    where += f", {total}-fold" if total > 1 else ""
     return f"{where}: {words}" if words else where
 
 
@@ -32,39 +31,47 @@ def _decay(ratio: float) -> str:
 
 
 def motion_words(
+    angles: tuple[NDArray[np.inexact], ...], shares: tuple[NDArray[np.float64], ...], at: int, agreement: str
+) -> str:
+    """How pendula agree, as told, and how the links of the busiest do, in mode `at` of angles and shares (n, P, R)."""
+    energy = energies(shares, at)
+    busiest = int(energy.argmax())
+    sizes = np.cumsum([share.shape[1] for share in shares])
+    block = int(np.searchsorted(sizes, busiest, side="right"))
+    column = busiest - int(sizes[block]) + shares[block].shape[1]
+    chain = _in_phase_with_largest(angles[block][:, column, at])
+    return ", ".join(word for word in (agreement, _order(chain)) if word)
+
+
+def energies(shares: tuple[NDArray[np.float64], ...], at: int) -> NDArray[np.float64]:
+    """Each kind's share of the kinetic energy in mode `at`, (P,)."""
+    return np.concatenate([share[:, :, at].sum(0) for share in shares])
+
+
+def agreement(
     angles: tuple[NDArray[np.inexact], ...],
     shares: tuple[NDArray[np.float64], ...],
     at: int,
     names: list[str],
     *,
     several: bool,
-    balanced: bool,
+    still: bool,
 ) -> str:
-    """Which pendula agree and how the links of the busiest one do, in mode `at` of angles and shares (n, P, R).
+    """In phase or not, by the top links of all pendula that hold a fair share of the energy in mode `at`.
 
-    `names` are those of all P kinds; `several` says that one column stands for several pendula moving alike,
-    `balanced` that they hold the support still, so that nothing is left to say about their phases.
+    `names` are those of all P kinds; `several` says that one column stands for several pendula moving alike, `still`
+    that the cart does not move.
     """
-    energy = np.concatenate([share[:, :, at].sum(0) for share in shares])
-    busiest = int(energy.argmax())
-    sizes = np.cumsum([share.shape[1] for share in shares])
-    block = int(np.searchsorted(sizes, busiest, side="right"))
-    column = busiest - int(sizes[block]) + shares[block].shape[1]
-    chain = _in_phase_with_largest(angles[block][:, column, at])
-    top = np.concatenate([angle[0, :, at] for angle in angles])
-    agreement = "" if balanced else _agreement(top, energy, names, several)
-    return ", ".join(word for word in (agreement, _order(chain)) if word)
-
-
-def _agreement(top: NDArray[np.inexact], energy: NDArray[np.float64], names: list[str], several: bool) -> str:
-    """In phase or not, by the top links of all pendula that hold a fair share of the energy."""
+    top, energy = np.concatenate([angle[0, :, at] for angle in angles]), energies(shares, at)
     if len(top) == 1:
         return "in phase" if several else ""
     busy = energy >= NEGLIGIBLE * energy.max()
     if busy.sum() == 1:
         return f"mostly {names[int(energy.argmax())]}"
     signs = np.sign(_in_phase_with_largest(top[busy]))
-    return "in phase" if np.all(signs > 0) or np.all(signs < 0) else "mixed phases"
+    if np.all(signs > 0) or np.all(signs < 0):
+        return "in phase"
+    return "antiphase" if still else "mixed phases"
 
 
 def _order(chain: NDArray[np.float64]) -> str:

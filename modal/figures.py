@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
@@ -22,6 +23,7 @@ from modal.shapes import Shape
 
 INK, REST, FRONT, BACK, RAIL = "#22303c", "#c3cad0", "#0072b2", "#e69f00", "#8a949c"
 FARTHEST = 0.3  # of the picture's depth
+LETTERS_PER_INCH = 16  # of the caption
 MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
 
 
@@ -71,14 +73,17 @@ def draw_shapes(
     size = (max(width * columns, 4.6), height * lines + 0.75)
     figure = Figure(figsize=size, dpi=150, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(modes.scene.title or "Mode shapes", fontsize=14, fontweight="bold", color=INK)
+    figure.suptitle(modes.scene.title or "Mode shapes", fontsize=14, fontweight="bold", color=INK, parse_math=False)
     axes = figure.subplots(lines, columns, squeeze=False)
     for axis in axes.flat:
         axis.set_axis_off()
     for axis, row in zip(axes.flat, rows, strict=False):
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))
-    figure.supxlabel(_caption(modes, rows, layout, amplitude_deg), fontsize=8, color=RAIL)
-    figure.savefig(stream, format=form)
+    caption = fill(_caption(modes, rows, layout, amplitude_deg), int(LETTERS_PER_INCH * size[0]))
+    figure.supxlabel(caption, fontsize=8, color=RAIL)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(stream, format=form)
 
 
 def _layout(modes: Modes) -> _Layout:
@@ -91,12 +96,18 @@ def _layout(modes: Modes) -> _Layout:
         first += pendulum.count * len(links)
     picked = np.unique(np.linspace(0, len(hanging) - 1, min(len(hanging), MOST_PENDULA)).astype(int))
     chains, ways, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
-    levels = [np.cumsum([0.0, *(w * [link.length for link in c])]) for c, w in zip(chains, ways, strict=True)]
-    depth = max(sum(link.length for link in chain) for chain in chains)
+    levels = [_levels(chain, way) for chain, way in zip(chains, ways, strict=True)]
+    depth = max(float(np.ptp(level)) for level in levels)
     spacing = depth * (0.95 if len(picked) <= 4 else 0.5)
     pivots = np.asarray(spacing * (np.arange(len(picked)) - (len(picked) - 1) / 2), dtype=np.float64)
     below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
     return _Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
+
+
+def _levels(links: tuple[Bob | Rod | Body, ...], way: Floats) -> Floats:
+    """How far the joints and the centres of mass of a chain at rest are below the rail."""
+    joints = np.cumsum([0.0, *(way * [link.length for link in links])])
+    return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:
@@ -165,6 +176,8 @@ def _marks(axis: Axes, links: Sequence[Bob | Rod | Body], x: Floats, y: Floats, 
     for i, link in enumerate(links):
         part = link.centre / link.length
         centre = (x[i] + part * (x[i + 1] - x[i]), y[i] + part * (y[i + 1] - y[i]))
+        if part > 1:
+            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ":", color=colour, alpha=alpha, lw=1.2, zorder=2)
         if isinstance(link, Rod):
             axis.plot(x[i : i + 2], y[i : i + 2], color=colour, alpha=alpha, lw=4.0, solid_capstyle="round", zorder=3)
         else:

@@ -81,11 +81,13 @@ def shipped_text(name: str) -> str:
 def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
     """A binary stream that becomes `path` when the block ends well and leaves nothing behind when it does not.
 
-    Raises OSError, naming `path`, where it cannot be written.
+    A link is followed; what is no file (a pipe, a device) is written to as it comes.  Raises OSError, naming `path`,
+    where it cannot be written.
     """
     target = Path(path)
     try:
-        with _temporary(target) as stream:
+        special = target.exists() and not target.is_file()
+        with open(target, "wb") if special else _temporary(target.resolve()) as stream:
             yield stream
     except OSError as error:
         error.filename = str(target)

@@ -22,6 +22,7 @@ from modal import dense
 from modal.amplitude import coefficient, quartic
 from modal.chain import joints, kinetic
 from modal.effective import bare_mass
+from modal.errors import ComputationError
 from modal.linear import assembled
 from modal.rig import Block, CartNumbers, Floats, Ints
 from modal.sources import Details, largest_angle, per_copy
@@ -39,7 +40,6 @@ class FromMatrices:
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
     cart: CartNumbers | None
-    bare_mobility: float
     route = "dense"
 
     @cached_property
@@ -56,13 +56,35 @@ class FromMatrices:
     def modes(self) -> dense.Eigen:
         """Eigenvalues, shapes, errors."""
         M, K, D = self.matrices
-        free = self.cart is not None and self.cart.stiffness == 0
+        stands = any((block.sigma < 0).any() for block in self.blocks)
+        if self.is_singular and (stands or self.is_damped):
+            raise ComputationError(dense.SINGULAR)
         if self.is_damped:
-            return dense.damped(M, D, K, free=free)
-        if any((block.sigma < 0).any() for block in self.blocks):
-            return dense.indefinite(M, K, free=free)
-        singular = self.cart is not None and bare_mass(self.blocks, self.cart) == 0
-        return dense.undamped(M, K, free=free, singular=singular)
+            return dense.damped(M, D, K, free=self.is_free)
+        if stands:
+            return dense.indefinite(M, K, free=self.is_free)
+        return dense.undamped(M, K, free=self.is_free, singular=self.is_singular)
+
+    @property
+    def is_free(self) -> bool:
+        """Whether nothing holds the cart."""
+        return self.cart is not None and self.cart.stiffness == 0
+
+    @cached_property
+    def is_singular(self) -> bool:
+        """Whether M is, by a cart without mass over bobs."""
+        return self.cart is not None and bare_mass(self.blocks, self.cart) == 0
+
+    @cached_property
+    def bare_mobility(self) -> float:
+        """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx, where M is singular from the modes themselves."""
+        if self.cart is None:
+            return 1.0
+        if not self.is_singular:
+            return 1.0 / bare_mass(self.blocks, self.cart)
+        M, shape = self.matrices[0], self.modes.shape.real
+        own = float(np.sum(shape[0] ** 2 / np.einsum("ir,ij,jr->r", shape, M, shape)))
+        return own + (1.0 / float(M[0, 0]) if self.is_free else 0.0)
 
     @property
     def eigenvalue(self) -> NDArray[np.complex128]:

@@ -35,11 +35,11 @@ def problems_of(error: ValidationError) -> Iterator[str]:
     """One line a mistake, in the order of the file."""
     for finding in error.errors(include_url=False):
         if finding["type"] != "too_short" or not finding["input"]:
-            yield _problem(finding)
+            yield from (_problem(finding, words) for words in _words(finding).splitlines())
 
 
-def _problem(finding: Mapping[str, Any]) -> str:
-    place, words = _place(finding["loc"]), _words(finding)
+def _problem(finding: Mapping[str, Any], words: str) -> str:
+    place = _place(finding["loc"], is_key=finding["type"] == "extra_forbidden")
     if finding["type"] == "union_tag_invalid":
         return f"{place}.kind = {_shown(finding['ctx']['tag'])}: {words}"
     if words.startswith("."):
@@ -50,12 +50,15 @@ def _problem(finding: Mapping[str, Any]) -> str:
     return f"{place} = {_shown(finding['input'])}: {words}".removeprefix(" = ")
 
 
-def _place(location: tuple[int | str, ...]) -> str:
-    parts = [
-        f"[{part}]" if isinstance(part, int) else f".{part}"
-        for position, part in enumerate(location)
-        if not (part in TAGS and position > 0)
-    ]
+def _place(location: tuple[int | str, ...], is_key: bool) -> str:
+    """The location as the file has it, without the kinds that the validator adds behind a support or a link."""
+    parts = []
+    for position, part in enumerate(location):
+        before = location[max(0, position - 2) : position]
+        behind = before[-1:] == ("support",) or (before[:1] == ("links",) and isinstance(before[-1], int))
+        added = part in TAGS and behind and not (is_key and position == len(location) - 1)
+        if not added:
+            parts.append(f"[{part}]" if isinstance(part, int) else f".{part}")
     return "".join(parts).removeprefix(".")
 
 
@@ -65,6 +68,8 @@ def _words(finding: Mapping[str, Any]) -> str:
         key = str(finding["loc"][-1])
         if key in KEYS:
             return "does not belong here"
+        if key in TAGS:
+            return f'is not a known key: write kind = "{key}"'
         near = get_close_matches(key, KEYS, n=1)
         return "is not a known key" + (f" (did you mean {near[0]}?)" if near else "")
     if kind == "greater_than_equal":

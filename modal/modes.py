@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.amplitude import one_percent_amplitude
-from modal.families import CART_MOVES, CART_STILL, FIXED, family, motion_words
+from modal.families import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
+from modal.matrix_source import LIGHT
 from modal.mode import UNCERTAIN, Mode
 from modal.resonances import resonances
 from modal.rig import Floats, Ints, Rig, Units, rig_of
@@ -105,7 +105,8 @@ class Modes(Sequence[Mode]):
         size = max(1, CHUNK // max(1, sum(block.mass.size for block in self.rig.blocks)))
         for start in range(0, len(numbers), size):
             chunk = numbers[start : start + size]
-            found = dict(self._described(chunk))
+            with np.errstate(all="ignore"):
+                found = dict(self._described(chunk))
             yield from (found[number] for number in chunk)
 
     def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:
@@ -175,36 +176,32 @@ class Modes(Sequence[Mode]):
             return "beyond double precision"
         if self.eigenvalue[number] == 0:
             return "rigid translation"
-        still = head.part.still or head.details.cart[head.at] == 0
-        balanced = still and self.on_cart and (head.part.still or self.rig.n_kinds > 1)
-        several = not still and sum(count for _, _, count in self.rig.members) > 1
-        along, across = (
-            sum(getattr(part, way) for part in self.spectrum.groups[number]) for way in ("along", "across")
-        )
-        details = head.details
+        details, at = head.details, head.at
+        still = head.part.still or details.cart[at] == 0
+        balanced = "antiphase" if self.on_cart else ""
+        folds = {"": 0, balanced: 0, "across the rail" if self.on_cart else "": 0}
+        for part in self.spectrum.groups[number]:
+            folds[balanced if part.still else ""] += part.along
+            folds["across the rail" if self.on_cart else ""] += part.across
+        if head.part.still:
+            words = self._whose(number, head.part)
+        else:
+            several = sum(count for _, _, count in self.rig.members) > 1
+            names = list(self.rig.names.values())
+            words = agreement(details.angles, details.shares, at, names, several=several, still=still)
         return family(
             where=FIXED if not self.on_cart else CART_STILL if still else CART_MOVES,
-            along=along,
-            across=across,
-            antiphase=balanced and along > 0,
+            folds=folds,
+            motion=motion_words(details.angles, details.shares, at, words),
             ratio=ratio,
-            motion=motion_words(
-                details.angles, details.shares, head.at, self._names, several=several, balanced=balanced
-            ),
         )
 
-    @cached_property
-    def _names(self) -> list[str]:
-        """Every kind, block by block, by the first of its pendula, copies counted out."""
-        first: dict[tuple[int, int], int] = {}
-        copies: Counter[tuple[int, int]] = Counter()
-        for block, column, count in self.rig.members:
-            first.setdefault((block, column), copies.total() + 1)
-            copies[block, column] += count
-        return [
-            f"pendulum {first[key]}" if copies[key] == 1 else f"the {copies[key]} equal to pendulum {first[key]}"
-            for key in sorted(first)
-        ]
+    def _whose(self, number: int, part: Part) -> str:
+        """Which pendula move while the others stand still, where there are different ones."""
+        kinds = {other.kind for other in self.spectrum.groups[number]}
+        if self.rig.n_kinds == 1 or part.kind is None or len(kinds) > 1:
+            return ""
+        return self.rig.names[part.kind]
 
     def _resonances(self, number: int) -> tuple[str, ...]:
         """With other modes that it can exchange energy with: on a cart all, on a fixed support the same pendulum's."""
@@ -212,14 +209,16 @@ class Modes(Sequence[Mode]):
         fold = self.multiplicity[number] if self.on_cart else 1 + any(part.along and part.across for part in parts)
         own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
         if self.on_cart:
-            partners = self._numbers
+            partners = self._swinging
         else:
             partners = np.unique([row for part in parts for row in self.spectrum.numbers_of_kind[part.kind]])
+            partners = partners[np.isin(partners, self._swinging)]
         return own + resonances(self.omega, number, partners)
 
     @cached_property
-    def _numbers(self) -> Ints:
-        return np.arange(len(self))
+    def _swinging(self) -> Ints:
+        """The modes that oscillate for long, ζ < 0.1."""
+        return np.flatnonzero(np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue))
 
     def _indistinct(self, number: int) -> bool:
         omega, error = self.omega, self.error
@@ -236,5 +235,6 @@ def natural_modes(scene: Scene) -> Modes:
     the modules that `modal.routes` chooses from.
     """
     rig = rig_of(scene)
-    natural, units = rig.natural()
-    return Modes(scene, rig, units, spectrum(natural), notes(natural))
+    with np.errstate(all="ignore"):
+        natural, units = rig.natural()
+        return Modes(scene, rig, units, spectrum(natural), notes(natural))

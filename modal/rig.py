@@ -126,6 +126,20 @@ class Rig:
         """Number of different chains."""
         return sum(block.size for block in self.blocks)
 
+    @cached_property
+    def names(self) -> dict[tuple[int, int], str]:
+        """Every kind (block, column), block by block, by the first of its pendula, copies counted out from 1."""
+        found: dict[tuple[int, int], tuple[int, int]] = {}
+        passed = 0
+        for block, column, count in self.members:
+            first, copies = found.get((block, column), (passed + 1, 0))
+            found[block, column] = first, copies + count
+            passed += count
+        return {
+            kind: f"pendulum {first}" if copies == 1 else f"the {copies} equal to pendulum {first}"
+            for kind, (first, copies) in sorted(found.items())
+        }
+
     def natural(self) -> tuple[Rig, Units]:
         """The same rig in its natural units, and what those are in SI units."""
         heaviest = max(float(block.mass.max()) for block in self.blocks)

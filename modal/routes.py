@@ -19,9 +19,11 @@ from modal.crowd import Counted, Crowd
 from modal.effective import CartProblem, bare_mass
 from modal.matrix_source import FromMatrices
 from modal.rig import Block, Booleans, CartNumbers, Floats, Ints, Rig
-from modal.sources import Alone, Problem, Rigid, Source, Together, bare_mobility
+from modal.sources import Alone, Rigid, Source, Together, bare_mobility
 
 MOST_LINKS_TOGETHER = 600
+CLOSE = 1e-8
+"""Relative gap of squares below which shapes come from the secular equation, which keeps their differences."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +91,7 @@ def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
         yield structured, source if structured.size == block.size else Alone(block.take(structured))
     for column in np.flatnonzero(needed & _is_dense(block)):
         chain = block.take(np.array([column]))
-        yield np.array([column]), FromMatrices((chain,), (chain.count,), None, 1.0)
+        yield np.array([column]), FromMatrices((chain,), (chain.count,), None)
 
 
 def _is_dense(block: Block) -> Booleans:
@@ -101,11 +103,13 @@ def _is_dense(block: Block) -> Booleans:
 def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
-    mobility = bare_mobility(heavy, cart)
+    needs_matrices = cart.damping > 0 or any(_is_dense(block).any() for block in rig.blocks)
+    matrices = FromMatrices(heavy, counts, cart)
+    mobility = matrices.bare_mobility if needs_matrices else bare_mobility(heavy, cart)
     if cart.stiffness == 0:
         yield _moving(Rigid(rig.blocks, rig.total_mass, mobility, dragged=cart.damping > 0))
-    if cart.damping > 0 or any(_is_dense(block).any() for block in rig.blocks):
-        yield _moving(FromMatrices(heavy, counts, cart, mobility))
+    if needs_matrices:
+        yield _moving(matrices)
     elif rig.n_kinds == 1:
         yield _moving(Together(heavy, counts, CartProblem(heavy, cart), mobility))
     else:
@@ -119,13 +123,14 @@ def _different(
     """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
     gathered = clusters(own)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
-    if not gathered.shared.size:
-        problem: Problem = CartProblem(heavy, cart) if few else Crowd(heavy, cart, own, gathered)
-    else:
+    if few and gathered.closest > CLOSE and not gathered.shared.size:
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), mobility))
+        return
+    if gathered.shared.size:
         still = Still(heavy, gathered)
         first = np.cumsum(still.folds) - still.folds
         yield Batch(Together(heavy, counts, still, mobility), first, still.folds, np.zeros_like(first), still=True)
-        problem = (Counted if few else Crowd)(heavy, cart, own, gathered)
+    problem = (Counted if few else Crowd)(heavy, cart, own, gathered)
     yield _moving(Together(heavy, counts, problem, mobility))
 
 

@@ -9,48 +9,24 @@ about that centre.  All numbers are SI; angles in a scene file are degrees, coun
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 from unicodedata import category
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from modal.errors import SceneError
 from modal.messages import problems_of
+from modal.validation import Checked, NonNegative, Positive, Real, insist
 
-LARGEST = 1e100
-SMALLEST = 1e-100
 MAX_COPIES = 1_000_000
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 
-Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST)]
-NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST)]
-Real = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
-Way = Literal["down", "up"]
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES)]
+Way = Literal["down", "up"]
 
 
-if TYPE_CHECKING:
-    from pydantic._internal._model_construction import ModelMetaclass
-else:
-    ModelMetaclass = type(BaseModel)
-
-
-class _Checked(ModelMetaclass):
-    """Makes a direct call, `Bob(mass=-1, ...)`, raise the project's own error."""
-
-    def __call__(cls, /, *args: Any, **data: Any) -> Any:  # noqa: N805
-        try:
-            return super().__call__(*args, **data)
-        except ValidationError as error:
-            raise SceneError(tuple(problems_of(error))) from None
-
-
-class _Part(BaseModel, metaclass=_Checked):
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Link(_Part):
+class Link(Checked):
     """Mass (kg) and length (m) of a link, and the damper (N m s/rad) and spring (N m/rad) at its upper joint."""
 
     mass: Positive
@@ -106,7 +82,7 @@ class Body(Link):
         return self
 
 
-class Start(_Part):
+class Start(Checked):
     """Where the simulator releases a pendulum: one angle (deg) and one rate (deg/s) a link, top to bottom.
 
     `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
@@ -117,7 +93,7 @@ class Start(_Part):
     azimuths_deg: tuple[Real, ...] | None = None
 
 
-class Pendulum(_Part):
+class Pendulum(Checked):
     """A chain of links, top to bottom, hung `count` times.
 
     `equilibrium` says for each link whether it points down or up at the rest about which the scene is linearized.
@@ -140,36 +116,29 @@ class Pendulum(_Part):
         return self.equilibrium or hanging * self.n_links
 
     @model_validator(mode="after")
-    def _bounded(self) -> Pendulum:
+    def _consistent(self) -> Pendulum:
+        return insist(self, self._problems())
+
+    def _problems(self) -> Iterator[str]:
         if self.n_links > MAX_CHAIN:
-            raise ValueError(f".links: has {self.n_links} links, runs counted out: at most {MAX_CHAIN}")
-        return self
-
-    @model_validator(mode="after")
-    def _hangs(self) -> Pendulum:
-        last = self.links[-1]
-        if last.centre == 0:
-            raise ValueError(
-                f".links[{len(self.links) - 1}].centre = 0.0: must be positive in the last link, or it feels no gravity"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _one_value_a_link(self) -> Pendulum:
+            yield f".links: has {self.n_links} links, runs counted out: at most {MAX_CHAIN}"
+            return
+        if self.links[-1].centre == 0:
+            at = f".links[{len(self.links) - 1}].centre = 0.0"
+            yield f"{at}: must be positive in the last link, or it feels no gravity"
         lists = [("equilibrium", self.equilibrium), *((f"start.{name}", values) for name, values in self.start or ())]
         for name, values in lists:
             if values is not None and len(values) != self.n_links:
-                raise ValueError(f".{name}: has {len(values)} values for {self.n_links} links")
-        return self
+                yield f".{name}: has {len(values)} values for {self.n_links} links"
 
 
-class Fixed(_Part):
+class Fixed(Checked):
     """A support that does not move."""
 
     kind: Literal["fixed"] = "fixed"
 
 
-class Cart(_Part):
+class Cart(Checked):
     """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground."""
 
     kind: Literal["cart"] = "cart"
@@ -178,7 +147,7 @@ class Cart(_Part):
     stiffness: NonNegative = 0.0
 
 
-class Scene(_Part):
+class Scene(Checked):
     """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space."""
 
     title: Annotated[str, Field(max_length=200)] = ""
@@ -221,18 +190,15 @@ class Scene(_Part):
         return title
 
     @model_validator(mode="after")
-    def _bounded(self) -> Scene:
-        if self.n_links > MAX_LINKS:
-            raise ValueError(f"the scene has {self.n_links} links in all: at most {MAX_LINKS}")
-        return self
+    def _consistent(self) -> Scene:
+        return insist(self, self._problems())
 
-    @model_validator(mode="after")
-    def _azimuths_need_space(self) -> Scene:
-        if self.space == "plane":
-            for index, pendulum in enumerate(self.pendulum):
-                if pendulum.start and pendulum.start.azimuths_deg:
-                    raise ValueError(f'.pendulum[{index}].start.azimuths_deg: needs space = "space"')
-        return self
+    def _problems(self) -> Iterator[str]:
+        if self.n_links > MAX_LINKS:
+            yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
+        for index, pendulum in enumerate(self.pendulum if self.space == "plane" else ()):
+            if pendulum.start and pendulum.start.azimuths_deg:
+                yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'
 
 
 def scene_from(data: object) -> Scene:

@@ -51,10 +51,9 @@ def spectrum(rig: Rig) -> Spectrum:
     Raises ComputationError where double precision or memory cannot give it.
     """
     try:
-        with np.errstate(all="ignore"):
-            found = list(batches(rig))
-            values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in found])
-            errors = np.concatenate([batch.source.error[batch.rows] for batch in found])
+        found = list(batches(rig))
+        values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in found])
+        errors = np.concatenate([batch.source.error[batch.rows] for batch in found])
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
     if not np.all(np.isfinite(values)):

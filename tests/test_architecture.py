@@ -13,7 +13,20 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("modal", "nonlinear", "multipendula")
 MAP = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-HEAVY = {"matplotlib": {"modal.figures"}, "scipy": set(), "sympy": set(), "control": set()}
+SYMBOLIC = {
+    *(f"modal.{name}" for name in ("lagrange", "lagrangian", "symbolic", "polynomial_roots", "derivation", "typeset")),
+    *(
+        "modal.papers",
+        *(f"modal.papers.{name}" for name in ("cart", "cart_dae", "planar", "spatial", "spatial_azimuth")),
+    ),
+}
+HEAVY = {
+    "matplotlib": {"modal.figures"},
+    "scipy": set(),
+    "sympy": SYMBOLIC,
+    "control": set(),
+    "flint": {"modal.balls"},
+}
 
 
 def module_name(path: Path) -> str:

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from modal import load, matrices, natural_modes, shipped, tables
-from modal.files import parse
+from modal.files import parse, shipped_text
 
 KEYS = {
     *("omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "multiplicity", "family", "cart_participation"),
@@ -65,7 +65,7 @@ def test_json_table(capsys: pytest.CaptureFixture[str], name: str) -> None:
     for row in rows:
         if row["omega_rad_per_s"] == 0:
             assert row["period_s"] is None
-        if row["damping_ratio"] == 1:
+        if abs(row["damping_ratio"]) == 1:
             assert row["frequency_hz"] is None
         else:
             assert row["frequency_hz"] == pytest.approx(row["omega_rad_per_s"] / (2 * np.pi))
@@ -312,3 +312,47 @@ def test_interrupted(tmp_path: Path) -> None:
     assert process.returncode == 130
     assert errors == "multipendula: interrupted\n"
     assert not out.exists()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="POSIX files")
+def test_links_are_followed_and_pipes_are_written_to(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    real, link, pipe = (tmp_path / name for name in ("real.txt", "link.txt", "pipe"))
+    real.write_text("old")
+    link.symlink_to(real)
+    printed(capsys, "table", "chain-1", "-o", str(link))
+    assert link.is_symlink()
+    assert real.read_text(encoding="utf-8").startswith("Simple pendulum") or "ω" in real.read_text(encoding="utf-8")
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as reader:
+        printed(capsys, "table", "chain-1", "-o", str(pipe))
+        assert "ω" in reader.communicate(timeout=10)[0]
+    assert pipe.is_fifo()
+    printed(capsys, "table", "chain-1", "-o", os.devnull)
+    assert not Path(os.devnull).is_file()
+
+
+@pytest.mark.parametrize("title", ["a $x_{$ b", "振り子", "cost $5 and $6"])
+def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, title: str) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(f'title = "{title}"\n' + (shipped_text("chain-2").partition("\n")[2]), encoding="utf-8")
+    assert printed(capsys, "shapes", str(path), "-o", str(tmp_path / "s.png")) == ""
+
+
+@pytest.mark.parametrize(
+    "links",
+    [
+        '{kind="body",mass=1e-100,length=1e-100,centre=1e-100,inertia=1e100}',
+        '{kind="bob",mass=1e100,length=1e-100},{kind="bob",mass=1e-100,length=1e100}',
+    ],
+)
+@pytest.mark.parametrize("support", ['kind="fixed"', 'kind="cart"\nmass=0.0\nstiffness=1e100'])
+def test_overflow_ends_in_a_message(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, links: str, support: str
+) -> None:
+    from multipendula.cli import main
+
+    path = tmp_path / "beyond.toml"
+    path.write_text(f"gravity = 1.0\n[support]\n{support}\n[[pendulum]]\nlinks = [{links}]\n")
+    code = main(["table", str(path)])
+    assert code in (0, 1)
+    assert code == 0 or "beyond double precision" in capsys.readouterr().err

@@ -17,7 +17,7 @@ def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:
     assert "6 λ^3 + 18 λ^2 + 9 λ + 1 = 0" in text
     assert "x^3 - 9 x^2 + 18 x - 6 = 0" in text
     assert text.count("checked term by term") == 2
-    assert [line for line in text.splitlines() if line.startswith("---")][0].count("-") == len("Lagrangian")
+    assert next(line for line in text.splitlines() if line.startswith("---")).count("-") == len("Lagrangian")
 
 
 @pytest.mark.parametrize(

@@ -288,7 +288,7 @@ def test_unstable_modes_are_recognised() -> None:
     found = dense_route.damped(np.eye(1), np.array([[-0.2]]), np.eye(1), free=False)
     assert found.eigenvalue[0].real == pytest.approx(0.1)
     ratio = -found.eigenvalue[0].real / abs(found.eigenvalue[0])
-    words = family(where=FIXED, along=1, across=0, antiphase=False, ratio=ratio, motion="")
+    words = family(where=FIXED, folds={"": 1}, motion="", ratio=ratio)
     assert words == "fixed support: unstable"
 
 
@@ -528,3 +528,100 @@ def test_equal_pendula_on_a_dragged_cart_leave_it_still() -> None:
     assert [row.damping_ratio for row in still] == pytest.approx([0.0, 0.0], abs=1e-14)
     assert rows[0].cart_participation == 0.0
     assert np.isnan(rows[0].effective_mass)
+
+
+def ill_scaled(seed: int, *, damped: bool) -> Scene:
+    """Joint springs or dampers over many decades, light and heavy carts."""
+    rng = np.random.default_rng(seed)
+
+    def decades(spread: float) -> float:
+        return float(10 ** rng.uniform(-spread, spread))
+
+    links = []
+    for _ in range(rng.integers(1, 4)):
+        extra = {"damping" if damped else "stiffness": float(rng.choice([0.0, decades(6)]))}
+        size = {"mass": decades(2), "length": decades(1)} | extra
+        links.append(Bob(**size) if rng.random() < 0.5 else Rod(**size))
+    cart = Cart(mass=decades(6), stiffness=float(rng.choice([0.0, decades(6)])), damping=decades(6) if damped else 0.0)
+    return Scene(gravity=9.81, support=cart if rng.random() < 0.7 else Fixed(), pendulum=[Pendulum(links=links)])
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_bounds_of_the_dense_pencil_hold(seed: int) -> None:
+    scene = ill_scaled(seed, damped=False)
+    try:
+        modes = natural_modes(scene)
+    except ComputationError:
+        return
+    exact, place = dense(scene), 0
+    for omega, error in zip(modes.omega, modes.error, strict=True):
+        if omega:
+            tolerance = mp.mpf(max(float(error), 1e-15))
+            low, high = ((mp.mpf(float(omega)) * max(1 + sign * tolerance, 0)) ** 2 for sign in (-1, 1))
+            assert exact.below(low) <= place < exact.below(high)
+            place += 1
+
+
+@pytest.mark.parametrize("seed", range(150))
+def test_bounds_of_the_state_matrix_hold(seed: int) -> None:
+    """Against the eigenvalues of the many-digit state matrix."""
+    scene = ill_scaled(seed, damped=True)
+    try:
+        modes = natural_modes(scene)
+    except ComputationError:
+        return
+    exact, D = dense(scene), mp.matrix(matrices(scene).D.tolist())
+    mp.mp.dps = 60
+    M, K, n = mp.matrix(exact.M), mp.matrix(exact.K), exact.size
+    inverse = M**-1
+    state = mp.zeros(2 * n)
+    state[:n, n:] = mp.eye(n)
+    state[n:, :n], state[n:, n:] = -inverse * K, -inverse * D
+    truth = mp.eig(state, left=False, right=False)
+    for value, error in zip(modes.eigenvalue, modes.error, strict=True):
+        if value:
+            nearest = min(abs(mp.mpc(complex(value)) - t) for t in truth)
+            assert nearest <= max(float(error), 1e-15) * abs(value), (value, error, float(nearest / abs(value)))
+
+
+@pytest.mark.parametrize("mass", [1.0, 1.2903392993031357])
+def test_a_massless_cart_over_damped_bobs_is_refused_by_name(mass: float) -> None:
+    bob = Bob(mass=mass, length=0.5372195859131478, damping=0.1)
+    with pytest.raises(ComputationError, match="mass matrix is singular"):
+        natural_modes(Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=(bob,))]))
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 50.0])
+def test_participations_of_a_massless_cart_with_joint_springs_sum_to_one(stiffness: float) -> None:
+    links = (Bob(mass=1.0, length=1.0), Bob(mass=2.0, length=0.7, stiffness=5.0))
+    scene = Scene(gravity=9.81, support=Cart(mass=0.0, stiffness=stiffness), pendulum=[Pendulum(links=links)])
+    assert sum(row.cart_participation for row in natural_modes(scene)) == pytest.approx(1, rel=1e-12)
+
+
+def test_words_say_which_pendula_move() -> None:
+    bob, rods = Pendulum(links=(Bob(mass=1.0, length=1.0),)), Pendulum(links=(Rod(mass=1.0, length=2.0),), count=2)
+    fixed = natural_modes(Scene(gravity=9.81, pendulum=[bob, rods]))
+    assert [row.family for row in fixed] == [
+        "fixed support, 2-fold: the 2 equal to pendulum 2",
+        "fixed support: pendulum 1",
+    ]
+    moving = natural_modes(Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=[bob, rods]))
+    assert "cart still: antiphase, the 2 equal to pendulum 2" in [row.family for row in moving]
+
+
+def test_an_immense_cart_and_joint_springs_are_not_called_antiphase() -> None:
+    bobs = (Bob(mass=1.0, length=1.0, stiffness=1.0), Bob(mass=1.0, length=2.0))
+    pendula = [Pendulum(links=(bob,)) for bob in bobs]
+    rows = natural_modes(Scene(gravity=9.81, support=Cart(mass=1e20), pendulum=pendula))
+    assert [row.family for row in rows][1:] == ["cart still: mostly pendulum 2", "cart still: mostly pendulum 1"]
+    five = Pendulum(links=bobs[1:], count=5)
+    equal = natural_modes(Scene(gravity=9.81, support=Cart(mass=1e20), pendulum=[five]))
+    assert equal[1].family == "cart moves, 5-fold: antiphase 4, in phase"
+
+
+def test_an_overdamped_mode_is_nobodys_resonance() -> None:
+    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), count=2)
+    rows = list(natural_modes(Scene(gravity=9.81, support=Cart(mass=1.0, damping=6.26), pendulum=[pendulum])))
+    still = next(row for row in rows if row.family.startswith("cart still"))
+    assert rows[1].damping_ratio == 1.0
+    assert still.resonances == ()

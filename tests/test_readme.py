@@ -60,3 +60,13 @@ def test_the_message_it_quotes_is_the_real_one() -> None:
     with pytest.raises(SceneError) as caught:
         parse(text.encode())
     assert caught.value.problems[0] in README
+
+
+def test_every_column_is_explained() -> None:
+    from modal.tables import COLUMNS
+
+    manual = (Path(__file__).parent.parent / "docs" / "method.md").read_text(encoding="utf-8")
+    explained = re.findall(r"\*\*(.*?)\*\*", manual)
+    words = ", ".join(explained)
+    for column in COLUMNS:
+        assert (column.heading.split(" (")[0] in words) if column.shown else f"`{column.key}`" in manual, column.key

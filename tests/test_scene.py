@@ -154,6 +154,7 @@ def test_scenes_are_immutable_and_hashable() -> None:
 def test_every_promised_scene_is_shipped() -> None:
     promised = {*(f"paper-cart-{n}" for n in (1, 2, 3)), *(f"chain-{n}" for n in range(1, 6))}
     promised |= {
+        "cart-upright",
         "chain-unequal",
         "chain-spatial",
         "crane-hook",
@@ -260,3 +261,35 @@ def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> 
         half_written()
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_all_mistakes_of_one_pendulum_and_of_several() -> None:
+    link = '{ kind = "bob", mass = 1, length = 1 }'
+    one = f"[[pendulum]]\nlinks = [{link}]\nstart = {{ angles_deg = [1], azimuths_deg = [2] }}\n"
+    assert refused("gravity = 1\n" + one + one) == [
+        f'pendulum[{k}].start.azimuths_deg: needs space = "space"' for k in (0, 1)
+    ]
+    pendulum = f"links = [{link}, {{ kind = 'body', mass = 1, length = 1, centre = 0, inertia = 1 }}]"
+    text = f"gravity = 1\n[[pendulum]]\n{pendulum}\nequilibrium = ['up']\nstart = {{ angles_deg = [1] }}"
+    assert [line.split(":")[0] for line in refused(text)] == [
+        *("pendulum[0].links[1].centre = 0.0", "pendulum[0].equilibrium", "pendulum[0].start.angles_deg"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("support", "link", "message"),
+    [
+        ("cart = 3", "", 'support.cart: is not a known key: write kind = "cart"'),
+        ("", ", rod = 1", 'pendulum[0].links[0].rod: is not a known key: write kind = "rod"'),
+        ("", ", mass = -1", "pendulum[0].links[0].mass = -1: must be positive"),
+    ],
+)
+def test_keys_named_like_kinds_keep_their_place(support: str, link: str, message: str) -> None:
+    size = "length = 1" + ("" if "mass" in link else ", mass = 1")
+    text = f"gravity = 1\n[support]\nkind = 'cart'\nmass = 1\n{support}\n"
+    assert message in refused(text + f"[[pendulum]]\nlinks = [{{ kind = 'bob', {size}{link} }}]")
+
+
+def test_numbers_below_the_smallest_are_refused() -> None:
+    link = "{ kind = 'body', mass = 1.0, length = 0.2, centre = 1e-310, inertia = 0.1 }"
+    assert "must be 0 or at least 1e-100" in refused(f"gravity = 1\n[[pendulum]]\nlinks = [{link}]")[0]

@@ -1,0 +1,165 @@
+"""The commands: call and print.  Data goes to standard output, everything else to standard error."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from modal.mode import Mode
+    from modal.modes import Modes
+
+LONG_TABLE = 2000
+
+
+def scenes(options: argparse.Namespace) -> None:
+    """List the shipped scenes, or print one."""
+    from modal import files
+
+    if options.name:
+        sys.stdout.write(files.shipped_text(options.name))
+        return
+    names = files.shipped()
+    width = max(map(len, names))
+    for name in names:
+        print(f"{name:<{width}}  {files.load(name).title}")
+
+
+def schema(options: argparse.Namespace) -> None:
+    """Print the JSON Schema of a scene file."""
+    import json
+
+    from modal import files
+
+    print(json.dumps(files.schema(), indent=2))
+
+
+def table(options: argparse.Namespace) -> None:
+    """Print the table of modes."""
+    from modal import tables
+    from modal.errors import SceneError
+
+    if options.shapes and options.format != "json":
+        raise SceneError(["--shapes: needs --format json"])
+    modes, numbers = _modes(options)
+    rows = list(_with_progress(modes.rows(numbers), len(numbers)))
+    with _output(options.output) as write:
+        write(tables.table(modes, rows, options.format, shapes=options.shapes))
+
+
+def shapes(options: argparse.Namespace) -> None:
+    """Draw the mode shapes."""
+    from modal.errors import SceneError
+    from modal.files import whole_file
+
+    form = os.path.splitext(options.output)[1].removeprefix(".").lower()
+    if form not in {"png", "svg", "pdf"}:
+        raise SceneError([f"--output {options.output}: the name must end in .png, .svg or .pdf"])
+    modes, numbers = _modes(options)
+    from modal.figures import MOST_PANELS, draw_shapes
+
+    chosen = numbers[:MOST_PANELS] if options.modes is None else numbers
+    with whole_file(options.output) as stream:
+        draw_shapes(modes, chosen, stream, amplitude_deg=options.amplitude, form=form)
+    if len(chosen) < len(numbers):
+        print(
+            f"multipendula: drew the first {len(chosen)} of {len(numbers)} modes; choose with --modes", file=sys.stderr
+        )
+
+
+def matrices(options: argparse.Namespace) -> None:
+    """Print M, K and D."""
+    from modal.files import load
+    from modal.linear import matrices as matrices_of
+    from modal.matrix_tables import matrices_table
+
+    scene = load(options.scene)
+    with _output(options.output) as write:
+        write(matrices_table(scene, matrices_of(scene), options.format))
+
+
+def derive(options: argparse.Namespace) -> None:
+    """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
+    from modal import catalogue, derivation, targets, typeset
+    from modal.errors import SceneError
+
+    show, symbols, ways = (_listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
+    if unknown := [word for word in show if word not in derivation.SECTIONS]:
+        raise SceneError([f"--show {word}: must be one of {', '.join(derivation.SECTIONS)}" for word in unknown])
+    if options.target.startswith("paper:"):
+        title, sections = catalogue.paper(options.target.removeprefix("paper:"))
+    else:
+        system, scene = targets.target(options.target, options.links, symbols, ways)
+        title = system.title
+        sections = list(derivation.derivation(system, show or derivation.SECTIONS, scene))
+    with _output(options.output) as write:
+        write(typeset.typeset(title, sections, options.format))
+
+
+def enclose(options: argparse.Namespace) -> None:
+    """Print every natural frequency in a proved enclosure, to as many digits as asked for."""
+    from modal.certified import enclosures
+    from modal.files import load
+
+    with _output(options.output) as write:
+        for row in enclosures(load(options.scene), options.digits):
+            folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
+            write(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}\n")
+
+
+# -------------------------------------------------------------------------------------------------- helpers
+
+
+def _listed(text: str | None) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",")) if text else ()
+
+
+def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
+    from modal.files import load
+    from modal.modes import natural_modes
+
+    found = natural_modes(load(options.scene))
+    return found, _chosen(options.modes, len(found))
+
+
+def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:
+    """A progress bar for long tables, on a terminal only."""
+    if total < LONG_TABLE or not sys.stderr.isatty():
+        return rows
+    from tqdm import tqdm
+
+    return tqdm(rows, total=total, unit="mode", leave=False)
+
+
+def _chosen(text: str | None, total: int) -> range:
+    """Indices from 0 of `first:last`, counted from 1 and inclusive; either end, or all of it, may be left out."""
+    from modal.errors import SceneError
+
+    if text is None:
+        return range(total)
+    first, colon, last = text.partition(":")
+    try:
+        low = int(first) if first or not colon else 1
+        high = (int(last) if last else total) if colon else low
+    except ValueError:
+        raise SceneError([f"--modes {text}: must be a number or a range such as 1:10"]) from None
+    if colon and low > high and (last or low <= total):
+        raise SceneError([f"--modes {text}: begins after its end"])
+    if low < 1 or low > total:
+        raise SceneError([f"--modes {text}: the scene has modes 1 to {total}"])
+    return range(low - 1, min(high, total))
+
+
+@contextmanager
+def _output(path: str | None) -> Iterator[Callable[[str], object]]:
+    if path is None:
+        yield sys.stdout.write
+        return
+    from modal.files import whole_file
+
+    with whole_file(path) as stream:
+        yield lambda text: stream.write(text.encode())
