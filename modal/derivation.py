@@ -21,7 +21,10 @@ from modal.symbolic import Chain, System
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 CHECKED_UP_TO = 6
+MOST_WRITTEN = 40
 MOST_EXPANDED = 5
+MOST_SYMBOLS = 12
+MOST_ISOLATED = 60
 WIDTH = Fraction(1, 10**24)
 
 
@@ -42,8 +45,12 @@ class Section(NamedTuple):
 def derivation(system: System, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None) -> Iterator[Section]:
     """The sections of SECTIONS that `show` names, in their order.
 
-    `scene` is the one that `system` writes in numbers, if any: its polynomial is then exact and integer.
+    `scene` is the one that `system` writes in numbers, if any: its polynomial is then exact and integer.  Raises
+    SceneError for more links than equations can be read of.
     """
+    if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
+        shorter = "choose --show polynomial,modes"
+        raise SceneError([f"{len(system.links)} links: written out for at most {MOST_WRITTEN}; {shorter}"])
     makers = {
         "lagrangian": lambda: _lagrangian(system),
         "equations": lambda: _equations(system),
@@ -144,6 +151,9 @@ def _factors(system: System, scene: Scene | None) -> list[Factor]:
 def _symbolic_polynomials(system: System) -> list[Line]:
     """Of equal chains: the part that moves the cart and, for several, the part that does not."""
     first, count = system.chains[0], len(system.chains)
+    symbols = {name for value in (*first.mass, *first.length) for name in value.free_symbols}
+    if len(symbols) > MOST_SYMBOLS:
+        return [Line(f"in {len(symbols)} different masses and lengths: too long to write out")]
     if not _is_plain(system) or any(chain != first for chain in system.chains):
         return [_determinant(system)]
     lines = []
@@ -177,6 +187,8 @@ def _determinant(system: System) -> Line:
 
 
 def _modes(system: System, scene: Scene | None) -> Section:
+    if len(system.links) > MOST_ISOLATED:
+        return Section("Modes", [Line(f"{len(system.links)} links: see the table, or prove digits with enclose")])
     if n := _equal_bobs(system):
         lines = [_root("x", root, unit="g/l") for root in roots(equal_bobs(n, "x"), WIDTH)]
         shape = sp.Function("L")(sp.Symbol("j"), sp.Symbol("x_r"))

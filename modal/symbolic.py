@@ -27,7 +27,7 @@ from modal.polynomials import exact, exact_links
 from modal.scene import Cart, Pendulum, Scene
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart")
-MOST_LINKS = 40
+MOST_LINKS = 1000
 
 
 class Chain(NamedTuple):
@@ -188,10 +188,10 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
 def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> System:
     """A scene with its decimals as exact fractions, or as symbols where `symbolic` (of SYMBOLIC) says so.
 
-    Raises SceneError where the equations would fill pages: above MOST_LINKS links.
+    Raises SceneError above MOST_LINKS links.
     """
     if scene.n_links > MOST_LINKS:
-        raise SceneError([f"the scene has {scene.n_links} links: equations are written out for at most {MOST_LINKS}"])
+        raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
     several = scene.n_pendula > 1
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     chains = tuple(_chain_of(pendulum, f"{p}_" if several else "", symbolic) for p, pendulum in enumerate(copies, 1))

@@ -10,7 +10,7 @@ from modal.files import load
 from modal.scene import Scene
 from modal.symbolic import SYMBOLIC, System
 
-MOST_CHAINED = 12
+MOST_CHAINED = 1000
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
 KINDS = ("bob", "rod")
 

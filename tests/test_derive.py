@@ -54,6 +54,17 @@ def test_a_scene_in_symbols(capsys: pytest.CaptureFixture[str]) -> None:
     assert "m_1 + m_2 + m_c" in text
 
 
+def test_a_thousand_bobs(capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(capsys, "derive", "chain:1000", "--show", "polynomial,modes")
+    assert "1000000 λ + 1 = 0" in text
+    assert "see the table" in text
+
+
+def test_too_many_symbols(capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(capsys, "derive", "cart:8", "--symbolic", "masses,lengths", "--show", "polynomial,modes")
+    assert "too long to write out" in text
+
+
 def test_another_rest(capsys: pytest.CaptureFixture[str]) -> None:
     text = printed(capsys, "derive", "chain:2", "--equilibrium", "up,down", "--show", "matrices,modes")
     assert "θ1 up, θ2 down" in text
@@ -71,15 +82,16 @@ def test_the_papers_as_printed_and_as_corrected(capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("chain:0",), "from 1 to 12 links in all"),
-        (("cart:5x5",), "from 1 to 12 links in all"),
+        (("chain:0",), "from 1 to 1000 links in all"),
+        (("cart:50x50",), "from 1 to 1000 links in all"),
+        (("chain:50",), "written out for at most 40; choose --show polynomial,modes"),
         (("chain:2x2",), "a chain hangs alone"),
         (("paper:003",), "must be one of paper:000, paper:001, paper:002"),
         (("chain:2", "--symbolic", "colours"), "colours: must be one of masses, lengths, gravity, cart"),
         (("chain:2", "--show", "all"), "--show all: must be one of"),
         (("chain:2", "--equilibrium", "up"), "must be 2 of down and up"),
         (("no-such-scene",), "no such file"),
-        (("rope",), "at most 40"),
+        (("thousand-pendula",), "written out for at most 40"),
     ],
 )
 def test_refusals(capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str) -> None:
