@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from modal.derivation import Line, Section
 from modal.errors import SceneError
 from modal.papers import Equation, cart, cart_dae, planar, spatial, spatial_azimuth
+from modal.sections import Line, Section
 
 LINKS = 2
 """Spatial equations are written out for this many links."""

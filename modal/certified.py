@@ -47,8 +47,8 @@ def enclosures(scene: Scene, digits: int = 30) -> list[Enclosure]:
     MissingExtraError without python-flint.
     """
     flint()
-    if scene.has_damping or any(link.stiffness > 0 for link in scene.links()):
-        raise ComputationError("enclosures need a scene without dampers and joint springs")
+    if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
+        raise ComputationError("enclosures need a scene without dampers, joint springs and standing links")
     rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
     found = [Enclosure("0", "0", 1, "rigid translation")] * rigid
     found += [enclosure for problem in _problems(scene) for enclosure in problem.enclosures(digits)]
@@ -126,10 +126,12 @@ def _problems(scene: Scene) -> Iterator[_Problem]:
     """The modes that move the cart, and every different pendulum's own where the support stays still."""
     counts: dict[Links, int] = {}
     names: dict[Links, int] = {}
-    for entry, pendulum in enumerate(scene.pendulum, 1):
+    passed = 0
+    for pendulum in scene.pendulum:
         chain = tuple(link.model_copy(update={"count": 1}) for link in pendulum.links for _ in range(link.count))
         counts[chain] = counts.get(chain, 0) + pendulum.count
-        names.setdefault(chain, entry)
+        names.setdefault(chain, passed + 1)
+        passed += pendulum.count
     on_cart = isinstance(scene.support, Cart)
     if on_cart:
         yield _Problem(Hung(scene.gravity, scene.support, counts), 1, "cart moves")

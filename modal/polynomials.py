@@ -17,19 +17,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
-from math import lcm
 from typing import Any, Literal, NamedTuple
 
 from modal import pair
 from modal.errors import ComputationError
-from modal.integer_polynomials import integers, interpolated, leading_minors, primitive, product, scaled, total
+from modal.integer_polynomials import integers, primitive, product, scaled, total
 from modal.isolation import Interval, isolated
 from modal.scene import Cart, Pendulum, Scene
+from modal.sprung import sampled
 
 Variable = Literal["x", "lambda"]
 Clear = Callable[[list[Any]], list[Any]]
 Links = tuple[tuple[Fraction, ...], ...]
-"""One row (mass, length, centre, inertia, stiffness) a link, top first: a pendulum's exact parameters."""
+"""One row (mass, length, centre, inertia, stiffness, σ) a link, top first: a pendulum's exact parameters."""
 
 
 @dataclass(frozen=True)
@@ -111,17 +111,18 @@ def of_scene(scene: Scene) -> list[Factor]:
 
     A number of the scene is read as the shortest decimal that gives its float, which is what a file says: 0.1 is 1/10;
     a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
-    factor x.  Raises ComputationError where there are dampers.
+    factor x.  Raises ComputationError where there are dampers, or joint springs beside standing links.
     """
     if scene.has_damping:
         raise ComputationError("a damped scene has no polynomial in ω²: leave the dampers out")
-    g = exact(scene.gravity)
+    g, passed = exact(scene.gravity), 0
     counts: dict[Links, int] = {}
     names: dict[Links, str] = {}
-    for entry, pendulum in enumerate(scene.pendulum, 1):
+    for pendulum in scene.pendulum:
         links = exact_links(pendulum)
         counts[links] = counts.get(links, 0) + pendulum.count
-        names.setdefault(links, f"pendulum {entry}")
+        names.setdefault(links, f"pendulum {passed + 1}")
+        passed += pendulum.count
     kinds = {links: _pivot(links, g) for links in counts}
     on_cart = isinstance(scene.support, Cart)
     where = "cart still" if on_cart else "fixed support"
@@ -142,7 +143,7 @@ def exact(value: float) -> Fraction:
 
 
 def exact_links(pendulum: Pendulum) -> Links:
-    """Every link's parameters as fractions, runs of equal links counted out."""
+    """Every link's parameters as fractions, runs of equal links counted out; σ is 1 for down and −1 for up."""
     rows = []
     for link in pendulum.links:
         m, l, stiffness = map(exact, (link.mass, link.length, link.stiffness))
@@ -151,7 +152,8 @@ def exact_links(pendulum: Pendulum) -> Links:
         else:
             c, I = (l, Fraction(0)) if link.kind == "bob" else (l / 2, m * l * l / 12)
         rows += [(m, l, c, I, stiffness)] * link.count
-    return tuple(rows)
+    sigma = (Fraction(1 if way == "down" else -1) for way in pendulum.ways)
+    return tuple((*row, sign) for row, sign in zip(rows, sigma, strict=True))
 
 
 def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any], list[Any]]:
@@ -167,11 +169,14 @@ def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any]
 
 
 def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
-    """(d, N) of one pendulum on a joint that moves."""
-    mass, length, centre, inertia, stiffness = zip(*links, strict=True)
+    """(d, N) of one pendulum on a joint that moves; in the coordinates σ_i θ_i a standing link has −k for k."""
+    mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
     if any(stiffness):
-        return _sampled((mass, length, centre, inertia), stiffness, gravity)
-    return eliminated(pair.constants(mass, length, centre, inertia, gravity), integers)
+        if min(sigma) < 0:
+            raise ComputationError("joint springs beside standing links: no exact polynomial of these")
+        return sampled((mass, length, centre, inertia), stiffness, gravity)
+    hanging = pair.constants(mass, length, centre, inertia, gravity)
+    return eliminated([c._replace(k=sign * c.k) for c, sign in zip(hanging, sigma, strict=True)], integers)
 
 
 def _moving(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[Factor]:
@@ -185,40 +190,6 @@ def _moving(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[F
         return [Factor(_primitive(total([0, *felt], scaled(-spring, d))), 1, "cart moves")]
     moves = _primitive(felt)
     return [Factor(Polynomial((1, 0)), 1, "rigid translation")] + [Factor(moves, 1, "cart moves")] * (moves.degree > 0)
-
-
-def _sampled(
-    parameters: Sequence[Sequence[Fraction]], stiffness: Sequence[Fraction], gravity: Fraction
-) -> tuple[list[int], list[int]]:
-    """(d, N) of a chain with joint springs: d = det B, N = det [[B, −b], [x bᵀ, Σm]] with B = K − x A.
-
-    At x = −1, −2, … the larger matrix has positive leading minors, so its elimination never stops.
-    """
-    mass, length, centre, _ = parameters
-    b, A = pair.first_moments(mass, length, centre), pair.inertia_matrix(*parameters)
-    K = _stiffness_matrix([gravity * moment for moment in b], stiffness)
-    unit = lcm(*(value.denominator for row in (*A, *K, b, mass) for value in row))
-    minors = []
-    for x in range(-1, -len(b) - 2, -1):
-        B = [[k - x * a for k, a in zip(*rows, strict=True)] for rows in zip(K, A, strict=True)]
-        bordered = [[*row, -moment] for row, moment in zip(B, b, strict=True)] + [[*scaled(x, b), sum(mass)]]
-        minors.append(leading_minors([[int(unit * value) for value in row] for row in bordered])[-2:])
-    d = interpolated([Fraction(below) for below, _ in minors])
-    N = interpolated([Fraction(force, unit) for _, force in minors])
-    whole = integers(d + N)
-    return whole[: len(d)], whole[len(d) :]
-
-
-def _stiffness_matrix(weights: Sequence[Fraction], stiffness: Sequence[Fraction]) -> list[list[Fraction]]:
-    """K = g diag b + Σ k_i (e_i − e_{i−1})(e_i − e_{i−1})ᵀ: spring i holds link i to the link above it."""
-    K = [[weight if i == j else Fraction(0) for j in range(len(weights))] for i, weight in enumerate(weights)]
-    for i, spring in enumerate(stiffness):
-        K[i][i] += spring
-        if i:
-            K[i - 1][i - 1] += spring
-            K[i - 1][i] -= spring
-            K[i][i - 1] -= spring
-    return K
 
 
 def _primitive(ascending: Sequence[int]) -> Polynomial:

@@ -84,12 +84,14 @@ class System:
     @cached_property
     def b(self) -> list[Any]:
         """First moments of all links."""
-        return [b for chain in self.chains for b in pair.first_moments(chain.mass, chain.length, chain.centre)]
+        moments = (b for chain in self.chains for b in pair.first_moments(chain.mass, chain.length, chain.centre))
+        return [sp.factor(b) for b in moments]
 
     @cached_property
     def A(self) -> Any:
         """Second moments, block by block."""
-        return sp.diag(*(sp.Matrix(pair.inertia_matrix(*chain.geometry)) for chain in self.chains))
+        blocks = (sp.Matrix(pair.inertia_matrix(*chain.geometry)) for chain in self.chains)
+        return sp.diag(*(block.applyfunc(sp.factor) for block in blocks))
 
     @cached_property
     def sigma(self) -> list[int]:
@@ -205,7 +207,7 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> System:
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:
     written = [link for link in pendulum.links for _ in range(link.count)]
-    mass, length, centre, inertia, stiffness = ([sp.Rational(v) for v in column] for column in _columns(pendulum))
+    mass, length, centre, inertia, stiffness, sigma = map(list, zip(*exact_links(pendulum), strict=True))
     for i, link in enumerate(written):
         if "masses" in symbolic:
             mass[i] = _symbol(f"m_{prefix}{i + 1}")
@@ -214,14 +216,9 @@ def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Cha
         if link.kind != "body":
             centre[i] = length[i] if link.kind == "bob" else length[i] / 2
             inertia[i] = sp.S.Zero if link.kind == "bob" else mass[i] * length[i] ** 2 / 12
-    damping = [_rational(link.damping) for link in written]
-    sigma = tuple(-1 if way == "up" else 1 for way in pendulum.ways)
-    geometry = (tuple(mass), tuple(length), tuple(centre), tuple(inertia))
-    return Chain(*geometry, tuple(damping), tuple(stiffness), sigma)
-
-
-def _columns(pendulum: Pendulum) -> list[tuple[Any, ...]]:
-    return list(zip(*exact_links(pendulum), strict=True))
+    damping = [exact(link.damping) for link in written]
+    columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
+    return Chain(*(tuple(map(sp.sympify, values)) for values in columns))
 
 
 def _rational(value: float) -> Any:

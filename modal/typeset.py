@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy as sp
 
-from modal.derivation import Section
+from modal.sections import Section
 
 GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω"}
 _NAME = re.compile(r"\b(theta|phi|lambda|omega|[xu])(ddot|dot)?((?:_\d+)*)\b")

@@ -13,17 +13,12 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("modal", "nonlinear", "multipendula")
 MAP = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-SYMBOLIC = {
-    *(f"modal.{name}" for name in ("lagrange", "lagrangian", "symbolic", "polynomial_roots", "derivation", "typeset")),
-    *(
-        "modal.papers",
-        *(f"modal.papers.{name}" for name in ("cart", "cart_dae", "planar", "spatial", "spatial_azimuth")),
-    ),
-}
+SYMPY = "lagrange lagrangian symbolic polynomial_roots eigen_sections derivation typeset papers papers.cart"
+SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
     "matplotlib": {"modal.figures"},
     "scipy": set(),
-    "sympy": SYMBOLIC,
+    "sympy": {f"modal.{name}" for name in SYMPY.split()},
     "control": set(),
     "flint": {"modal.balls"},
 }

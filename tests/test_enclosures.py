@@ -129,8 +129,9 @@ def test_decimals_are_rounded_outward(x: int, low: str, high: str) -> None:
 def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     damped = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=1.0),)),))
     sprung = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, stiffness=1.0),)),))
-    for scene in (damped, sprung):
-        with pytest.raises(ComputationError, match="without dampers and joint springs"):
+    standing = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), equilibrium=("up",)),))
+    for scene in (damped, sprung, standing):
+        with pytest.raises(ComputationError, match="without dampers, joint springs and standing links"):
             enclosures(scene)
     (problem,) = _problems(bobs(1))
     with pytest.raises(ComputationError, match="bits do not tell"):

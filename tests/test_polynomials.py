@@ -129,7 +129,7 @@ def exact_determinant(scene: Scene) -> sp.Poly:
     for links in pendula:
         pivot, upper = rail, sp.zeros(size, 1)
         for row in links:
-            m, l, c, I, spring = map(rational, row)
+            m, l, c, I, spring, _ = map(rational, row)
             here = unit[at]
             centre = pivot + c * here
             M += m * centre * centre.T + I * here * here.T

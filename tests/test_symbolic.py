@@ -14,6 +14,7 @@ from modal.derivation import derivation
 from modal.lagrange import coordinate
 from modal.lagrangian import lagrangian, vanishes
 from modal.polynomial_roots import symbolic as symbolic_polynomial
+from modal.polynomials import of_scene
 from modal.symbolic import System, cart, chain
 
 
@@ -174,3 +175,19 @@ def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
         assert ratio.free_symbols & {x} == ({x} if on_cart else set())
         assert sp.cancel(ratio / (x if on_cart else 1)).free_symbols & {x} == set()
     assert symbolic_polynomial(n, "rod").has(x)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_exact_polynomials_about_any_rest(seed: int) -> None:
+    """Their roots are the squares −λ² of the modes, negative where something grows."""
+    scene = random_scene(seed, joints=False)
+    if isinstance(scene.support, Cart):
+        scene = scene.model_copy(update={"support": scene.support.model_copy(update={"damping": 0.0})})
+    squares = sorted(
+        (float(interval.low + interval.high) / 2, factor.multiplicity * interval.multiplicity)
+        for factor in of_scene(scene)
+        for interval in factor.polynomial.intervals()
+    )
+    modes = natural_modes(scene)
+    expected = np.sort(np.repeat(-(modes.eigenvalue**2).real, modes.multiplicity))
+    np.testing.assert_allclose(np.repeat(*zip(*squares, strict=True)), expected, rtol=1e-9, atol=1e-9)
