@@ -10,6 +10,8 @@ import sympy as sp
 
 from modal.sections import Section
 
+TERMS, WIDE = 2, 240
+"""Terms on a line of a long sum, and how many letters of LaTeX make it one."""
 GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω"}
 _NAME = re.compile(r"\b(theta|phi|lambda|omega|[xu])(ddot|dot)?((?:_\d+)*)\b")
 
@@ -60,11 +62,10 @@ def _readable(words: str) -> str:
 def _latex(title: str, sections: list[Section]) -> str:
     lines = [rf"\section*{{{_escaped(title)}}}"]
     for section in sections:
-        lines += [rf"\subsection*{{{_escaped(_readable(section.title))}}}"]
+        lines += [rf"\subsection*{{{_escaped(section.title)}}}"]
         for words, formula in section.lines:
-            end = "." if formula is None else ":"
-            lines.append(_escaped(_readable(words)) + end)
-            lines += [] if formula is None else [r"\begin{equation*}", sp.latex(formula), r"\end{equation*}"]
+            lines.append(_escaped(words) + ("." if formula is None else ":"))
+            lines += [] if formula is None else [_display(formula)]
     return "\n".join(lines) + "\n"
 
 
@@ -73,9 +74,25 @@ def _markdown(title: str, sections: list[Section]) -> str:
     for section in sections:
         blocks.append(f"## {_readable(section.title)}")
         for words, formula in section.lines:
-            blocks.append(_readable(words) + ("." if formula is None else ":"))
-            blocks += [] if formula is None else [f"$$\n{sp.latex(formula)}\n$$"]
+            blocks.append(_inline(words) + ("." if formula is None else ":"))
+            if formula is not None:
+                body = _display(formula).replace(r"\begin{equation*}", "").replace(r"\end{equation*}", "")
+                blocks.append(f"$$\n{body.strip().replace('align*', 'aligned')}\n$$")
     return "\n\n".join(blocks) + "\n"
+
+
+def _display(formula: Any) -> str:
+    """A displayed formula, long sums broken into lines."""
+    if isinstance(formula, sp.Equality):
+        left, right = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
+        if isinstance(right, sp.Add) and len(sp.latex(right)) > WIDE:
+            return str(sp.multiline_latex(left, right, TERMS, environment="align*"))
+    return f"\\begin{{equation*}}\n{sp.latex(formula)}\n\\end{{equation*}}"
+
+
+def _inline(words: str) -> str:
+    """Coordinates and other named symbols in words, as mathematics."""
+    return _NAME.sub(lambda found: f"${sp.latex(sp.Symbol(found[0]))}$" if found[0] not in "xu" else found[0], words)
 
 
 _SPECIAL = {
@@ -94,7 +111,9 @@ _SPECIAL = {
 
 
 def _escaped(words: str) -> str:
-    return "".join(_SPECIAL.get(letter, letter) for letter in words)
+    """For LaTeX text: named symbols as mathematics, everything else letter by letter."""
+    parts = re.split(r"(\$[^$]*\$)", _inline(words))
+    return "".join(part if part.startswith("$") else "".join(_SPECIAL.get(c, c) for c in part) for part in parts)
 
 
 _DRESSES: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}

@@ -25,7 +25,10 @@ def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:
 )
 def test_latex_is_balanced(capsys: pytest.CaptureFixture[str], target: str) -> None:
     latex = printed(capsys, "derive", target, "--format", "latex")
-    assert latex.count(r"\begin{equation*}") == latex.count(r"\end{equation*}") > 0
+    for environment in ("equation*", "align*", "matrix", "cases"):
+        assert latex.count(rf"\begin{{{environment}}}") == latex.count(rf"\end{{{environment}}}")
+    assert r"\begin{equation*}" in latex
+    assert latex.count("$") % 2 == 0
     assert latex.count("{") == latex.count("}")
     assert not re.search(r"[θλωφ²√]", latex)
 
