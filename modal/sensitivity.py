@@ -7,8 +7,9 @@ With φᵀMφ = 1 a simple frequency changes as its Rayleigh quotient does while
     2T = m_c φ_x² + Σ (m_i z_i² + I_i φ_i²),      z_i = φ_x + Σ_{k<i} l_k φ_k + c_i φ_i
     2V = k_c φ_x² + Σ (m_i g h_i + k_i (φ_i − φ_{i−1})²),      h_i = Σ_{k<i} l_k φ_k² + c_i φ_i²
 
-with −l and −c for links that stand, where z_i is how far the centre of link i moves aside and h_i/2 how far it rises: running sums along each chain, O(n)
-for all parameters together.  (Fox & Kapoor, AIAA J. 6, 2426 (1968): the derivative of a simple eigenvalue.)
+with −l and −c for links that stand, where z_i is how far the centre of link i moves aside and h_i/2 how far it rises:
+running sums along each chain, O(n) for all parameters together.  (Fox & Kapoor, AIAA J. 6, 2426 (1968): the derivative
+of a simple eigenvalue.)
 """
 
 from __future__ import annotations
@@ -112,10 +113,9 @@ def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Floats]]:
     angles, at = shape.angles.real, 0
     for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
         own = modes.rig.blocks[block]
-        arrays = (own.mass, own.length, own.centre, own.inertia, own.sigma)
+        m, l, c, I, sigma = (values[:, column] for values in (own.mass, own.length, own.centre, own.inertia, own.sigma))
         size = copies * own.n
-        chain = _Chain(*(values[:, column] for values in arrays), follows=_follows(pendulum))
-        yield chain, angles[at : at + size].reshape(copies, own.n)
+        yield _Chain(m, l, c, I, sigma, _follows(pendulum)), angles[at : at + size].reshape(copies, own.n)
         at += size
 
 
