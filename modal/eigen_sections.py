@@ -123,7 +123,7 @@ def _symbolic_modes(system: System) -> list[Line]:
             continue
         found = sp.roots(polynomial)
         lines += [Line(words, equal(sp.Symbol("omega") ** 2, sp.simplify(root))) for root in sorted(found, key=str)]
-    return lines
+    return lines or [Line("no closed form that helps: see the table")]
 
 
 def _root(name: str, root: Root, unit: str = "rad^2/s^2", label: str = "") -> Line:

@@ -13,7 +13,7 @@ from modal.sections import Section
 TERMS, WIDE = 2, 240
 """Terms on a line of a long sum, and how many letters of LaTeX make it one."""
 GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω"}
-_NAME = re.compile(r"\b(theta|phi|lambda|omega|[xu])(ddot|dot)?((?:_\d+)*)\b")
+_NAME = re.compile(r"\b(theta|phi|lambda|omega|[pxyzu])(ddot|dot)?((?:_\d+)*)\b")
 
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
@@ -92,7 +92,7 @@ def _display(formula: Any) -> str:
 
 def _inline(words: str) -> str:
     """Coordinates and other named symbols in words, as mathematics."""
-    return _NAME.sub(lambda found: f"${sp.latex(sp.Symbol(found[0]))}$" if found[0] not in "xu" else found[0], words)
+    return _NAME.sub(lambda found: f"${sp.latex(sp.Symbol(found[0]))}$" if found[0] not in "pxyzu" else found[0], words)
 
 
 _SPECIAL = {
