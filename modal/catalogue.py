@@ -8,8 +8,8 @@ from modal.errors import SceneError
 from modal.papers import Equation, cart, cart_dae, planar, spatial, spatial_azimuth
 from modal.sections import Line, Section
 
-LINKS = 2
-"""Spatial equations are written out for this many links."""
+LINKS, THREE = 2, 3
+"""Spatial equations are written out for two links, those of an inner link for three."""
 
 
 def paper(number: str) -> tuple[str, list[Section]]:
@@ -31,7 +31,7 @@ def _section(equation: Equation) -> Section:
 
 def _cart() -> list[Equation]:
     minimal = [*cart.positions(1), *cart.squared_speeds(1), cart.kinetic_energy(1), cart.potential_energy(1)]
-    return [*minimal, cart.lagrange_equation(1), *cart_dae.equations(1), cart_dae.solution(1)]
+    return [*minimal, cart.lagrangian(1), cart.lagrange_equation(1), *cart_dae.equations(1), cart_dae.solution(1)]
 
 
 def _planar() -> list[Equation]:
@@ -44,7 +44,8 @@ def _planar() -> list[Equation]:
 
 def _spatial() -> list[Equation]:
     kinematics = [*spatial.velocity(LINKS), spatial.square_term(1), spatial.cross_term(1, 2)]
-    energies = [spatial.kinetic_energy(LINKS), spatial.potential_energy(LINKS)]
+    kinematics.append(spatial.squared_speed(LINKS))
+    energies = [spatial.kinetic_energy(LINKS), spatial.potential_energy(LINKS), spatial.lagrangian(LINKS)]
     azimuths = [
         make(1, LINKS)
         for make in (
@@ -52,9 +53,10 @@ def _spatial() -> list[Equation]:
             spatial_azimuth.momentum_rate,
             spatial_azimuth.small_momentum_rate,
             spatial_azimuth.conservation,
-            spatial_azimuth.azimuth_acceleration,
         )
     ]
+    azimuths += [spatial_azimuth.azimuth_acceleration(1, LINKS)]
+    azimuths += [spatial_azimuth.azimuth_acceleration(i, THREE) for i in (2, 3)]
     return [*kinematics, *energies, *azimuths]
 
 

@@ -67,6 +67,7 @@ def indefinite(M: Floats, K: Floats, *, free: bool) -> Eigen:
     scale, L, sensitivity = _factored(inertia)
     x, v = np.linalg.eigh(_in_factors(L, stiffness * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
+    x = np.where(x == 0, np.finfo(float).tiny, x)
     error = 2 * len(M) * EPS * sensitivity * lost * np.abs(x).max(initial=0.0) / np.abs(x)
     return Eigen(np.sqrt(-x.astype(np.complex128)), _with_cart(M, shape, free), error)
 
@@ -148,10 +149,17 @@ def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> Complexes:
     return whole.astype(np.complex128)
 
 
-def _refuse_singular(M: Floats) -> None:
+def is_singular(M: Floats) -> bool:
+    """Whether a positive semidefinite matrix, scaled to a unit diagonal, has lost a dimension to rounding."""
+    if np.any(np.diag(M) <= 0):
+        return True
     scale = 1 / np.sqrt(np.diag(M))
     spectrum = np.linalg.eigvalsh(M * scale * scale[:, None])
-    if spectrum[0] <= 4 * EPS * spectrum[-1]:
+    return bool(spectrum[0] <= 4 * EPS * spectrum[-1])
+
+
+def _refuse_singular(M: Floats) -> None:
+    if is_singular(M):
         raise ComputationError(SINGULAR)
 
 

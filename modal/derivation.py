@@ -6,12 +6,13 @@ Each section is a title and lines of (what it is, formula); `modal.typeset` prin
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import replace
 
 import sympy as sp
 
 from modal.eigen_sections import modes_section, polynomial_section
 from modal.errors import SceneError
+from modal.kinetic import in_angles, in_plane, in_vectors
 from modal.lagrangian import lagrangian, vanishes
 from modal.papers import equal
 from modal.scene import Scene
@@ -20,6 +21,9 @@ from modal.symbolic import System
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 CHECKED_UP_TO = 6
+CHECKED_IN_SPACE = 3
+WRITTEN_IN_ANGLES = 2
+NOT_IN_SPACE = "joint springs and dampers in space: only the linearized motion is written"
 MOST_WRITTEN = 40
 
 
@@ -43,40 +47,31 @@ def derivation(system: System, show: tuple[str, ...] = SECTIONS, scene: Scene | 
 
 
 def _lagrangian(system: System) -> Section:
+    if system.spatial and _has_joints(system):
+        return Section("Lagrangian", [Line(NOT_IN_SPACE)])
     found = lagrangian(system)
-    lines = [Line("kinetic energy", equal(sp.Symbol("T"), _kinetic(system)))] if not system.spatial else []
-    lines += [Line("kinetic energy in θ and φ", equal(sp.Symbol("T"), found.T))] if system.spatial else []
+    T = in_angles(system) if system.spatial else in_plane(system)
+    lines = [Line("kinetic energy in θ and φ" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
+    if system.spatial:
+        lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
     lines.append(Line("potential energy", equal(sp.Symbol("V"), sp.expand(found.V))))
     if found.R != 0:
         lines.append(Line("dissipation function", equal(sp.Symbol("R"), found.R)))
     lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
-    if not system.spatial and len(system.links) <= CHECKED_UP_TO:
-        _insist(vanishes(found.T - _kinetic(system)))
+    if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
+        _insist(vanishes(found.T - T))
         lines.append(Line("T is that of the Cartesian velocities of all masses: checked term by term"))
     return Section("Lagrangian", lines)
 
 
-def _kinetic(system: System) -> Any:
-    """½ M x'² + x' Σ b_i cos θ_i θ_i' + ½ Σ A_ij cos(θ_i − θ_j) θ_i' θ_j'."""
-    angles, A = system.angles, system.A
-    T = sum(A[i, i] * one.v**2 / 2 for i, one in enumerate(angles))
-    for i, one in enumerate(angles):
-        for j, other in enumerate(angles[:i]):
-            T += A[i, j] * sp.cos(other.q - one.q) * one.v * other.v
-    if system.cart:
-        v = system.coordinates[0].v
-        T += system.total_mass * v**2 / 2
-        T += v * sum(b * sp.cos(one.q) * one.v for b, one in zip(system.b, angles, strict=True))
-    return T
+def _has_joints(system: System) -> bool:
+    return any(any(chain.stiffness) or any(chain.damping) for chain in system.chains)
 
 
 def _equations(system: System) -> Section:
     title = "Equations of motion"
     if system.spatial:
-        lines = [Line(f"{u} × F = 0 with", equal(sp.Symbol("F"), F)) for u, F in system.vector_equations()]
-        return Section(
-            title, [*lines, Line("u_i points along link i and e_z down: no angle, nothing singular at rest")]
-        )
+        return Section(title, _spatial_equations(system))
     found = system.equations()
     lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, found, strict=True)]
     if len(system.links) <= CHECKED_UP_TO:
@@ -84,6 +79,21 @@ def _equations(system: System) -> Section:
         _insist(all(vanishes(a - b) for a, b in zip(derived, found, strict=True)))
         lines.append(Line("these are Lagrange's equations of the Cartesian L: checked term by term"))
     return Section(title, lines)
+
+
+def _spatial_equations(system: System) -> list[Line]:
+    if _has_joints(system):
+        return [Line(NOT_IN_SPACE)]
+    lines = [
+        Line(f"{u} · F = 0 with" if str(u) == "e_x" else f"{u} × F = 0 with", equal(sp.Symbol("F"), F))
+        for u, F in system.vector_equations()
+    ]
+    lines.append(Line("u_i points along link i and e_z down: no angle, nothing singular at rest"))
+    if len(system.links) <= WRITTEN_IN_ANGLES:
+        energy = replace(lagrangian(system), T=in_angles(system))
+        for c, form in zip(energy.coordinates, energy.equations, strict=True):
+            lines.append(Line(f"for comparison in θ and φ, of {c.q}", equal(sp.expand(form), 0)))
+    return lines
 
 
 def _matrices(system: System) -> Section:

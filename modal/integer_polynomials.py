@@ -62,3 +62,12 @@ def interpolated(values: Sequence[Fraction]) -> list[Fraction]:
     for node in reversed(range(1, len(c))):
         found = total(product(found, [-node, -1]), [c[node - 1]])
     return found
+
+
+def shifted(p: Sequence[Any], step: Any) -> list[Any]:
+    """Coefficients of p(x + step) (Horner, again and again)."""
+    c = list(p)
+    for first in range(len(c) - 1):
+        for power in range(len(c) - 2, first - 1, -1):
+            c[power] += step * c[power + 1]
+    return c

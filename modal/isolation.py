@@ -7,12 +7,14 @@ Endpoints are dyadic, and every interval is half-open: low < root ≤ high.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 from itertools import pairwise
 from typing import NamedTuple
 
 from modal.errors import ComputationError
+
+Narrow = Callable[[Fraction, Fraction], bool]
 
 
 class Interval(NamedTuple):
@@ -23,8 +25,10 @@ class Interval(NamedTuple):
     multiplicity: int
 
 
-def isolated(coefficients: Sequence[int], width: Fraction) -> list[Interval]:
+def isolated(coefficients: Sequence[int], width: Fraction, *, relative: bool = False) -> list[Interval]:
     """Ascending intervals, none wider than `width`, of all roots of a real-rooted polynomial, highest power first.
+
+    With `relative`, none wider than `width` times the smaller end, for a polynomial that has not the root 0.
 
     That all roots are real is the caller's knowledge (K and M are symmetric, M positive): ComputationError where
     Newton's inequalities deny it.  Intervals that are all simple prove it.
@@ -33,8 +37,15 @@ def isolated(coefficients: Sequence[int], width: Fraction) -> list[Interval]:
         raise ValueError(f"width = {width}: must be positive")
     if not _newton(coefficients):
         raise ComputationError(f"the polynomial with coefficients {list(coefficients)} has roots that are not real")
+    if relative and coefficients[-1] == 0:
+        raise ValueError("the root 0 has no relative width")
+    narrow = _relative(width) if relative else lambda low, high: high - low <= width
     bound, degree = Fraction(_root_bound(coefficients)), len(coefficients) - 1
-    return list(_split(coefficients, width, (-bound, degree), (bound, 0)))
+    return list(_split(coefficients, narrow, (-bound, degree), (bound, 0)))
+
+
+def _relative(width: Fraction) -> Narrow:
+    return lambda low, high: low * high > 0 and high - low <= width * min(abs(low), abs(high))
 
 
 def above(coefficients: Sequence[int], a: Fraction) -> int:
@@ -43,25 +54,25 @@ def above(coefficients: Sequence[int], a: Fraction) -> int:
 
 
 def _split(
-    p: Sequence[int], width: Fraction, low: tuple[Fraction, int], high: tuple[Fraction, int]
+    p: Sequence[int], narrow: Narrow, low: tuple[Fraction, int], high: tuple[Fraction, int]
 ) -> Iterator[Interval]:
     """The roots between two points, each given with the number of roots above it."""
     count = low[1] - high[1]
     if count == 1:
-        yield _halved(p, width, low[0], *high)
-    elif count and high[0] - low[0] <= width:
+        yield _halved(p, narrow, low[0], *high)
+    elif count and narrow(low[0], high[0]):
         yield Interval(low[0], high[0], count)
     elif count:
         middle = (low[0] + high[0]) / 2
         between = (middle, above(p, middle))
-        yield from _split(p, width, low, between)
-        yield from _split(p, width, between, high)
+        yield from _split(p, narrow, low, between)
+        yield from _split(p, narrow, between, high)
 
 
-def _halved(p: Sequence[int], width: Fraction, low: Fraction, high: Fraction, above_high: int) -> Interval:
+def _halved(p: Sequence[int], narrow: Narrow, low: Fraction, high: Fraction, above_high: int) -> Interval:
     """A simple root narrowed by signs: just above it p has the sign of (−1)^(roots above high) times the first."""
     beyond = (-1) ** above_high * p[0] > 0
-    while high - low > width:
+    while not narrow(low, high):
         middle = (low + high) / 2
         value = _scaled_value(p, middle)
         if value == 0 or (value > 0) == beyond:

@@ -23,7 +23,7 @@ class Coordinate(NamedTuple):
     a: Any
 
 
-def coordinate(name: str, *index: int) -> Coordinate:
+def coordinate(name: str, *index: int | str) -> Coordinate:
     r"""Symbols such as theta_1_2, thetadot_1_2 and thetaddot_1_2, which LaTeX shows with dots.
 
     >>> coordinate("theta", 1, 2).v, sp.latex(coordinate("phi", 3).a)

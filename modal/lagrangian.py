@@ -69,14 +69,19 @@ def _in_plane(system: System) -> Lagrangian:
 def _in_space(system: System) -> Lagrangian:
     if any(any(chain.stiffness) or any(chain.damping) for chain in system.chains):
         raise SceneError(["joint springs and dampers: not in the angles θ and φ of a scene in space"])
-    azimuths = [coordinate("phi", *angle.q.name.split("_")[1:]) for angle in system.angles]
+    phi = azimuths(system)
     directions = [
         sp.Matrix([sp.sin(a.q) * sp.cos(f.q), sp.sin(a.q) * sp.sin(f.q), sp.cos(a.q)])
-        for a, f in zip(system.angles, azimuths, strict=True)
+        for a, f in zip(system.angles, phi, strict=True)
     ]
-    coordinates = (*system.coordinates, *azimuths)
+    coordinates = (*system.coordinates, *phi)
     T, V = _energies(system, directions, coordinates)
     return Lagrangian(system, coordinates, T, V, _on_cart(system, "damping", "v"))
+
+
+def azimuths(system: System) -> list[Coordinate]:
+    """φ of every link, numbered like θ."""
+    return [coordinate("phi", *angle.q.name.split("_")[1:]) for angle in system.angles]
 
 
 def _energies(system: System, directions: list[Any], coordinates: Any) -> tuple[Any, Any]:

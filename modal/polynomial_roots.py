@@ -10,13 +10,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import reduce
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import sympy as sp
 from sympy.polys.fields import FracField
 
 from modal import pair
-from modal.integer_polynomials import scaled, total
+from modal.integer_polynomials import product, scaled, total
 from modal.isolation import isolated
 from modal.polynomials import Polynomial, Variable, eliminated
 
@@ -35,7 +35,10 @@ class Root:
 
 
 def roots(polynomial: Polynomial, width: Fraction | float = 1e-15) -> list[Root]:
-    """Ascending roots, each in closed form where there is one and in any case in an interval of at most `width`."""
+    """Ascending roots, each in closed form where there is one and in any case in an interval.
+
+    None is wider than `width` times its smaller end; the root 0 is exact.
+    """
     found = [root for factor, count in _factors(polynomial) for root in _of_factor(factor, count, Fraction(width))]
     return sorted(found, key=lambda root: root.low + root.high)
 
@@ -69,27 +72,43 @@ def symbolic(
     (12) to (14) of paper 001.
     """
     m, l = ([sp.Symbol(f"{name}_{i + 1}", positive=True) for i in range(n)] for name in "ml")
-    geometry = (m, l, *_shapes(kind, m, l))
+    kind_of_chain = Kind((m, l, *_shapes(kind, m, l)), (1,) * n, count)
     mass = sp.Symbol("m_c", positive=True) if cart else None
-    return of_chain(geometry, sp.Symbol("g", positive=True), cart=mass, count=count, variable=variable)
+    return of_kinds([kind_of_chain], sp.Symbol("g", positive=True), cart=mass, variable=variable)
 
 
-def of_chain(
-    geometry: Sequence[Sequence[Any]], gravity: Any, *, cart: Any = None, count: Any = 1, variable: Variable = "x"
-) -> sp.Expr:
-    """The same of one chain's masses, lengths, centres and moments of inertia in any symbols and exact numbers.
+class Kind(NamedTuple):
+    """`count` equal chains: masses, lengths, centres, moments of inertia, and σ = ±1 for a link down or up."""
 
-    `cart` is the mass of a free cart on which `count` of these chains hang, None for a fixed support.
+    geometry: Sequence[Sequence[Any]]
+    sigma: Sequence[int]
+    count: Any
+
+
+def of_kinds(kinds: Sequence[Kind], gravity: Any, *, cart: Any = None, variable: Variable = "x") -> sp.Expr:
+    """The same for chains in any symbols and exact numbers: of one alone, or of those that move a free cart.
+
+    `cart` is its mass; None takes the first kind on a fixed support.
     """
-    g, number, m_c = map(sp.sympify, (gravity, count, cart or 0))
-    names = {name for value in (g, number, m_c, *(v for row in geometry for v in row)) for name in value.free_symbols}
+    g, m_c = sp.sympify(gravity), sp.sympify(cart or 0)
+    values = [v for kind in kinds for row in (*kind.geometry, [kind.count]) for v in row]
+    names = {name for value in (g, m_c, *map(sp.sympify, values)) for name in value.free_symbols}
     field = FracField(sorted(names, key=str) or [sp.Symbol("x")], sp.ZZ)
-    mass, length, centre, inertia = ([field.from_expr(sp.sympify(value)) for value in row] for row in geometry)
-    found, N = eliminated(pair.constants(mass, length, centre, inertia, field.from_expr(g)), _cleared)
-    if cart is not None:
-        _, inert, many = _cleared([field.one, field.from_expr(m_c), field.from_expr(number)])
-        found = total(scaled(inert, found), scaled(many, N))
+    chains = [(_recursion(kind, field, field.from_expr(g)), field.from_expr(sp.sympify(kind.count))) for kind in kinds]
+    if cart is None:
+        return _collected(chains[0][0][0], g, variable)
+    d, N = [field.one], [field.zero]
+    for (below, force), count in chains:
+        d, N = product(d, below), total(product(N, below), scaled(count, product(d, force)))
+    found = total(scaled(field.from_expr(m_c), d), N)
     return _collected(found, g, variable)
+
+
+def _recursion(kind: Kind, field: FracField, gravity: Any) -> tuple[list[Any], list[Any]]:
+    mass, length, centre, inertia = ([field.from_expr(sp.sympify(v)) for v in row] for row in kind.geometry)
+    hanging = pair.constants(mass, length, centre, inertia, gravity)
+    d, N = eliminated([c._replace(k=sign * c.k) for c, sign in zip(hanging, kind.sigma, strict=True)], _cleared)
+    return [field(c) for c in d], [field(c) for c in N]
 
 
 def _shapes(kind: str, mass: Sequence[Any], length: Sequence[Any]) -> tuple[list[Any], list[Any]]:
@@ -113,7 +132,7 @@ def _without_content(values: list[Any]) -> list[Any]:
 def _collected(ascending: list[Any], g: sp.Expr, variable: Variable) -> sp.Expr:
     """Σ c_k x^k with every c_k factored, or with x = −g/λ, times λ^n/g^n: Σ (−1)^k g^{k−n} c_k λ^{n−k}."""
     n = len(ascending) - 1
-    coefficients = [c.as_expr() for c in _without_content(ascending)]
+    coefficients = [c.as_expr() for c in _cleared(ascending)]
     if variable == "x":
         return sp.Add(*((-1) ** n * sp.factor(c) * sp.Symbol("x") ** k for k, c in enumerate(coefficients)))
     return sp.Add(
@@ -131,7 +150,10 @@ def _factors(polynomial: Polynomial) -> Iterator[tuple[list[int], int]]:
 
 
 def _of_factor(coefficients: list[int], count: int, width: Fraction) -> Iterator[Root]:
-    intervals = isolated(coefficients, width)
+    if coefficients == [1, 0]:
+        yield Root(sp.S.Zero, Fraction(0), Fraction(0), count)
+        return
+    intervals = isolated(coefficients, width, relative=coefficients[-1] != 0)
     exact = closed_forms(coefficients) or [None] * len(intervals)
     for form, interval in zip(exact, intervals, strict=True):
         yield Root(form, interval.low, interval.high, count * interval.multiplicity)

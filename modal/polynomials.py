@@ -111,7 +111,7 @@ def of_scene(scene: Scene) -> list[Factor]:
 
     A number of the scene is read as the shortest decimal that gives its float, which is what a file says: 0.1 is 1/10;
     a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
-    factor x.  Raises ComputationError where there are dampers, or joint springs beside standing links.
+    factor x.  Raises ComputationError where there are dampers.
     """
     if scene.has_damping:
         raise ComputationError("a damped scene has no polynomial in ω²: leave the dampers out")
@@ -172,9 +172,7 @@ def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
     """(d, N) of one pendulum on a joint that moves; in the coordinates σ_i θ_i a standing link has −k for k."""
     mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
     if any(stiffness):
-        if min(sigma) < 0:
-            raise ComputationError("joint springs beside standing links: no exact polynomial of these")
-        return sampled((mass, length, centre, inertia), stiffness, gravity)
+        return sampled((mass, length, centre, inertia), stiffness, sigma, gravity)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
     return eliminated([c._replace(k=sign * c.k) for c, sign in zip(hanging, sigma, strict=True)], integers)
 

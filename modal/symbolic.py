@@ -9,7 +9,9 @@ the springs being relaxed at that rest.  In the plane, exactly,
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i + joints = 0
     M_tot x'' + Σ b_i (cos θ_i θ_i'' − sin θ_i θ_i'²) + c_c x' + k_c x = 0
 
-and in space, with the unit vectors u_i,    u_i × [Σ_j A_ij u_j'' + b_i x'' e_x − g b_i e_z] = 0.
+and in space, with the unit vectors u_i,
+
+    u_i × [Σ_j A_ij u_j'' + b_i x'' e_x − g b_i e_z] = 0,    M_tot x'' + e_x·Σ b_i u_i'' + c_c x' + k_c x = 0.
 """
 
 from __future__ import annotations
@@ -150,17 +152,23 @@ class System:
         return self._on_joints("stiffness") * (theta - rest) + self._on_joints("damping") * rate
 
     def vector_equations(self) -> list[tuple[Any, Any]]:
-        """(u_i, F_i) of a spatial motion, u_i × F_i = 0; on a cart the force on it comes first, with u_i = e_x."""
+        """(u_i, F_i) of a spatial motion, u_i × F_i = 0; on a cart (e_x, F) comes first, e_x·F = 0.
+
+        Raises SceneError for joint springs and dampers, which are not written in unit vectors.
+        """
+        if any(any(chain.stiffness) or any(chain.damping) for chain in self.chains):
+            raise SceneError(["joint springs and dampers in space are not written in unit vectors"])
         e_x, e_z, x = sp.Symbol("e_x"), sp.Symbol("e_z"), coordinate("x")
-        u = [coordinate("u", *(int(part) for part in angle.q.name.split("_")[1:])) for angle in self.angles]
-        drag = x.a * e_x if self.cart else 0
-        return [
-            (
-                own.q,
-                sum(A * other.a for A, other in zip(self.A.row(i), u, strict=True)) + b * drag - self.gravity * b * e_z,
-            )
-            for i, (own, b) in enumerate(zip(u, self.b, strict=True))
-        ]
+        u = [coordinate("u", *angle.q.name.split("_")[1:]) for angle in self.angles]
+        found = []
+        if self.cart:
+            moved = sum(b * own.a for b, own in zip(self.b, u, strict=True))
+            held = self.cart.damping * x.v + self.cart.stiffness * x.q
+            found.append((e_x, e_x * (self.total_mass * x.a + held) + moved))
+        for i, (own, b) in enumerate(zip(u, self.b, strict=True)):
+            F = sum(A * other.a for A, other in zip(self.A.row(i), u, strict=True)) - self.gravity * b * e_z
+            found.append((own.q, F + (b * x.a * e_x if self.cart else 0)))
+        return found
 
 
 def chain(n: int, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()) -> System:

@@ -28,6 +28,8 @@ def target(
         raise SceneError([f"{word}: must be one of {', '.join(SYMBOLIC)}" for word in unknown])
     found = _TARGET.fullmatch(name)
     if not found:
+        if ways or kind != KINDS[0]:
+            raise SceneError([f"{name}: --links and --equilibrium are for chain: and cart:, a scene has its own"])
         scene = load(name)
         return symbolic.of_scene(scene, chosen), scene
     support, count, links = found[1], int(found[2] or 1), int(found[3])

@@ -12,8 +12,8 @@ from modal.sections import Section
 
 TERMS, WIDE = 2, 240
 """Terms on a line of a long sum, and how many letters of LaTeX make it one."""
-GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω"}
-_NAME = re.compile(r"\b(theta|phi|lambda|omega|[pxyzu])(ddot|dot)?((?:_\d+)*)\b")
+GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ"}
+_NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|[pxyzu])(ddot|dot)?((?:_\d+)*)\b")
 
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
@@ -85,28 +85,38 @@ def _display(formula: Any) -> str:
     """A displayed formula, long sums broken into lines."""
     if isinstance(formula, sp.Equality):
         left, right = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
-        if isinstance(right, sp.Add) and len(sp.latex(right)) > WIDE:
-            return str(sp.multiline_latex(left, right, TERMS, environment="align*"))
-    return f"\\begin{{equation*}}\n{sp.latex(formula)}\n\\end{{equation*}}"
+        if isinstance(right, sp.Add) and len(_tex(right)) > WIDE:
+            broken = str(sp.multiline_latex(left, right, TERMS, environment="align*"))
+            return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", broken)
+    return f"\\begin{{equation*}}\n{_tex(formula)}\n\\end{{equation*}}"
 
 
 def _inline(words: str) -> str:
-    """Coordinates and other named symbols in words, as mathematics."""
-    return _NAME.sub(lambda found: f"${sp.latex(sp.Symbol(found[0]))}$" if found[0] not in "pxyzu" else found[0], words)
+    """Coordinates, other named symbols and letters with an index in words, as mathematics."""
+    words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "pxyzu" else found[0], words)
+    words = _INDEXED.sub(lambda found: f"${_LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
+    return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
 
 
+def _tex(formula: Any) -> str:
+    """SymPy's LaTeX with commas between the two numbers of an index."""
+    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", str(sp.latex(formula)))
+
+
+_LETTERS = {"θ": r"\theta", "φ": r"\phi", "λ": r"\lambda", "ω": r"\omega", "σ": r"\sigma", "Δ": r"\Delta"}
+_INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
+_SIGNS = {
+    **_LETTERS,
+    **{"∂": r"\partial", "π": r"\pi", "√": r"\surd", "Σ": r"\Sigma", "½": r"\frac{1}{2}", "¼": r"\frac{1}{4}"},
+    **{"×": r"\times", "·": r"\cdot", "−": "-", "≠": r"\neq", "≤": r"\leq", "≥": r"\geq", "→": r"\to", "∈": r"\in"},
+    **{"²": "^2", "³": "^3", "⁴": "^4", "₁": "_1", "₂": "_2", "°": r"^\circ"},
+    **{"±": r"\pm", "≡": r"\equiv", "…": r"\ldots", "ζ": r"\zeta", "ψ": r"\psi", "κ": r"\kappa", "μ": r"\mu"},
+    **{"ĵ": r"\hat{\jmath}", "î": r"\hat{\imath}", "ẍ": r"\ddot{x}", "ÿ": r"\ddot{y}", "⅓": r"\frac{1}{3}", "′": "'"},
+}
 _SPECIAL = {
     **{letter: "\\" + letter for letter in "&%$#_{}"},
-    **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "√": r"$\surd$"},
-    **{
-        "θ": r"$\theta$",
-        "φ": r"$\phi$",
-        "λ": r"$\lambda$",
-        "ω": r"$\omega$",
-        "×": r"$\times$",
-        "−": "$-$",
-        "²": "$^2$",
-    },
+    **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "’": "'"},
+    **{letter: f"${sign}$" for letter, sign in _SIGNS.items()},
 }
 
 

@@ -91,6 +91,8 @@ def derive(options: argparse.Namespace) -> None:
     if unknown := [word for word in show if word not in derivation.SECTIONS]:
         raise SceneError([f"--show {word}: must be one of {', '.join(derivation.SECTIONS)}" for word in unknown])
     if options.target.startswith("paper:"):
+        if show or symbols or ways or options.links != "bob":
+            raise SceneError([f"{options.target}: takes none of --show, --symbolic, --links and --equilibrium"])
         title, sections = catalogue.paper(options.target.removeprefix("paper:"))
     else:
         system, scene = targets.target(options.target, options.links, symbols, ways)

@@ -13,7 +13,8 @@ import pytest
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("modal", "nonlinear", "multipendula")
 MAP = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-SYMPY = "lagrange lagrangian symbolic polynomial_roots eigen_sections derivation typeset papers papers.cart"
+SYMPY = "lagrange lagrangian kinetic symbolic polynomial_roots eigen_polynomials eigen_sections derivation typeset"
+SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
     "matplotlib": {"modal.figures"},

@@ -11,7 +11,7 @@ from sympy.calculus.euler import euler_equations
 from sympy.polys.matrices import DomainMatrix
 
 from modal.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
-from modal.papers import CORRECTED, Equation, residual
+from modal.papers import Equation, residual
 from modal.papers import cart as paper
 from modal.papers import cart_dae as dae
 
@@ -277,11 +277,3 @@ def test_the_solution_divides_by_a() -> None:
     equation = dae.solution(1)
     assert equation.corrected.rhs.shape == equation.corrected.lhs.shape
     assert equation.printed.rhs.shape == (1, 13) != equation.printed.lhs.shape
-
-
-def test_equations_can_be_pasted() -> None:
-    equation = paper.squared_speeds(1)[0]
-    assert equation.text().count(" = ") >= 2
-    assert CORRECTED in equation.text()
-    assert r"\dot{\theta}_{1 1}" in equation.latex()
-    assert CORRECTED not in paper.positions(1)[0].latex()

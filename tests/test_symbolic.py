@@ -81,6 +81,10 @@ def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     forces = system.vector_equations()
     u = [sp.Matrix([sp.sin(t) * sp.cos(f), sp.sin(t) * sp.sin(f), sp.cos(t)]) for t, f in symbols_of(system)]
     second = [accelerated(vector, spherical.coordinates) for vector in u]
+    if isinstance(support, Cart):
+        _, F = forces.pop(0)
+        along = F.coeff(sp.Symbol("e_x")) + sum(F.coeff(coordinate("u", j + 1).a) * second[j][0] for j in range(len(u)))
+        assert abs(sp.N((along - equations["x"]).subs(state), 30)) < 1e-25
     for i, (_, F) in enumerate(forces):
         weights = {coordinate("u", j + 1).a: second[j] for j in range(len(u))}
         vector = sum((F.coeff(name) * value for name, value in weights.items()), sp.zeros(3, 1))
@@ -159,10 +163,10 @@ def test_from_the_lagrangian_to_the_printed_polynomial(n: int) -> None:
     determinant = (M + lam * K * l / g).det(method="berkowitz") / (m * l**2) ** n
     assert sp.Poly(sp.expand(determinant), lam).all_coeffs() == printed[n]
     lines = [line for section in derivation(system, ("polynomial",)) for line in section.lines]
-    assert sp.Poly(lines[0].formula.lhs, lam).all_coeffs() == printed[n]
+    assert sp.Poly(lines[1].formula.lhs, lam).all_coeffs() == printed[n]
 
 
-@pytest.mark.parametrize("n", [1, 2, 3])
+@pytest.mark.parametrize("n", [2, 3])
 def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
     """Also of partly equal symbols and on a cart."""
     x = sp.Symbol("x")
@@ -170,7 +174,8 @@ def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
         M, K, _ = lagrangian(system).linearized()
         determinant = (K - x * M).det(method="berkowitz")
         section = next(iter(derivation(system, ("polynomial",))))
-        formula = next(line.formula for line in section.lines if line.formula is not None and line.formula.has(x))
+        in_x = [line for line in section.lines if "in x" in line.words and "rigid" not in line.words]
+        formula = in_x[0].formula
         ratio = sp.cancel(determinant / formula.lhs)
         assert ratio.free_symbols & {x} == ({x} if on_cart else set())
         assert sp.cancel(ratio / (x if on_cart else 1)).free_symbols & {x} == set()

@@ -38,21 +38,6 @@ class Equation:
         """Whether the paper prints it as it should read."""
         return self.printed is self.corrected
 
-    def text(self) -> str:
-        """Both forms in plain text, with the condition and the note."""
-        forms = self.forms()
-        holds = "printed form holds" if len(forms) == 2 else "holds"
-        lines = [f"Paper {self.paper}, ({self.number}) {self.title}"]
-        lines += [f"  {label}: {plain(form)}" for label, form in forms]
-        lines += [f"  {holds}: {self.condition}"] if self.condition else []
-        lines += [f"  note: {self.note}"] if self.note else []
-        return "\n".join(lines)
-
-    def latex(self) -> str:
-        """Both forms as one `aligned` environment, for a formula in a document or a notebook."""
-        rows = [rf"&\text{{{label}:}}\\ &{sp.latex(form)}" for label, form in self.forms()]
-        return "\\begin{aligned}\n" + "\\\\\n".join(rows) + "\n\\end{aligned}"
-
     def forms(self) -> list[tuple[str, Any]]:
         """Every form with what it is."""
         if self.printed is None:
@@ -72,13 +57,6 @@ def correct(
 ) -> Equation:
     """An equation that the paper prints as it should read, or would have `beyond` the point where it stops."""
     return Equation(paper, number, title, None if beyond else form, form, condition, holds_when)
-
-
-def plain(form: Any) -> str:
-    """`left = right` for an equation, SymPy's own text for everything else."""
-    if isinstance(form, sp.Equality):
-        return f"{sp.sstr(form.lhs)} = {sp.sstr(form.rhs)}"
-    return str(sp.sstr(form))
 
 
 def equal(left: Any, right: Any) -> Any:
