@@ -56,8 +56,10 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
     return Eigen(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
 
 
-def indefinite(M: Floats, K: Floats, *, free: bool) -> Eigen:
+def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
     """Modes of K φ = x M φ for a rest that need not be stable: λ = i√x, and where x < 0 the growth rate √−x > 0.
+
+    `terms` (size,) are the sums of the sizes of what makes up K's diagonal, where springs and gravity may cancel.
 
     The decaying mirror image −√−x of a growing mode has the same shape and is not listed.
     """
@@ -68,7 +70,8 @@ def indefinite(M: Floats, K: Floats, *, free: bool) -> Eigen:
     x, v = np.linalg.eigh(_in_factors(L, stiffness * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     x = np.where(x == 0, np.finfo(float).tiny, x)
-    error = 2 * len(M) * EPS * sensitivity * lost * np.abs(x).max(initial=0.0) / np.abs(x)
+    largest = max(np.abs(x).max(initial=0.0), (terms[len(M) - len(inertia) :] * scale**2).max(initial=0.0))
+    error = 2 * len(M) * EPS * sensitivity * lost * largest / np.abs(x)
     return Eigen(np.sqrt(-x.astype(np.complex128)), _with_cart(M, shape, free), error)
 
 

@@ -11,7 +11,7 @@ of which a conjugate pair gives twice the real part; without dampers that is φ_
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -62,7 +62,9 @@ class FromMatrices:
         if self.is_damped:
             return dense.damped(M, D, K, free=self.is_free)
         if stands:
-            return dense.indefinite(M, K, free=self.is_free)
+            hanging = tuple(replace(block, sigma=np.abs(block.sigma)) for block in self.blocks)
+            terms = np.diag(replace(self, blocks=hanging).matrices[1])
+            return dense.indefinite(M, K, free=self.is_free, terms=terms)
         return dense.undamped(M, K, free=self.is_free, singular=self.is_singular)
 
     @property

@@ -133,7 +133,7 @@ def _free(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     Ma = _solved(found.M, np.hstack([found.K, found.D, -F]))
     eye, none = np.eye(2 * n), np.zeros((n, m))
     acceleration = -Ma[:, : 2 * n], -Ma[:, 2 * n :]
-    A, B = np.vstack([eye[n:], acceleration[0]]), np.vstack([none, acceleration[1]])
+    A, B = np.vstack([eye[n:], acceleration[0]]) + 0.0, np.vstack([none, acceleration[1]]) + 0.0
     states = _positions(geometry) + _rates(geometry)
     return _Motion(A, B, (eye[:n], none), (eye[n:], none), acceleration, states)
 

@@ -77,6 +77,16 @@ def _amplitude(text: str) -> float:
     return value
 
 
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a number of seconds above 0")
+    return value
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="multipendula",
@@ -128,6 +138,25 @@ def _parser() -> argparse.ArgumentParser:
     add.add_argument("--equilibrium", metavar="down,up", help="where the links of chain: and cart: point at rest")
     add.add_argument("--format", choices=("text", "latex", "markdown"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
+
+    add = command(commands.export, "export", "export crane-hook --to mat --discrete 0.01 -o crane.mat")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    formats = "control, mat, m, json, npz, csv, c, fmu or modelica"
+    add.add_argument("--to", required=True, metavar="FORMAT", help=formats)
+    add.add_argument("-o", dest="file", metavar="FILE", required=True, help="the file to write")
+    add.add_argument(
+        "--input",
+        metavar="WORDS",
+        help="cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
+        "support), link_forces",
+    )
+    add.add_argument(
+        "--output",
+        metavar="WORDS",
+        help="cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
+        "tip_positions, pivot_forces",
+    )
+    add.add_argument("--discrete", metavar="SECONDS", type=_seconds, help="sample it, with inputs held in between")
 
     add = command(commands.enclose, "enclose", "enclose paper-cart-2 --digits 50")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)

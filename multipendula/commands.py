@@ -102,6 +102,22 @@ def derive(options: argparse.Namespace) -> None:
         write(typeset.typeset(title, sections, options.format))
 
 
+def export(options: argparse.Namespace) -> None:
+    """Write a named state-space model for a control program, a simulator or a controller."""
+    from modal.exports import format_named
+    from modal.exports.discrete import sampled
+    from modal.files import load, whole_file
+    from modal.statespace import state_space
+
+    target = format_named(options.to)
+    model = state_space(load(options.scene), _listed(options.input), _listed(options.output))
+    content = target.write(sampled(model, options.discrete) if options.discrete else model)
+    with whole_file(options.file) as stream:
+        stream.write(content)
+    if note := target.note(content):
+        print(f"multipendula: {note}", file=sys.stderr)
+
+
 def enclose(options: argparse.Namespace) -> None:
     """Print every natural frequency in a proved enclosure, to as many digits as asked for."""
     from modal.certified import enclosures

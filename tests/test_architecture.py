@@ -18,9 +18,9 @@ SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
     "matplotlib": {"modal.figures"},
-    "scipy": set(),
+    "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"},
     "sympy": {f"modal.{name}" for name in SYMPY.split()},
-    "control": set(),
+    "control": {"modal.exports.control_"},
     "flint": {"modal.balls"},
 }
 

@@ -196,3 +196,13 @@ def test_exact_polynomials_about_any_rest(seed: int) -> None:
     modes = natural_modes(scene)
     expected = np.sort(np.repeat(-(modes.eigenvalue**2).real, modes.multiplicity))
     np.testing.assert_allclose(np.repeat(*zip(*squares, strict=True)), expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("support", [Fixed(), Cart(mass=1.0)])
+def test_no_digit_of_a_neutral_rest_is_shown(support: Fixed | Cart) -> None:
+    """A spring that just holds a standing bob: ω = 0 up to rounding, and not another rigid translation."""
+    bob = Pendulum(links=(Bob(mass=0.5, length=0.4, stiffness=2.0),), equilibrium=("up",))
+    rows = list(natural_modes(Scene(gravity=10.0, support=support, pendulum=[bob])))
+    assert [row.is_uncertain for row in rows] == [False, True][-len(rows) :]
+    assert rows[-1].family == "beyond double precision"
+    assert all(row.multiplicity == 1 for row in rows)

@@ -1,0 +1,62 @@
+"""A C99 header for embedded controllers: the discrete matrices and one step, no includes, no memory of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from modal.errors import SceneError
+from modal.exports.c_text import c_comment, c_matrix
+from modal.exports.text import heading, joined, law, matrices, meaning, rest
+from modal.names import identifier, identifiers
+from modal.signals import Signal
+from modal.statespace import StateSpace
+
+STEP = """\
+/* y from the present z and u, then z one step on; y is none of z and u */
+static inline void {name}_step(double z[], const double u[], double y[])
+{{
+    double next[{room}];
+    int i, k;
+    for (i = 0; i < {p}; i++) {{
+        y[i] = 0.0;
+        for (k = 0; k < {n}; k++) y[i] += {name}_C[i][k] * z[k];
+        for (k = 0; k < {m}; k++) y[i] += {name}_D[i][k] * u[k];
+    }}
+    for (i = 0; i < {n}; i++) {{
+        next[i] = 0.0;
+        for (k = 0; k < {n}; k++) next[i] += {name}_A[i][k] * z[k];
+        for (k = 0; k < {m}; k++) next[i] += {name}_B[i][k] * u[k];
+    }}
+    for (i = 0; i < {n}; i++) z[i] = next[i];
+}}"""
+
+
+def write_c(model: StateSpace) -> bytes:
+    """The header; every name in it begins with the title's identifier.  Raises SceneError for a continuous model."""
+    if not model.dt:
+        raise SceneError(["--to c needs --discrete SECONDS: a controller steps in time"])
+    return joined(_lines(model, identifier(heading(model)).lower()))
+
+
+def _lines(model: StateSpace, name: str) -> Iterator[str]:
+    capitals = name.upper()
+    yield c_comment(heading(model))
+    yield c_comment(f"{law(model)}, in SI units, deviations from the rest")
+    yield from map(c_comment, rest(model))
+    yield from (f"#ifndef {capitals}_H", f"#define {capitals}_H", "")
+    yield f"#define {capitals}_DT {model.dt!r}"
+    for kind, signals in (("STATE", model.states), ("INPUT", model.inputs), ("OUTPUT", model.outputs)):
+        yield from _names(capitals, kind, signals)
+    for letter, values in matrices(model):
+        yield from ("", *c_matrix(f"{name}_{letter}", values))
+    (n, m), p = model.B.shape, len(model.C)
+    yield from ("", STEP.format(name=name, n=n, m=m, p=p, room=max(1, n)))
+    yield from ("", f"#endif {c_comment(f'{capitals}_H')}")
+
+
+def _names(capitals: str, kind: str, signals: tuple[Signal, ...]) -> Iterator[str]:
+    yield from ("", "enum {")
+    for word, signal in zip(identifiers(s.name for s in signals), signals, strict=True):
+        yield f"    {capitals}_{kind}_{word}, {c_comment(meaning(signal))}"
+    yield f"    {capitals}_{kind}S"
+    yield "};"

@@ -1,0 +1,43 @@
+"""One table in long form, a number a row, both its names and units beside it."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from io import StringIO
+from typing import Any
+
+from modal.exports.text import matrices
+from modal.statespace import StateSpace
+
+HEADER = ("matrix", "row", "row_name", "row_unit", "column", "column_name", "column_unit", "value")
+
+
+def write_csv(model: StateSpace) -> bytes:
+    """HEADER, then title, dt, the operating point, and A, B, C, D by rows; rows and columns count from 1.
+
+    A row of A and B is named after the state that it moves.
+    """
+    stream = StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(HEADER)
+    writer.writerow(("title", "", "", "", "", "", "", model.title))
+    writer.writerow(("dt", "", "", "s", "", "", "", repr(model.dt)))
+    for number, (name, value) in enumerate(model.operating_point, 1):
+        writer.writerow(("operating_point", number, name, "rad", "", "", "", repr(value)))
+    writer.writerows(_rows(model))
+    return stream.getvalue().encode()
+
+
+def _rows(model: StateSpace) -> Iterator[tuple[Any, ...]]:
+    sides = {
+        "A": (model.states, model.states),
+        "B": (model.states, model.inputs),
+        "C": (model.outputs, model.states),
+        "D": (model.outputs, model.inputs),
+    }
+    for name, values in matrices(model):
+        rows, columns = ([(k, s.name, s.unit) for k, s in enumerate(side, 1)] for side in sides[name])
+        for row, line in zip(rows, values.tolist(), strict=True):
+            for column, value in zip(columns, line, strict=True):
+                yield name, *row, *column, repr(value)

@@ -1,0 +1,299 @@
+/* A co-simulation slave (FMI 2.0) of the linear model in model.h.
+
+   Over a step with the input held, z(t + STEP) = PHI z + GAMMA u exactly.  What is left of a communication step that is
+   no multiple of STEP is bridged by Taylor's series of the exponential in pieces of length at most 1 / REACH, which is
+   exact to rounding too.  A model that is discrete from the start (CONTINUOUS 0) refuses such a rest. */
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "model.h"
+
+/* ------------------------------------------------------------------ the interface, as far as it is needed here */
+
+#if defined _WIN32
+#define EXPORT __declspec(dllexport)
+#elif defined __GNUC__
+#define EXPORT __attribute__((visibility("default")))
+#else
+#define EXPORT
+#endif
+
+#ifdef FMI2_FUNCTION_PREFIX
+#define JOINED_(a, b) a##b
+#define JOINED(a, b) JOINED_(a, b)
+#define FMI(name) JOINED(FMI2_FUNCTION_PREFIX, name)
+#else
+#define FMI(name) name
+#endif
+
+typedef enum { OK, WARNING, DISCARD, ERROR, FATAL, PENDING } Status;
+typedef enum { MODEL_EXCHANGE, CO_SIMULATION } Kind;
+typedef unsigned int Reference;
+typedef int Boolean;
+typedef const char *String;
+
+typedef struct {
+    void (*logger)(void *environment, String instance, Status status, String category, String message, ...);
+    void *(*allocate)(size_t count, size_t size);
+    void (*release)(void *memory);
+    void (*finished)(void *environment, Status status);
+    void *environment;
+} Callbacks;
+
+/* ---------------------------------------------------------------------------------------------------- the model */
+
+typedef struct {
+    double u[INPUTS + 1];
+    double z[STATES + 1];
+    int running;
+} Memory;
+
+typedef struct {
+    Memory memory;
+    const Callbacks *callbacks;
+    char name[64];
+} Slave;
+
+static double output(const Memory *at, int row)
+{
+    double sum = 0.0;
+    int k;
+    for (k = 0; k < STATES; k++) sum += C[row][k] * at->z[k];
+    for (k = 0; k < INPUTS; k++) sum += D[row][k] * at->u[k];
+    return sum;
+}
+
+static void step(Memory *at)
+{
+    double next[STATES + 1];
+    int i, k;
+    for (i = 0; i < STATES; i++) {
+        next[i] = 0.0;
+        for (k = 0; k < STATES; k++) next[i] += PHI[i][k] * at->z[k];
+        for (k = 0; k < INPUTS; k++) next[i] += GAMMA[i][k] * at->u[k];
+    }
+    for (i = 0; i < STATES; i++) at->z[i] = next[i];
+}
+
+#if CONTINUOUS
+#define TERMS 22
+
+/* z += h (A z + B u) + h^2/2 A (A z + B u) + ... */
+static void piece(Memory *at, double h)
+{
+    double term[STATES + 1], next[STATES + 1];
+    int i, k, order;
+    for (i = 0; i < STATES; i++) {
+        term[i] = 0.0;
+        for (k = 0; k < STATES; k++) term[i] += h * A[i][k] * at->z[k];
+        for (k = 0; k < INPUTS; k++) term[i] += h * B[i][k] * at->u[k];
+    }
+    for (order = 2; order <= TERMS; order++) {
+        for (i = 0; i < STATES; i++) {
+            at->z[i] += term[i];
+            next[i] = 0.0;
+            for (k = 0; k < STATES; k++) next[i] += h / order * A[i][k] * term[k];
+        }
+        for (i = 0; i < STATES; i++) term[i] = next[i];
+    }
+}
+
+static int bridge(Memory *at, double time)
+{
+    int pieces = 1 + (int) (REACH * (time < 0.0 ? -time : time)), i;
+    for (i = 0; i < pieces; i++) piece(at, time / pieces);
+    return 1;
+}
+#else
+static int bridge(Memory *at, double time)
+{
+    (void) at;
+    (void) time;
+    return 0;
+}
+#endif
+
+static int advance(Memory *at, double time)
+{
+    long long whole = (long long) (time / STEP + 0.5);
+    double rest = time - (double) whole * STEP;
+    if (rest < -1e-9 * STEP) rest = time - (double) --whole * STEP;
+    while (whole-- > 0) step(at);
+    return rest < 1e-9 * STEP || bridge(at, rest);
+}
+
+static Status refused(const Slave *slave, String message)
+{
+    const Callbacks *to = slave->callbacks;
+    if (to->logger) to->logger(to->environment, slave->name, ERROR, "logStatusError", "%s", message);
+    return ERROR;
+}
+
+/* ------------------------------------------------------------------------------------------------ life and death */
+
+EXPORT String FMI(fmi2GetTypesPlatform)(void) { return "default"; }
+EXPORT String FMI(fmi2GetVersion)(void) { return "2.0"; }
+
+EXPORT Status FMI(fmi2SetDebugLogging)(void *c, Boolean on, size_t n, const String categories[]) { return OK; }
+
+EXPORT void *FMI(fmi2Instantiate)(String name, Kind kind, String guid, String resources, const Callbacks *callbacks,
+                                  Boolean visible, Boolean logging)
+{
+    Slave *slave;
+    if (!callbacks || !name || !guid || kind != CO_SIMULATION) return NULL;
+    slave = calloc(1, sizeof *slave);
+    if (!slave) return NULL;
+    slave->callbacks = callbacks;
+    memcpy(slave->name, name, strlen(name) < sizeof slave->name ? strlen(name) : sizeof slave->name - 1);
+    if (strcmp(guid, MODEL_GUID) == 0) return slave;
+    refused(slave, "the GUID is that of another model");
+    free(slave);
+    return NULL;
+}
+
+EXPORT void FMI(fmi2FreeInstance)(void *c) { free(c); }
+
+EXPORT Status FMI(fmi2SetupExperiment)(void *c, Boolean has_tolerance, double tolerance, double start, Boolean has_stop,
+                                       double stop)
+{
+    return OK;
+}
+
+EXPORT Status FMI(fmi2EnterInitializationMode)(void *c) { return OK; }
+
+EXPORT Status FMI(fmi2ExitInitializationMode)(void *c)
+{
+    ((Slave *) c)->memory.running = 1;
+    return OK;
+}
+
+EXPORT Status FMI(fmi2Terminate)(void *c) { return OK; }
+
+EXPORT Status FMI(fmi2Reset)(void *c)
+{
+    memset(&((Slave *) c)->memory, 0, sizeof(Memory));
+    return OK;
+}
+
+/* ------------------------------------------------------------- values: inputs first, then states, then outputs */
+
+EXPORT Status FMI(fmi2GetReal)(void *c, const Reference reference[], size_t n, double value[])
+{
+    const Slave *slave = c;
+    size_t i;
+    for (i = 0; i < n; i++) {
+        Reference r = reference[i];
+        if (r >= INPUTS + STATES + OUTPUTS) return refused(slave, "no variable has this value reference");
+        if (r < INPUTS) value[i] = slave->memory.u[r];
+        else if (r < INPUTS + STATES) value[i] = slave->memory.z[r - INPUTS];
+        else value[i] = output(&slave->memory, (int) (r - INPUTS - STATES));
+    }
+    return OK;
+}
+
+EXPORT Status FMI(fmi2SetReal)(void *c, const Reference reference[], size_t n, const double value[])
+{
+    Slave *slave = c;
+    size_t i;
+    for (i = 0; i < n; i++) {
+        Reference r = reference[i];
+        if (r >= INPUTS + STATES) return refused(slave, "only inputs and the start of states can be set");
+        if (r >= INPUTS && slave->memory.running) return refused(slave, "states can be set before the first step only");
+        if (r < INPUTS) slave->memory.u[r] = value[i];
+        else slave->memory.z[r - INPUTS] = value[i];
+    }
+    return OK;
+}
+
+#define NONE(name, type) \
+    EXPORT Status FMI(name)(void *c, const Reference reference[], size_t n, type value[]) { return n ? ERROR : OK; }
+NONE(fmi2GetInteger, int)
+NONE(fmi2SetInteger, const int)
+NONE(fmi2GetBoolean, Boolean)
+NONE(fmi2SetBoolean, const Boolean)
+NONE(fmi2GetString, String)
+NONE(fmi2SetString, const String)
+
+/* ------------------------------------------------------------------------------------------------------ stepping */
+
+EXPORT Status FMI(fmi2DoStep)(void *c, double now, double size, Boolean no_return)
+{
+    Slave *slave = c;
+    if (!(size >= 0.0 && size < 1e9 * STEP)) return refused(slave, "the communication step is negative or too long");
+    if (!advance(&slave->memory, size)) return refused(slave, "the communication step is no multiple of the model's");
+    return OK;
+}
+
+EXPORT Status FMI(fmi2CancelStep)(void *c) { return ERROR; }
+
+#define NO_STATUS(name, type) \
+    EXPORT Status FMI(name)(void *c, int kind, type *value) { return DISCARD; }
+NO_STATUS(fmi2GetStatus, Status)
+NO_STATUS(fmi2GetRealStatus, double)
+NO_STATUS(fmi2GetIntegerStatus, int)
+NO_STATUS(fmi2GetBooleanStatus, Boolean)
+NO_STATUS(fmi2GetStringStatus, String)
+
+EXPORT Status FMI(fmi2SetRealInputDerivatives)(void *c, const Reference r[], size_t n, const int order[],
+                                               const double value[])
+{
+    return n ? ERROR : OK;
+}
+
+EXPORT Status FMI(fmi2GetRealOutputDerivatives)(void *c, const Reference r[], size_t n, const int order[],
+                                                double value[])
+{
+    return n ? ERROR : OK;
+}
+
+EXPORT Status FMI(fmi2GetDirectionalDerivative)(void *c, const Reference unknown[], size_t n, const Reference known[],
+                                                size_t m, const double change[], double value[])
+{
+    return ERROR;
+}
+
+/* ------------------------------------------------------------------------------------------ keeping and going back */
+
+EXPORT Status FMI(fmi2GetFMUstate)(void *c, void **kept)
+{
+    if (!*kept) *kept = malloc(sizeof(Memory));
+    if (!*kept) return ERROR;
+    memcpy(*kept, &((Slave *) c)->memory, sizeof(Memory));
+    return OK;
+}
+
+EXPORT Status FMI(fmi2SetFMUstate)(void *c, void *kept)
+{
+    memcpy(&((Slave *) c)->memory, kept, sizeof(Memory));
+    return OK;
+}
+
+EXPORT Status FMI(fmi2FreeFMUstate)(void *c, void **kept)
+{
+    free(*kept);
+    *kept = NULL;
+    return OK;
+}
+
+EXPORT Status FMI(fmi2SerializedFMUstateSize)(void *c, void *kept, size_t *size)
+{
+    *size = sizeof(Memory);
+    return OK;
+}
+
+EXPORT Status FMI(fmi2SerializeFMUstate)(void *c, void *kept, char bytes[], size_t size)
+{
+    if (size < sizeof(Memory)) return ERROR;
+    memcpy(bytes, kept, sizeof(Memory));
+    return OK;
+}
+
+EXPORT Status FMI(fmi2DeSerializeFMUstate)(void *c, const char bytes[], size_t size, void **kept)
+{
+    if (size != sizeof(Memory)) return ERROR;
+    *kept = malloc(sizeof(Memory));
+    if (!*kept) return ERROR;
+    memcpy(*kept, bytes, sizeof(Memory));
+    return OK;
+}

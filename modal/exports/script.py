@@ -1,0 +1,43 @@
+"""A Python script that needs python-control alone and builds the model, units beside the names."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+from modal.exports.text import digits, heading, joined, law, matrices, meaning, rest
+from modal.names import identifier
+from modal.rig import Floats
+from modal.signals import Signal
+from modal.statespace import StateSpace
+
+
+def write_script(model: StateSpace) -> bytes:
+    """The script; run it or import `system` from it."""
+    return joined(_lines(model))
+
+
+def _lines(model: StateSpace) -> Iterator[str]:
+    yield f"# {heading(model)}"
+    yield f"# {law(model)}, in SI units, deviations from the rest"
+    yield from (f"# {line}" for line in rest(model))
+    yield from ("", "import control", "import numpy as np", "")
+    for name, signals in (("states", model.states), ("inputs", model.inputs), ("outputs", model.outputs)):
+        yield from _names(name, signals)
+    for name, values in matrices(model):
+        yield from _matrix(name, values)
+    yield from ("", "system = control.StateSpace(", f"    A, B, C, D, {model.dt!r},")
+    yield f'    name="{identifier(heading(model))}", states=states, inputs=inputs, outputs=outputs,'
+    yield ")"
+
+
+def _names(name: str, signals: tuple[Signal, ...]) -> Iterator[str]:
+    yield f"{name} = ["
+    yield from (f"    {json.dumps(signal.name)},  # {meaning(signal)}" for signal in signals)
+    yield "]"
+
+
+def _matrix(name: str, values: Floats) -> Iterator[str]:
+    yield f"{name} = np.array(["
+    yield from (f"    [{', '.join(row)}]," for row in digits(values))
+    yield f"]).reshape({values.shape[0]}, {values.shape[1]})"

@@ -1,0 +1,53 @@
+"""What every text format needs: numbers that read back bit for bit, comments that cannot end early."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from modal.rig import Floats
+from modal.signals import Signal
+from modal.statespace import StateSpace
+
+UNTITLED = "Pendula"
+
+
+def heading(model: StateSpace) -> str:
+    """The title on one line."""
+    return one_line(model.title) or UNTITLED
+
+
+def one_line(text: str) -> str:
+    """The words of a text with one space between them, whatever cannot be printed left out."""
+    return "".join(c for c in " ".join(text.split()) if c.isprintable())
+
+
+def meaning(signal: Signal) -> str:
+    """Unit and meaning of a signal for a comment."""
+    return one_line(f"{signal.unit}, {signal.meaning}")
+
+
+def law(model: StateSpace) -> str:
+    """The equations of a model on one line."""
+    if model.dt:
+        return f"z[k+1] = A z[k] + B u[k], y[k] = C z[k] + D u[k], one step every {model.dt!r} s"
+    return "z' = A z + B u, y = C z + D u"
+
+
+def rest(model: StateSpace) -> list[str]:
+    """The operating point, one angle a line."""
+    return [f"{name} = {value!r} rad at rest" for name, value in model.operating_point]
+
+
+def matrices(model: StateSpace) -> tuple[tuple[str, Floats], ...]:
+    """The four matrices by name."""
+    return ("A", model.A), ("B", model.B), ("C", model.C), ("D", model.D)
+
+
+def digits(values: Floats, number: Callable[[float], str] = repr) -> Iterator[list[str]]:
+    """Row by row, the shortest decimals that read back as equal doubles; −0 is written as 0."""
+    return (list(map(number, row)) for row in (values + 0.0).tolist())
+
+
+def joined(lines: Iterable[str]) -> bytes:
+    """Lines as a UTF-8 file."""
+    return ("\n".join(lines) + "\n").encode()

@@ -1,0 +1,326 @@
+"""The FMU in FMPy, held against python-control; its source compiled without warnings."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+from zipfile import ZipFile
+
+import control
+import numpy as np
+import pytest
+from exported import DT, SCENES, assert_close, assert_matrices, assert_poles, held_inputs, model_of, names
+from numpy.typing import NDArray
+
+from modal import SceneError, load
+from modal.exports import FORMATS, fmu
+from modal.exports.control_ import to_control
+from modal.exports.discrete import reach, sampled
+from modal.exports.fmu_description import variables
+from modal.names import identifier
+from modal.statespace import StateSpace, state_space
+
+fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
+needs_a_compiler = pytest.mark.skipif(fmu.compiler() is None, reason="no C compiler for 64-bit Linux is installed")
+EVERY_SCENE = pytest.mark.parametrize("scene", SCENES)
+BOTH = pytest.mark.parametrize("dt", [0.0, DT], ids=["continuous", "discrete"])
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-Wno-unused-parameter", "-shared", "-fPIC")
+
+
+def written(folder: Path, content: bytes) -> str:
+    path = folder / "model.fmu"
+    path.write_bytes(content)
+    return str(path)
+
+
+@contextmanager
+def instance(folder: Path, model: StateSpace, step: float = DT) -> Iterator[Any]:
+    """A running slave."""
+    path = written(folder, fmu.write_fmu(model, step))
+    unzipped = fmpy.extract(path, str(folder / "unzipped"))
+    slave = fmpy.instantiate_fmu(unzipped, fmpy.read_model_description(path), "CoSimulation")
+    slave.setupExperiment(startTime=0.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    yield slave
+    slave.terminate()
+    slave.freeInstance()
+
+
+def references(model: StateSpace, role: str) -> list[int]:
+    return [k for k, variable in enumerate(variables(model)) if variable.role == role]
+
+
+def stepped(slave: Any, model: StateSpace, inputs: NDArray[np.float64], h: float) -> NDArray[np.float64]:
+    """Outputs (p, steps), each read under its input before the step, as z[k] and u[k] give them."""
+    found = []
+    for k, u in enumerate(inputs.T):
+        slave.setReal(references(model, "input"), list(u))
+        found.append(slave.getReal(references(model, "output")))
+        slave.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
+    return np.array(found).T
+
+
+@EVERY_SCENE
+@BOTH
+def test_fmpy_finds_no_problem(scene: str, dt: float, tmp_path: Path) -> None:
+    from fmpy.validation import validate_fmu
+
+    model = model_of(scene, dt)
+    path = written(tmp_path, FORMATS["fmu"].write(model))
+    assert validate_fmu(path) == []
+    found = fmpy.read_model_description(path)
+    by_role: dict[str, list[Any]] = {"input": [], "local": [], "output": []}
+    for variable in found.modelVariables:
+        by_role[variable.causality].append(variable)
+    for role, signals in zip(by_role, (model.inputs, model.states, model.outputs), strict=True):
+        assert [v.name.removeprefix("state.") for v in by_role[role]] == names(signals)
+        assert [v.unit for v in by_role[role]] == [s.unit.replace(" ", ".").replace("^", "") for s in signals]
+    assert [v.valueReference for v in found.modelVariables] == list(range(len(found.modelVariables)))
+    assert found.coSimulation.canHandleVariableCommunicationStepSize is (dt == 0)
+    assert found.defaultExperiment.stepSize == repr(DT)
+    through = [[names(model.inputs).index(v.name) for v in unknown.dependencies] for unknown in found.outputs]
+    assert through == [list(np.flatnonzero(row)) for row in model.D]
+
+
+@EVERY_SCENE
+@BOTH
+@needs_a_compiler
+def test_steps_of_the_default_length_are_controls(scene: str, dt: float, tmp_path: Path) -> None:
+    model = model_of(scene, dt)
+    inputs = held_inputs(model, 300)
+    with instance(tmp_path, model) as slave:
+        found = stepped(slave, model, inputs, DT)
+    held = model if dt else sampled(model, DT)
+    expected = control.forced_response(to_control(held), np.arange(300) * DT, inputs).outputs
+    assert_close(found, expected, 1e-11)
+
+
+@EVERY_SCENE
+@pytest.mark.parametrize("h", [0.003, 0.0137, 0.25])
+@needs_a_compiler
+def test_steps_of_any_length_are_exact_too(scene: str, h: float, tmp_path: Path) -> None:
+    model = model_of(scene)
+    inputs = held_inputs(model, 50)
+    with instance(tmp_path, model) as slave:
+        found = stepped(slave, model, inputs, h)
+    expected = control.forced_response(to_control(sampled(model, h)), np.arange(50) * h, inputs).outputs
+    assert_close(found, expected, 1e-10)
+
+
+@EVERY_SCENE
+@needs_a_compiler
+def test_the_series_is_exact_over_its_longest_piece(scene: str, tmp_path: Path) -> None:
+    model = model_of(scene)
+    h = 0.99 / reach(model.A)
+    inputs = held_inputs(model, 20)
+    with instance(tmp_path, model, 10 * h) as slave:
+        found = stepped(slave, model, inputs, h)
+    expected = control.forced_response(to_control(sampled(model, h)), np.arange(20) * h, inputs).outputs
+    assert_close(found, expected, 1e-12)
+
+
+@EVERY_SCENE
+@needs_a_compiler
+def test_fmpy_simulates_a_constant_input_as_control_does(scene: str, tmp_path: Path) -> None:
+    model = model_of(scene)
+    path = written(tmp_path, fmu.write_fmu(model))
+    start = {name: 1.0 + k for k, name in enumerate(names(model.inputs))}
+    found = fmpy.simulate_fmu(path, stop_time=2.0, step_size=DT, output_interval=DT, start_values=start)
+    times = found["time"]
+    assert len(times) == 201
+    constant = np.tile(np.array(list(start.values()))[:, None], len(times))
+    expected = control.forced_response(to_control(model), np.arange(201) * DT, constant).outputs
+    assert_close([found[name] for name in names(model.outputs)], expected, 1e-8)
+
+
+@needs_a_compiler
+def test_states_start_where_they_are_told(tmp_path: Path) -> None:
+    model = state_space(load("crane-hook"))
+    path = written(tmp_path, fmu.write_fmu(model))
+    found = fmpy.simulate_fmu(
+        path,
+        stop_time=5.0,
+        output_interval=0.05,
+        start_values={"state.theta_1_1": 0.1, "state.x_dot": -0.2},
+        output=["theta_1_1", "state.theta_dot_1_2", "x"],
+    )
+    z0 = np.array([0.0, 0.1, 0.0, -0.2, 0.0, 0.0])
+    expected = control.initial_response(to_control(model), np.arange(101) * 0.05, z0)
+    assert_close(found["theta_1_1"], expected.outputs[1], 1e-8)
+    assert_close(found["x"], expected.outputs[0], 1e-8)
+    assert_close(found["state.theta_dot_1_2"], expected.states[5], 1e-8)
+
+
+@EVERY_SCENE
+@needs_a_compiler
+def test_the_binary_holds_the_tables_poles(scene: str, tmp_path: Path) -> None:
+    """Unit vectors through one step give the columns of the transition matrix."""
+    model = model_of(scene)
+    columns = []
+    with instance(tmp_path, model) as slave:
+        for k in references(model, "state"):
+            slave.reset()
+            slave.setReal([k], [1.0])
+            slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=DT)
+            columns.append(slave.getReal(references(model, "state")))
+    assert_poles(np.array(columns).T, load(scene), DT)
+
+
+@needs_a_compiler
+def test_a_discrete_model_takes_whole_steps_only(tmp_path: Path) -> None:
+    model = model_of("crane-hook", DT)
+    inputs = np.repeat(held_inputs(model, 20), 3, axis=1)
+    expected = control.forced_response(to_control(model), np.arange(60) * DT, inputs).outputs[:, ::3]
+    with instance(tmp_path, model) as slave:
+        assert_close(stepped(slave, model, inputs[:, ::3], 3 * DT), expected, 1e-11)
+        for h in (DT / 2, 1.5 * DT):
+            with pytest.raises(fmpy.fmi1.FMICallException):
+                slave.doStep(currentCommunicationPoint=0.6, communicationStepSize=h)
+
+
+@needs_a_compiler
+def test_what_the_slave_refuses(tmp_path: Path) -> None:
+    model = model_of("chain-3")
+    inner, outer = references(model, "state")[0], references(model, "output")[0]
+    with instance(tmp_path, model) as slave:
+        refused = (
+            lambda: slave.setReal([inner], [1.0]),
+            lambda: slave.setReal([outer], [1.0]),
+            lambda: slave.getReal([outer + len(model.outputs)]),
+            lambda: slave.getInteger([0]),
+            lambda: slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=-DT),
+            lambda: slave.doStep(currentCommunicationPoint=0.0, communicationStepSize=float("nan")),
+        )
+        for call in refused:
+            with pytest.raises(fmpy.fmi1.FMICallException):
+                call()
+        slave.reset()
+        slave.setReal([inner], [1.0])
+        assert slave.getReal([inner]) == [1.0]
+
+
+@needs_a_compiler
+def test_a_slave_goes_back_to_a_kept_state(tmp_path: Path) -> None:
+    model = model_of("crane-hook")
+    inputs = held_inputs(model, 30)
+    with instance(tmp_path, model) as slave:
+        stepped(slave, model, inputs, DT)
+        kept = slave.getFMUState()
+        content = slave.serializeFMUState(kept)
+        first = stepped(slave, model, inputs, DT)
+        slave.setFMUState(kept)
+        second = stepped(slave, model, inputs, DT)
+        slave.freeFMUState(kept)
+        slave.setFMUState(slave.deserializeFMUState(content))
+        third = stepped(slave, model, inputs, DT)
+        slave.reset()
+        fresh = stepped(slave, model, inputs, DT)
+    np.testing.assert_array_equal(first, second)
+    np.testing.assert_array_equal(first, third)
+    assert np.abs(first - fresh).max() > 1e-6
+
+
+@needs_a_compiler
+def test_another_models_guid_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, fmu.write_fmu(model_of("chain-3")))
+    found = fmpy.read_model_description(path)
+    found.guid = "{another}"
+    with pytest.raises(Exception, match="instantiate"):
+        fmpy.instantiate_fmu(fmpy.extract(path, str(tmp_path / "unzipped")), found, "CoSimulation")
+
+
+def test_the_guid_follows_the_model() -> None:
+    def guid(model: StateSpace, step: float = DT) -> str:
+        return str(fmpy.read_model_description(BytesIO(fmu.write_fmu(model, step))).guid)
+
+    model = model_of("chain-3")
+    other = replace(model, A=model.A * np.nextafter(1.0, 2.0))
+    guids = [guid(model), guid(other), guid(model, 0.02), guid(replace(model, title="another"))]
+    assert guids[0] == guid(model)
+    assert len(set(guids)) == len(guids)
+
+
+@BOTH
+def test_without_a_compiler_the_source_compiles_elsewhere(
+    dt: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = model_of("crane-hook", dt)
+    monkeypatch.setattr(fmu, "compiler", lambda: None)
+    content = FORMATS["fmu"].write(model)
+    assert "no binary" in FORMATS["fmu"].note(content)
+    with ZipFile(BytesIO(content)) as archive:
+        assert archive.namelist() == ["modelDescription.xml", "sources/linear_fmu.c", "sources/model.h"]
+        archive.extractall(tmp_path)
+    (build,) = fmpy.read_model_description(BytesIO(content)).buildConfigurations
+    assert build.sourceFileSets[0].sourceFiles == ["linear_fmu.c"]
+    command = shutil.which("cc") or shutil.which("gcc")
+    if command is None:
+        pytest.skip("no C compiler is installed")
+    ran = subprocess.run(
+        [command, *STRICT, "-DFMI2_FUNCTION_PREFIX=crane_", "linear_fmu.c", "-o", str(tmp_path / "crane.so")],
+        cwd=tmp_path / "sources",
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ran.returncode == 0, ran.stderr
+    library = ctypes.CDLL(str(tmp_path / "crane.so"))
+    library.crane_fmi2GetVersion.restype = ctypes.c_char_p
+    assert library.crane_fmi2GetVersion() == b"2.0"
+
+
+def test_a_broken_compiler_leaves_the_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    for command in (shutil.which("false"), "/nowhere/cc"):
+        monkeypatch.setattr(fmu, "compiler", lambda command=command: command)
+        assert fmu.note(fmu.write_fmu(model_of("chain-3"))) == fmu.SOURCE_ONLY
+
+
+@needs_a_compiler
+def test_with_a_compiler_there_is_nothing_to_tell() -> None:
+    model = model_of("chain-3")
+    content = FORMATS["fmu"].write(model)
+    assert FORMATS["fmu"].note(content) == ""
+    with ZipFile(BytesIO(content)) as archive:
+        assert f"binaries/linux64/{identifier(model.title)}.so" in archive.namelist()
+
+
+@needs_a_compiler
+def test_two_hundred_links(tmp_path: Path) -> None:
+    """Torques at every joint, 400 states: half default steps, so that the series is used."""
+    from modal import Bob, Pendulum, Scene
+
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=200)])])
+    model = state_space(scene)
+    inputs = held_inputs(model, 5)
+    with instance(tmp_path, model) as slave:
+        found = stepped(slave, model, inputs, DT / 2)
+    expected = control.forced_response(to_control(sampled(model, DT / 2)), np.arange(5) * DT / 2, inputs).outputs
+    assert_close(found, expected, 1e-8)
+
+
+def test_a_step_must_be_positive() -> None:
+    with pytest.raises(SceneError, match="must be a positive number of seconds"):
+        fmu.write_fmu(model_of("chain-3"), 0.0)
+
+
+def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fmu, "compiler", lambda: None)
+    model = model_of("crane-hook")
+    with ZipFile(BytesIO(fmu.write_fmu(model))) as archive:
+        text = archive.read("sources/model.h").decode()
+    found = []
+    for name, matrix in zip("ABCD", (model.A, model.B, model.C, model.D), strict=True):
+        block = text.partition(f"double {name}[")[2].partition("= {")[2].partition("};")[0]
+        assert "[" not in block
+        numbers = block.replace("{", " ").replace("}", " ").replace(",", " ").split()
+        found.append(np.array(list(map(float.fromhex, numbers))).reshape(matrix.shape))
+    assert_matrices(model, found)
+    assert_poles(found[0], load("crane-hook"))
