@@ -220,13 +220,20 @@ end
 load model.mat
 show("mat", eig(A));
 printf("names"); printf(" %s", state_names{:}, input_names{:}, output_names{:}); printf("\\n");
-clear all
+clear -variables
 model_script
 show("m", eig(sys.a));
 printf("names"); printf(" %s", get(sys, "stname"){:}, get(sys, "inname"){:}, get(sys, "outname"){:}); printf("\\n");
 show("dt", get(sys, "tsam"));
 show("bode", freqresp(sys, 0.5));
-if (dt == 0) show("lqr", lqr(sys, eye(rows(A)), eye(columns(B)))); end
+if (dt == 0)
+  try
+    show("lqr", lqr(sys, eye(rows(A)), eye(columns(B))));
+  catch
+    disp("lqr-refused");
+  end
+end
+disp("end");
 """
 
 
@@ -245,9 +252,9 @@ def test_octave_loads_both(scene: str, dt: float, tmp_path: Path) -> None:
     system = to_control(model)
     response = system(np.exp(0.5j * dt) if dt else 0.5j).flatten(order="F")
     assert_close(shown["bode"][0], response, 1e-10)
-    if scene == "chain-3" and not dt:
+    if scene in {"chain-3", "crane-hook", "crane-two-loads", "cart-upright"} and not dt:
         gain = control.lqr(system, np.eye(len(model.A)), np.eye(len(model.inputs)))[0].flatten(order="F")
-        assert_close(shown["lqr"][0], gain, 1e-10)
+        assert_close(shown["lqr"][0], gain, 1e-10 if scene == "chain-3" else 1e-8)
 
 
 def octave(folder: Path) -> dict[str, list[Any]]:
@@ -258,7 +265,8 @@ def octave(folder: Path) -> dict[str, list[Any]]:
     if subprocess.run([command, "--eval", "pkg load control"], capture_output=True, check=False).returncode:
         pytest.skip("Octave is here without its control package")
     (folder / "main.m").write_text(OCTAVE)
-    ran = subprocess.run([command, "--quiet", "main.m"], cwd=folder, capture_output=True, text=True, check=True)
+    ran = subprocess.run([command, "--quiet", "main.m"], cwd=folder, capture_output=True, text=True, check=False)
+    assert ran.stdout.rstrip().endswith("end"), ran.stderr
     shown: dict[str, list[Any]] = {}
     for label, *words in map(str.split, ran.stdout.splitlines()):
         numbers = [] if label == "names" else list(map(float, words))
