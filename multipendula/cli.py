@@ -77,6 +77,29 @@ def _amplitude(text: str) -> float:
     return value
 
 
+def _signals(add: argparse.ArgumentParser) -> None:
+    """The scene and the groups of inputs and outputs of its model."""
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument(
+        "--input",
+        metavar="WORDS",
+        help="cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
+        "support), link_forces",
+    )
+    add.add_argument(
+        "--output",
+        metavar="WORDS",
+        help="cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
+        "tip_positions, pivot_forces",
+    )
+
+
+def _count(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and len(text) < 6 and int(text) >= 1):
+        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 99999")
+    return int(text)
+
+
 def _seconds(text: str) -> float:
     try:
         value = float(text)
@@ -87,21 +110,10 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="multipendula",
-        description="Linearized modal analysis of pendulum chains, alone or coupled by a cart.",
-        epilog="example: multipendula table paper-cart-2",
-    )
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
-    added = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+Add = Callable[[Callable[[argparse.Namespace], None], str, str], argparse.ArgumentParser]
 
-    def command(run: Callable[[argparse.Namespace], None], name: str, example: str) -> argparse.ArgumentParser:
-        words = (run.__doc__ or "").strip()
-        made = added.add_parser(name, help=words, description=words, epilog=f"example: multipendula {example}")
-        made.set_defaults(run=run)
-        return made
 
+def _tables(command: Add) -> None:
     add = command(commands.scenes, "scenes", "scenes crane-hook > my-crane.toml")
     add.add_argument("name", nargs="?", help="print this scene's file, to start one of your own")
 
@@ -125,6 +137,10 @@ def _parser() -> argparse.ArgumentParser:
     add.add_argument("--format", choices=("text", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
 
+    command(commands.schema, "schema", "schema > scene.schema.json")
+
+
+def _derivations(command: Add) -> None:
     add = command(commands.derive, "derive", "derive chain:3 --symbolic masses,lengths --format latex")
     add.add_argument(
         "target",
@@ -139,31 +155,57 @@ def _parser() -> argparse.ArgumentParser:
     add.add_argument("--format", choices=("text", "latex", "markdown"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
 
-    add = command(commands.export, "export", "export crane-hook --to mat --discrete 0.01 -o crane.mat")
-    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
-    formats = "control, mat, m, json, npz, csv, c, fmu or modelica"
-    add.add_argument("--to", required=True, metavar="FORMAT", help=formats)
-    add.add_argument("-o", dest="file", metavar="FILE", required=True, help="the file to write")
-    add.add_argument(
-        "--input",
-        metavar="WORDS",
-        help="cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces",
-    )
-    add.add_argument(
-        "--output",
-        metavar="WORDS",
-        help="cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
-        "tip_positions, pivot_forces",
-    )
-    add.add_argument("--discrete", metavar="SECONDS", type=_seconds, help="sample it, with inputs held in between")
-
     add = command(commands.enclose, "enclose", "enclose paper-cart-2 --digits 50")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--digits", metavar="N", type=_digits, default=30, help="relative width 10^-N (default 30)")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
 
-    command(commands.schema, "schema", "schema > scene.schema.json")
+
+def _models(command: Add) -> None:
+    add = command(commands.export, "export", "export crane-hook --to mat --discrete 0.01 -o crane.mat")
+    _signals(add)
+    formats = "control, mat, m, json, npz, csv, c, fmu or modelica"
+    add.add_argument("--to", required=True, metavar="FORMAT", help=formats)
+    add.add_argument("-o", dest="file", metavar="FILE", required=True, help="the file to write")
+    add.add_argument("--discrete", metavar="SECONDS", type=_seconds, help="sample it, with inputs held in between")
+    smaller = add.add_mutually_exclusive_group()
+    smaller.add_argument("--minimal", action="store_true", help="without what no input reaches or no output sees")
+    smaller.add_argument("--modes", metavar="K", type=_count, help="only the K modes that contribute most")
+
+    add = command(commands.gains, "gains", "gains crane-two-loads --output cart_position")
+    _signals(add)
+
+    add = command(commands.response, "response", "response crane-hook -o bode.png")
+    _signals(add)
+    add.add_argument("-o", dest="file", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
+    add.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
+    add.add_argument("--impulse", action="store_true", help="the impulse response instead of the Bode plot")
+
+    add = command(commands.shaper, "shaper", "shaper crane-hook --kind zvd --count 2")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--kind", choices=("zv", "zvd"), default="zv", help="zvd bears more error in the frequencies")
+    add.add_argument("--count", metavar="K", type=_count, default=1, help="for the K slowest modes (default 1)")
+    drives = ("cart_acceleration", "cart_velocity", "cart_force")
+    add.add_argument("--drive", choices=drives, default=drives[0], help="what moves the cart")
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="multipendula",
+        description="Linearized modal analysis of pendulum chains, alone or coupled by a cart.",
+        epilog="example: multipendula table paper-cart-2",
+    )
+    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    added = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+
+    def command(run: Callable[[argparse.Namespace], None], name: str, example: str) -> argparse.ArgumentParser:
+        words = (run.__doc__ or "").strip()
+        made = added.add_parser(name, help=words, description=words, epilog=f"example: multipendula {example}")
+        made.set_defaults(run=run)
+        return made
+
+    for group in (_tables, _derivations, _models):
+        group(command)
     return parser
 
 

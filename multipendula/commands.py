@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from modal.mode import Mode
     from modal.modes import Modes
+    from modal.statespace import StateSpace
 
 LONG_TABLE = 2000
 
@@ -53,12 +54,9 @@ def table(options: argparse.Namespace) -> None:
 
 def shapes(options: argparse.Namespace) -> None:
     """Draw the mode shapes."""
-    from modal.errors import SceneError
     from modal.files import whole_file
 
-    form = os.path.splitext(options.output)[1].removeprefix(".").lower()
-    if form not in {"png", "svg", "pdf"}:
-        raise SceneError([f"--output {options.output}: the name must end in .png, .svg or .pdf"])
+    form = _picture(options.output)
     modes, numbers = _modes(options)
     from modal.figures import MOST_PANELS, draw_shapes
 
@@ -106,16 +104,59 @@ def export(options: argparse.Namespace) -> None:
     """Write a named state-space model for a control program, a simulator or a controller."""
     from modal.exports import format_named
     from modal.exports.discrete import sampled
-    from modal.files import load, whole_file
-    from modal.statespace import state_space
+    from modal.files import whole_file
 
     target = format_named(options.to)
-    model = state_space(load(options.scene), _listed(options.input), _listed(options.output))
+    model = _model(options)
     content = target.write(sampled(model, options.discrete) if options.discrete else model)
     with whole_file(options.file) as stream:
         stream.write(content)
     if note := target.note(content):
         print(f"multipendula: {note}", file=sys.stderr)
+
+
+def gains(options: argparse.Namespace) -> None:
+    """Say how well each mode is reached by every input and seen by every output."""
+    from modal.files import load
+    from modal.gains import modal_gains
+    from modal.modes import natural_modes
+
+    found = modal_gains(natural_modes(load(options.scene)), _model(options))
+    print(found.text())
+
+
+def response(options: argparse.Namespace) -> None:
+    """Draw a Bode plot or an impulse response, with the modes marked."""
+    from modal.errors import SceneError
+    from modal.files import load, whole_file
+    from modal.modal_form import modal_form
+    from modal.modes import natural_modes
+    from modal.response_figures import draw_bode, draw_impulse
+
+    kind = _picture(options.file)
+    model = _model(options)
+    names = [signal.name for signal in model.inputs]
+    source = options.source or names[0]
+    if source not in names:
+        raise SceneError([f"--from {source}: must be one of {', '.join(names)}"])
+    form = modal_form(natural_modes(load(options.scene)), model)
+    draw = draw_impulse if options.impulse else draw_bode
+    with whole_file(options.file) as stream:
+        draw(form, stream, source=names.index(source), kind=kind)
+
+
+def shaper(options: argparse.Namespace) -> None:
+    """Print an input shaper that leaves the slowest modes of a crane at rest."""
+    from modal.files import load
+    from modal.shapers import shaper_for, swings_of
+
+    scene = load(options.scene)
+    found = shaper_for(scene, options.count, options.kind, options.drive)
+    for number, swing in enumerate(swings_of(scene, options.drive)[: options.count], 1):
+        print(f"mode {number}: {swing.omega:.9g} rad/s, damping ratio {swing.zeta:.4g}")
+    print("time_s,amplitude")
+    for time, amplitude in zip(found.times, found.amplitudes, strict=True):
+        print(f"{float(time)!r},{float(amplitude)!r}")
 
 
 def enclose(options: argparse.Namespace) -> None:
@@ -134,6 +175,31 @@ def enclose(options: argparse.Namespace) -> None:
 
 def _listed(text: str | None) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",")) if text else ()
+
+
+def _model(options: argparse.Namespace) -> StateSpace:
+    """The model that --input, --output, --minimal and --modes ask for."""
+    from modal.files import load
+    from modal.modes import natural_modes
+    from modal.reduction import minimal, truncated
+    from modal.statespace import state_space
+
+    scene, inputs, outputs = load(options.scene), _listed(options.input), _listed(options.output)
+    if getattr(options, "minimal", False):
+        return minimal(scene, inputs, outputs)
+    model = state_space(scene, inputs, outputs)
+    count = getattr(options, "modes", None)
+    return model if count is None else truncated(natural_modes(scene), model, count)
+
+
+def _picture(name: str) -> str:
+    """The kind of picture that a file name asks for."""
+    from modal.errors import SceneError
+
+    kind = os.path.splitext(name)[1].removeprefix(".").lower()
+    if kind not in {"png", "svg", "pdf"}:
+        raise SceneError([f"-o {name}: the name must end in .png, .svg or .pdf"])
+    return kind
 
 
 def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:

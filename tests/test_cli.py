@@ -356,3 +356,64 @@ def test_overflow_ends_in_a_message(
     code = main(["table", str(path)])
     assert code in (0, 1)
     assert code == 0 or "beyond double precision" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("form", ["control", "mat", "m", "json", "npz", "csv", "c", "fmu", "modelica"])
+def test_export(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
+    path = tmp_path / f"crane.{form}"
+    words = ("--input", "cart_acceleration", "--output", "angles,tip_positions", "--discrete", "0.01")
+    assert printed(capsys, "export", "crane-hook", "--to", form, *words, "-o", str(path)) == ""
+    assert path.stat().st_size > 500
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--to", "c"), "needs --discrete"),
+        (("--to", "doc"), "--to doc: must be one of"),
+        (("--to", "json", "--input", "wind"), "--input wind: must be one of"),
+        (("--to", "json", "--output", "angles,angles"), "--output angles: named twice"),
+    ],
+)
+def test_refused_exports(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...], message: str
+) -> None:
+    assert message in refused(capsys, 2, "export", "crane-hook", *words, "-o", str(tmp_path / "x"))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_smaller_exports(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    sizes = []
+    for words in ((), ("--minimal",), ("--modes", "1")):
+        path = tmp_path / "model.json"
+        printed(capsys, "export", "paper-cart-3", "--to", "json", *words, "-o", str(path))
+        sizes.append(len(strict(path.read_text(encoding="utf-8"))["states"]))
+    assert sizes == [14, 6, 4]
+
+
+def test_gains(capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(capsys, "gains", "paper-cart-2")
+    assert text.count("not reached") == 2
+    assert "cart_force" in text
+
+
+@pytest.mark.parametrize("words", [(), ("--impulse",), ("--input", "cart_force,joint_torques", "--from", "torque_1_2")])
+def test_responses_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, words: tuple[str, ...]) -> None:
+    path = tmp_path / "response.png"
+    assert printed(capsys, "response", "crane-hook", *words, "-o", str(path)) == ""
+    assert path.stat().st_size > 20_000
+
+
+def test_refused_responses(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    assert ".png, .svg or .pdf" in refused(capsys, 2, "response", "crane-hook", "-o", str(tmp_path / "a.gif"))
+    wrong = refused(capsys, 2, "response", "crane-hook", "--from", "wind", "-o", str(tmp_path / "a.png"))
+    assert "--from wind: must be one of cart_force" in wrong
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_shaper_sums_to_one(capsys: pytest.CaptureFixture[str]) -> None:
+    lines = printed(capsys, "shaper", "crane-hook", "--kind", "zvd", "--count", "2").splitlines()
+    rows = [line.split(",") for line in lines[lines.index("time_s,amplitude") + 1 :]]
+    assert len(rows) == 9
+    assert sum(float(amplitude) for _, amplitude in rows) == pytest.approx(1, rel=1e-14)
+    assert "makes 2 modes swing" in refused(capsys, 1, "shaper", "crane-hook", "--count", "3")

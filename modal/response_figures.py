@@ -1,0 +1,206 @@
+"""Bode plots with the modes marked, and impulse responses, from the closed forms of `modal.response`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import IO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
+
+from modal.errors import ComputationError
+from modal.modal_form import Complexes, ModalForm
+from modal.response import frequency_response, impulse_response
+from modal.rig import Floats
+from modal.signals import Signal
+
+COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
+LINES = ("-", "--", ":")
+INK, GRID, MARK = "#22303c", "#e3e7ea", "#8a949c"
+MOST_CURVES, POINTS, LONGEST = len(COLOURS) * len(LINES), 2000, 20_000
+DEEPEST = 1e-5
+"""How far below the middle of a curve an antiresonance is drawn, and a peak above it, the other way up."""
+CLOSEST = 0.02
+"""Share of the axis that the number of a mode needs."""
+
+
+def draw_bode(
+    form: ModalForm,
+    stream: IO[bytes],
+    *,
+    source: int = 0,
+    outputs: Sequence[int] = (),
+    band: tuple[float, float] | None = None,
+    kind: str = "png",
+) -> None:
+    """Magnitude and phase of G(iω) from input `source` to these outputs (indices; left out, all) over a band (rad/s).
+
+    Dotted lines with numbers mark the modes; of an undamped peak, which is infinite, the picture shows the foot.
+    Raises ComputationError for more curves than one picture holds.
+    """
+    shown = _shown(form, outputs)
+    low, high = band or _band(form)
+    omega = _grid(form, low, high)
+    G = frequency_response(form, omega)[shown, source]
+    figure = _figure(5.6)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    for k, response in enumerate(G):
+        size = np.abs(response)
+        _draw(top, omega, np.where((size > 0) & np.isfinite(size), size, np.nan), k)
+        _draw(bottom, omega, _phase(response), k)
+    top.set(xscale="log", yscale="log", ylabel=f"magnitude ({_units(form, shown, source)})", ylim=_limits(np.abs(G)))
+    bottom.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
+    bottom.yaxis.set_major_locator(MultipleLocator(90))
+    bottom.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    bottom.xaxis.set_major_formatter("{x:g}")
+    bottom.xaxis.set_minor_formatter(NullFormatter())
+    _mark(top, form, low, high, numbered=True)
+    _mark(bottom, form, low, high, numbered=False)
+    _finish(figure, form, shown, f"response to {_named(form.model.inputs[source])}", stream, kind)
+
+
+def draw_impulse(
+    form: ModalForm,
+    stream: IO[bytes],
+    *,
+    source: int = 0,
+    outputs: Sequence[int] = (),
+    duration: float | None = None,
+    kind: str = "png",
+) -> None:
+    """h(t) from input `source` to these outputs (indices; left out, all), one panel for each unit.
+
+    `duration` in s; left out, four periods of the slowest mode that swings.  Raises ComputationError for more curves
+    than one picture holds.
+    """
+    shown = _shown(form, outputs)
+    swinging = [value.imag for value in form.modes.eigenvalue.tolist() if value.imag > 0] or [1.0]
+    end = duration or 8 * np.pi / min(swinging)
+    points = int(np.clip(40 * end * max(swinging) / (2 * np.pi), POINTS, LONGEST))
+    t = np.linspace(0.0, end, points)
+    h = impulse_response(form, t)[shown, source]
+    units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
+    figure = _figure(1.4 + 2.2 * len(units))
+    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    for k, output in enumerate(shown):
+        _draw(panels[units.index(form.model.outputs[output].unit)], t, h[k], k)
+    for panel, unit in zip(panels, units, strict=True):
+        panel.set_ylabel(f"{unit} per {form.model.inputs[source].unit} s")
+        panel.axhline(0.0, color=MARK, lw=0.8, zorder=0)
+    panels[-1].set(xlabel="time t (s)", xlim=(0.0, end))
+    _finish(figure, form, shown, f"impulse response to {_named(form.model.inputs[source])}", stream, kind)
+
+
+# ------------------------------------------------------------------------------------------------------- numbers
+
+
+def _shown(form: ModalForm, outputs: Sequence[int]) -> list[int]:
+    shown = list(outputs) or list(range(len(form.model.outputs)))
+    if len(shown) > MOST_CURVES:
+        raise ComputationError(f"{len(shown)} outputs do not fit one picture: choose at most {MOST_CURVES}")
+    return shown
+
+
+def _moving(form: ModalForm) -> Floats:
+    omega: Floats = form.modes.omega[form.modes.omega > 0]
+    return omega if omega.size else np.ones(1)
+
+
+def _band(form: ModalForm) -> tuple[float, float]:
+    """From a third of the lowest mode to three times the highest."""
+    omega = _moving(form)
+    return float(omega.min() / 3), float(omega.max() * 3)
+
+
+def _grid(form: ModalForm, low: float, high: float) -> Floats:
+    """Even in log ω, and closer about every mode."""
+    aside = np.geomspace(1e-5, 0.03, 60)
+    near = np.outer(_moving(form), np.concatenate([1 - aside, 1 + aside])).ravel()
+    return np.unique(np.concatenate([np.geomspace(low, high, POINTS), near[(near > low) & (near < high)]]))
+
+
+def _phase(G: Complexes) -> Floats:
+    """Degrees in [−180, 180), interrupted where they wrap and where there is nothing to have one."""
+    phase = (np.degrees(np.angle(G)) + 180 + 1e-6) % 360 - 180 - 1e-6
+    phase[1:][np.abs(np.diff(phase)) > 270] = np.nan
+    phase[G == 0] = np.nan
+    return np.asarray(phase, dtype=np.float64)
+
+
+def _limits(size: Floats) -> tuple[float, float]:
+    seen = size[(size > 0) & np.isfinite(size)]
+    if not seen.size:
+        return 0.1, 10.0
+    middle = float(np.median(seen))
+    return max(float(seen.min()), middle * DEEPEST) / 2, min(float(seen.max()), middle / DEEPEST) * 2
+
+
+# ------------------------------------------------------------------------------------------------------- drawing
+
+
+def _figure(height: float) -> Figure:
+    figure = Figure(
+        figsize=(8.0, height), dpi=150, facecolor="white", layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.06)
+    )
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _draw(axis: Axes, x: Floats, y: Floats, k: int) -> None:
+    axis.plot(x, y, color=COLOURS[k % len(COLOURS)], ls=LINES[k // len(COLOURS)], lw=1.6)
+
+
+def _mark(axis: Axes, form: ModalForm, low: float, high: float, *, numbered: bool) -> None:
+    """The modes in the band; the numbers of neighbours too close to print apart are joined."""
+    inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
+    groups: list[list[tuple[int, float]]] = []
+    for k, omega in inside:
+        axis.axvline(omega, color=MARK, ls=":", lw=0.9, zorder=0)
+        if groups and np.log(omega / groups[-1][-1][1]) < CLOSEST * np.log(high / low):
+            groups[-1].append((k, omega))
+        else:
+            groups.append([(k, omega)])
+    for group in groups if numbered else ():
+        first, last = group[0], group[-1]
+        words = f"{first[0]}" if first == last else f"{first[0]}–{last[0]}"
+        place = float(np.sqrt(first[1] * last[1]))
+        axis.annotate(
+            words,
+            (place, 1.0),
+            (0, 3),
+            axis.get_xaxis_transform(),
+            textcoords="offset points",
+            ha="center",
+            fontsize=8,
+            color=INK,
+        ).set_annotation_clip(False)
+
+
+def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str, stream: IO[bytes], kind: str) -> None:
+    for axis in figure.axes:
+        axis.grid(color=GRID, lw=0.6)
+        axis.set_axisbelow(True)
+        axis.tick_params(labelsize=9, colors=INK)
+        axis.spines[["top", "right"]].set_visible(False)
+    whole = f"{form.model.title}: {title}" if form.model.title else title.capitalize()
+    figure.suptitle(whole, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    handles = [
+        Line2D([], [], color=COLOURS[k % len(COLOURS)], ls=LINES[k // len(COLOURS)], lw=1.6) for k in range(len(shown))
+    ]
+    names = [_named(form.model.outputs[output]) for output in shown]
+    figure.legend(handles, names, loc="outside lower center", ncols=min(4, len(shown)), fontsize=9, frameon=False)
+    figure.savefig(stream, format=kind)
+
+
+def _named(signal: Signal) -> str:
+    return f"{signal.name} ({signal.unit})"
+
+
+def _units(form: ModalForm, shown: list[int], source: int) -> str:
+    units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
+    return f"{units[0] if len(units) == 1 else 'each unit'} per {form.model.inputs[source].unit}"
