@@ -103,12 +103,15 @@ def derive(options: argparse.Namespace) -> None:
 def export(options: argparse.Namespace) -> None:
     """Write a named state-space model for a control program, a simulator or a controller."""
     from modal.exports import format_named
-    from modal.exports.discrete import sampled
     from modal.files import whole_file
 
     target = format_named(options.to)
     model = _model(options)
-    content = target.write(sampled(model, options.discrete) if options.discrete else model)
+    if options.discrete:
+        from modal.exports.discrete import sampled
+
+        model = sampled(model, options.discrete)
+    content = target.write(model)
     with whole_file(options.file) as stream:
         stream.write(content)
     if note := target.note(content):
@@ -180,16 +183,18 @@ def _listed(text: str | None) -> tuple[str, ...]:
 def _model(options: argparse.Namespace) -> StateSpace:
     """The model that --input, --output, --minimal and --modes ask for."""
     from modal.files import load
-    from modal.modes import natural_modes
-    from modal.reduction import minimal, truncated
     from modal.statespace import state_space
 
     scene, inputs, outputs = load(options.scene), _listed(options.input), _listed(options.output)
-    if getattr(options, "minimal", False):
-        return minimal(scene, inputs, outputs)
-    model = state_space(scene, inputs, outputs)
     count = getattr(options, "modes", None)
-    return model if count is None else truncated(natural_modes(scene), model, count)
+    if not getattr(options, "minimal", False) and count is None:
+        return state_space(scene, inputs, outputs)
+    from modal.modes import natural_modes
+    from modal.reduction import minimal, truncated
+
+    if count is None:
+        return minimal(scene, inputs, outputs)
+    return truncated(natural_modes(scene), state_space(scene, inputs, outputs), count)
 
 
 def _picture(name: str) -> str:
