@@ -18,8 +18,8 @@ def sampled(
 ) -> tuple[list[int], list[int]]:
     """(d, N) of a chain with joint springs: d = det B, N = det [[B, −b], [x bᵀ, Σm]] with B = K − x A.
 
-    Below the smallest root, which is negative only where links stand, the larger matrix has positive leading minors,
-    so its elimination never stops there.  In the coordinates σ_i θ_i, A and b are those of the hanging chain.
+    Below the smallest root, which is negative only where links stand, B is positive definite, so its elimination never
+    stops there.  In the coordinates σ_i θ_i, A and b are those of the hanging chain.
     """
     mass, length, centre, _ = parameters
     b, A = pair.first_moments(mass, length, centre), pair.inertia_matrix(*parameters)
@@ -50,7 +50,7 @@ def _minors(
             minors = leading_minors([[int(unit * value) for value in row] for row in bordered])
         except ZeroDivisionError:
             return []
-        if min(minors) <= 0:
+        if min(minors[:-1]) <= 0:
             return []
         found.append((minors[-2], Fraction(minors[-1], unit)))
     return found

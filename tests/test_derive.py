@@ -100,6 +100,17 @@ def leading(value: float) -> str:
     return f"{value:.12f}"[:9]
 
 
+@pytest.mark.parametrize(("stiffness", "words"), [(2.0, "ω = 0 rad/s"), (1.0, "growth rate = 3.53553390593274 1/s")])
+def test_a_spring_that_just_holds_or_fails_to(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, stiffness: float, words: str
+) -> None:
+    """One bob of 0.5 kg standing 0.4 m above its joint at g = 10: x = (k − 2)/0.08."""
+    path = tmp_path / "balance.toml"
+    link = f'{{ kind = "bob", mass = 0.5, length = 0.4, stiffness = {stiffness} }}'
+    path.write_text(f"gravity = 10.0\n[[pendulum]]\nequilibrium = ['up']\nlinks = [{link}]\n")
+    assert words in printed(capsys, "derive", str(path), "--show", "modes")
+
+
 def test_space_has_unit_vectors_and_angles(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "space.toml"
     path.write_text(
