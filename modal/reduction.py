@@ -181,16 +181,16 @@ def _settles(block: Block) -> bool:
 
 def _contributions(form: ModalForm, blocks: list[Block]) -> Floats:
     """(K,): the largest share that each has in any channel of Σ |C r| |ℓᵀB|/|λ|ᵏ, k its number of states."""
-    sizes = np.array(
-        [
-            np.outer(abs(form.model.C @ b.right @ b.seen), abs(b.pushed @ b.left @ form.model.B))
-            / abs(b.eigenvalue) ** len(b.A)
-            for b in blocks
-        ]
-    ).reshape(len(blocks), -1)
-    total = sizes.sum(0)
-    shares: Floats = (sizes / np.where(total > 0, total, 1.0)).max(1, initial=0.0)
-    return shares
+    total = sum((_size(form, block) for block in blocks), start=np.zeros_like(form.model.D))
+    whole = np.where(total > 0, total, 1.0)
+    return np.array([(_size(form, block) / whole).max(initial=0.0) for block in blocks])
+
+
+def _size(form: ModalForm, block: Block) -> Floats:
+    """|C r| |ℓᵀB|/|λ|ᵏ in every channel, (p, m)."""
+    seen, pushed = abs(form.model.C @ block.right @ block.seen), abs(block.pushed @ block.left @ form.model.B)
+    size: Floats = np.outer(seen, pushed) / abs(block.eigenvalue) ** len(block.A)
+    return size
 
 
 def _static_gain(form: ModalForm, block: Block) -> Floats:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.dense import SINGULAR, is_singular
+from modal.dense import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.linear import Matrices, matrices
 from modal.rig import Floats
@@ -177,7 +177,10 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
 def _solved(M: Floats, right: Floats) -> Floats:
     """M⁻¹ right; ComputationError where M is singular."""
     if is_singular(M):
-        raise ComputationError(SINGULAR)
+        raise ComputationError(
+            "the mass matrix is singular to double precision (as with a massless cart over bobs): a force gives no "
+            "finite acceleration; give the cart or the links some inertia, or prescribe the cart's motion"
+        )
     return np.asarray(np.linalg.solve(M, right), dtype=np.float64)
 
 
