@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
@@ -17,6 +16,7 @@ from matplotlib.patches import FancyBboxPatch
 from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.modes import Modes
+from modal.pictures import save
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from modal.shapes import Shape
@@ -81,9 +81,7 @@ def draw_shapes(
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))
     caption = fill(_caption(modes, rows, layout, amplitude_deg), int(LETTERS_PER_INCH * size[0]))
     figure.supxlabel(caption, fontsize=8, color=RAIL)
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
-        figure.savefig(stream, format=form)
+    save(figure, stream, form)
 
 
 def _layout(modes: Modes) -> _Layout:

@@ -15,6 +15,7 @@ from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 
 from modal.errors import ComputationError
 from modal.modal_form import Complexes, ModalForm
+from modal.pictures import save
 from modal.response import frequency_response, impulse_response
 from modal.rig import Floats
 from modal.signals import Signal
@@ -194,7 +195,7 @@ def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str, strea
     ]
     names = [_named(form.model.outputs[output]) for output in shown]
     figure.legend(handles, names, loc="outside lower center", ncols=min(4, len(shown)), fontsize=9, frameon=False)
-    figure.savefig(stream, format=kind)
+    save(figure, stream, kind)
 
 
 def _named(signal: Signal) -> str:

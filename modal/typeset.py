@@ -60,7 +60,7 @@ def _readable(words: str) -> str:
 
 
 def _latex(title: str, sections: list[Section]) -> str:
-    lines = [rf"\section*{{{_escaped(title)}}}"]
+    lines = [rf"\section*{{{_literal(title)}}}"]
     for section in sections:
         lines += [rf"\subsection*{{{_escaped(section.title)}}}"]
         for words, formula in section.lines:
@@ -120,10 +120,15 @@ _SPECIAL = {
 }
 
 
+def _literal(words: str) -> str:
+    """For LaTeX text, letter by letter."""
+    return "".join(_SPECIAL.get(letter, letter) for letter in words)
+
+
 def _escaped(words: str) -> str:
     """For LaTeX text: named symbols as mathematics, everything else letter by letter."""
     parts = re.split(r"(\$[^$]*\$)", _inline(words))
-    return "".join(part if part.startswith("$") else "".join(_SPECIAL.get(c, c) for c in part) for part in parts)
+    return "".join(part if part.startswith("$") else _literal(part) for part in parts)
 
 
 _DRESSES: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}

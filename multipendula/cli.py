@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from io import TextIOWrapper
 
-from multipendula import commands
+from multipendula import commands, models
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
@@ -162,7 +162,7 @@ def _derivations(command: Add) -> None:
 
 
 def _models(command: Add) -> None:
-    add = command(commands.export, "export", "export crane-hook --to mat --discrete 0.01 -o crane.mat")
+    add = command(models.export, "export", "export crane-hook --to mat --discrete 0.01 -o crane.mat")
     _signals(add)
     formats = "control, mat, m, json, npz, csv, c, fmu or modelica"
     add.add_argument("--to", required=True, metavar="FORMAT", help=formats)
@@ -172,16 +172,16 @@ def _models(command: Add) -> None:
     smaller.add_argument("--minimal", action="store_true", help="without what no input reaches or no output sees")
     smaller.add_argument("--modes", metavar="K", type=_count, help="only the K modes that contribute most")
 
-    add = command(commands.gains, "gains", "gains crane-two-loads --output cart_position")
+    add = command(models.gains, "gains", "gains crane-two-loads --output cart_position")
     _signals(add)
 
-    add = command(commands.response, "response", "response crane-hook -o bode.png")
+    add = command(models.response, "response", "response crane-hook -o bode.png")
     _signals(add)
     add.add_argument("-o", dest="file", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
     add.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
     add.add_argument("--impulse", action="store_true", help="the impulse response instead of the Bode plot")
 
-    add = command(commands.shaper, "shaper", "shaper crane-hook --kind zvd --count 2")
+    add = command(models.shaper, "shaper", "shaper crane-hook --kind zvd --count 2")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--kind", choices=("zv", "zvd"), default="zv", help="zvd bears more error in the frequencies")
     add.add_argument("--count", metavar="K", type=_count, default=1, help="for the K slowest modes (default 1)")

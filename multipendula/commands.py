@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from modal.mode import Mode
     from modal.modes import Modes
-    from modal.statespace import StateSpace
 
 LONG_TABLE = 2000
 
@@ -56,7 +55,7 @@ def shapes(options: argparse.Namespace) -> None:
     """Draw the mode shapes."""
     from modal.files import whole_file
 
-    form = _picture(options.output)
+    form = picture(options.output)
     modes, numbers = _modes(options)
     from modal.figures import MOST_PANELS, draw_shapes
 
@@ -85,7 +84,7 @@ def derive(options: argparse.Namespace) -> None:
     from modal import catalogue, derivation, targets, typeset
     from modal.errors import SceneError
 
-    show, symbols, ways = (_listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
+    show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
     if unknown := [word for word in show if word not in derivation.SECTIONS]:
         raise SceneError([f"--show {word}: must be one of {', '.join(derivation.SECTIONS)}" for word in unknown])
     if options.target.startswith("paper:"):
@@ -98,68 +97,6 @@ def derive(options: argparse.Namespace) -> None:
         sections = list(derivation.derivation(system, show or derivation.SECTIONS, scene))
     with _output(options.output) as write:
         write(typeset.typeset(title, sections, options.format))
-
-
-def export(options: argparse.Namespace) -> None:
-    """Write a named state-space model for a control program, a simulator or a controller."""
-    from modal.exports import format_named
-    from modal.files import whole_file
-
-    target = format_named(options.to)
-    model = _model(options)
-    if options.discrete:
-        from modal.exports.discrete import sampled
-
-        model = sampled(model, options.discrete)
-    content = target.write(model)
-    with whole_file(options.file) as stream:
-        stream.write(content)
-    if note := target.note(content):
-        print(f"multipendula: {note}", file=sys.stderr)
-
-
-def gains(options: argparse.Namespace) -> None:
-    """Say how well each mode is reached by every input and seen by every output."""
-    from modal.files import load
-    from modal.gains import modal_gains
-    from modal.modes import natural_modes
-
-    found = modal_gains(natural_modes(load(options.scene)), _model(options))
-    print(found.text())
-
-
-def response(options: argparse.Namespace) -> None:
-    """Draw a Bode plot or an impulse response, with the modes marked."""
-    from modal.errors import SceneError
-    from modal.files import load, whole_file
-    from modal.modal_form import modal_form
-    from modal.modes import natural_modes
-    from modal.response_figures import draw_bode, draw_impulse
-
-    kind = _picture(options.file)
-    model = _model(options)
-    names = [signal.name for signal in model.inputs]
-    source = options.source or names[0]
-    if source not in names:
-        raise SceneError([f"--from {source}: must be one of {', '.join(names)}"])
-    form = modal_form(natural_modes(load(options.scene)), model)
-    draw = draw_impulse if options.impulse else draw_bode
-    with whole_file(options.file) as stream:
-        draw(form, stream, source=names.index(source), kind=kind)
-
-
-def shaper(options: argparse.Namespace) -> None:
-    """Print an input shaper that leaves the slowest modes of a crane at rest."""
-    from modal.files import load
-    from modal.shapers import shaper_for, swings_of
-
-    scene = load(options.scene)
-    found = shaper_for(scene, options.count, options.kind, options.drive)
-    for number, swing in enumerate(swings_of(scene, options.drive)[: options.count], 1):
-        print(f"mode {number}: {swing.omega:.9g} rad/s, damping ratio {swing.zeta:.4g}")
-    print("time_s,amplitude")
-    for time, amplitude in zip(found.times, found.amplitudes, strict=True):
-        print(f"{float(time)!r},{float(amplitude)!r}")
 
 
 def enclose(options: argparse.Namespace) -> None:
@@ -176,28 +113,12 @@ def enclose(options: argparse.Namespace) -> None:
 # -------------------------------------------------------------------------------------------------- helpers
 
 
-def _listed(text: str | None) -> tuple[str, ...]:
+def listed(text: str | None) -> tuple[str, ...]:
+    """The words of a list with commas."""
     return tuple(word.strip() for word in text.split(",")) if text else ()
 
 
-def _model(options: argparse.Namespace) -> StateSpace:
-    """The model that --input, --output, --minimal and --modes ask for."""
-    from modal.files import load
-    from modal.statespace import state_space
-
-    scene, inputs, outputs = load(options.scene), _listed(options.input), _listed(options.output)
-    count = getattr(options, "modes", None)
-    if not getattr(options, "minimal", False) and count is None:
-        return state_space(scene, inputs, outputs)
-    from modal.modes import natural_modes
-    from modal.reduction import minimal, truncated
-
-    if count is None:
-        return minimal(scene, inputs, outputs)
-    return truncated(natural_modes(scene), state_space(scene, inputs, outputs), count)
-
-
-def _picture(name: str) -> str:
+def picture(name: str) -> str:
     """The kind of picture that a file name asks for."""
     from modal.errors import SceneError
 

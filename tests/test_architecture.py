@@ -17,7 +17,7 @@ SYMPY = "lagrange lagrangian kinetic symbolic polynomial_roots eigen_polynomials
 SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
-    "matplotlib": {"modal.figures", "modal.response_figures"},
+    "matplotlib": {"modal.pictures", "modal.figures", "modal.response_figures"},
     "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"},
     "sympy": {f"modal.{name}" for name in SYMPY.split()},
     "control": {"modal.exports.control_"},

@@ -336,6 +336,7 @@ def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Pa
     path = tmp_path / "scene.toml"
     path.write_text(f'title = "{title}"\n' + (shipped_text("chain-2").partition("\n")[2]), encoding="utf-8")
     assert printed(capsys, "shapes", str(path), "-o", str(tmp_path / "s.png")) == ""
+    assert printed(capsys, "response", str(path), "-o", str(tmp_path / "r.png")) == ""
 
 
 @pytest.mark.parametrize(

@@ -186,3 +186,13 @@ def test_enclosures_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> N
     lines = printed(capsys, "enclose", "paper-cart-2", "--digits", "40").splitlines()
     assert len(lines) == 5
     assert lines[2].startswith("2.717549117981582332181690721862")
+
+
+def test_a_title_stays_as_it_is(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "odd.toml"
+    path.write_text(
+        "title = 'cost $5_a & 50% x_1'\ngravity = 9.81\n[[pendulum]]\n"
+        "links = [{ kind = 'bob', mass = 1, length = 1 }]\n"
+    )
+    first = printed(capsys, "derive", str(path), "--format", "latex").splitlines()[0]
+    assert first == r"\section*{cost \$5\_a \& 50\% x\_1}"
