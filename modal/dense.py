@@ -72,7 +72,8 @@ def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
     x = np.where(x == 0, np.finfo(float).tiny, x)
     largest = max(np.abs(x).max(initial=0.0), (terms[len(M) - len(inertia) :] * scale**2).max(initial=0.0))
     error = 2 * len(M) * EPS * sensitivity * lost * largest / np.abs(x)
-    return Eigen(np.sqrt(-x.astype(np.complex128)), _with_cart(M, shape, free), error)
+    value = np.sqrt(np.abs(x)) * np.where(x < 0, 1.0, 1j)
+    return Eigen(value, _with_cart(M, shape, free), error)
 
 
 def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> Eigen:

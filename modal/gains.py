@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modal_form import Complexes, ModalForm, modal_form
+from modal.mode import UNCERTAIN
 from modal.modes import Modes
 from modal.rig import Floats, Ints
 from modal.signals import Signal
@@ -45,12 +46,12 @@ class Side:
         """(R, m): of an input 1/√kg per N, 1/(√kg m) per N m; of an output in its unit per √kg m of the mode."""
         return np.array([np.linalg.norm(part, axis=0) for part in self.parts])
 
-    @property
+    @cached_property
     def relative(self) -> Floats:
         """(R, m): the gain over the largest of its column, 1 for the mode that this signal knows best."""
         return self.gain / self._largest
 
-    @property
+    @cached_property
     def copies(self) -> Ints:
         """(R,): how many independent copies of each mode these signals reach or see together, however weakly."""
         return self._above(0.0)
@@ -69,10 +70,11 @@ class Side:
         return tuple(np.flatnonzero(self._above(threshold) < present).tolist())
 
     def _above(self, threshold: float) -> Ints:
-        rows = (np.linalg.svd(part / self._largest, compute_uv=False) > max(threshold, NOISE) for part in self.parts)
+        largest = self._largest
+        rows = (np.linalg.svd(part / largest, compute_uv=False) > max(threshold, NOISE) for part in self.parts)
         return np.array([np.count_nonzero(row) for row in rows])
 
-    @property
+    @cached_property
     def _largest(self) -> Floats:
         largest = self.gain.max(0)
         return np.where(largest > 0, largest, 1.0)
@@ -109,17 +111,27 @@ class Gains:
                     }
 
     def text(self) -> str:
-        """Two grids, inputs above outputs: words, and gains relative to the mode that each signal knows best."""
+        """Two grids, inputs above outputs: words, and gains relative to the mode that each signal knows best.
+
+        `fold` counts the copies that the model holds: in space those along the rail.
+        """
         return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
+
+    def _rate(self, number: int) -> str:
+        """ω, or how fast a mode that does not swing grows or decays (1/s); nothing where no digit is certain."""
+        value = self.modes.eigenvalue[number]
+        if self.modes.error[number] >= UNCERTAIN:
+            return "–"
+        if value.imag > 0 or value == 0:
+            return f"{abs(value):.6g}"
+        return f"{'grows' if value.real > 0 else 'decays'} {abs(value):.6g} 1/s"
 
     def _grid(self, side: Side) -> str:
         lines = [["mode", "ω (rad/s)", "fold", side.verb, *(signal.name for signal in side.signals)]]
         for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
             cells = (f"{w} {share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
-            fold = int(self.modes.multiplicity[number])
-            lines.append(
-                [f"{number + 1}", f"{self.modes.omega[number]:.6g}", f"{fold}", f"{side.copies[number]}", *cells]
-            )
+            fold = len(side.parts[number])
+            lines.append([f"{number + 1}", self._rate(number), f"{fold}", f"{side.copies[number]}", *cells])
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         padded = ([cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines)
         return "\n".join("  ".join(line) for line in padded)

@@ -70,7 +70,7 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
         raise SceneError([f"--input {name}: tells equal pendula apart, so they do not fold" for name in inside])
     model = _read_off_the_first(fold, model)
     form = modal_form(natural_modes(fold.scene), model)
-    blocks = essential(form)
+    blocks = [_rate_alone(form, block) for block in essential(form)]
     whole = sum(len(block.A) for block in blocks) == len(model.A)
     return model if whole else assembled(form, blocks, model.D)
 
@@ -88,6 +88,14 @@ def assembled(form: ModalForm, blocks: Sequence[Block], D: Floats) -> StateSpace
     A = block_diagonal([block.A for block in blocks])
     states = tuple(state for block in blocks for state in block.states)
     return replace(form.model, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
+
+
+def _rate_alone(form: ModalForm, block: Block) -> Block:
+    """Of a translation at constant speed whose position no output sees, the speed."""
+    translation = np.array_equal(block.A, [[0.0, 1.0], [0.0, 0.0]])
+    if not translation or without_noise(block.right.T, form.model.C.T)[0].any():
+        return block
+    return block._replace(A=np.zeros((1, 1)), right=block.right[:, 1:], left=block.left[1:], states=block.states[1:])
 
 
 def _heavier(pendulum: Pendulum, count: int) -> Pendulum:

@@ -15,6 +15,7 @@ from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 
 from modal.errors import ComputationError
 from modal.modal_form import Complexes, ModalForm
+from modal.mode import UNCERTAIN
 from modal.pictures import save
 from modal.response import frequency_response, impulse_response
 from modal.rig import Floats
@@ -103,12 +104,13 @@ def draw_impulse(
 def _shown(form: ModalForm, outputs: Sequence[int]) -> list[int]:
     shown = list(outputs) or list(range(len(form.model.outputs)))
     if len(shown) > MOST_CURVES:
-        raise ComputationError(f"{len(shown)} outputs do not fit one picture: choose at most {MOST_CURVES}")
+        raise ComputationError(f"{len(shown)} outputs do not fit a picture: choose at most {MOST_CURVES} (--of names)")
     return shown
 
 
 def _moving(form: ModalForm) -> Floats:
-    omega: Floats = form.modes.omega[form.modes.omega > 0]
+    certain = (form.modes.omega > 0) & (form.modes.error < UNCERTAIN)
+    omega: Floats = form.modes.omega[certain]
     return omega if omega.size else np.ones(1)
 
 

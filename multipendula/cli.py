@@ -179,6 +179,7 @@ def _models(command: Add) -> None:
     _signals(add)
     add.add_argument("-o", dest="file", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
     add.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
+    add.add_argument("--of", metavar="NAMES", help="which single outputs (default: all)")
     add.add_argument("--impulse", action="store_true", help="the impulse response instead of the Bode plot")
 
     add = command(models.shaper, "shaper", "shaper crane-hook --kind zvd --count 2")

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from multipendula.commands import listed, picture
 
 if TYPE_CHECKING:
+    from modal.scene import Scene
     from modal.statespace import StateSpace
 
 
@@ -18,7 +19,7 @@ def export(options: argparse.Namespace) -> None:
     from modal.files import whole_file
 
     target = format_named(options.to)
-    model = _model(options)
+    model = _model(_scene(options), options)
     if options.discrete:
         from modal.exports.discrete import sampled
 
@@ -32,32 +33,33 @@ def export(options: argparse.Namespace) -> None:
 
 def gains(options: argparse.Namespace) -> None:
     """Say how well each mode is reached by every input and seen by every output."""
-    from modal.files import load
     from modal.gains import modal_gains
     from modal.modes import natural_modes
 
-    found = modal_gains(natural_modes(load(options.scene)), _model(options))
-    print(found.text())
+    scene = _scene(options)
+    print(modal_gains(natural_modes(scene), _model(scene, options)).text())
 
 
 def response(options: argparse.Namespace) -> None:
     """Draw a Bode plot or an impulse response, with the modes marked."""
     from modal.errors import SceneError
-    from modal.files import load, whole_file
+    from modal.files import whole_file
     from modal.modal_form import modal_form
     from modal.modes import natural_modes
     from modal.response_figures import draw_bode, draw_impulse
 
-    kind = picture(options.file)
-    model = _model(options)
-    names = [signal.name for signal in model.inputs]
-    source = options.source or names[0]
-    if source not in names:
-        raise SceneError([f"--from {source}: must be one of {', '.join(names)}"])
-    form = modal_form(natural_modes(load(options.scene)), model)
+    kind, scene = picture(options.file), _scene(options)
+    model = _model(scene, options)
+    inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
+    source, shown = options.source or inputs[0], listed(options.of)
+    problems = [f"--from {source}: must be one of {', '.join(inputs)}"] if source not in inputs else []
+    problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
+    if problems:
+        raise SceneError(problems)
+    form = modal_form(natural_modes(scene), model)
     draw = draw_impulse if options.impulse else draw_bode
     with whole_file(options.file) as stream:
-        draw(form, stream, source=names.index(source), kind=kind)
+        draw(form, stream, source=inputs.index(source), outputs=[outputs.index(name) for name in shown], kind=kind)
 
 
 def shaper(options: argparse.Namespace) -> None:
@@ -74,12 +76,17 @@ def shaper(options: argparse.Namespace) -> None:
         print(f"{float(time)!r},{float(amplitude)!r}")
 
 
-def _model(options: argparse.Namespace) -> StateSpace:
-    """The model that --input, --output, --minimal and --modes ask for."""
+def _scene(options: argparse.Namespace) -> Scene:
     from modal.files import load
+
+    return load(options.scene)
+
+
+def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
+    """The model that --input, --output, --minimal and --modes ask for."""
     from modal.statespace import state_space
 
-    scene, inputs, outputs = load(options.scene), listed(options.input), listed(options.output)
+    inputs, outputs = listed(options.input), listed(options.output)
     count = getattr(options, "modes", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)

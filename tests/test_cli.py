@@ -418,3 +418,39 @@ def test_a_shaper_sums_to_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert len(rows) == 9
     assert sum(float(amplitude) for _, amplitude in rows) == pytest.approx(1, rel=1e-14)
     assert "makes 2 modes swing" in refused(capsys, 1, "shaper", "crane-hook", "--count", "3")
+
+
+@pytest.mark.parametrize(
+    "command", [["gains", "-"], ["shaper", "-"], ["table", "-"], ["derive", "-", "--show", "modes"]]
+)
+def test_every_command_reads_standard_input(command: list[str]) -> None:
+    done = run(*command, input=shipped_text("crane-hook"))
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_single_outputs_are_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "one.png"
+    assert printed(capsys, "response", "crane-hook", "--of", "theta_1_2,x", "-o", str(path)) == ""
+    assert "--of tip: must be one of" in refused(capsys, 2, "response", "crane-hook", "--of", "tip", "-o", str(path))
+
+
+def test_a_model_without_a_swing_can_be_truncated(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "cart.json"
+    words = ("--input", "cart_acceleration", "--output", "cart_position", "--modes", "1")
+    printed(capsys, "export", "crane-hook", "--to", "json", *words, "-o", str(path))
+    assert len(strict(path.read_text(encoding="utf-8"))["states"]) == 2
+
+
+def test_an_unseen_position_leaves_the_minimal_model(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "speed.json"
+    for drive, states in (("cart_force", 5), ("cart_acceleration", 1)):
+        words = ("--minimal", "--input", drive, "--output", "cart_velocity")
+        printed(capsys, "export", "crane-two-loads", "--to", "json", *words, "-o", str(path))
+        assert len(strict(path.read_text(encoding="utf-8"))["states"]) == states
+
+
+def test_gains_say_what_grows(capsys: pytest.CaptureFixture[str]) -> None:
+    upright = printed(capsys, "gains", "cart-upright")
+    assert "grows 4.81261 1/s" in upright
+    assert "decays" not in upright
+    assert [line.split()[2] for line in printed(capsys, "gains", "chain-spatial").splitlines()[1:4]] == ["1"] * 3

@@ -19,7 +19,7 @@ import pytest
 from exported import DT, SCENES, assert_close, assert_matrices, assert_poles, held_inputs, model_of, names
 from numpy.typing import NDArray
 
-from modal import SceneError, load
+from modal import SceneError, load, natural_modes
 from modal.exports import FORMATS, fmu
 from modal.exports.control_ import to_control
 from modal.exports.discrete import reach, sampled
@@ -324,3 +324,16 @@ def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) 
         found.append(np.array(list(map(float.fromhex, numbers))).reshape(matrix.shape))
     assert_matrices(model, found)
     assert_poles(found[0], load("crane-hook"))
+
+
+def test_units_outside_the_grammar_are_left_out() -> None:
+    """Modal coordinates have units with roots, which neither Modelica nor FMI can write."""
+    from modal.exports.modelica import write_modelica
+    from modal.reduction import truncated
+
+    scene = load("crane-hook")
+    model = truncated(natural_modes(scene), state_space(scene), 1)
+    assert any("(" in state.unit for state in model.states)
+    assert "kg(" not in write_modelica(model).decode()
+    with ZipFile(BytesIO(FORMATS["fmu"].write(model))) as packed:
+        assert b"kg(" not in packed.read("modelDescription.xml")

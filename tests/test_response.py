@@ -117,5 +117,5 @@ def test_pictures_are_drawn(scene: Scene) -> None:
         draw(form, stream, outputs=[0, 1])
         assert stream.getvalue().startswith(b"\x89PNG")
         assert len(stream.getvalue()) > 20_000
-    with pytest.raises(ComputationError, match="do not fit one picture"):
+    with pytest.raises(ComputationError, match="do not fit a picture"):
         draw_bode(form, io.BytesIO(), outputs=[0] * 19)

@@ -117,6 +117,7 @@ def test_modes_about_any_rest(seed: int) -> None:
     )
     for value, fold in zip(modes.eigenvalue, modes.multiplicity, strict=True):
         assert np.sum(np.abs(values - value) < 1e-6 * (1 + abs(value))) >= fold or value == 0
+    assert np.all(modes.eigenvalue.imag >= 0)
     growing = np.sum(modes.multiplicity[modes.eigenvalue.real > 1e-9])
     assert growing == np.sum(np.linalg.eigvalsh(found.K) < -1e-12)
     assert all(row.residual < 1e-11 for row in modes)

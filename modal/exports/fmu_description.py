@@ -89,7 +89,7 @@ def _interface(root: ET.Element, model: StateSpace, source: str) -> None:
 
 
 def _units(root: ET.Element, named: list[Variable]) -> None:
-    used = dict.fromkeys(unit(variable.signal) for variable in named)
+    used = dict.fromkeys(name for variable in named if (name := unit(variable.signal)))
     if not used:
         return
     definitions = ET.SubElement(root, "UnitDefinitions")
@@ -103,7 +103,8 @@ def _variable(variable: Variable, reference: int) -> ET.Element:
     what = {"name": variable.name, "valueReference": str(reference), "description": one_line(variable.signal.meaning)}
     element = ET.Element("ScalarVariable", {**what, **ROLES[variable.role]})
     start = {} if variable.role == "output" else {"start": "0"}
-    ET.SubElement(element, "Real", {"unit": unit(variable.signal), **start})
+    given = {"unit": name} if (name := unit(variable.signal)) else {}
+    ET.SubElement(element, "Real", {**given, **start})
     return element
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from io import BytesIO
 from typing import Any
+from unicodedata import normalize
 
 import numpy as np
 from scipy.io import savemat  # type: ignore[import-untyped]
@@ -20,7 +21,7 @@ def write_mat(model: StateSpace) -> bytes:
 
     `operating_point` is a structure of `names` and `values` in rad.
     """
-    content: dict[str, Any] = {**dict(matrices(model)), "dt": model.dt, "title": model.title}
+    content: dict[str, Any] = {**dict(matrices(model)), "dt": model.dt, **_titles(model.title)}
     for kind, signals in (("state", model.states), ("input", model.inputs), ("output", model.outputs)):
         for field in ("name", "unit", "meaning"):
             content[f"{kind}_{field}s"] = _cells(getattr(signal, field) for signal in signals)
@@ -31,6 +32,12 @@ def write_mat(model: StateSpace) -> bytes:
     stream = BytesIO()
     savemat(stream, content, do_compression=True)
     return LABEL + stream.getvalue()[len(LABEL) :]
+
+
+def _titles(title: str) -> dict[str, Any]:
+    """Octave counts a text's length in bytes, so `title` is plain ASCII; the bytes of UTF-8 have every letter."""
+    plain = normalize("NFKD", title).encode("ascii", "ignore").decode()
+    return {"title": plain, "title_utf8": np.frombuffer(title.encode(), dtype=np.uint8)}
 
 
 def _cells(words: Iterable[str]) -> Any:

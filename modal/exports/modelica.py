@@ -35,12 +35,12 @@ def write_modelica(model: StateSpace) -> bytes:
 
 
 def unit(signal: Signal) -> str:
-    """The unit as Modelica and FMI write it.
+    """The unit as Modelica and FMI write it, nothing where their grammar has none.
 
     >>> unit(Signal("a", "m/s^2", "")), unit(Signal("b", "N m", ""))
     ('m/s2', 'N.m')
     """
-    return signal.unit.replace(" ", ".").replace("^", "")
+    return "" if "(" in signal.unit else signal.unit.replace(" ", ".").replace("^", "")
 
 
 def _lines(model: StateSpace) -> Iterator[str]:
@@ -65,7 +65,8 @@ def _lines(model: StateSpace) -> Iterator[str]:
 
 def _declared(what: str, words: Sequence[str], signals: Sequence[Signal], value: str = "") -> Iterator[str]:
     for word, signal in zip(words, signals, strict=True):
-        yield f"  {what} {word}(unit = {_quoted(unit(signal))}){value} {_quoted(one_line(signal.meaning))};"
+        given = f"(unit = {_quoted(unit(signal))})" if unit(signal) else ""
+        yield f"  {what} {word}{given}{value} {_quoted(one_line(signal.meaning))};"
 
 
 def _vectors(model: StateSpace, inputs: Sequence[str], starts: Sequence[str]) -> Iterator[str]:
