@@ -107,7 +107,7 @@ def constants(chain: Links, gravity: float) -> list[pair.Constants]:
     mass, length = [arb(link.mass) for link in chain], [arb(link.length) for link in chain]
     centre = [arb(link.centre) for link in chain]
     inertia = [
-        m * l * l / 12 if link.kind == "rod" else arb(link.inertia)
+        pair.proportions(link.kind, m, l)[1] if link.kind == "rod" else arb(link.inertia)
         for link, m, l in zip(chain, mass, length, strict=True)
     ]
     return pair.constants(mass, length, centre, inertia, arb(gravity))

@@ -78,7 +78,7 @@ class FromMatrices:
         return self.cart is not None and bare_mass(self.blocks, self.cart) == 0
 
     @cached_property
-    def bare_mobility(self) -> float:
+    def bare_accelerance(self) -> float:
         """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx, where M is singular from the modes themselves."""
         if self.cart is None:
             return 1.0
@@ -131,7 +131,7 @@ class FromMatrices:
             return np.zeros(len(value))
         M, _, D = self.matrices
         slope = np.einsum("ir,ijr,jr->r", shape, 2 * value * M[:, :, None] + D[:, :, None], shape)
-        residue: Floats = (value * shape[0] ** 2 / slope).real / self.bare_mobility
+        residue: Floats = (value * shape[0] ** 2 / slope).real / self.bare_accelerance
         return np.where((value.imag > 0) | (not self.is_damped), 2 * residue, residue)
 
     def _kappa(self, shape: Numbers, value: NDArray[np.complex128]) -> Floats:

@@ -178,10 +178,9 @@ class Modes(Sequence[Mode]):
             return "rigid translation"
         details, at = head.details, head.at
         still = head.part.still or details.cart[at] == 0
-        balanced = "antiphase" if self.on_cart else ""
-        folds = {"": 0, balanced: 0, "across the rail" if self.on_cart else "": 0}
+        folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
         for part in self.spectrum.groups[number]:
-            folds[balanced if part.still else ""] += part.along
+            folds["antiphase" if part.still and self.on_cart else ""] += part.along
             folds["across the rail" if self.on_cart else ""] += part.across
         if head.part.still:
             words = self._whose(number, head.part)
@@ -229,7 +228,7 @@ class Modes(Sequence[Mode]):
 
 
 def natural_modes(scene: Scene) -> Modes:
-    """All modes of a scene about its hanging rest.
+    """All modes of a scene about its rest: hanging, or as `equilibrium` says.
 
     Raises ComputationError where double precision or memory cannot give them.  Methods and their sources stand in
     the modules that `modal.routes` chooses from.

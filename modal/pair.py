@@ -17,6 +17,11 @@ from numpy.typing import NDArray
 Scalars = Sequence[Any] | NDArray[Any]
 
 
+def proportions(kind: str, m: Any, l: Any) -> tuple[Any, Any]:
+    """Centre and moment of inertia of a bob (c = l, I = 0) or a uniform rod (c = l/2, I = m l²/12)."""
+    return (l, 0 * m) if kind == "bob" else (l / 2, m * l**2 / 12)
+
+
 def masses_below(mass: Scalars) -> list[Any]:
     """Σ_{k>i} m_k for every link i (kg)."""
     below = [0 * mass[-1]]
@@ -81,3 +86,8 @@ def constants(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars,
             )
         )
     return found
+
+
+def standing(links: Sequence[Constants], sigma: Scalars) -> list[Constants]:
+    """In the coordinates σ_i θ_i a link that stands (σ_i = −1) has −k for k, and all else is as if it hung."""
+    return [link._replace(k=sign * link.k) for link, sign in zip(links, sigma, strict=True)]

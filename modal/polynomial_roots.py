@@ -72,7 +72,8 @@ def symbolic(
     (12) to (14) of paper 001.
     """
     m, l = ([sp.Symbol(f"{name}_{i + 1}", positive=True) for i in range(n)] for name in "ml")
-    kind_of_chain = Kind((m, l, *_shapes(kind, m, l)), (1,) * n, count)
+    centre, inertia = zip(*map(pair.proportions, [kind] * n, m, l), strict=True)
+    kind_of_chain = Kind((m, l, centre, inertia), (1,) * n, count)
     mass = sp.Symbol("m_c", positive=True) if cart else None
     return of_kinds([kind_of_chain], sp.Symbol("g", positive=True), cart=mass, variable=variable)
 
@@ -107,15 +108,8 @@ def of_kinds(kinds: Sequence[Kind], gravity: Any, *, cart: Any = None, variable:
 def _recursion(kind: Kind, field: FracField, gravity: Any) -> tuple[list[Any], list[Any]]:
     mass, length, centre, inertia = ([field.from_expr(sp.sympify(v)) for v in row] for row in kind.geometry)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
-    d, N = eliminated([c._replace(k=sign * c.k) for c, sign in zip(hanging, kind.sigma, strict=True)], _cleared)
+    d, N = eliminated(pair.standing(hanging, kind.sigma), _cleared)
     return [field(c) for c in d], [field(c) for c in N]
-
-
-def _shapes(kind: str, mass: Sequence[Any], length: Sequence[Any]) -> tuple[list[Any], list[Any]]:
-    """Centres and moments of inertia of bobs or rods."""
-    if kind == "bob":
-        return list(length), [0 * m for m in mass]
-    return [l / 2 for l in length], [m * l * l / 12 for m, l in zip(mass, length, strict=True)]
 
 
 def _cleared(values: list[Any]) -> list[Any]:

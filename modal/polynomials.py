@@ -150,7 +150,7 @@ def exact_links(pendulum: Pendulum) -> Links:
         if link.kind == "body":
             c, I = exact(link.centre), exact(link.inertia)
         else:
-            c, I = (l, Fraction(0)) if link.kind == "bob" else (l / 2, m * l * l / 12)
+            c, I = pair.proportions(link.kind, m, l)
         rows += [(m, l, c, I, stiffness)] * link.count
     sigma = (Fraction(1 if way == "down" else -1) for way in pendulum.ways)
     return tuple((*row, sign) for row, sign in zip(rows, sigma, strict=True))
@@ -174,7 +174,7 @@ def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
     if any(stiffness):
         return sampled((mass, length, centre, inertia), stiffness, sigma, gravity)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
-    return eliminated([c._replace(k=sign * c.k) for c, sign in zip(hanging, sigma, strict=True)], integers)
+    return eliminated(pair.standing(hanging, sigma), integers)
 
 
 def _moving(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[Factor]:

@@ -19,7 +19,7 @@ from modal.crowd import Counted, Crowd
 from modal.effective import CartProblem, bare_mass
 from modal.matrix_source import FromMatrices
 from modal.rig import Block, Booleans, CartNumbers, Floats, Ints, Rig
-from modal.sources import Alone, Rigid, Source, Together, bare_mobility
+from modal.sources import Alone, Rigid, Source, Together, bare_accelerance
 
 MOST_LINKS_TOGETHER = 600
 CLOSE = 1e-8
@@ -105,33 +105,33 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]
     counts = tuple(block.count for block in rig.blocks)
     needs_matrices = cart.damping > 0 or any(_is_dense(block).any() for block in rig.blocks)
     matrices = FromMatrices(heavy, counts, cart)
-    mobility = matrices.bare_mobility if needs_matrices else bare_mobility(heavy, cart)
+    accelerance = matrices.bare_accelerance if needs_matrices else bare_accelerance(heavy, cart)
     if cart.stiffness == 0:
-        yield _moving(Rigid(rig.blocks, rig.total_mass, mobility, dragged=cart.damping > 0))
+        yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged=cart.damping > 0))
     if needs_matrices:
         yield _moving(matrices)
     elif rig.n_kinds == 1:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), mobility))
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
     else:
         own = tuple(source.squares for source in alone)
-        yield from _different(heavy, counts, cart, own, mobility)
+        yield from _different(heavy, counts, cart, own, accelerance)
 
 
 def _different(
-    heavy: tuple[Block, ...], counts: tuple[Ints, ...], cart: CartNumbers, own: tuple[Floats, ...], mobility: float
+    heavy: tuple[Block, ...], counts: tuple[Ints, ...], cart: CartNumbers, own: tuple[Floats, ...], accelerance: float
 ) -> Iterator[Batch]:
     """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
     gathered = clusters(own)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
     if few and gathered.closest > CLOSE and not gathered.shared.size:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), mobility))
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
         return
     if gathered.shared.size:
         still = Still(heavy, gathered)
         first = np.cumsum(still.folds) - still.folds
-        yield Batch(Together(heavy, counts, still, mobility), first, still.folds, np.zeros_like(first), still=True)
+        yield Batch(Together(heavy, counts, still, accelerance), first, still.folds, np.zeros_like(first), still=True)
     problem = (Counted if few else Crowd)(heavy, cart, own, gathered)
-    yield _moving(Together(heavy, counts, problem, mobility))
+    yield _moving(Together(heavy, counts, problem, accelerance))
 
 
 def _moving(source: Source) -> Batch:

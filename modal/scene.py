@@ -14,6 +14,7 @@ from unicodedata import category
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
+from modal import pair
 from modal.errors import SceneError
 from modal.messages import problems_of
 from modal.validation import Checked, NonNegative, Positive, Real, insist
@@ -36,36 +37,32 @@ class Link(Checked):
     count: Count = 1
 
 
-class Bob(Link):
+class _Simple(Link):
+    """A link whose centre and inertia follow from its kind, mass and length."""
+
+    kind: str
+
+    @property
+    def centre(self) -> float:
+        """Distance (m) from the upper joint to the centre of mass."""
+        return float(pair.proportions(self.kind, self.mass, self.length)[0])
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia (kg m²) about the centre of mass."""
+        return float(pair.proportions(self.kind, self.mass, self.length)[1])
+
+
+class Bob(_Simple):
     """A point mass at the end of a massless rod: c = l, I = 0."""
 
     kind: Literal["bob"] = "bob"
 
-    @property
-    def centre(self) -> float:
-        """Distance (m) from the upper joint to the centre of mass."""
-        return self.length
 
-    @property
-    def inertia(self) -> float:
-        """Moment of inertia (kg m²) about the centre of mass."""
-        return 0.0
-
-
-class Rod(Link):
+class Rod(_Simple):
     """A uniform rod: c = l/2, I = m l²/12."""
 
     kind: Literal["rod"] = "rod"
-
-    @property
-    def centre(self) -> float:
-        """Distance (m) from the upper joint to the centre of mass."""
-        return self.length / 2
-
-    @property
-    def inertia(self) -> float:
-        """Moment of inertia (kg m²) about the centre of mass."""
-        return self.mass * self.length**2 / 12
 
 
 class Body(Link):

@@ -103,7 +103,7 @@ class Rigid:
 
     blocks: tuple[Block, ...]
     total_mass: float
-    bare_mobility: float
+    bare_accelerance: float
     dragged: bool
     route = "exact"
     eigenvalue = np.zeros(1, dtype=complex)
@@ -116,7 +116,7 @@ class Rigid:
             modal_mass=zero + self.total_mass,
             momentum=zero + (np.nan if self.dragged else self.total_mass),
             cart=zero + 1.0,
-            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.bare_mobility),
+            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.bare_accelerance),
             kappa=zero,
             residual=zero,
             angles=tuple(np.zeros((*b.mass.shape, len(rows))) for b in self.blocks),
@@ -162,7 +162,7 @@ class Together:
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
     problem: Problem
-    bare_mobility: float
+    bare_accelerance: float
 
     @property
     def route(self) -> str:
@@ -186,7 +186,7 @@ class Together:
         angles = tuple(a / b.length[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
         parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
         return _details(
-            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.bare_mobility
+            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.bare_accelerance
         )
 
 
@@ -196,13 +196,13 @@ def _details(
     angles: tuple[Floats, ...],
     gamma: Floats,
     energies: tuple[Floats, ...],
-    bare_mobility: float,
+    bare_accelerance: float,
 ) -> Details:
     return Details(
         modal_mass=motion.modal_mass,
         momentum=motion.momentum,
         cart=motion.cart,
-        participation=motion.cart**2 / motion.modal_mass / bare_mobility,
+        participation=motion.cart**2 / motion.modal_mass / bare_accelerance,
         kappa=coefficient(gamma, motion.modal_mass, x, largest_angle(angles)),
         residual=motion.residual,
         angles=angles,
@@ -210,7 +210,7 @@ def _details(
     )
 
 
-def bare_mobility(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
+def bare_accelerance(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
     alpha, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, blocks), strict=True))
     held = cart.stiffness + beta

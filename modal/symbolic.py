@@ -190,8 +190,7 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
     mass = tuple(_symbol(f"m_{i}") for i in range(1, n + 1)) if "masses" in symbolic else (_symbol("m"),) * n
     length = tuple(_symbol(f"l_{i}") for i in range(1, n + 1)) if "lengths" in symbolic else (_symbol("l"),) * n
     none = (sp.S.Zero,) * n
-    centre = length if kind == "bob" else tuple(l / 2 for l in length)
-    inertia = none if kind == "bob" else tuple(m * l**2 / 12 for m, l in zip(mass, length, strict=True))
+    centre, inertia = zip(*map(pair.proportions, (kind,) * n, mass, length), strict=True)
     return Chain(mass, length, centre, inertia, none, none, sigma or (1,) * n)
 
 
@@ -222,8 +221,7 @@ def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Cha
         if "lengths" in symbolic:
             length[i] = _symbol(f"l_{prefix}{i + 1}")
         if link.kind != "body":
-            centre[i] = length[i] if link.kind == "bob" else length[i] / 2
-            inertia[i] = sp.S.Zero if link.kind == "bob" else mass[i] * length[i] ** 2 / 12
+            centre[i], inertia[i] = pair.proportions(link.kind, mass[i], length[i])
     damping = [exact(link.damping) for link in written]
     columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))

@@ -87,7 +87,7 @@ def _display(formula: Any) -> str:
         left, right = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
         if isinstance(right, sp.Add) and len(_tex(right)) > WIDE:
             broken = str(sp.multiline_latex(left, right, TERMS, environment="align*"))
-            return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", broken)
+            return _with_commas(broken)
     return f"\\begin{{equation*}}\n{_tex(formula)}\n\\end{{equation*}}"
 
 
@@ -99,8 +99,12 @@ def _inline(words: str) -> str:
 
 
 def _tex(formula: Any) -> str:
+    return _with_commas(str(sp.latex(formula)))
+
+
+def _with_commas(latex: str) -> str:
     """SymPy's LaTeX with commas between the two numbers of an index."""
-    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", str(sp.latex(formula)))
+    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", latex)
 
 
 _LETTERS = {"θ": r"\theta", "φ": r"\phi", "λ": r"\lambda", "ω": r"\omega", "σ": r"\sigma", "Δ": r"\Delta"}

@@ -61,20 +61,31 @@ def _named(error: OSError) -> str:
     return f" {error.filename}" if error.filename else ""
 
 
-def _digits(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and len(text) < 5 and 1 <= int(text) <= 1000):
-        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 1000")
-    return int(text)
+def _number(words: str, most: float = sys.float_info.max) -> Callable[[str], float]:
+    """A converter of numbers above 0, `words` saying which."""
+
+    def converted(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not 0 < value <= most:
+            raise argparse.ArgumentTypeError(f"{text}: must be a number of {words}")
+        return value
+
+    return converted
 
 
-def _amplitude(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0 < value <= 90:
-        raise argparse.ArgumentTypeError(f"{text}: must be a number of degrees above 0 and at most 90")
-    return value
+def _whole(most: int) -> Callable[[str], int]:
+    """A converter of whole numbers from 1."""
+
+    def converted(text: str) -> int:
+        digits = text.isascii() and text.isdigit() and len(text) <= len(str(most))
+        if not digits or not 1 <= int(text) <= most:
+            raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to {most}")
+        return int(text)
+
+    return converted
 
 
 def _signals(add: argparse.ArgumentParser) -> None:
@@ -94,22 +105,6 @@ def _signals(add: argparse.ArgumentParser) -> None:
     )
 
 
-def _count(text: str) -> int:
-    if not (text.isascii() and text.isdigit() and len(text) < 6 and int(text) >= 1):
-        raise argparse.ArgumentTypeError(f"{text}: must be a whole number from 1 to 99999")
-    return int(text)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text}: must be a number of seconds above 0")
-    return value
-
-
 Add = Callable[[Callable[[argparse.Namespace], None], str, str], argparse.ArgumentParser]
 
 
@@ -124,12 +119,17 @@ def _tables(command: Add) -> None:
     add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
     add.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
 
+    degrees = _number("degrees above 0 and at most 90", most=90)
     add = command(commands.shapes, "shapes", "shapes paper-cart-2 -o shapes.png")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
     add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
     add.add_argument(
-        "--amplitude", metavar="DEG", type=_amplitude, default=25.0, help="largest angle drawn (default 25)"
+        "--amplitude",
+        metavar="DEG",
+        type=degrees,
+        default=25.0,
+        help="largest angle drawn (default 25)",
     )
 
     add = command(commands.matrices, "matrices", "matrices chain-3")
@@ -157,20 +157,21 @@ def _derivations(command: Add) -> None:
 
     add = command(commands.enclose, "enclose", "enclose paper-cart-2 --digits 50")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
-    add.add_argument("--digits", metavar="N", type=_digits, default=30, help="relative width 10^-N (default 30)")
+    add.add_argument("--digits", metavar="N", type=_whole(1000), default=30, help="relative width 10^-N (default 30)")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
 
 
 def _models(command: Add) -> None:
+    seconds = _number("seconds above 0")
     add = command(models.export, "export", "export crane-hook --to mat --discrete 0.01 -o crane.mat")
     _signals(add)
     formats = "control, mat, m, json, npz, csv, c, fmu or modelica"
     add.add_argument("--to", required=True, metavar="FORMAT", help=formats)
     add.add_argument("-o", dest="file", metavar="FILE", required=True, help="the file to write")
-    add.add_argument("--discrete", metavar="SECONDS", type=_seconds, help="sample it, with inputs held in between")
+    add.add_argument("--discrete", metavar="SECONDS", type=seconds, help="sample it, with inputs held in between")
     smaller = add.add_mutually_exclusive_group()
     smaller.add_argument("--minimal", action="store_true", help="without what no input reaches or no output sees")
-    smaller.add_argument("--modes", metavar="K", type=_count, help="only the K modes that contribute most")
+    smaller.add_argument("--modes", metavar="K", type=_whole(99999), help="only the K modes that contribute most")
 
     add = command(models.gains, "gains", "gains crane-two-loads --output cart_position")
     _signals(add)
@@ -185,7 +186,7 @@ def _models(command: Add) -> None:
     add = command(models.shaper, "shaper", "shaper crane-hook --kind zvd --count 2")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--kind", choices=("zv", "zvd"), default="zv", help="zvd bears more error in the frequencies")
-    add.add_argument("--count", metavar="K", type=_count, default=1, help="for the K slowest modes (default 1)")
+    add.add_argument("--count", metavar="K", type=_whole(99999), default=1, help="for the K slowest modes (default 1)")
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
     add.add_argument("--drive", choices=drives, default=drives[0], help="what moves the cart")
 

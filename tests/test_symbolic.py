@@ -111,7 +111,7 @@ def test_modes_about_any_rest(seed: int) -> None:
     """Against the generalised companion pencil in SciPy: growth rates, decays and frequencies alike."""
     scene = random_scene(seed, joints=seed % 2 == 0)
     modes, found = natural_modes(scene), matrices(scene)
-    n, eye, zero = len(found.M), np.eye(len(found.M)), np.zeros_like(found.M)
+    eye, zero = np.eye(len(found.M)), np.zeros_like(found.M)
     values = scipy.linalg.eigvals(
         np.block([[zero, eye], [-found.K, -found.D]]), np.block([[eye, zero], [zero, found.M]])
     )
@@ -121,7 +121,6 @@ def test_modes_about_any_rest(seed: int) -> None:
     growing = np.sum(modes.multiplicity[modes.eigenvalue.real > 1e-9])
     assert growing == np.sum(np.linalg.eigvalsh(found.K) < -1e-12)
     assert all(row.residual < 1e-11 for row in modes)
-    assert n + (np.sum(modes.eigenvalue.imag == 0) and 0) <= modes.multiplicity.sum() + n
 
 
 def test_an_upright_rod_on_a_cart_grows_at_the_textbook_rate() -> None:

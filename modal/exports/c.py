@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from modal.errors import SceneError
 from modal.exports.c_text import c_comment, c_matrix
-from modal.exports.text import heading, joined, law, matrices, meaning, rest
+from modal.exports.text import heading, joined, matrices, meaning, preamble
 from modal.names import identifier, identifiers
 from modal.signals import Signal
 from modal.statespace import StateSpace
@@ -40,9 +40,7 @@ def write_c(model: StateSpace) -> bytes:
 
 def _lines(model: StateSpace, name: str) -> Iterator[str]:
     capitals = name.upper()
-    yield c_comment(heading(model))
-    yield c_comment(f"{law(model)}, in SI units, deviations from the rest")
-    yield from map(c_comment, rest(model))
+    yield from map(c_comment, preamble(model))
     yield from (f"#ifndef {capitals}_H", f"#define {capitals}_H", "")
     yield f"#define {capitals}_DT {model.dt!r}"
     for kind, signals in (("STATE", model.states), ("INPUT", model.inputs), ("OUTPUT", model.outputs)):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from modal.exports.text import digits, heading, joined, law, matrices, meaning, rest
+from modal.exports.text import digits, joined, matrices, meaning, preamble
 from modal.rig import Floats
 from modal.signals import Signal
 from modal.statespace import StateSpace
@@ -34,9 +34,7 @@ def write_m(model: StateSpace) -> bytes:
 
 
 def _lines(model: StateSpace) -> Iterator[str]:
-    yield f"% {heading(model)}"
-    yield f"% {law(model)}, in SI units, deviations from the rest"
-    yield from (f"% {line}" for line in rest(model))
+    yield from (f"% {line}" for line in preamble(model))
     yield f"dt = {model.dt!r};"
     for kind, signals in (("state", model.states), ("input", model.inputs), ("output", model.outputs)):
         yield from _names(kind, signals)

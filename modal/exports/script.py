@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 
-from modal.exports.text import digits, heading, joined, law, matrices, meaning, rest
+from modal.exports.text import digits, heading, joined, matrices, meaning, preamble
 from modal.names import identifier
 from modal.rig import Floats
 from modal.signals import Signal
@@ -18,9 +18,7 @@ def write_script(model: StateSpace) -> bytes:
 
 
 def _lines(model: StateSpace) -> Iterator[str]:
-    yield f"# {heading(model)}"
-    yield f"# {law(model)}, in SI units, deviations from the rest"
-    yield from (f"# {line}" for line in rest(model))
+    yield from (f"# {line}" for line in preamble(model))
     yield from ("", "import control", "import numpy as np", "")
     for name, signals in (("states", model.states), ("inputs", model.inputs), ("outputs", model.outputs)):
         yield from _names(name, signals)

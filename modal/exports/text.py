@@ -38,6 +38,11 @@ def rest(model: StateSpace) -> list[str]:
     return [f"{name} = {value!r} rad at rest" for name, value in model.operating_point]
 
 
+def preamble(model: StateSpace) -> list[str]:
+    """What a file says of itself at its top: title, equations, operating point."""
+    return [heading(model), f"{law(model)}, in SI units, deviations from the rest", *rest(model)]
+
+
 def matrices(model: StateSpace) -> tuple[tuple[str, Floats], ...]:
     """The four matrices by name."""
     return ("A", model.A), ("B", model.B), ("C", model.C), ("D", model.D)

@@ -16,7 +16,7 @@ from typing import Any
 import sympy as sp
 
 from modal.lagrange import Coordinate, coordinate, lagrange_equations
-from modal.pair import first_moments, inertia_matrix
+from modal.pair import first_moments, inertia_matrix, proportions
 from modal.papers import Equation, correct, equal
 
 PAPER = "001"
@@ -159,7 +159,7 @@ def eigen_equation(n: int) -> Equation:
 
 def pull_matrix(n: int, kind: str = "bob") -> Any:
     """A⁻¹ diag(b) of n equal links, θ'' = −g A⁻¹ diag(b) θ: tridiagonal for a `bob`, full for a `rod`."""
-    centre, inertia = (l, 0) if kind == "bob" else (l / 2, l**2 / 12)
+    centre, inertia = proportions(kind, sp.Integer(1), l)
     geometry = [sp.Integer(1)] * n, [l] * n, [centre] * n
     A = sp.Matrix(inertia_matrix(*geometry, [inertia] * n))
     return A.inv() * sp.diag(*first_moments(*geometry))
