@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable, Sequence
 from io import TextIOWrapper
 
-from multipendula import commands, models
+from multipendula import commands, models, motions
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
@@ -191,6 +191,26 @@ def _models(command: Add) -> None:
     add.add_argument("--drive", choices=drives, default=drives[0], help="what moves the cart")
 
 
+def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
+    """A scene or a saved run, and how it is to be simulated."""
+    seconds = _number("seconds above 0")
+    add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or a saved run (.npz or .csv), which goes on")
+    add.add_argument("--duration", metavar="SECONDS", type=seconds, default=duration, help=f"default {duration:g}")
+    add.add_argument("--start", metavar="WORDS", help="scene (default), mode:R:DEG or angles:A,B,... (deg, at rest)")
+    add.add_argument("--method", default="auto", metavar="NAME", help="auto, DOP853, RK45, RK23, Radau, BDF, LSODA, taylor")
+    add.add_argument("--form", default="auto", metavar="NAME", help="auto, minimal, maximal, hamiltonian or spatial")
+    add.add_argument(
+        "--tolerance", metavar="T", type=_number("1e-15 to 0.01", most=0.01), default=1e-9, help="default 1e-9"
+    )
+    add.add_argument("--samples", metavar="N", type=_whole(100_000_000), help="how many instants are kept")
+
+
+def _motions(command: Add) -> None:
+    add = command(motions.simulate, "simulate", "simulate paper-cart-3 --duration 60 -o run.npz")
+    _run_of(add, 60.0)
+    add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="multipendula",
@@ -206,7 +226,7 @@ def _parser() -> argparse.ArgumentParser:
         made.set_defaults(run=run)
         return made
 
-    for group in (_tables, _derivations, _models):
+    for group in (_tables, _derivations, _models, _motions):
         group(command)
     return parser
 

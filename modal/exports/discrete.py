@@ -19,7 +19,7 @@ from dataclasses import replace
 from math import isfinite
 
 import numpy as np
-from scipy.linalg import expm, matrix_balance  # type: ignore[import-untyped]
+from scipy.linalg import expm, matrix_balance
 
 from modal.errors import ComputationError, SceneError
 from modal.rig import Floats

@@ -8,7 +8,7 @@ from typing import Any
 from unicodedata import normalize
 
 import numpy as np
-from scipy.io import savemat  # type: ignore[import-untyped]
+from scipy.io import savemat
 
 from modal.exports.text import matrices
 from modal.statespace import StateSpace

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from scipy.signal import StateSpace as Continuous  # type: ignore[import-untyped]
+from scipy.signal import StateSpace as Continuous
 from scipy.signal import dlti
 
 from modal.statespace import StateSpace

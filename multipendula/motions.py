@@ -1,0 +1,89 @@
+"""The commands about motion at large angles: simulate, plot, animate, check, chaos."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from modal.scene import Scene
+    from nonlinear.state import State
+    from nonlinear.trajectory import Trajectory
+
+RECORDINGS = (".npz", ".csv")
+
+
+def simulate(options: argparse.Namespace) -> None:
+    """Simulate the motion at large angles, with its certificates."""
+    from nonlinear import recordings, summary
+    from nonlinear.simulation import SimulationError
+
+    if options.output:
+        recordings.checked_kind(options.output)
+    begun = perf_counter()
+    try:
+        trajectory = _run(options)
+    except SimulationError as error:
+        if options.output:
+            recordings.save(error.trajectory, options.output)
+        raise
+    spent = perf_counter() - begun
+    if options.output:
+        recordings.save(trajectory, options.output)
+    print(summary.text(trajectory))
+    print(f"computed in {spent:.3g} s" + (f", kept in {options.output}" if options.output else ""))
+    if "interrupted" in trajectory.run.stopped:
+        raise KeyboardInterrupt
+
+
+def _run(options: argparse.Namespace) -> Trajectory:
+    """A new run of a scene, or the continuation of a saved one."""
+    from modal.files import load
+    from nonlinear import recordings
+    from nonlinear.simulation import resumed
+    from nonlinear.simulation import simulate as run
+
+    settings = {name: getattr(options, name) for name in ("method", "form", "tolerance")}
+    settings["output"] = options.samples
+    if options.scene.endswith(RECORDINGS):
+        with _bar(options.duration) as report:
+            return resumed(recordings.load(options.scene), options.duration, report=report, **settings)
+    scene = load(options.scene)
+    start = _start(scene, options.start)
+    with _bar(options.duration) as report:
+        return run(scene, options.duration, start=start, report=report, **settings)
+
+
+def _start(scene: Scene, words: str | None) -> State | None:
+    """None for the file's own start, mode:R:DEG for a mode's shape, angles:A,B,... for angles at rest."""
+    from modal.errors import SceneError
+    from nonlinear import starts
+
+    if words is None or words == "scene":
+        return None
+    kind, _, rest = words.partition(":")
+    try:
+        numbers = [float(word) for word in rest.replace(":", ",").split(",")]
+    except ValueError:
+        numbers = []
+    if kind == "angles" and numbers:
+        return starts.released(scene, numbers)
+    if kind == "mode" and len(numbers) == 2 and numbers[0] == int(numbers[0]):
+        return starts.in_mode(scene, int(numbers[0]), numbers[1])
+    raise SceneError([f"--start {words}: must be scene, mode:R:DEG such as mode:2:10, or angles:A,B,... in degrees"])
+
+
+@contextmanager
+def _bar(duration: float) -> Iterator[Callable[[float], object] | None]:
+    """A progress bar in seconds of pendulum time, on a terminal and for runs that take a while."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=duration, unit="s", unit_scale=True, delay=1.0, leave=False) as bar:
+        yield lambda elapsed: bar.update(elapsed - bar.n)

@@ -1,0 +1,54 @@
+"""Things that happen while a scene moves: a quantity crosses a level, a link turns back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from modal.errors import SceneError
+from nonlinear.plant import Plant
+from nonlinear.state import State
+
+
+@dataclass(frozen=True)
+class Event:
+    """Its `value` of a state crosses zero: upwards (`direction` 1), downwards (−1) or either way (0).
+
+    `stop` ends the run there.
+    """
+
+    name: str
+    value: Callable[[State], float]
+    direction: int = 0
+    stop: bool = False
+
+
+class Happening(NamedTuple):
+    """An event, when it came about (s) and the state in which it did."""
+
+    name: str
+    time: float
+    state: State
+
+
+def crossing(plant: Plant, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False) -> Event:
+    """The angle (rad) or cart position (m) named as in `modal.linear.coordinate_labels` passes a level."""
+    read = _reader(plant, coordinate, rate=False)
+    return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
+
+
+def turning(plant: Plant, coordinate: str, *, stop: bool = False) -> Event:
+    """An angle or the cart turns back."""
+    return Event(f"{coordinate} turns", _reader(plant, coordinate, rate=True), 0, stop)
+
+
+def _reader(plant: Plant, coordinate: str, *, rate: bool) -> Callable[[State], float]:
+    if coordinate not in plant.labels:
+        raise SceneError([f"event {coordinate}: must be one of {', '.join(plant.labels[:12])}"])
+    if plant.spatial and coordinate != "x":
+        raise SceneError([f"event {coordinate}: links have no single angle in space; give an Event its own value"])
+    if coordinate == "x":
+        return (lambda state: state.cart_rate) if rate else (lambda state: state.cart)
+    at = plant.labels.index(coordinate) - (plant.labels[0] == "x")
+    return (lambda state: float(state.link_rates[at])) if rate else (lambda state: float(state.links[at]))

@@ -1,0 +1,122 @@
+"""Drive a stepper from beginning to end: samples, events, constraints, progress, and a clean stop on Ctrl-C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import brentq
+
+from modal.errors import ComputationError
+from modal.rig import Floats
+from nonlinear.events import Event, Happening
+from nonlinear.state import State, System
+from nonlinear.steppers import Stepper
+
+LOOKS = 4  # parts of a step whose ends are searched for a change of sign
+
+
+@dataclass
+class Record:
+    """What a run has found so far: y at the sampled times, events, and how it went."""
+
+    times: Floats
+    rows: Floats
+    filled: int = 0
+    happenings: list[Happening] = field(default_factory=list)
+    drift: float = 0.0
+    steps: int = 0
+    stopped: str = ""  # why, where it did not reach its end
+    failed: bool = False
+
+    def keep(self, rows: Floats) -> None:
+        """The next samples."""
+        self.rows[self.filled : self.filled + len(rows)] = rows
+        self.filled += len(rows)
+
+
+@dataclass
+class Drive:
+    """A stepper, the system it integrates, the sampled times (ascending, first where it starts) and the events.
+
+    `report` hears of the seconds gone through.
+    """
+
+    stepper: Stepper
+    system: System
+    times: Floats
+    events: Sequence[Event] = ()
+    report: Callable[[float], object] = lambda time: None
+
+    def run(self) -> Record:
+        """Go to the last sampled time, or as far as can be gone."""
+        record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
+        record.keep(self.stepper.y[None])
+        try:
+            while record.filled < len(self.times) and not record.stopped:
+                self._on(record)
+        except KeyboardInterrupt:
+            record.stopped = f"interrupted at {self.stepper.time:.9g} s"
+        except ComputationError as error:
+            record.stopped, record.failed = str(error), True
+        return record
+
+    def _on(self, record: Record) -> None:
+        """One step and all that lies within it."""
+        before = self.stepper.time
+        with np.errstate(all="ignore"):
+            self.stepper.step()
+        record.steps += 1
+        now = self.stepper.time
+        for happening, stop in sorted(self._happenings(before, now), key=lambda found: found[0].time):
+            record.happenings.append(happening)
+            if stop:
+                now = happening.time
+                record.stopped = f"{happening.name} at {now:.9g} s"
+                break
+        self._sample(record, now)
+        mended, drift = self.system.project(self.stepper.y)
+        record.drift = max(record.drift, drift)
+        if drift:
+            self.stepper.restart(mended)
+        self.report(now - self.times[0])
+
+    def _sample(self, record: Record, now: float) -> None:
+        """The sampled times up to now; where the step ends on one, what the step itself found."""
+        count = int(np.searchsorted(self.times, now, side="right")) - record.filled
+        if count > 0:
+            times = self.times[record.filled : record.filled + count]
+            rows = self.stepper.inside(times)
+            rows[times == self.stepper.time] = self.stepper.y
+            record.keep(np.array([self.system.project(row)[0] for row in rows]))
+
+    def _happenings(self, before: float, now: float) -> Iterator[tuple[Happening, bool]]:
+        if not self.events:
+            return
+        looks = np.linspace(before, now, LOOKS + 1)
+        states = [self._state(row) for row in self.stepper.inside(looks)]
+        for event in self.events:
+            values = [event.value(state) for state in states]
+            for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
+                rises = low < 0 <= high
+                if (rises and event.direction >= 0) or (low > 0 >= high and event.direction <= 0):
+                    time = self._refined(event, start, end)
+                    yield Happening(event.name, time, self._state(self.stepper.exact(time))), event.stop
+
+    def _refined(self, event: Event, start: float, end: float) -> float:
+        """The root on the interpolant, then one secant step with what the integrator itself gives there."""
+        within = partial(self._value, event)
+        time = float(brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+        width = (end - start) / 1000
+        slope = (within(time + width) - within(time - width)) / (2 * width)
+        moved = time - event.value(self._state(self.stepper.exact(time))) / slope if slope else time
+        return moved if start <= moved <= end else time
+
+    def _value(self, event: Event, time: float) -> float:
+        return event.value(self._state(self.stepper.inside(np.array([time]))[0]))
+
+    def _state(self, row: Floats) -> State:
+        return self.system.read(row[None])[0]

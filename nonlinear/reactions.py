@@ -1,0 +1,56 @@
+"""The forces that hold a scene together: at every pivot, and the rail's on the cart."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.rig import Floats
+from nonlinear.mechanics import vectors
+from nonlinear.methods import Choice, system_of
+from nonlinear.state import Motion
+from nonlinear.trajectory import Trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """Forces (N) at T times.
+
+    `pivots` (T, L, d): of what is above on every link at its upper joint, along the rail and down (across in
+    between, in space): R_B of a first link and R_P of a second in paper 000.  `normal` (T,): the rail's push on the
+    cart, upwards (R in paper 000, section IV.A), or the support's on everything where it is fixed.
+    """
+
+    pivots: Floats
+    normal: Floats
+
+
+def reactions(trajectory: Trajectory) -> Reactions:
+    """By Newton's second law from the accelerations of the run's own states.
+
+    Raises ComputationError for a saved run that something drove: applied forces are not saved.
+    """
+    if trajectory.driven and trajectory.system is None:
+        raise ComputationError("reaction forces of this run need the applied forces, which are not saved with it")
+    plant, motion = trajectory.plant, trajectory.motion
+    pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion))
+    tops = np.concatenate([group.index[0] for group in plant.groups])
+    weight = plant.cart.mass * plant.gravity if plant.cart else 0.0
+    return Reactions(pivots, weight - pivots[:, tops, -1].sum(1))
+
+
+def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
+    """X'' (T,) and the second derivatives of the unit vectors (T, L, d)."""
+    plant = trajectory.plant
+    load = trajectory.system.load if trajectory.system else None
+    form = "spatial" if plant.spatial else "minimal"
+    system = system_of(plant, Choice(form, "", compiled=False, reason=""), load)
+    rows = [system.derivative(float(time), system.begin(motion[at])) for at, time in enumerate(trajectory.times)]
+    found = system.read(np.array(rows))
+    if plant.spatial:
+        return found.cart_rate, found.link_rates
+    u, _ = vectors(motion)
+    across = np.stack((u[..., 1], -u[..., 0]), axis=-1)
+    return found.cart_rate, found.link_rates[..., None] * across - motion.link_rates[..., None] ** 2 * u

@@ -1,0 +1,113 @@
+"""One step of an integrator at a time, with the motion inside the step at hand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from scipy import integrate
+
+from modal.errors import ComputationError
+from modal.rig import Floats
+
+Derivative = Callable[[float, Floats], Floats]
+EXPLICIT = {"DOP853": integrate.DOP853, "RK45": integrate.RK45, "RK23": integrate.RK23}
+OTHERS = {"Radau": integrate.Radau, "BDF": integrate.BDF, "LSODA": integrate.LSODA}
+SCIPY = {**EXPLICIT, **OTHERS}
+SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
+
+
+class Stepper(Protocol):
+    """An integrator on its way."""
+
+    @property
+    def time(self) -> float:
+        """Where it stands (s)."""
+        ...
+
+    @property
+    def y(self) -> Floats:
+        """What it found there, (size,)."""
+        ...
+
+    @property
+    def calls(self) -> int:
+        """How often it asked for a derivative."""
+        ...
+
+    def step(self) -> None:
+        """Go one step on; ComputationError where that cannot be."""
+        ...
+
+    def inside(self, times: Floats) -> Floats:
+        """The y (T, size) at times within the last step, as accurate as the integrator gives them cheaply."""
+        ...
+
+    def exact(self, time: float) -> Floats:
+        """The y at one time within the last step, as accurate as the step itself."""
+        ...
+
+    def restart(self, y: Floats) -> None:
+        """Go on from another y at the present time."""
+        ...
+
+
+class SciPyStepper:
+    """A method of `scipy.integrate` (see there for the papers behind each).
+
+    `tolerance` is relative; the absolute one is the same number of SI units.
+    """
+
+    def __init__(self, method: str, f: Derivative, start: float, y: Floats, end: float, tolerance: float) -> None:
+        self.method, self.f, self.end, self.tolerance = method, f, end, tolerance
+        self._done = 0
+        self.before, self.y_before = start, y
+        self._solver = self._made(start, y, end)
+
+    def _made(self, start: float, y: Floats, end: float) -> integrate.OdeSolver:
+        return SCIPY[self.method](self.f, start, y, end, rtol=max(self.tolerance, SMALLEST), atol=self.tolerance)
+
+    @property
+    def time(self) -> float:
+        """Where it stands (s)."""
+        return float(self._solver.t)
+
+    @property
+    def y(self) -> Floats:
+        """What it found there."""
+        return np.asarray(self._solver.y)
+
+    @property
+    def calls(self) -> int:
+        """Derivatives so far."""
+        return self._done + int(self._solver.nfev)
+
+    def step(self) -> None:
+        """Go one step on."""
+        self.before, self.y_before = self.time, self.y
+        message = self._solver.step()
+        if self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
+            raise ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message or 'not finite'}")
+
+    def inside(self, times: Floats) -> Floats:
+        """By the method's own interpolation."""
+        return np.asarray(self._solver.dense_output()(times)).T
+
+    def exact(self, time: float) -> Floats:
+        """By integrating anew from the beginning of the step."""
+        if time <= self.before:
+            return self.y_before
+        solver = self._made(self.before, self.y_before, time)
+        while solver.status == "running":
+            solver.step()
+        self._done += solver.nfev
+        return np.asarray(solver.y)
+
+    def restart(self, y: Floats) -> None:
+        """Go on from another y; an explicit method keeps its length of step."""
+        if self.method in EXPLICIT:
+            self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
+            return
+        self._done += self._solver.nfev
+        self._solver = self._made(self.time, y, self.end)

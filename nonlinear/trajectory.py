@@ -1,0 +1,108 @@
+"""What a run found: states at sampled times, what they mean, and the certificates that say how far to trust them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from modal.rig import Floats
+from modal.scene import Scene
+from nonlinear.events import Happening
+from nonlinear.mechanics import Mechanics
+from nonlinear.plant import Plant
+from nonlinear.state import Motion, State, System
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a trajectory was computed: the form of the equations, the method, and why these; counts; what ended it.
+
+    `drift` is the largest violation of a constraint before it was mended, relative to the lengths of the scene.
+    """
+
+    form: str
+    method: str
+    reason: str
+    tolerance: float
+    steps: int = 0
+    calls: int = 0
+    drift: float = 0.0
+    stopped: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A scene's motion at `times` (T,) in s, what happened on the way, and how it was computed.
+
+    `driven` says whether anything acted from outside, `system` holds the equations of a run made in this process.
+    """
+
+    scene: Scene
+    plant: Plant
+    times: Floats
+    motion: Motion
+    run: Run
+    happenings: tuple[Happening, ...] = ()
+    driven: bool = False
+    system: System | None = field(default=None, repr=False)
+
+    @cached_property
+    def mechanics(self) -> Mechanics:
+        """Positions, energies and momenta."""
+        return Mechanics(self.plant, self.motion)
+
+    @property
+    def final(self) -> State:
+        """The last state, from which another run can go on."""
+        return self.motion[-1]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its end."""
+        return not self.run.stopped
+
+    @cached_property
+    def energy_scale(self) -> float:
+        """What an energy drift is measured against (J): the largest kinetic energy of the run."""
+        kinetic = self.mechanics.kinetic.sum(1) + self.mechanics.cart_kinetic
+        return float(kinetic.max()) or 1.0
+
+    @cached_property
+    def energy_error(self) -> Floats:
+        """(E(t) − E(0) − work done by dampers and applied forces) / largest kinetic energy, (T,)."""
+        energy = self.mechanics.energy
+        return np.asarray((energy - energy[0] - self.motion.work) / self.energy_scale)
+
+    def energy_drift(self) -> float:
+        """The largest |energy_error|."""
+        return float(np.max(np.abs(self.energy_error)))
+
+    @property
+    def keeps_momentum(self) -> bool:
+        """Whether momentum along the rail is conserved: a cart that nothing holds, damps or drives."""
+        cart = self.plant.cart
+        return cart is not None and not (cart.damping or cart.stiffness or self.driven)
+
+    @property
+    def keeps_spin(self) -> bool:
+        """Whether angular momentum about the vertical is conserved: in space, each pendulum on a fixed support."""
+        damped = any(group.damped for group in self.plant.groups)
+        return self.plant.spatial and self.plant.cart is None and not (damped or self.driven)
+
+    def momentum_drift(self) -> float:
+        """The largest change of a conserved momentum, relative to Σ m |v| or Σ m r |v|; NaN where none is conserved."""
+        mechanics, mass = self.mechanics, self.plant.mass
+        speed = np.linalg.norm(mechanics.speeds, axis=-1)
+        if self.keeps_momentum:
+            kept, scale = mechanics.momentum, (speed @ mass).max()
+        elif self.keeps_spin:
+            kept, scale = mechanics.spin, ((speed * np.linalg.norm(mechanics.centres, axis=-1)) @ mass).max()
+        else:
+            return float("nan")
+        return float(np.max(np.abs(kept - kept[0])) / (scale or 1.0))
+
+    def constraint_drift(self) -> float:
+        """The largest violation of a constraint before it was mended; 0 in minimal coordinates."""
+        return self.run.drift

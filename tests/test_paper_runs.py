@@ -1,0 +1,83 @@
+"""Paper 000's own runs for one, two and three double pendula, ten seconds and on; and the beats it could not reach."""
+
+from __future__ import annotations
+
+import math
+from importlib.util import find_spec
+
+import numpy as np
+import pytest
+
+import modal
+from modal import natural_modes
+from nonlinear.simulation import simulate
+from nonlinear.starts import released
+from nonlinear.state import State
+
+TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="an hour needs the extra `taylor`")
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_ten_seconds_by_two_forms_of_the_equations(count: int) -> None:
+    scene = modal.load(f"paper-cart-{count}")
+    one = simulate(scene, 10, tolerance=1e-13, method="DOP853", output=101)
+    other = simulate(scene, 10, tolerance=1e-13, form="hamiltonian", method="DOP853", output=101)
+    assert abs(one.motion.links - other.motion.links).max() < 1e-8
+    assert one.energy_drift() < 1e-11
+    assert one.momentum_drift() < 1e-11
+
+
+def test_the_mirror_symmetric_start_leaves_the_cart_still_and_the_others_do_not() -> None:
+    moved = [
+        abs(simulate(modal.load(f"paper-cart-{n}"), 10, tolerance=1e-12, method="DOP853").motion.cart).max()
+        for n in (1, 2, 3)
+    ]
+    assert moved[1] < 1e-10
+    assert moved[0] > 1e-3
+    assert moved[2] > 1e-3
+    askew = released(modal.load("paper-cart-2"), [90, 90, -89, -90])
+    assert abs(simulate(modal.load("paper-cart-2"), 10, start=askew).motion.cart).max() > 1e-3
+
+
+def test_two_pendula_without_the_cart_are_the_symmetric_pair_on_it() -> None:
+    """Exactly uncoupled: one double pendulum on a fixed support moves the same way."""
+    pair = modal.load("paper-cart-2")
+    alone = pair.model_copy(update={"support": modal.Fixed(), "pendulum": pair.pendulum[:1]})
+    together, single = (simulate(s, 10, tolerance=1e-13, method="DOP853", output=101) for s in (pair, alone))
+    assert abs(together.motion.links[:, :2] - single.motion.links).max() < 1e-8
+
+
+def exchange(seconds: float, degrees: float, method: str) -> tuple[float, float]:
+    """Time (s) at which the second of two pendula first has most energy, and which share of all it then has."""
+    scene = modal.load("paper-cart-2")
+    modes = natural_modes(scene)
+    still, moving = (modes.shape(number).angles.real for number in (1, 2))
+    both = still[:2] / abs(still[0]) + moving[:2] / abs(moving[0])
+    links = np.concatenate((both, np.zeros(2)))
+    start = State(math.radians(degrees) * links / abs(links).max(), np.zeros(4))
+    run = simulate(scene, seconds, tolerance=1e-10, start=start, method=method, output=int(20 * seconds) + 1)
+    mechanics = run.mechanics
+    energies = mechanics.of_pendula(mechanics.kinetic + mechanics.potential)
+    above = energies + 2 * 9.81  # the rest of a pendulum of two rods of 1 m and 1 kg: −g (1/2 + 3/2)
+    share = above[:, 1] / above.sum(1)
+    smooth = np.convolve(share, np.ones(61) / 61, mode="valid")
+    at = int(np.argmax(smooth))
+    return float(run.times[at + 30]), float(smooth[at])
+
+
+def test_energy_wanders_to_the_other_pendulum_in_half_a_beat() -> None:
+    modes = natural_modes(modal.load("paper-cart-2"))
+    beat = 2 * math.pi / (modes.omega[2] - modes.omega[1])
+    assert beat == pytest.approx(167.8, abs=0.1)
+    time, share = exchange(120.0, 2.0, "DOP853")
+    assert time == pytest.approx(beat / 2, rel=0.02)
+    assert share > 0.98
+
+
+@TAYLOR
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_an_hour(count: int) -> None:
+    run = simulate(modal.load(f"paper-cart-{count}"), 3600, tolerance=1e-15, method="taylor", output=3601)
+    assert run.complete
+    assert run.energy_drift() < 1e-10
+    assert run.momentum_drift() < 1e-10

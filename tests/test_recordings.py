@@ -1,0 +1,126 @@
+"""Trajectories on disk: what is read is what was saved, and everything else is refused in one line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import modal
+from modal import Scene, SceneError
+from modal.errors import ComputationError
+from nonlinear import recordings, summary
+from nonlinear.events import crossing
+from nonlinear.plant import plant_of
+from nonlinear.reactions import reactions
+from nonlinear.simulation import resumed, simulate
+from nonlinear.state import Push
+from nonlinear.trajectory import Trajectory
+
+
+def short_run(name: str, **options: Any) -> Trajectory:
+    return simulate(modal.load(name), 1.0, output=11, **options)
+
+
+@pytest.mark.parametrize("name", ["paper-cart-3", "chain-spatial", "metronomes", "chain-1"])
+@pytest.mark.parametrize("kind", ["npz", "csv"])
+def test_what_is_read_is_what_was_saved(name: str, kind: str, tmp_path: Path) -> None:
+    saved, path = short_run(name), tmp_path / f"run.{kind}"
+    recordings.save(saved, path)
+    read = recordings.load(path)
+    assert read.scene == saved.scene
+    assert read.run == saved.run
+    for part in recordings.PARTS:
+        assert np.array_equal(getattr(read.motion, part), getattr(saved.motion, part))
+    assert np.array_equal(read.times, saved.times)
+    assert summary.text(read) == summary.text(saved)
+    assert np.array_equal(reactions(read).pivots, reactions(saved).pivots)
+    assert resumed(read, 1.0).times[0] == 1.0
+
+
+def test_events_are_saved(tmp_path: Path) -> None:
+    scene = modal.load("chain-1")
+    passing = crossing(plant_of(scene), "theta[1,1]")
+    saved = simulate(scene, 3.0, output=4, events=[passing])
+    recordings.save(saved, tmp_path / "run.npz")
+    read = recordings.load(tmp_path / "run.npz")
+    assert [(h.name, h.time) for h in read.happenings] == [(h.name, h.time) for h in saved.happenings]
+    assert read.happenings[0].state.links == saved.happenings[0].state.links
+
+
+def test_csv_columns_carry_units(tmp_path: Path) -> None:
+    recordings.save(short_run("paper-cart-1"), tmp_path / "run.csv")
+    header, names, *rows = (tmp_path / "run.csv").read_text().splitlines()
+    assert json.loads(header[2:])["scene"]["gravity"] == 9.81
+    assert names.split(",")[:3] == ["time_s", "theta_1_1_rad", "theta_1_2_rad"]
+    assert names.endswith("theta_dot_1_2_rad_per_s,x_m,x_dot_m_per_s,work_J")
+    assert len(rows) == 11
+
+
+def test_forces_from_outside_are_not_saved(tmp_path: Path) -> None:
+    driven = short_run("paper-cart-1", load=lambda time, state: Push(1.0))
+    assert np.isfinite(reactions(driven).normal).all()
+    recordings.save(driven, tmp_path / "run.npz")
+    with pytest.raises(ComputationError, match="need the applied forces"):
+        reactions(recordings.load(tmp_path / "run.npz"))
+
+
+def broken(tmp_path: Path) -> dict[str, Path]:
+    made = {kind: tmp_path / f"good.{kind}" for kind in ("npz", "csv")}
+    for path in made.values():
+        recordings.save(short_run("chain-2"), path)
+    text, data = made["csv"].read_text(), dict(np.load(made["npz"]))
+    files = {
+        "missing.npz": None,
+        "empty.npz": b"",
+        "empty.csv": b"",
+        "torn.npz": made["npz"].read_bytes()[:-200],
+        "binary.csv": b"\xff\xfe\x00",
+        "other.csv": b"a,b\n1,2\n",
+        "short.csv": "\n".join(text.splitlines()[:2]).encode(),
+        "ragged.csv": (text + "1,2,3\n").encode(),
+        "words.csv": text.replace("theta_1_1", "angle").encode(),
+    }
+    for name, content in files.items():
+        if content is not None:
+            (tmp_path / name).write_bytes(content)
+    data["links"] = data["links"][:-1]
+    np.savez(tmp_path / "shapes.npz", **data)
+    np.savez(tmp_path / "foreign.npz", a=np.zeros(3))
+    np.savez(tmp_path / "pickled.npz", header=np.array([{}], dtype=object))
+    return {name: tmp_path / name for name in (*files, "shapes.npz", "foreign.npz", "pickled.npz", "run.txt")}
+
+
+@pytest.mark.filterwarnings("ignore:loadtxt")
+def test_anything_else_is_refused_in_one_line(tmp_path: Path) -> None:
+    for name, path in broken(tmp_path).items():
+        with pytest.raises(SceneError) as caught:
+            recordings.load(path)
+        assert len(caught.value.problems) == 1, name
+        assert caught.value.problems[0].startswith(f"{path}: "), name
+
+
+def test_a_bad_scene_in_the_header_is_named(tmp_path: Path) -> None:
+    recordings.save(short_run("chain-2"), tmp_path / "run.csv")
+    text = (tmp_path / "run.csv").read_text().replace('"gravity": 9.81', '"gravity": -1.0')
+    (tmp_path / "run.csv").write_text(text)
+    with pytest.raises(SceneError, match=r"run.csv: gravity = -1.0: must be"):
+        recordings.load(tmp_path / "run.csv")
+
+
+def test_a_name_of_no_known_kind_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=r"the name must end in \.npz or \.csv"):
+        recordings.save(short_run("chain-2"), tmp_path / "run.json")
+    assert not list(tmp_path.iterdir())
+
+
+def test_no_scene_of_the_plane_is_read_as_one_of_space(tmp_path: Path) -> None:
+    saved = short_run("chain-2")
+    twin: Scene = saved.scene.model_copy(update={"space": "space"})
+    lied = Trajectory(twin, plant_of(twin), saved.times, saved.motion, saved.run)
+    recordings.save(lied, tmp_path / "run.npz")
+    with pytest.raises(SceneError, match="is not a trajectory"):
+        recordings.load(tmp_path / "run.npz")

@@ -1,0 +1,307 @@
+"""The simulator: its equations against Lagrange's, certificates, orders, events, and what it refuses."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from motion_scenes import motion_scene, random_state
+from scipy.integrate import solve_ivp
+from scipy.special import ellipk
+
+import modal
+from modal import Bob, Cart, Pendulum, Scene, SceneError, Start
+from modal.lagrangian import lagrangian
+from modal.linear import matrices
+from modal.symbolic import of_scene
+from nonlinear.events import Event, crossing, turning
+from nonlinear.methods import Choice, choose, system_of
+from nonlinear.plant import plant_of
+from nonlinear.reactions import reactions
+from nonlinear.simulation import SimulationError, resumed, simulate
+from nonlinear.starts import released, start_of
+from nonlinear.state import Push, State, System
+
+MINIMAL = Choice("minimal", "DOP853", compiled=False, reason="")
+
+
+def minimal(scene: Scene) -> System:
+    return system_of(plant_of(scene), MINIMAL)
+
+
+# ---------------------------------------------------------------------------------------------- equations
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_accelerations_solve_lagranges_equations_from_cartesian_positions(seed: int) -> None:
+    scene = motion_scene(seed, longest=2)
+    state, system = random_state(scene, seed), minimal(scene)
+    rate = system.derivative(0.0, system.begin(state))
+    found, exact = system.read(rate[None])[0], lagrangian(of_scene(scene))
+    on_cart = scene.support.kind == "cart"
+    values: dict[Any, float] = {}
+    for coordinate, q, v, a in zip(
+        exact.coordinates,
+        [*([state.cart] if on_cart else []), *state.links],
+        [*([state.cart_rate] if on_cart else []), *state.link_rates],
+        [*([found.cart_rate] if on_cart else []), *found.link_rates],
+        strict=True,
+    ):
+        values |= {coordinate.q: q, coordinate.v: v, coordinate.a: a}
+    for equation in exact.equations:
+        terms = [abs(float(term.subs(values))) for term in equation.expand().args]
+        assert abs(float(equation.subs(values))) < 1e-11 * max(terms)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_small_motion_obeys_the_linear_matrices(seed: int) -> None:
+    """M q'' + D q' + K q = 0 about the rest, by central differences of the derivative."""
+    scene = motion_scene(seed)
+    plant, system, linear = plant_of(scene), minimal(scene), matrices(scene)
+    rest = np.where(plant.by_link("sigma") > 0, 0.0, np.pi)
+    none = np.zeros(plant.n_links)
+    y, half = system.begin(State(rest, none)), len(linear.labels)
+
+    def pushed(direction: Any) -> Any:
+        step = np.zeros_like(y)
+        step[: 2 * half] = 1e-5 * direction
+        return (system.derivative(0, y + step) - system.derivative(0, y - step))[half : 2 * half] / 2e-5
+
+    J = np.array([pushed(direction) for direction in np.eye(2 * half)]).T
+    expected = -np.linalg.solve(linear.M, np.hstack((linear.K, linear.D)))
+    assert abs(J - expected).max() < 1e-7 * abs(expected).max()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_energy_changes_by_the_work_of_dampers_and_of_what_pushes(seed: int) -> None:
+    def load(time: float, state: State) -> Push:
+        return Push(3 * math.sin(2 * time) if on_cart else 0.0, np.cos(time + np.arange(len(state.links))))
+
+    scene = motion_scene(seed)
+    on_cart = scene.support.kind == "cart"
+    trajectory = simulate(scene, 3, tolerance=1e-11, load=load, method="DOP853")
+    assert trajectory.driven
+    assert abs(trajectory.motion.work).max() > 1e-3 * trajectory.energy_scale
+    assert trajectory.energy_drift() < 1e-8
+
+
+def test_the_energy_certificate_bites() -> None:
+    rough = simulate(modal.load("paper-cart-2"), 10, tolerance=1e-2)
+    assert rough.energy_drift() > 1e-4
+
+
+# ------------------------------------------------------------------------------------------ certificates
+
+
+def test_energy_and_momentum_keep_nine_digits_for_a_thousand_seconds() -> None:
+    scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
+    start = State(np.array([0.5]), np.zeros(1), cart_rate=0.1)
+    trajectory = simulate(scene, 1000, tolerance=1e-12, start=start, method="DOP853")
+    assert trajectory.complete
+    assert trajectory.energy_drift() < 1e-9
+    assert trajectory.momentum_drift() < 1e-9
+    assert abs(trajectory.mechanics.momentum[0]) > 0.1
+
+
+@pytest.mark.parametrize(("method", "order", "within"), [("RK23", 3, 0.1), ("RK45", 5, 0.1), ("DOP853", 8, 0.5)])
+def test_observed_orders(method: str, order: int, within: float) -> None:
+    """Errors at a fixed step, halved; the leading error of DOP853 is so small that its next term still shows."""
+    scene = modal.load("chain-2")
+    system = minimal(scene)
+    y = system.begin(released(scene, [20, 30]))
+
+    def end(step: float) -> Any:
+        how = {"rtol": 1e-2, "atol": 1e2, "first_step": step, "max_step": step}
+        return solve_ivp(system.derivative, (0, 2), y, method=method, **how).y[:, -1]
+
+    best = solve_ivp(system.derivative, (0, 2), y, method="DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
+    steps = {3: (1 / 128, 1 / 256), 5: (1 / 32, 1 / 64), 8: (1 / 16, 1 / 32)}[order]
+    coarse, fine = (np.linalg.norm(end(step) - best) for step in steps)
+    assert math.log2(coarse / fine) == pytest.approx(order, abs=within)
+
+
+# ------------------------------------------------------------------------------------------------ events
+
+
+@pytest.mark.parametrize("degrees", [1.0, 60.0, 90.0, 150.0, 179.0])
+def test_periods_of_a_simple_pendulum_are_elliptic_integrals(degrees: float) -> None:
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=2.0),)),))
+    passing = crossing(plant_of(scene), "theta[1,1]", direction=1)
+    exact = 4 * math.sqrt(2 / 9.81) * ellipk(math.sin(math.radians(degrees) / 2) ** 2)
+    trajectory = simulate(
+        scene, 3.1 * exact, tolerance=1e-14, start=released(scene, [degrees]), events=[passing], method="DOP853"
+    )
+    times = [happening.time for happening in trajectory.happenings]
+    assert len(times) == 3
+    assert times[1] - times[0] == pytest.approx(exact, rel=1e-10)
+    assert times[0] == pytest.approx(0.75 * exact, rel=1e-10)
+
+
+def test_turning_points_are_those_of_the_release_and_can_end_a_run() -> None:
+    scene = modal.load("chain-1")
+    plant, start = plant_of(scene), released(scene, [70])
+    every = simulate(scene, 10, start=start, tolerance=1e-12, events=[turning(plant, "theta[1,1]")])
+    assert len(every.happenings) > 3
+    assert all(abs(abs(h.state.links[0]) - math.radians(70)) < 1e-9 for h in every.happenings)
+    first = simulate(scene, 10, start=start, tolerance=1e-12, events=[turning(plant, "theta[1,1]", stop=True)])
+    assert first.happenings[0].time == pytest.approx(every.happenings[0].time, rel=1e-12)
+    assert first.run.stopped.startswith("theta[1,1] turns at")
+    assert first.times[-1] <= first.happenings[0].time < first.times[-1] + 0.02
+    assert not first.complete
+
+
+def test_two_events_within_one_step_are_found_in_their_order() -> None:
+    scene = modal.load("chain-1")
+    levels = [crossing(plant_of(scene), "theta[1,1]", level) for level in (0.1, 0.11, 0.12)]
+    found = simulate(scene, 3, start=released(scene, [20]), tolerance=1e-4, events=levels[::-1]).happenings
+    assert [h.name for h in found[:3]] == [f"theta[1,1] = {level}" for level in (0.12, 0.11, 0.1)]
+    assert [h.time for h in found] == sorted(h.time for h in found)
+
+
+def test_an_event_may_look_at_anything() -> None:
+    scene = modal.load("paper-cart-3")
+    swift = Event("cart faster than 0.05 m/s", lambda state: abs(state.cart_rate) - 0.05, stop=True)
+    assert abs(simulate(scene, 10, events=[swift]).happenings[0].state.cart_rate) == pytest.approx(0.05, abs=1e-9)
+    with pytest.raises(SceneError, match=r"event theta\[9,9\]: must be one of x, theta\[1,1\]"):
+        crossing(plant_of(scene), "theta[9,9]")
+
+
+# ----------------------------------------------------------------------------------------------- running
+
+
+def test_a_run_goes_on_where_it_ended() -> None:
+    scene = modal.load("chain-unequal")
+    whole = simulate(scene, 4, tolerance=1e-12, output=[0, 2, 4])
+    half = simulate(scene, 2, tolerance=1e-12, output=2)
+    rest = resumed(half, 2, tolerance=1e-12, output=2)
+    assert rest.times.tolist() == [2.0, 4.0]
+    assert abs(rest.final.links - whole.final.links).max() < 1e-9
+
+
+def test_ctrl_c_keeps_what_was_computed() -> None:
+    def report(elapsed: float) -> None:
+        if elapsed > 3:
+            raise KeyboardInterrupt
+
+    found = simulate(modal.load("paper-cart-3"), 10, report=report)
+    assert found.run.stopped.startswith("interrupted at 3.")
+    assert 2.9 < found.times[-1] < 3.2
+    assert len(found.times) == len(found.motion.links)
+    assert found.energy_drift() < 1e-7
+
+
+def test_a_failure_says_how_far_it_came_and_keeps_that() -> None:
+    """A massless cart under a single bob has a singular mass matrix at the hanging rest."""
+    scene = Scene(
+        gravity=9.81,
+        support=Cart(mass=0.0),
+        pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), start=Start(angles_deg=(60.0,))),),
+    )
+    with pytest.raises(SimulationError, match=r"stopped at [\d.]+ s") as caught:
+        simulate(scene, 10)
+    assert 0 < caught.value.trajectory.times[-1] < 2
+
+
+def test_samples_are_where_they_were_asked_for() -> None:
+    scene = modal.load("chain-2")
+    assert simulate(scene, 1, output=5).times.tolist() == [0, 0.25, 0.5, 0.75, 1]
+    assert simulate(scene, 1, output=[0.3, 0.9]).times.tolist() == [0, 0.3, 0.9]
+    dense, sparse = simulate(scene, 1, tolerance=1e-12, output=1001), simulate(scene, 1, tolerance=1e-12, output=3)
+    assert abs(dense.motion.links[500] - sparse.motion.links[1]).max() < 1e-10
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"duration": math.nan}, "duration nan: must be a positive number of seconds"),
+        ({"duration": -1.0}, "duration -1.0: must be"),
+        ({"tolerance": 0.5}, "tolerance 0.5: must be from 1e-15 to 0.01"),
+        ({"tolerance": math.nan}, "tolerance nan"),
+        ({"method": "Euler"}, "method Euler: must be one of auto, DOP853"),
+        ({"form": "spatial", "method": "taylor"}, "method taylor: runs plane scenes"),
+        ({"form": "maximal", "method": "LSODA"}, "method LSODA: cannot keep the constraints of the maximal form"),
+        ({"form": "polar"}, "form polar: must be one of auto, minimal"),
+        ({"output": 10**12}, "output 1000000000000: must be from 2 to"),
+        ({"output": 1}, "output 1: must be from 2"),
+        ({"output": [0, 0]}, "output: must be ascending times"),
+        ({"output": [0, 99]}, "output: must lie between 0 and 10 s"),
+        ({"start": State(np.zeros(3), np.zeros(2))}, r"start.links: has shape \(3,\), this scene needs \(2,\)"),
+        ({"start": State(np.array([0, math.nan]), np.zeros(2))}, "start.links: must be finite"),
+        ({"start": State(np.zeros(2), np.zeros(2), cart=1.0)}, "start.cart: the support of this scene is fixed"),
+    ],
+)
+def test_what_is_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        simulate(modal.load("chain-2"), **{"duration": 10.0, **given})
+
+
+def test_starts() -> None:
+    scene = modal.load("rope")
+    with pytest.raises(SceneError, match="no pendulum has a start"):
+        start_of(scene)
+    double = Pendulum(links=(Bob(mass=1, length=1), Bob(mass=1, length=1)))
+    three = Scene(gravity=9.81, pendulum=(double.model_copy(update={"count": 3}),))
+    assert released(three, [10, 20]).links == pytest.approx(np.deg2rad([10, 20] * 3))
+    with pytest.raises(SceneError, match="start: has 5 angles: this scene needs 2 or 6"):
+        released(three, [1, 2, 3, 4, 5])
+    with pytest.raises(SceneError, match="start: angle nan: must be finite"):
+        released(three, [math.nan, 0])
+    standing = three.model_copy(
+        update={"pendulum": (double.model_copy(update={"equilibrium": ("down", "up")}), double)}
+    )
+    with pytest.raises(SceneError, match="no pendulum has a start"):
+        start_of(standing)
+    some = Pendulum(links=double.links, start=Start(angles_deg=(5, 6), rates_deg=(7, 8)))
+    mixed = three.model_copy(update={"pendulum": (standing.pendulum[0], some)})
+    assert start_of(mixed).links == pytest.approx([0, math.pi, *np.deg2rad([5, 6])])
+    assert start_of(mixed).link_rates == pytest.approx([0, 0, *np.deg2rad([7, 8])])
+
+
+# ----------------------------------------------------------------------------------------------- choices
+
+
+def test_the_choice_says_why() -> None:
+    scene = modal.load("paper-cart-2")
+    assert choose(scene, 10, 1e-6).method == "DOP853"
+    asked = choose(scene, 10, 1e-9, "RK45")
+    assert (asked.method, asked.reason.partition(",")[0]) == ("RK45", "as asked for")
+    sticky = Scene(
+        gravity=9.81,
+        pendulum=(Pendulum(links=(Bob(mass=1, length=1, damping=1e4),), start=Start(angles_deg=(60,))),),
+    )
+    stiff = choose(sticky, 10, 1e-6)
+    assert stiff.method == "Radau"
+    assert "decay" in stiff.reason
+    assert simulate(sticky, 1000, tolerance=1e-6).run.calls < 2000
+
+
+# ---------------------------------------------------------------------------------------------- reactions
+
+
+def test_what_hangs_at_rest_weighs_on_the_rail() -> None:
+    scene = modal.load("paper-cart-2")
+    still = simulate(scene, 1, start=State(np.zeros(4), np.zeros(4)), output=3)
+    found = reactions(still)
+    assert found.normal == pytest.approx(104 * 9.81, rel=1e-14)
+    assert found.pivots[0, :, 1] == pytest.approx([-2 * 9.81, -9.81] * 2, rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_forces_from_outside_change_the_momentum(seed: int) -> None:
+    """Rail, spring and damper against the numerical derivative of the whole momentum."""
+    scene = motion_scene(seed)
+    times = 1 + 1e-4 * np.arange(-2, 3)
+    trajectory = simulate(scene, 2, tolerance=1e-13, output=times, method="DOP853")
+    m, motion, found = trajectory.mechanics, trajectory.motion, reactions(trajectory)
+    cart = trajectory.plant.cart
+    down = m.speeds[1:, :, 1] @ trajectory.plant.mass
+    along = m.momentum[1:]
+    rate = np.array([1, -8, 0, 8, -1]) / 12e-4
+    weight = (trajectory.plant.mass.sum() + (cart.mass if cart else 0.0)) * scene.gravity
+    scale = weight + abs(found.pivots).max()
+    assert abs(rate @ down - (weight - found.normal[3])) < 1e-7 * scale
+    if cart:
+        held = -cart.stiffness * motion.cart[3] - cart.damping * motion.cart_rate[3]
+        assert abs(rate @ along - held) < 1e-7 * scale

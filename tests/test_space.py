@@ -1,0 +1,502 @@
+"""Motion in space beside the plane, Lagrange's equations with multipliers, finite differences and exact solutions."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from random_scenes import random_link
+from scipy.integrate import solve_ivp
+
+from modal import pair
+from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear import ball_joints, joints, minimal, spatial
+from nonlinear.directions import angles_of, directions, of_plane, velocities
+from nonlinear.minimal import Minimal
+from nonlinear.plant import plant_of
+from nonlinear.space import facing
+from nonlinear.spatial import Spatial
+from nonlinear.state import Load, Push, State
+
+EZ = np.array([0.0, 0.0, 1.0])
+
+
+def some_link(rng: random.Random) -> Bob | Rod | Body:
+    """A link of which no constant is tiny: in space a link without inertia under a load is next to singular."""
+    m, l = rng.uniform(0.3, 3), rng.uniform(0.3, 2)
+    c, I = rng.uniform(0.1, 1.5) * l, rng.choice([0, rng.uniform(0, 0.5)]) * m * l**2
+    return rng.choice([Bob(mass=m, length=l), Rod(mass=m, length=l), Body(mass=m, length=l, centre=c, inertia=I)])
+
+
+def scene_of(seed: int, *, still: bool = False, odd: bool = False) -> Scene:
+    """One to three pendula of one to four links with dampers, springs and standing rests, mostly on a cart."""
+    rng = random.Random(seed)
+    pendula = []
+    for _ in range(rng.randint(1, 3)):
+        links = [random_link(rng, 0.3) if odd else some_link(rng) for _ in range(rng.randint(1, 4))]
+        extras = [{"damping": rng.choice([0, 0.3]), "stiffness": rng.choice([0, 2.0])} for _ in links]
+        links = [link.model_copy(update=extra) for link, extra in zip(links, extras, strict=True)]
+        ways = tuple(rng.choice(["down", "up"]) for _ in links)
+        pendula.append(Pendulum(links=tuple(links), count=rng.randint(1, 2), equilibrium=ways))
+    cart = Cart(mass=rng.uniform(0.1, 9), damping=rng.choice([0, 0.7]), stiffness=rng.choice([0, 3.0]))
+    support = Fixed() if still or rng.random() < 0.2 else cart
+    return Scene(gravity=rng.uniform(1, 20), space="space", support=support, pendulum=tuple(pendula))
+
+
+def system_of(scene: Scene, load: Load | None = None, tail: int = 0) -> Spatial:
+    plant = plant_of(scene)
+    return Spatial(plant, tuple(spatial.Recursion(group, tail) for group in plant.groups), load)
+
+
+def flat_system_of(scene: Scene, load: Load | None = None) -> Minimal:
+    plant = plant_of(scene)
+    return Minimal(plant, tuple(minimal.Recursion(group) for group in plant.groups), load)
+
+
+def single(link: Bob | Rod | Body, **kinds: Any) -> Scene:
+    return Scene(gravity=9.81, space="space", pendulum=(Pendulum(links=(link,)),), **kinds)
+
+
+def flat_state(system: Spatial, rng: np.random.Generator) -> State:
+    size = system.plant.n_links
+    return State(rng.uniform(-4, 4, size), 2 * rng.normal(size=size), *rng.normal(size=2))
+
+
+def any_state(system: Spatial, rng: np.random.Generator) -> State:
+    u, w = rng.normal(size=(2, system.plant.n_links, 3))
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    w -= np.sum(u * w, axis=1, keepdims=True) * u
+    return State(u, 2 * w, *rng.normal(size=2))
+
+
+def parts(system: Spatial, rates: np.ndarray) -> tuple[float, np.ndarray]:
+    """x'' and u'' (L, 3) in a derivative."""
+    half, first = system.layout.half, int(system.layout.on_cart)
+    return float(rates[half]) if first else 0.0, rates[half + first : 2 * half].reshape(-1, 3)
+
+
+def central(f: Callable[[np.ndarray], Any], at: np.ndarray, along: np.ndarray, step: float = 1e-4) -> Any:
+    """The derivative of f along a direction, to the fourth order."""
+    near, far = (f(at + k * step * along) - f(at - k * step * along) for k in (1, 2))
+    return (8 * near - far) / (12 * step)
+
+
+# the plane
+
+
+@pytest.mark.parametrize("seed", range(50))
+def test_in_the_plane_of_the_rail_space_is_the_plane(seed: int) -> None:
+    scene, rng = scene_of(seed, odd=True), np.random.default_rng(seed)
+    system, flat = system_of(scene, pushed_in_space), flat_system_of(scene, pushed)
+    state = flat_state(system, rng)
+    state = State(unwound(system, state.links), state.link_rates, state.cart, state.cart_rate)
+    found, expected = system.derivative(0.3, system.begin(of_plane(state))), flat.derivative(0.3, flat.begin(state))
+    half, first = flat.layout.half, int(flat.layout.on_cart)
+    turning = expected[half + first : 2 * half, None] * velocities(state.links, 0.0, 1.0)
+    turning -= (state.link_rates**2)[:, None] * directions(state.links, 0.0)
+    cart, links = parts(system, found)
+    scale = np.abs(turning).max()
+    np.testing.assert_allclose(links, turning, rtol=0, atol=1e-12 * scale)
+    assert cart == pytest.approx(expected[half] if first else 0.0, abs=1e-12 * scale)
+    assert found[-1] == pytest.approx(expected[-1], rel=1e-12)
+
+
+def pushed(time: float, state: State) -> Push:
+    return Push(0.4 + time, 0.1 * np.arange(1, len(state.links) + 1))
+
+
+def pushed_in_space(time: float, state: State) -> Push:
+    cart, moments = pushed(time, state)
+    assert moments is not None
+    return Push(cart, moments[:, None] * np.array([0.0, 1.0, 0.0]))
+
+
+def unwound(system: Spatial, angles: np.ndarray) -> np.ndarray:
+    """The same directions, each joint bent by less than half a turn, as every joint in space is."""
+    found = angles.copy()
+    for group in system.plant.groups:
+        above = 0.0
+        for index, bent in zip(group.index, group.bent, strict=True):
+            bend = found[index] - above - bent
+            found[index] = above + bent + (bend + np.pi) % (2 * np.pi) - np.pi
+            above = found[index]
+    return found
+
+
+def test_extreme_masses_lose_nothing_in_the_plane_of_the_rail() -> None:
+    """A light hook above a load 1e10 times as heavy, which no route with det D by subtraction would survive."""
+    hook = Pendulum(links=(Bob(mass=1e-5, length=0.3), Rod(mass=1e5, length=2.0), Bob(mass=1.0, length=0.1)))
+    scene = Scene(gravity=9.81, space="space", support=Cart(mass=10.0), pendulum=(hook,))
+    system, flat = system_of(scene), flat_system_of(scene)
+    state = State(np.array([0.4, -0.3, 1.0]), np.array([0.5, 1.0, -2.0]), 0.0, 0.3)
+    found, expected = system.derivative(0, system.begin(of_plane(state))), flat.derivative(0, flat.begin(state))
+    across = np.sum(parts(system, found)[1] * velocities(state.links, 0.0, 1.0), axis=1)
+    np.testing.assert_allclose(across, expected[5:], rtol=1e-12)
+
+
+# Lagrange's equations with multipliers
+
+
+def oracle(system: Spatial, state: State, push: Push) -> np.ndarray:
+    """(x'', u'') from one dense system in x'', every component of u'' and the forces that keep every |u| = 1."""
+    plant, L = system.plant, system.plant.n_links
+    u, w = state.links, state.link_rates
+    A, b = np.zeros((L, L)), np.zeros(L)
+    for group in plant.groups:
+        for column in range(group.index.shape[1]):
+            at, numbers = group.index[:, column], [getattr(group.block, n)[:, column] for n in NUMBERS]
+            A[np.ix_(at, at)], b[at] = pair.inertia_matrix(*numbers), pair.first_moments(*numbers[:3])
+    size = 1 + 4 * L
+    K, side = np.zeros((size, size)), np.zeros(size)
+    K[0, 0] = 1.0
+    if plant.cart:
+        K[0, 0], K[0, 1 : 3 * L : 3] = plant.cart.mass + plant.mass.sum(), b
+        K[1 : 3 * L : 3, 0] = b
+        side[0] = push.cart - plant.cart.damping * state.cart_rate - plant.cart.stiffness * state.cart
+    K[1 : 1 + 3 * L, 1 : 1 + 3 * L] = np.kron(A, np.eye(3))
+    for i in range(L):
+        K[1 + 3 * i : 4 + 3 * i, 1 + 3 * L + i] = K[1 + 3 * L + i, 1 + 3 * i : 4 + 3 * i] = u[i]
+        side[1 + 3 * L + i] = -w[i] @ w[i]
+    forces = plant.gravity * b[:, None] * EZ + joint_forces(system, u, w) + np.cross(push.moments, u)
+    side[1 : 1 + 3 * L] = forces.ravel()
+    return np.linalg.solve(K, side)[: 1 + 3 * L]
+
+
+NUMBERS = ("mass", "length", "centre", "inertia")
+
+
+def joint_forces(system: Spatial, u: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """−∂V/∂u − ∂R/∂w one component at a time, by complex steps."""
+    found, h = np.empty(u.shape), 1e-30
+    for at in np.ndindex(u.shape):
+        du, dw = u.astype(complex), w.astype(complex)
+        du[at] += 1j * h
+        dw[at] += 1j * h
+        found[at] = -(springs(system, du) + rayleigh(system, u, dw)).imag / h
+    return found
+
+
+def joints_of(system: Spatial) -> list[tuple[int, int | None, float, float, float, float]]:
+    """(link, link above, its σ, that of the one above, damper, spring), one joint after the other."""
+    found = []
+    for group in system.plant.groups:
+        sigma, d, k = group.block.sigma, group.block.damping, group.block.stiffness
+        for i, p in np.ndindex(group.index.shape):
+            above = int(group.index[i - 1, p]) if i else None
+            found.append((int(group.index[i, p]), above, sigma[i, p], sigma[i - 1, p] if i else 1.0, d[i, p], k[i, p]))
+    return found
+
+
+def springs(system: Spatial, u: np.ndarray) -> Any:
+    bends = (
+        (k, np.arccos(own * upper * u[i] @ (EZ if above is None else u[above])))
+        for i, above, own, upper, _, k in joints_of(system)
+    )
+    return sum(k * bend**2 / 2 for k, bend in bends)
+
+
+def rayleigh(system: Spatial, u: np.ndarray, w: np.ndarray) -> Any:
+    spin = np.cross(u, w)
+    apart = ((d, spin[i] - (0.0 if above is None else spin[above])) for i, above, _, _, d, _ in joints_of(system))
+    return sum(d * (turn @ turn) / 2 for d, turn in apart)
+
+
+def moments_for(system: Spatial, rng: np.random.Generator) -> Push:
+    return Push(rng.normal(), rng.normal(size=(system.plant.n_links, 3)))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_accelerations_are_those_of_lagrange_with_multipliers(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    plain = system_of(scene_of(seed))
+    push = moments_for(plain, rng)
+    system = system_of(scene_of(seed), lambda time, state: push)
+    state = any_state(system, rng)
+    x2, u2 = parts(system, system.derivative(0.0, system.begin(state)))
+    expected = oracle(system, state, push)
+    np.testing.assert_allclose(np.array([x2, *u2.ravel()]), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
+
+
+def test_a_load_reaches_the_links() -> None:
+    """The comparison with Lagrange would fail on a moment left out."""
+    scene, rng = scene_of(1), np.random.default_rng(1)
+    system = system_of(scene, lambda time, state: Push(0.0, np.ones_like(state.links)))
+    y = system.begin(any_state(system, rng))
+    assert np.abs(system.derivative(0, y)[: system.layout.half * 2] - free(scene, y)).max() > 1e-3
+
+
+def free(scene: Scene, y: np.ndarray) -> np.ndarray:
+    system = system_of(scene)
+    return system.derivative(0, y[: system.layout.size])[: system.layout.half * 2]
+
+
+# symmetry and power
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_on_a_fixed_support_no_azimuth_is_special(seed: int) -> None:
+    system, rng = system_of(scene_of(seed, still=True)), np.random.default_rng(seed)
+    state, phi = any_state(system, rng), rng.uniform(0, 6)
+    R = np.array([[np.cos(phi), -np.sin(phi), 0], [np.sin(phi), np.cos(phi), 0], [0, 0, 1]])
+    _, still = parts(system, system.derivative(0, system.begin(state)))
+    turned = State(state.links @ R.T, state.link_rates @ R.T)
+    _, found = parts(system, system.derivative(0, system.begin(turned)))
+    np.testing.assert_allclose(found, still @ R.T, rtol=0, atol=1e-12 * np.abs(still).max())
+
+
+def energy(system: Spatial, y: np.ndarray) -> Any:
+    """T + V from the pair and the springs' angles; complex numbers pass."""
+    plant, layout = system.plant, system.layout
+    first, half = int(layout.on_cart), layout.half
+    x, v = (y[0], y[half]) if first else (0.0, 0.0)
+    u, w = y[first:half].reshape(-1, 3), y[half + first : 2 * half].reshape(-1, 3)
+    cart = plant.cart
+    total = springs(system, u) + (((cart.mass + plant.mass.sum()) * v**2 + cart.stiffness * x**2) / 2 if cart else 0)
+    for group in plant.groups:
+        A = np.array(pair.inertia_matrix(*(getattr(group.block, name) for name in NUMBERS)))
+        own, speed = u[group.index], w[group.index]
+        total += np.einsum("ijp,ipk,jpk->", A, speed, speed) / 2 + v * np.sum(group.block.b * speed[..., 0])
+        total -= plant.gravity * np.sum(group.block.b * own[..., 2])
+    return total
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_the_work_counted_is_what_the_energy_gains(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    push = moments_for(system_of(scene_of(seed)), rng)
+    system = system_of(scene_of(seed), lambda time, state: push)
+    y = system.begin(any_state(system, rng))
+    rates, h = system.derivative(0, y), 1e-30
+    gained = energy(system, y + 1j * h * rates).imag / h
+    scale = np.abs(rates).max()
+    assert gained == pytest.approx(rates[-1], abs=1e-12 * scale * np.sqrt(y.size))
+    if any(group.damped for group in system.plant.groups):
+        undamped = push.cart * parts_of_cart(system, y) + np.sum(push.moments * spins(system, y))
+        assert rates[-1] < undamped
+
+
+def parts_of_cart(system: Spatial, y: np.ndarray) -> float:
+    return float(y[system.layout.half]) if system.layout.on_cart else 0.0
+
+
+def spins(system: Spatial, y: np.ndarray) -> np.ndarray:
+    state = system.layout.state(y)
+    return np.cross(state.links, state.link_rates)
+
+
+# shapes of numbers
+
+
+@pytest.mark.parametrize("seed", [0, 3, 7])
+def test_trajectories_side_by_side_are_those_one_by_one(seed: int) -> None:
+    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
+    Y = np.stack([system.begin(any_state(system, rng)) for _ in range(4)], axis=1)
+    found = system_of(scene_of(seed), tail=1).derivative(0, Y)
+    one_by_one = np.stack([system.derivative(0, y) for y in Y.T], axis=1)
+    np.testing.assert_allclose(found, one_by_one, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_complex_steps_are_tangents(seed: int) -> None:
+    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
+    y, along = system.begin(any_state(system, rng)), rng.normal(size=system.layout.size)
+    exact = system.derivative(0, y + 1e-30j * along).imag / 1e-30
+    scale = np.abs(exact).max()
+    np.testing.assert_allclose(central(lambda z: system.derivative(0, z), y, along), exact, atol=1e-6 * scale, rtol=0)
+
+
+def test_the_sign_of_the_mirror_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, rng = system_of(scene_of(5)), np.random.default_rng(5)
+    y = system.begin(any_state(system, rng))
+    before = system.derivative(0, y)
+    monkeypatch.setattr(spatial, "facing", lambda u: -facing(u))
+    after = system.derivative(0, y)
+    assert not np.array_equal(before, after)
+    np.testing.assert_allclose(after, before, rtol=0, atol=1e-11 * np.abs(before).max())
+
+
+# one pendulum
+
+
+def run(system: Spatial, state: State, until: float, **how: Any) -> State:
+    y = system.begin(state)
+    found = solve_ivp(system.derivative, (0, until), y, "DOP853", rtol=1e-12, atol=1e-12, **how)
+    return system.read(found.y.T)[-1]
+
+
+@pytest.mark.parametrize("link", [Bob(mass=2, length=0.7), Rod(mass=2, length=0.7)])
+def test_a_conical_pendulum_goes_round_at_its_exact_rate(link: Bob | Rod) -> None:
+    """Ω² = g b/(A cos θ), g/(l cos θ) for a bob."""
+    theta, until = 1.1, 3.0
+    ratio = link.mass * link.centre / (link.inertia + link.mass * link.centre**2)
+    omega = np.sqrt(9.81 * ratio / np.cos(theta))
+    start = State(directions([theta], [0.0]), omega * np.sin(theta) * np.array([[0.0, 1.0, 0.0]]))
+    end = run(system_of(single(link)), start, until)
+    np.testing.assert_allclose(end.links, directions([theta], [omega * until]), atol=1e-9)
+    if isinstance(link, Bob):
+        assert omega == pytest.approx(np.sqrt(9.81 / (0.7 * np.cos(theta))))
+
+
+def test_a_spherical_pendulum_keeps_energy_and_angular_momentum() -> None:
+    system = system_of(single(Body(mass=1.5, length=1.0, centre=0.4, inertia=0.1)))
+    start = any_state(system, np.random.default_rng(2))
+    end = run(system, start, 5.0)
+    before, after = (energy(system, system.begin(state)) for state in (start, end))
+    assert after == pytest.approx(before, rel=1e-8)
+    z = [np.cross(state.links, state.link_rates)[0, 2] for state in (start, end)]
+    assert z[1] == pytest.approx(z[0], rel=1e-8)
+    assert np.abs(end.links - start.links).max() > 0.1
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_neither_rest_is_singular(side: float) -> None:
+    system, w = system_of(single(Bob(mass=1, length=0.5, damping=0.2, stiffness=0.3))), np.array([[0.6, -2.0, 0.0]])
+    state = State(side * EZ[None], w)
+    _, found = parts(system, system.derivative(0, system.begin(state)))
+    np.testing.assert_allclose(found, -(w**2).sum() * side * EZ[None] - 0.2 / 0.25 * w, rtol=1e-14)
+
+
+def test_over_the_top_and_through_the_bottom_in_an_oblique_plane() -> None:
+    scene, azimuth, until = single(Rod(mass=1, length=0.8)), 0.7, 4.0
+    system, flat = system_of(scene), flat_system_of(scene)
+    angle, rate = np.array([0.0]), np.array([9.0])
+    path = solve_ivp(flat.derivative, (0, until), flat.begin(State(angle, rate)), "DOP853", rtol=1e-12, atol=1e-12)
+    end = run(system, State(directions(angle, azimuth), velocities(angle, azimuth, rate)), until)
+    assert path.y[0, -1] > 2 * np.pi
+    np.testing.assert_allclose(end.links, directions(path.y[:1, -1], azimuth), atol=1e-8)
+
+
+# constraints
+
+
+def test_project_mends_what_is_violated_and_says_how_much() -> None:
+    system, rng = system_of(scene_of(3)), np.random.default_rng(3)
+    state = any_state(system, rng)
+    y, half = system.begin(state), system.layout.half
+    assert system.project(y)[1] < 1e-15
+    bad = y.copy()
+    bad[int(system.layout.on_cart) :][:3] *= 1.001
+    mended, violation = system.project(bad)
+    assert violation == pytest.approx(1e-3)
+    np.testing.assert_allclose(mended, y, atol=1e-15)
+    bad = y.copy()
+    bad[half + int(system.layout.on_cart) :][:3] += 0.01 * state.links[0]
+    mended, violation = system.project(bad)
+    speed = np.linalg.norm(state.link_rates[0]) + np.sqrt(system.plant.gravity / system.plant.by_link("length")[0])
+    assert violation == pytest.approx(0.01 / speed, rel=1e-3)
+    np.testing.assert_allclose(mended, y, atol=1e-14)
+
+
+def test_projection_keeps_a_run_on_its_constraints() -> None:
+    system, rng = system_of(scene_of(4)), np.random.default_rng(4)
+    begun = system.begin(any_state(system, rng))
+    drifts = []
+    for mend in (lambda y: system.project(y)[0], lambda y: y):
+        y = begun
+        for _ in range(200):
+            y = mend(stepped(system, y, 0.005))
+        drifts.append(np.abs(np.linalg.norm(system.layout.state(y).links, axis=1) - 1).max())
+    assert drifts[0] < 1e-15 < 1e-10 < drifts[1]
+
+
+def stepped(system: Spatial, y: np.ndarray, h: float) -> np.ndarray:
+    """One classical Runge–Kutta step."""
+    k1 = system.derivative(0, y)
+    k2 = system.derivative(0, y + h / 2 * k1)
+    k3 = system.derivative(0, y + h / 2 * k2)
+    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + system.derivative(0, y + h * k3))
+
+
+# joints
+
+
+def gathered(values: np.ndarray, index: np.ndarray) -> np.ndarray:
+    return np.moveaxis(values[index], -1, 0)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_joint_forces_are_minus_the_gradients(seed: int) -> None:
+    """Of the energy by central differences along random turns, of the Rayleigh function by its power."""
+    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
+    state = any_state(system, rng)
+    for group in system.plant.groups:
+        u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
+        still, spin = np.zeros_like(w), rng.normal(size=u.shape)
+        along = np.cross(spin, u, axis=0)
+        force = ball_joints.generalized(ball_joints.moments(group, u, still), u)
+        rise = central(lambda v: ball_joints.spring_energy(group, v / np.linalg.norm(v, axis=0)).sum(), u, along)  # noqa: B023
+        assert np.sum(force * along) == pytest.approx(-rise, rel=1e-7, abs=1e-9)
+        drag = ball_joints.generalized(ball_joints.moments(group, u, w) - ball_joints.moments(group, u, still), u)
+        assert np.sum(drag * w) == pytest.approx(ball_joints.damper_power(group, u, w), rel=1e-12, abs=1e-12)
+    total = sum(ball_joints.spring_energy(g, gathered(state.links, g.index)).sum() for g in system.plant.groups)
+    assert total == pytest.approx(springs(system, state.links), rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
+    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
+    drawn = flat_state(system, rng)
+    flat = State(unwound(system, drawn.links), drawn.link_rates)
+    state = of_plane(flat)
+    for group in system.plant.groups:
+        u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
+        theta, rate = flat.links[group.index], flat.link_rates[group.index]
+        found, expected = ball_joints.moments(group, u, w), joints.moments(group, theta, rate)
+        np.testing.assert_allclose(found[1], expected, rtol=1e-11, atol=1e-12)
+        assert not found[[0, 2]].any()
+        np.testing.assert_allclose(
+            ball_joints.spring_energy(group, u), joints.spring_energy(group, theta), rtol=1e-11, atol=1e-13
+        )
+        assert ball_joints.damper_power(group, u, w) == pytest.approx(joints.damper_power(group, rate), rel=1e-12)
+
+
+@pytest.mark.parametrize(("angle", "expected"), [(0.0, 0.0), (1e-9, -2e-9), (np.pi - 1e-6, -2 * (np.pi - 1e-6))])
+def test_a_spring_straight_slightly_and_almost_fully_bent(angle: float, expected: float) -> None:
+    group = plant_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
+    u = directions(np.array([[angle]]), 0.0)
+    found = ball_joints.moments(group, gathered(u[0], np.array([[0]])), np.zeros((3, 1, 1)))
+    assert found[1, 0, 0] == pytest.approx(expected, rel=1e-9, abs=0)
+
+
+def test_a_spring_bent_right_back_pulls_no_way() -> None:
+    group = plant_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
+    u = -EZ.reshape(3, 1, 1)
+    assert not ball_joints.moments(group, u, 0 * u).any()
+    assert ball_joints.spring_energy(group, u) == pytest.approx(np.pi**2)
+
+
+def test_complex_steps_pass_a_straight_spring() -> None:
+    """The stiffness of a straight joint is its spring's own."""
+    group = plant_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
+    u = EZ.reshape(3, 1, 1) + 1e-30j * np.array([1.0, 0.0, 0.0]).reshape(3, 1, 1)
+    force = ball_joints.generalized(ball_joints.moments(group, u, 0 * u), u)
+    assert force[0, 0, 0].imag / 1e-30 == pytest.approx(-2.0)
+
+
+# angles and directions
+
+
+def test_directions_and_angles_are_inverse() -> None:
+    rng = np.random.default_rng(0)
+    theta, phi = rng.uniform(0, np.pi, 20), rng.uniform(-np.pi, np.pi, 20)
+    u = directions(theta, phi)
+    np.testing.assert_allclose(np.linalg.norm(u, axis=-1), 1.0, rtol=1e-15)
+    np.testing.assert_allclose(angles_of(3 * u), (theta, phi), rtol=1e-13)
+    assert angles_of(EZ) == (0.0, 0.0)
+
+
+def test_velocities_are_the_rate_of_directions_at_fixed_azimuth() -> None:
+    rng = np.random.default_rng(1)
+    theta, phi, rate = rng.normal(size=(3, 20))
+    exact = directions(theta + 1e-30j * rate, phi).imag / 1e-30
+    np.testing.assert_allclose(velocities(theta, phi, rate), exact, rtol=1e-13, atol=1e-15)
+
+
+def test_a_plane_state_moves_along_the_rail_and_down() -> None:
+    state = of_plane(State(np.array([0.5, -1.0]), np.array([2.0, 3.0]), 0.1, 0.2))
+    assert not state.links[:, 1].any()
+    np.testing.assert_allclose(state.links[:, 0], np.sin([0.5, -1.0]))
+    assert (state.cart, state.cart_rate) == (0.1, 0.2)
