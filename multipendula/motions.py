@@ -87,3 +87,12 @@ def _bar(duration: float) -> Iterator[Callable[[float], object] | None]:
 
     with tqdm(total=duration, unit="s", unit_scale=True, delay=1.0, leave=False) as bar:
         yield lambda elapsed: bar.update(elapsed - bar.n)
+
+
+def _shown(options: argparse.Namespace) -> Trajectory:
+    """A saved run as it is, or a new one of a scene."""
+    from nonlinear import recordings
+
+    if options.scene.endswith(RECORDINGS):
+        return recordings.load(options.scene)
+    return _run(options)

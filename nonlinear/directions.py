@@ -14,16 +14,16 @@ from nonlinear.state import State
 
 
 def directions(angles: Any, azimuths: Any) -> Floats:
-    """U (..., 3) of θ and φ (rad)."""
+    """Unit vectors (..., 3) of θ and φ (rad)."""
     theta, phi = np.broadcast_arrays(angles, azimuths)
     return np.stack((np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1)
 
 
 def velocities(angles: Any, azimuths: Any, rates: Any) -> Floats:
-    """U' (..., 3) in 1/s where θ changes at `rates` (rad/s) in the vertical plane of a fixed φ."""
+    """Their rates (..., 3) in 1/s where θ changes at `rates` (rad/s) in the vertical plane of a fixed φ."""
     theta, phi, rate = np.broadcast_arrays(angles, azimuths, rates)
     across = np.stack((np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)), axis=-1)
-    return rate[..., None] * across
+    return np.asarray(rate[..., None] * across)
 
 
 def of_plane(state: State) -> State:

@@ -36,7 +36,7 @@ class Group:
 
     @cached_property
     def static(self) -> Floats:
-        """M c (kg m), (n, P)."""
+        """First moment m c (kg m) about the upper joint, (n, P)."""
         return self.block.mass * self.block.centre
 
     @cached_property

@@ -1,6 +1,8 @@
 """Short chains in the plane: every pendulum's A cos(θ_i − θ_j) as a small dense matrix, all of them solved at once.
 
-Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
+    Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
+
+is solved for θ_i'' at rest of the cart and for its answer to x'' = 1.
 """
 
 from __future__ import annotations

@@ -15,9 +15,13 @@ direction (its sign is that of u_z; no result depends on it).  In the mirror M' 
     M_Tu = cross D⁻¹ r          M_uu = m + μ − l² r·D⁻¹ r
     p_T = D⁻¹ (cross y + (m c + l N) Q)     p_u = p'_u − |w|² (m c + l μ) − l r·D⁻¹ (l y − Q)
 
-with far = I + m (l − c)², cross = I − m c (l − c): only M_uu and p_u subtract.  This is `nonlinear.plane` with a 2×2
-block for each number across (Featherstone, Rigid Body Dynamics Algorithms, 2008, §7.2; Householder reflections: Golub
-and Van Loan, Matrix Computations, §5.1).  Vectors have their components on the first axis; behind it stand any axes.
+with far = I + m (l − c)², cross = I − m c (l − c).  It is `nonlinear.plane` with a 2×2 block for each number across
+(Featherstone, Rigid Body Dynamics Algorithms, 2008, §7.2; Householder reflections: Golub and Van Loan, Matrix
+Computations, §5.1).  The mirror keeps the plane of the rail to itself, so motion there is as exact as in the plane;
+outside it a bob right above a heavier one costs the digits of their mass ratio, as it does in dense equations.
+
+Vectors have their components on the first axis; behind it stand any axes.  Arrays of SymPy or heyoka expressions
+pass too, `sign` then being given: any choice of ±1 that keeps 1 + sign u_z from zero.
 """
 
 from __future__ import annotations
@@ -54,12 +58,12 @@ class Turn(NamedTuple):
 
 
 def dot(a: Any, b: Any) -> Any:
-    """a·b."""
+    """The product a·b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Any, b: Any) -> Any:
-    """A × b."""
+    """The product a × b."""
     return a[NEXT] * b[LAST] - a[LAST] * b[NEXT]
 
 
@@ -105,7 +109,7 @@ def _passed(link: Link, below: Answer, u: Any, w: Any, Q: Any, sign: Any) -> tup
 
 
 def downward(links: Sequence[Link], turns: Sequence[Turn], a: Any) -> list[Any]:
-    """U'' (3, ...) of every link, top first, under the acceleration ã = a of the first joint."""
+    """The acceleration u'' (3, ...) of every link, top first, under the acceleration ã = a of the first joint."""
     found = []
     for link, turn in zip(links, turns, strict=True):
         seen = _mirrored(turn.v, turn.beta, a)

@@ -29,7 +29,7 @@ class Recursion:
         return answer.M[0, 0].sum(0), force.sum(0), (turns, gravity, answer.p)
 
     def turn(self, memory: Any, push: Any) -> Any:
-        """U'' (3, n, P, ...)."""
+        """Second derivatives u'' (3, n, P, ...)."""
         turns, gravity, like = memory
         felt = np.zeros_like(like)
         felt[0], felt[2] = push, -gravity

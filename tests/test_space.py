@@ -127,7 +127,7 @@ def unwound(system: Spatial, angles: np.ndarray) -> np.ndarray:
 
 
 def test_extreme_masses_lose_nothing_in_the_plane_of_the_rail() -> None:
-    """A light hook above a load 1e10 times as heavy, which no route with det D by subtraction would survive."""
+    """A light hook above a load 1e10 times as heavy: the mirror does not mix the plane with what is across it."""
     hook = Pendulum(links=(Bob(mass=1e-5, length=0.3), Rod(mass=1e5, length=2.0), Bob(mass=1.0, length=0.1)))
     scene = Scene(gravity=9.81, space="space", support=Cart(mass=10.0), pendulum=(hook,))
     system, flat = system_of(scene), flat_system_of(scene)
