@@ -197,7 +197,9 @@ def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
     add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or a saved run (.npz or .csv), which goes on")
     add.add_argument("--duration", metavar="SECONDS", type=seconds, default=duration, help=f"default {duration:g}")
     add.add_argument("--start", metavar="WORDS", help="scene (default), mode:R:DEG or angles:A,B,... (deg, at rest)")
-    add.add_argument("--method", default="auto", metavar="NAME", help="auto, DOP853, RK45, RK23, Radau, BDF, LSODA, taylor")
+    add.add_argument(
+        "--method", default="auto", metavar="NAME", help="auto, DOP853, RK45, RK23, Radau, BDF, LSODA, taylor"
+    )
     add.add_argument("--form", default="auto", metavar="NAME", help="auto, minimal, maximal, hamiltonian or spatial")
     add.add_argument(
         "--tolerance", metavar="T", type=_number("1e-15 to 0.01", most=0.01), default=1e-9, help="default 1e-9"
@@ -209,6 +211,13 @@ def _motions(command: Add) -> None:
     add = command(motions.simulate, "simulate", "simulate paper-cart-3 --duration 60 -o run.npz")
     _run_of(add, 60.0)
     add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
+
+    add = command(motions.chaos, "chaos", "chaos paper-cart-2 -o lyapunov.png")
+    add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or paper:000, paper:001: what they claim")
+    add.add_argument("--duration", metavar="SECONDS", type=_number("seconds above 0"), help="default 200 sqrt(l/g)")
+    add.add_argument("--ensemble", metavar="E", type=_whole(10_000), help="starts side by side (default 16)")
+    add.add_argument("--quick", action="store_true", help="a short form of a paper's study")
+    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -7,7 +7,9 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
+
+from multipendula.commands import picture
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -38,6 +40,60 @@ def simulate(options: argparse.Namespace) -> None:
     print(f"computed in {spent:.3g} s" + (f", kept in {options.output}" if options.output else ""))
     if "interrupted" in trajectory.run.stopped:
         raise KeyboardInterrupt
+
+
+def chaos(options: argparse.Namespace) -> None:
+    """Measure the largest Lyapunov exponent, or what paper 000 or 001 claims of it."""
+    kind = picture(options.output) if options.output else ""
+    text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
+    if options.output:
+        from modal.files import whole_file
+
+        with whole_file(options.output) as stream:
+            draw(stream, kind)
+    print(text)
+
+
+Drawn = tuple[str, Callable[[IO[bytes], str], None]]
+
+
+def _exponent(options: argparse.Namespace) -> Drawn:
+    from modal.errors import SceneError
+    from modal.files import load
+    from nonlinear.lyapunov import TRANSIENT, lyapunov_exponent, usual_duration
+
+    if options.quick:
+        raise SceneError(["--quick: is for paper:000 and paper:001"])
+    scene = load(options.scene)
+    duration = options.duration or usual_duration(scene)
+    with _bar((1 + TRANSIENT) * duration) as report:
+        found = lyapunov_exponent(scene, duration, ensemble=options.ensemble or 16, report=report)
+
+    def draw(stream: IO[bytes], kind: str) -> None:
+        from nonlinear.chaos_figures import draw_running
+
+        draw_running(found, stream, kind=kind)
+
+    return found.text(), draw
+
+
+def _claims(options: argparse.Namespace) -> Drawn:
+    from modal.errors import SceneError
+    from nonlinear.chaos_claims import study, text
+    from nonlinear.chaos_studies import measure
+
+    if options.duration or options.ensemble:
+        raise SceneError([f"{options.scene}: has its own --duration and --ensemble; --quick makes it short"])
+    chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
+    with _bar(len(chosen.cases), "scene") as report:
+        finding = measure(chosen, report)
+
+    def draw(stream: IO[bytes], kind: str) -> None:
+        from nonlinear.chaos_figures import draw_finding
+
+        draw_finding(finding, stream, kind=kind)
+
+    return text(finding), draw
 
 
 def _run(options: argparse.Namespace) -> Trajectory:
@@ -78,14 +134,14 @@ def _start(scene: Scene, words: str | None) -> State | None:
 
 
 @contextmanager
-def _bar(duration: float) -> Iterator[Callable[[float], object] | None]:
-    """A progress bar in seconds of pendulum time, on a terminal and for runs that take a while."""
+def _bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
+    """A progress bar, by default in seconds of pendulum time, on a terminal and for what takes a while."""
     if not sys.stderr.isatty():
-        yield None
+        yield lambda elapsed: None
         return
     from tqdm import tqdm
 
-    with tqdm(total=duration, unit="s", unit_scale=True, delay=1.0, leave=False) as bar:
+    with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False) as bar:
         yield lambda elapsed: bar.update(elapsed - bar.n)
 
 

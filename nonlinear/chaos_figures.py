@@ -1,0 +1,127 @@
+"""Pictures of chaos: a Lyapunov exponent as it settles, and exponents against links or cart mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import IO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.ticker import MaxNLocator
+
+from modal.pictures import save
+from modal.scene import Scene
+from nonlinear.chaos_studies import Case, Finding
+from nonlinear.lyapunov import COVERAGE, Exponent
+
+COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7")
+MARKERS = ("o", "s", "D", "^")
+INK, GRID, MARK = "#22303c", "#e3e7ea", "#8a949c"
+MOST_LINES = 24
+"""Single starts drawn behind their mean."""
+NUDGE = 1.06
+"""Series of carts stand this factor apart, so that their error bars can be told from each other."""
+Rows = Sequence[tuple[Case, Exponent]]
+
+
+def draw_running(exponent: Exponent, stream: IO[bytes], *, kind: str = "png") -> None:
+    """λ as it stood after every time: each start, their mean with its interval, and what regular motion looks like."""
+    figure = _figure(8.0, 4.4)
+    axis = figure.subplots()
+    times, running = exponent.running()
+    since, mean = times - exponent.transient, running.mean(1)
+    if exponent.ensemble > 1:
+        axis.plot(since, running[:, :MOST_LINES], color=COLOURS[0], lw=0.6, alpha=0.3)
+    axis.plot([], [], color=COLOURS[0], lw=0.8, alpha=0.6, label="single starts")
+    half = COVERAGE * exponent.error
+    words = f"± {COVERAGE:g} standard uncertainties"
+    axis.axhspan(exponent.value - half, exponent.value + half, color=COLOURS[1], alpha=0.25, lw=0, label=words)
+    axis.plot(since, mean, color=COLOURS[1], lw=2.2, label=f"mean of {exponent.ensemble}: {exponent.equation}")
+    axis.plot(since, exponent.regular(since), "--", color=MARK, lw=1.4, label="what regular motion can look like")
+    late = running[since > since[-1] / 10]
+    low, high = float(min(late.min(), 0.0)), float(max(late.max(), 2 * exponent.floor))
+    axis.set(xlim=(0, since[-1]), ylim=(low - 0.05 * (high - low), high * 1.08))
+    axis.set(xlabel="time measured T (s)", ylabel="growth of a small error, λ(T) (1/s)")
+    axis.legend(frameon=False, fontsize=9, loc="upper right")
+    _finish(figure, exponent.scene.title or "Lyapunov exponent", stream, kind)
+
+
+def draw_finding(finding: Finding, stream: IO[bytes], *, kind: str = "png") -> None:
+    """λ with twice its standard uncertainty for every case; a hollow triangle is what λ lies below."""
+    _DRAWN[finding.study.paper](finding, stream, kind)
+
+
+def _draw_chains(finding: Finding, stream: IO[bytes], kind: str) -> None:
+    figure = _figure(9.0, 4.4)
+    left, right = figure.subplots(1, 2)
+    for k, (name, rows) in enumerate(finding.series().items()):
+        links = [float(exponent.scene.n_links) for _, exponent in rows]
+        rates = [_natural_rate(case.scene) for case, _ in rows]
+        _points(left, links, rows, rates, k, name)
+        _points(right, links, rows, [rate / n**0.5 for rate, n in zip(rates, links, strict=True)], k, name)
+    left.set(title="links of one length l", ylabel="λ sqrt(l/g)")
+    right.set(title="one total length L, cut into more links", ylabel="λ sqrt(L/g)")
+    for axis in (left, right):
+        axis.set(xlabel="links", ylim=(-0.04 * axis.get_ylim()[1], None))
+        axis.title.set(fontsize=10, color=INK)
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axis.legend(frameon=False, fontsize=9, loc="upper left")
+    _finish(figure, f"Paper 001: {finding.study.claim}?", stream, kind)
+
+
+def _natural_rate(scene: Scene) -> float:
+    """sqrt(g/l) of the first link (1/s)."""
+    return float(np.sqrt(scene.gravity / scene.pendulum[0].links[0].length))
+
+
+def _draw_carts(finding: Finding, stream: IO[bytes], kind: str) -> None:
+    figure = _figure(8.0, 4.6)
+    axis = figure.subplots()
+    for k, (name, rows) in enumerate(finding.series().items()):
+        fixed = next(exponent for case, exponent in rows if case.at is None)
+        half = COVERAGE * fixed.error
+        axis.axhspan(fixed.value - half, fixed.value + half, color=COLOURS[k], alpha=0.13, lw=0)
+        axis.axhline(fixed.value, color=COLOURS[k], ls="--", lw=1.1)
+        carts = [(case, exponent) for case, exponent in rows if case.at is not None]
+        masses = [(case.at or 0.0) * NUDGE ** (k - 1) for case, _ in carts]
+        _points(axis, masses, carts, [1.0] * len(carts), k, name)
+    axis.plot([], [], "--", color=MARK, lw=1.1, label="the same on a fixed support")
+    axis.set(xscale="log", xlabel="cart mass (kg)", ylabel="λ (1/s)", ylim=(0, None))
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.legend(frameon=False, fontsize=9, loc="lower right")
+    _finish(figure, f"Paper 000: {finding.study.claim}?", stream, kind)
+
+
+_DRAWN = {"000": _draw_carts, "001": _draw_chains}
+
+
+def _points(axis: Axes, at: Sequence[float], rows: Rows, units: Sequence[float], k: int, name: str) -> None:
+    colour, marker = COLOURS[k], MARKERS[k]
+    triples = list(zip(at, (exponent for _, exponent in rows), units, strict=True))
+    told = np.array([(x, e.value / unit, COVERAGE * e.error / unit) for x, e, unit in triples if e.is_positive])
+    bounds = np.array([(x, e.bound / unit) for x, e, unit in triples if not e.is_positive])
+    if told.size:
+        axis.errorbar(*told.T, color=colour, marker=marker, ms=5.5, lw=1.4, capsize=3.0, label=name)
+    if bounds.size:
+        axis.plot(*bounds.T, "v", color="none", mec=colour, mew=1.4, ms=7.0)
+
+
+def _figure(width: float, height: float) -> Figure:
+    figure = Figure(
+        figsize=(width, height), dpi=150, facecolor="white", layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.06)
+    )
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _finish(figure: Figure, title: str, stream: IO[bytes], kind: str) -> None:
+    for axis in figure.axes:
+        axis.grid(color=GRID, lw=0.6)
+        axis.set_axisbelow(True)
+        axis.tick_params(labelsize=9, colors=INK)
+        axis.spines[["top", "right"]].set_visible(False)
+    figure.suptitle(title, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    save(figure, stream, kind)

@@ -1,0 +1,296 @@
+"""Tangent dynamics and Lyapunov exponents: against differences, SymPy, linear modes, shadows and scaling laws."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import sympy as sp
+from random_scenes import random_scene
+from scipy.integrate import solve_ivp
+
+from modal.errors import SceneError
+from modal.modes import natural_modes
+from modal.scene import Bob, Cart, Pendulum, Rod, Scene, Start
+from nonlinear.chaos_claims import study, text, verdicts
+from nonlinear.chaos_figures import draw_finding, draw_running
+from nonlinear.chaos_studies import Case, Finding, Study, level_starts, measure
+from nonlinear.lyapunov import Exponent, lyapunov_exponent
+from nonlinear.mechanics import Mechanics
+from nonlinear.minimal import Minimal
+from nonlinear.plant import plant_of
+from nonlinear.short import Dense
+from nonlinear.state import State
+from nonlinear.tangent import Tangent
+
+G = 9.81
+
+
+def chain(links: int, *, kind: type[Bob] | type[Rod] = Bob, gravity: float = G, **more: object) -> Scene:
+    link = kind(mass=1.0, length=1.0, count=links)
+    return Scene(title="chain", gravity=gravity, pendulum=(Pendulum(links=(link,), **more),))
+
+
+def released(links: int, degrees: float, **more: object) -> Scene:
+    return chain(links, start=Start(angles_deg=(degrees,) * links), **more)
+
+
+DAMPED = Scene(
+    gravity=G,
+    support=Cart(mass=2.0, damping=0.3, stiffness=5.0),
+    pendulum=(
+        Pendulum(links=(Rod(mass=1.0, length=0.7, damping=0.1, stiffness=0.4), Bob(mass=0.5, length=0.4))),
+        Pendulum(links=(Bob(mass=0.3, length=1.0, damping=0.2),)),
+    ),
+)
+
+
+# ------------------------------------------------------------------------------------------------ tangent dynamics
+
+
+@pytest.mark.parametrize("scene", [DAMPED, chain(3), *map(random_scene, (4, 8, 15))], ids=range(5))
+def test_the_tangent_is_the_slope_of_the_derivative(scene: Scene) -> None:
+    tangent, rng = Tangent(plant_of(scene)), np.random.default_rng(3)
+    size = tangent.system.layout.size
+    y = rng.uniform(-1, 1, (size, 5)) * tangent.scale
+    v = rng.standard_normal((size, 5)) * tangent.scale
+    f, Jv = tangent.product(y, v)
+    step = 1e-3
+    ahead, behind, far, back = (tangent.system.derivative(0.0, y + k * step * v) for k in (1, -1, 2, -2))
+    slope = (8 * (ahead - behind) - (far - back)) / (12 * step)
+    assert np.allclose(f, tangent.system.derivative(0.0, y), rtol=1e-13, atol=1e-13 * np.abs(f).max())
+    assert np.abs((slope - Jv) / np.abs(Jv).max(1, keepdims=True)).max() < 1e-8
+
+
+def test_the_motion_carried_along_is_the_simulated_one() -> None:
+    """The dense form with its work column, one trajectory at a time, gives the same y'."""
+    plant = plant_of(DAMPED)
+    tangent, plain = Tangent(plant), Minimal(plant, tuple(map(Dense, plant.groups)))
+    y = np.random.default_rng(1).standard_normal((tangent.system.layout.size, 3))
+    f, _ = tangent.product(y, np.ones_like(y))
+    for k in range(3):
+        assert np.allclose(f[:, k], plain.derivative(0.0, np.append(y[:, k], 0.0))[:-1], rtol=1e-12)
+
+
+def test_the_tangent_is_sympys_jacobian() -> None:
+    """A bob on a cart: x'' and θ'' solved by SymPy from the Lagrangian's equations."""
+    x, w, t, u, m, M, l = sp.symbols("x w t u m M l")
+    a, b = sp.symbols("a b")
+    pushed = (M + m) * a + m * l * (b * sp.cos(t) - u**2 * sp.sin(t))
+    turned = m * l * (a * sp.cos(t) + l * b + G * sp.sin(t))
+    solved = sp.solve((pushed, turned), (a, b))
+    numbers = {m: 0.7, M: 1.9, l: 1.3, x: 0.2, t: 0.9, w: -0.4, u: 2.1}
+    exact = sp.Matrix([w, u, solved[a], solved[b]]).jacobian([x, t, w, u]).subs(numbers)
+    scene = Scene(gravity=G, support=Cart(mass=1.9), pendulum=(Pendulum(links=(Bob(mass=0.7, length=1.3),)),))
+    y = np.array([0.2, 0.9, -0.4, 2.1])[:, None]
+    _, found = Tangent(plant_of(scene)).product(np.tile(y, 4), np.eye(4))
+    assert np.allclose(found, np.array(exact.tolist(), dtype=float), rtol=1e-13, atol=1e-13)
+
+
+# -------------------------------------------------------------------------------------------- where λ is known
+
+
+def test_regular_motion_is_not_told_from_zero() -> None:
+    found = lyapunov_exponent(released(1, 90), 40.0, ensemble=8)
+    assert not found.is_positive
+    assert found.chaotic == 0
+    assert 0 < found.bound < 0.1
+    assert found.words().startswith("< ")
+    assert "not distinguishable from zero" in found.text()
+
+
+@pytest.mark.parametrize(("links", "up"), [(1, 1), (2, 1), (2, 2), (3, 2)])
+def test_at_a_standing_rest_it_is_the_fastest_growth_rate(links: int, up: int) -> None:
+    """For one link sqrt(g/l).  The last links stand, the others hang; round-off tips them over only later."""
+    ways = ("down",) * (links - up) + ("up",) * up
+    scene = chain(links, equilibrium=ways, start=Start(angles_deg=tuple(180.0 * (way == "up") for way in ways)))
+    rate = max(mode.growth_rate or 0.0 for mode in natural_modes(scene))
+    assert links > 1 or rate == pytest.approx(np.sqrt(G), rel=1e-14)
+    found = lyapunov_exponent(scene, 7.0, ensemble=4, spread=0.0)
+    early, late = np.searchsorted(found.times, [14 / rate, 22 / rate])
+    grown = found.growth[early:late].sum(0) / (found.times[late] - found.times[early])
+    assert grown == pytest.approx([rate] * 4, rel=1e-6 if links == 1 else 1e-4)
+
+
+def test_the_tangent_at_a_standing_rest_has_the_modes_of_the_table() -> None:
+    scene = chain(3, kind=Rod, equilibrium=("up", "down", "up"))
+    y = np.array([np.pi, 0, np.pi, 0, 0, 0])[:, None]
+    _, jacobian = Tangent(plant_of(scene)).product(np.tile(y, 6), np.eye(6))
+    modes = natural_modes(scene)
+    expected = sorted([*modes.eigenvalue, *-modes.eigenvalue], key=lambda s: (round(s.real, 6), s.imag))
+    found = sorted(np.linalg.eigvals(jacobian), key=lambda s: (round(s.real, 6), s.imag))
+    assert np.allclose(found, expected, rtol=0, atol=1e-10)
+
+
+def test_dampers_make_it_the_slowest_decay() -> None:
+    """Two rods on a damped cart, all but at rest: the modal table's slowest decay, and no energy to be kept."""
+    joint = {"mass": 1.0, "length": 1.0, "damping": 0.5}
+    scene = Scene(
+        gravity=G,
+        support=Cart(mass=1.0, damping=1.0, stiffness=6.0),
+        pendulum=(Pendulum(links=(Rod(**joint), Rod(**joint)), start=Start(angles_deg=(0.01, 0.01))),),
+    )
+    found = lyapunov_exponent(scene, 60.0, ensemble=4)
+    assert found.value == pytest.approx(max(natural_modes(scene).eigenvalue.real), abs=1 / 60)
+    assert found.value < -0.1
+    assert not found.is_positive
+    assert np.isnan(found.energy_drift)
+
+
+def test_gravity_only_sets_the_clock() -> None:
+    """g → 4 g from the same angles doubles every λ: the same growth in half the time."""
+    slow, fast = (
+        lyapunov_exponent(released(2, 120, gravity=g), 20 / np.sqrt(g), ensemble=3, tolerance=1e-11) for g in (1.0, 4.0)
+    )
+    assert fast.times[-1] == slow.times[-1] / 2
+    assert slow.growth.sum(0).min() > 2
+    assert np.allclose(fast.growth.sum(0), slow.growth.sum(0), rtol=1e-6)
+
+
+# --------------------------------------------------------------------------------- a second route: shadow trajectories
+
+
+def double_pendulum(y: np.ndarray) -> np.ndarray:
+    """Two bobs of 1 kg on 1 m each, g = 9.81, written out: y = (θ1, θ2, θ1', θ2'), with any axes behind."""
+    a, b, v, w = y
+    c, s = np.cos(a - b), np.sin(a - b)
+    first, second = -s * w * w - 2 * G * np.sin(a), s * v * v - G * np.sin(b)
+    return np.array([v, w, (first - c * second) / (2 - c * c), (2 * second - c * first) / (2 - c * c)])
+
+
+def shadows(y: np.ndarray, end: float, transient: float) -> np.ndarray:
+    """λ (E,) from pairs of trajectories 1e-7 apart, brought back to that distance every 0.4 s."""
+    near, rng = 1e-7, np.random.default_rng(9)
+    aside = rng.standard_normal(y.shape)
+    aside *= near / np.linalg.norm(aside, axis=0)
+    total, steps = np.zeros(y.shape[1]), int(end / 0.4)
+    for step in range(steps):
+        both = np.stack((y, y + aside), axis=2)
+        run = solve_ivp(
+            lambda t, z, shape=both.shape: double_pendulum(z.reshape(shape)).ravel(),
+            (0.0, 0.4),
+            both.ravel(),
+            method="DOP853",
+            rtol=1e-9,
+            atol=1e-11,
+        )
+        y, other = np.moveaxis(run.y[:, -1].reshape(both.shape), 2, 0)
+        aside = other - y
+        distance = np.linalg.norm(aside, axis=0)
+        aside *= near / distance
+        total += np.log(distance / near) * (step * 0.4 >= transient)
+    return total / (steps * 0.4 - transient)
+
+
+@pytest.fixture(scope="module")
+def high() -> Exponent:
+    return lyapunov_exponent(released(2, 150), 24.0, ensemble=16, tolerance=1e-6)
+
+
+def test_two_routes_agree_at_high_energy(high: Exponent) -> None:
+    starts = np.radians(150) + np.random.default_rng(77).uniform(-1e-3, 1e-3, (2, 32))
+    other = shadows(np.concatenate((starts, np.zeros((2, 32)))), 36.0, 12.0)
+    error = np.hypot(high.error, other.std(ddof=1) / np.sqrt(32))
+    assert high.is_positive
+    assert high.value > 1.0
+    assert error < 0.15 * high.value
+    assert abs(high.value - other.mean()) < 3 * error
+
+
+def test_independent_ensembles_agree_within_their_uncertainty(high: Exponent) -> None:
+    again = lyapunov_exponent(released(2, 150), 24.0, ensemble=16, tolerance=1e-6, seed=5)
+    assert abs(high.value - again.value) < 3 * np.hypot(high.error, again.error)
+    assert 0 < high.energy_drift < 1e-4
+    assert high.members.mean() == pytest.approx(high.value)
+
+
+def test_a_constructed_growth_is_read_off_exactly() -> None:
+    times, rng = np.arange(0.0, 61.0), np.random.default_rng(2)
+    noise = rng.standard_normal((60, 200))
+    found = Exponent(chain(2), times, 0.7 + noise, transient=20.0, energy_drift=0.0)
+    assert found.duration == 40.0
+    assert found.value == pytest.approx(0.7 + noise[20:].mean(), rel=1e-12)
+    assert found.error == pytest.approx(1 / np.sqrt(40 * 200), rel=0.5)
+    assert found.running()[1][-1] == pytest.approx(found.members)
+    assert found.floor == pytest.approx((1 + np.log(60 * np.sqrt(G))) / 40)
+    assert not replace(found, growth=0 * found.growth).is_positive
+    linear = np.diff(np.log(np.maximum(times, 0.5)))[:, None]
+    assert not replace(found, growth=linear).is_positive
+
+
+@pytest.mark.parametrize(
+    ("scene", "duration", "words"),
+    [(released(1, 90), 1.0, "at least 6.39 s"), (released(1, 90).model_copy(update={"space": "space"}), 30.0, "plane")],
+)
+def test_what_cannot_be_is_refused(scene: Scene, duration: float, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        lyapunov_exponent(scene, duration)
+
+
+# --------------------------------------------------------------------------------------------------- the two claims
+
+
+@pytest.mark.parametrize("case", [*study("000").cases, *study("001").cases], ids=lambda case: case.scene.title)
+def test_every_start_has_the_energy_of_level_links(case: Case) -> None:
+    plant = plant_of(case.scene)
+    tangent = Tangent(plant)
+    y = np.stack([tangent.system.begin(state) for state in level_starts(case.scene, 6)], axis=1)
+    mechanics = Mechanics(plant, tangent.system.read(y.T))
+    assert np.abs(mechanics.of_pendula(mechanics.potential)).max() < 1e-12 * G * plant.n_links**2
+    assert case.scene.n_links == 1 or np.ptp(np.abs(mechanics.motion.links), axis=0).min() > 1e-3
+
+
+def constant(scene: Scene, rate: float, error: float) -> Exponent:
+    """An exponent of exactly this value and standard uncertainty."""
+    times = np.arange(0.0, 1501.0)
+    wave = np.tile([1.0, -1.0], 5).repeat(100) * 3 * error
+    growth = np.concatenate((np.zeros(500), rate + wave))[:, None]
+    return Exponent(scene, times, growth, 500.0, 0.0)
+
+
+def made(paper: str, rates: list[float], error: float = 0.011) -> Finding:
+    short = study(paper, quick=True)
+    return Finding(short, tuple(constant(c.scene, r, error) for c, r in zip(short.cases, rates, strict=True)))
+
+
+def test_verdicts_compare_intervals() -> None:
+    assert constant(chain(1), 1.0, 0.01).error == pytest.approx(0.01)
+    growing, falling, level = made("001", [0, 1, 2, 3]), made("001", [0, 1, 0.9, 2]), made("001", [0, 1, 1.01, 2])
+    assert [v.split(": ")[1].split(" ")[0] for v in verdicts(growing)] == ["supported", "supported"]
+    assert "bobs, links of one length: not supported" in verdicts(falling)[0]
+    assert "bobs, links of one length: undecided" in verdicts(level)[0]
+    assert "one total length: supported" in verdicts(level)[1]
+    carts = verdicts(made("000", [1.0, 0.8, 0.9, 1.0, 1.0, 1.3]))
+    assert carts[0].startswith("1 double pendulum: supported")
+    assert carts[1].startswith("2 double pendula: not supported")
+
+
+def test_tables_and_pictures_of_both_claims() -> None:
+    for paper, rates in (("001", [0.0, 1.0, 2.0, 3.0]), ("000", [1.0, 0.8, 0.9, 1.0, 1.0, 1.3])):
+        finding = made(paper, rates)
+        assert f"{rates[-1]:.3f} ± 0.011" in text(finding)
+        stream = io.BytesIO()
+        draw_finding(finding, stream)
+        draw_running(finding.exponents[0], stream)
+        assert stream.getvalue().count(b"\x89PNG") == 2
+    assert "< 0.00" in text(made("001", [0.0, 1.0, 2.0, 3.0]))
+
+
+def test_a_study_is_measured_case_by_case() -> None:
+    short = study("001", quick=True)
+    one: list[Case] = []
+    tiny = Study("001", short.claim, short.cases[:1], 7.0, 3)
+    finding = measure(tiny, one.append)
+    assert one == [short.cases[0]]
+    assert not finding.exponents[0].is_positive
+    assert finding.exponents[0].ensemble == 3
+    with pytest.raises(SceneError, match="paper:002: must be one of paper:000, paper:001"):
+        study("002")
+
+
+def test_starts_replace_the_scenes_own() -> None:
+    state = State(np.array([3.0, 3.0]), np.zeros(2))
+    found = lyapunov_exponent(chain(2), 7.0, starts=[state, state])
+    assert found.ensemble == 2

@@ -1,0 +1,98 @@
+"""The commands about motion, as a user runs them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from multipendula.cli import main
+from nonlinear import recordings
+
+
+def run(*words: str) -> int:
+    return main([str(word) for word in words])
+
+
+def test_simulate_says_what_it_did_and_keeps_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = tmp_path / "run.npz"
+    assert run("simulate", "paper-cart-3", "--duration", "5", "-o", str(kept)) == 0
+    printed = capsys.readouterr().out
+    for words in (
+        "Three double pendula on a cart",
+        "minimal coordinates",
+        "DOP853",
+        "energy",
+        "momentum",
+        "computed in",
+    ):
+        assert words in printed
+    assert recordings.load(kept).times[-1] == 5
+
+
+def test_a_saved_run_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    first, second = tmp_path / "run.npz", tmp_path / "more.csv"
+    assert run("simulate", "chain-spatial", "--duration", "1", "-o", str(first)) == 0
+    assert run("simulate", str(first), "--duration", "1", "-o", str(second), "--samples", "11") == 0
+    assert "1 to 2 s in 11 samples" in capsys.readouterr().out
+    assert np.array_equal(recordings.load(second).motion.links[0], recordings.load(first).motion.links[-1])
+
+
+@pytest.mark.parametrize(
+    ("words", "largest"), [("mode:2:10", 10.0), ("angles:5,-7,3", 7.0), ("angles:0,0,30", 30.0), ("scene", 30.0)]
+)
+def test_starts(words: str, largest: float, tmp_path: Path) -> None:
+    kept = tmp_path / "run.npz"
+    assert run("simulate", "chain-3", "--duration", "0.1", "--start", words, "-o", str(kept)) == 0
+    first = np.rad2deg(recordings.load(kept).motion.links[0])
+    assert abs(first).max() == pytest.approx(largest, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["simulate", "rope"], "no pendulum has a start"),
+        (["simulate", "chain-3", "--start", "mode:9:10"], "--start mode:9: the scene has modes 1 to 3"),
+        (["simulate", "chain-3", "--start", "mode:1.5:10"], "must be scene, mode:R:DEG"),
+        (["simulate", "chain-3", "--start", "angles:1,2"], "start: has 2 angles: this scene needs 3"),
+        (["simulate", "chain-3", "--start", "angles:1,nan,3"], "start: angle nan: must be finite"),
+        (["simulate", "chain-3", "--start", "sideways"], "--start sideways: must be scene"),
+        (["simulate", "paper-cart-2", "--start", "mode:1:10"], "no angle"),
+        (["simulate", "chain-3", "--method", "Euler", "--form", "polar"], "form polar: must be one of"),
+        (["simulate", "chain-3", "-o", "run.txt"], "run.txt: the name must end in .npz or .csv"),
+        (["simulate", "missing.npz"], "missing.npz: cannot be read: No such file"),
+        (["simulate", "run.npz", "--start", "scene"], "--start: a saved run goes on from its last state"),
+    ],
+)
+def test_bad_input_gets_one_clear_message(
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(*words) == 2
+    printed = capsys.readouterr()
+    assert message in printed.err
+    assert "Traceback" not in printed.err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "words", [["--duration", "nan"], ["--duration", "0"], ["--tolerance", "1"], ["--samples", "0"]]
+)
+def test_numbers_out_of_range_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        run("simulate", "chain-3", *words)
+    assert left.value.code == 2
+    assert words[1] in capsys.readouterr().err
+
+
+def test_a_run_that_cannot_go_on_keeps_what_it_has(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    scene = tmp_path / "light.toml"
+    scene.write_text(
+        'gravity = 9.81\n[support]\nkind = "cart"\nmass = 0.0\n[[pendulum]]\n'
+        'links = [{ kind = "bob", mass = 1.0, length = 1.0 }]\nstart = { angles_deg = [60] }\n'
+    )
+    kept = tmp_path / "run.npz"
+    assert run("simulate", str(scene), "--duration", "10", "-o", str(kept)) == 1
+    assert "stopped at" in capsys.readouterr().err
+    assert recordings.load(kept).run.stopped
