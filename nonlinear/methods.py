@@ -104,7 +104,7 @@ def _worth_compiling(scene: Scene, duration: float, tolerance: float) -> bool:
     if find_spec("numba") is None:
         return False
     calls = 12 * 4 * periods(scene, duration) * (1e-6 / tolerance) ** (1 / 8)
-    return calls * (PLAIN_CALL + PLAIN_LINK * scene.n_links) > COMPILER
+    return bool(calls * (PLAIN_CALL + PLAIN_LINK * scene.n_links) > COMPILER)
 
 
 def body_of(group: Group, plant: Plant) -> Body:

@@ -1,34 +1,20 @@
-"""The forces that hold a scene together: at every pivot, and the rail's on the cart."""
+"""Reaction forces of a trajectory by Newton's second law, from the accelerations of its own states."""
 
 from __future__ import annotations
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from modal.errors import ComputationError
 from modal.rig import Floats
+from nonlinear.forces import Reactions
 from nonlinear.mechanics import vectors
 from nonlinear.methods import Choice, system_of
 from nonlinear.state import Motion
 from nonlinear.trajectory import Trajectory
 
 
-@dataclass(frozen=True, eq=False)
-class Reactions:
-    """Forces (N) at T times.
-
-    `pivots` (T, L, d): of what is above on every link at its upper joint, along the rail and down (across in
-    between, in space): R_B of a first link and R_P of a second in paper 000.  `normal` (T,): the rail's push on the
-    cart, upwards (R in paper 000, section IV.A), or the support's on everything where it is fixed.
-    """
-
-    pivots: Floats
-    normal: Floats
-
-
 def reactions(trajectory: Trajectory) -> Reactions:
-    """By Newton's second law from the accelerations of the run's own states.
+    """The force at every pivot and the rail's on the cart, at the sampled times.
 
     Raises ComputationError for a saved run that something drove: applied forces are not saved.
     """
@@ -36,9 +22,10 @@ def reactions(trajectory: Trajectory) -> Reactions:
         raise ComputationError("reaction forces of this run need the applied forces, which are not saved with it")
     plant, motion = trajectory.plant, trajectory.motion
     pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion))
-    tops = np.concatenate([group.index[0] for group in plant.groups])
+    tops = np.zeros(plant.n_links, dtype=bool)
+    tops[np.concatenate([group.index[0] for group in plant.groups])] = True
     weight = plant.cart.mass * plant.gravity if plant.cart else 0.0
-    return Reactions(pivots, weight - pivots[:, tops, -1].sum(1))
+    return Reactions(weight - pivots[:, tops, -1].sum(1), pivots, tops)
 
 
 def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:

@@ -17,6 +17,7 @@ from modal.lagrangian import lagrangian
 from modal.linear import matrices
 from modal.symbolic import of_scene
 from nonlinear.events import Event, crossing, turning
+from nonlinear.maximal import Maximal
 from nonlinear.methods import Choice, choose, system_of
 from nonlinear.plant import plant_of
 from nonlinear.reactions import reactions
@@ -305,3 +306,12 @@ def test_forces_from_outside_change_the_momentum(seed: int) -> None:
     if cart:
         held = -cart.stiffness * motion.cart[3] - cart.damping * motion.cart_rate[3]
         assert abs(rate @ along - held) < 1e-7 * scale
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_newtons_law_and_the_papers_own_equations_give_the_same_forces(count: int) -> None:
+    scene = modal.load(f"paper-cart-{count}")
+    run = simulate(scene, 2, tolerance=1e-10, output=21)
+    newton, papers = reactions(run), Maximal(run.plant).reactions(run.motion)
+    for name in ("normal", "pivots", "R_B", "R_P"):
+        assert abs(getattr(newton, name) - getattr(papers, name)).max() < 1e-9 * papers.normal.max()

@@ -1,0 +1,138 @@
+"""Hamilton's equations: momenta by recursion are M q', forces the slopes of H, and the motion Lagrange's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plane_scenes import blowing, minimal, plane_scene, random_state
+from test_identities import centres
+from test_maximal import final
+
+from modal.scene import Cart, Scene
+from nonlinear.hamiltonian import Hamiltonian, hamiltonian, momenta, velocities
+from nonlinear.plant import Plant, plant_of
+from nonlinear.state import State
+
+SEEDS = range(60)
+STEP = 1e-30
+
+
+def dense_M(scene: Scene, q: np.ndarray) -> np.ndarray:
+    """Σ m JᵀJ + I, with J from the positions of the centres by complex steps."""
+    moved = [centres(scene, q + 1j * STEP * unit) for unit in np.eye(len(q))]
+    masses, inertias = (np.array([one[part] for one in moved[0]]) for part in (0, 1))
+    J = np.array([[z.imag / STEP for _, _, z, _ in rows] for rows in moved])
+    turns = np.array([[theta.imag / STEP for *_, theta in rows] for rows in moved])
+    return np.einsum("k,iks,jks->ij", masses, J, J) + (inertias * turns) @ turns.T
+
+
+def potential(scene: Scene, q: np.ndarray) -> float:
+    """Gravity and springs, each relaxed where its links rest."""
+    found = -sum(scene.gravity * m * z[1].real for m, _, z, _ in centres(scene, q))
+    at = 0
+    if isinstance(scene.support, Cart):
+        found, at = found + scene.support.stiffness * q[0] ** 2 / 2, 1
+    for pendulum in (one for one in scene.pendulum for _ in range(one.count)):
+        above = 0.0
+        for link, way in zip(pendulum.links, pendulum.ways, strict=True):
+            lean = q[at] - (np.pi if way == "up" else 0.0)
+            found, above, at = found + link.stiffness * (lean - above) ** 2 / 2, lean, at + 1
+    return found
+
+
+def vectors(plant: Plant, state: State) -> tuple[np.ndarray, np.ndarray]:
+    y = minimal(plant).begin(state)
+    half = minimal(plant).layout.half
+    return y[:half], y[half : 2 * half]
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_momenta_are_M_times_velocities_and_back(seed: int) -> None:
+    scene = plane_scene(seed)
+    plant = plant_of(scene)
+    state = random_state(plant, seed)
+    q, v = vectors(plant, state)
+    p = momenta(plant, state)
+    theirs = dense_M(scene, q) @ v
+    np.testing.assert_allclose(p, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
+    np.testing.assert_allclose(velocities(plant, state.links, p), v, rtol=0, atol=1e-11 * np.abs(v).max())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_H_is_the_energy(seed: int) -> None:
+    scene = plane_scene(seed)
+    plant = plant_of(scene)
+    state = random_state(plant, seed)
+    q, v = vectors(plant, state)
+    kinetic = v @ dense_M(scene, q) @ v / 2
+    found = hamiltonian(plant, state.cart, state.links, momenta(plant, state))
+    assert found == pytest.approx(kinetic + potential(scene, q), rel=1e-11, abs=1e-12 * kinetic)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_the_slopes_of_H_are_the_motion(seed: int) -> None:
+    """q' = ∂H/∂p and p' = −∂H/∂q by complex steps; dampers add minus what they resist."""
+    plant = plant_of(plane_scene(seed))
+    state, first = random_state(plant, seed), int(plant.cart is not None)
+    q, v = vectors(plant, state)
+    p, half = momenta(plant, state), len(q)
+
+    def slope(direction: np.ndarray) -> float:
+        at, push = q + 1j * STEP * direction[:half], p + 1j * STEP * direction[half:]
+        return hamiltonian(plant, at[0] if first else 0.0, at[first:], push).imag / STEP
+
+    slopes = np.array([slope(unit) for unit in np.eye(2 * half)])
+    system = Hamiltonian(plant)
+    found = system.derivative(0.0, system.begin(state))
+    scale = np.abs(slopes).max()
+    np.testing.assert_allclose(found[:half], slopes[half:], rtol=0, atol=1e-11 * scale)
+    lost = found[half : 2 * half] + slopes[:half]
+    np.testing.assert_allclose(lost, dampers(plant, state), rtol=0, atol=1e-11 * scale)
+    assert system.layout.works == bool(dampers(plant, state).any())
+    if system.layout.works:
+        assert found[-1] == pytest.approx(dampers(plant, state) @ v, rel=1e-12, abs=1e-12)
+
+
+def dampers(plant: Plant, state: State) -> np.ndarray:
+    """Minus the slope in the velocities of half the power lost: link by link."""
+    found, damping = np.zeros(plant.n_links), plant.by_link("damping")
+    for group in plant.groups:
+        for column in group.index.T:
+            for above, link in zip([None, *column[:-1]], column, strict=True):
+                turn = state.link_rates[link] - (0.0 if above is None else state.link_rates[above])
+                found[link] -= damping[link] * turn
+                if above is not None:
+                    found[above] += damping[link] * turn
+    return np.concatenate(([-plant.cart.damping * state.cart_rate], found)) if plant.cart else found
+
+
+@pytest.mark.parametrize("seed", [3, 9, 10])
+def test_motion_is_lagranges(seed: int) -> None:
+    plant = plant_of(plane_scene(seed))
+    state = random_state(plant, seed)
+    start = State(0.3 * state.links, 0.3 * state.link_rates, state.cart, state.cart_rate)
+    options = {"end": 1.0, "pieces": 2}
+    systems = Hamiltonian(plant, blowing), minimal(plant, blowing)
+    mine, theirs = (final(system, start, **options) for system in systems)
+    np.testing.assert_allclose(mine.links, theirs.links, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(mine.link_rates, theirs.link_rates, rtol=0, atol=1e-8)
+    assert mine.cart == pytest.approx(theirs.cart, abs=1e-9)
+
+
+def test_a_state_comes_back_and_many_read_as_one() -> None:
+    plant = plant_of(plane_scene(8))
+    system, states = Hamiltonian(plant, blowing), [random_state(plant, seed) for seed in range(5)]
+    motion = system.read(np.array([system.begin(state) for state in states]))
+    for at, state in enumerate(states):
+        np.testing.assert_array_equal(motion[at].links, state.links)
+        np.testing.assert_allclose(motion[at].link_rates, state.link_rates, rtol=0, atol=1e-11)
+        assert motion[at].cart_rate == pytest.approx(state.cart_rate, abs=1e-11)
+
+
+def test_nothing_changes_the_momentum_of_a_free_cart() -> None:
+    scene = plane_scene(4).model_copy(update={"support": Cart(mass=1.0)})
+    plant = plant_of(scene)
+    system = Hamiltonian(plant)
+    y = system.begin(random_state(plant, 1))
+    assert y[system.layout.half] != 0.0
+    assert system.derivative(0.0, y)[system.layout.half] == 0.0
