@@ -212,6 +212,10 @@ def _motions(command: Add) -> None:
     _run_of(add, 60.0)
     add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
 
+    add = command(motions.plot, "plot", "plot run.npz -o run.png")
+    _run_of(add, 20.0)
+    add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
+
     add = command(motions.chaos, "chaos", "chaos paper-cart-2 -o lyapunov.png")
     add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or paper:000, paper:001: what they claim")
     add.add_argument("--duration", metavar="SECONDS", type=_number("seconds above 0"), help="default 200 sqrt(l/g)")

@@ -42,6 +42,16 @@ def simulate(options: argparse.Namespace) -> None:
         raise KeyboardInterrupt
 
 
+def plot(options: argparse.Namespace) -> None:
+    """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
+    from modal.files import whole_file
+    from nonlinear.figures import draw_run
+
+    kind, trajectory = picture(options.output), _shown(options)
+    with whole_file(options.output) as stream:
+        draw_run(trajectory, stream, kind=kind)
+
+
 def chaos(options: argparse.Namespace) -> None:
     """Measure the largest Lyapunov exponent, or what paper 000 or 001 claims of it."""
     kind = picture(options.output) if options.output else ""

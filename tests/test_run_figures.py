@@ -1,0 +1,94 @@
+"""Pictures of runs: every panel says something, in units, within the figure."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+import modal
+from modal import Bob, Cart, Pendulum, Scene
+from modal.errors import ComputationError
+from nonlinear.figures import draw_run, run_figure
+from nonlinear.simulation import simulate
+from nonlinear.spectra import power_spectrum
+from nonlinear.starts import released
+from nonlinear.trajectory import Trajectory
+
+
+def run(name: str, seconds: float = 8.0, **options: Any) -> Trajectory:
+    return simulate(modal.load(name), seconds, method="DOP853", tolerance=1e-8, **options)
+
+
+def panel(figure: Figure, title: str) -> Axes:
+    (found,) = [axis for axis in figure.axes if title in axis.get_title(loc="left")]
+    return found
+
+
+@pytest.mark.parametrize("name", ["paper-cart-3", "chain-5", "chain-spatial", "metronomes", "crane-hook"])
+def test_every_panel_has_curves_units_and_room(name: str) -> None:
+    figure = run_figure(run(name))
+    figure.canvas.draw()
+    assert len(figure.axes) == (5 if modal.load(name).support.kind == "cart" else 4)
+    page = figure.bbox
+    for axis in figure.axes:
+        assert axis.lines
+        assert any(np.ptp(np.nan_to_num(line.get_ydata().astype(float))) > 0 for line in axis.lines)
+        for label in (axis.get_xlabel(), axis.get_ylabel()):
+            assert label.endswith(")")
+            assert "(" in label
+        for text in (axis.xaxis.label, axis.yaxis.label, axis.title):
+            box = text.get_window_extent()
+            assert box.x0 >= page.x0 - 1
+            assert box.x1 <= page.x1 + 1
+            assert box.y0 >= page.y0 - 1
+            assert box.y1 <= page.y1 + 1
+
+
+def test_the_spectrum_of_a_small_swing_stands_on_the_tables_frequency() -> None:
+    scene = modal.load("chain-1")
+    found = simulate(scene, 60.0, start=released(scene, [1.0]), method="DOP853")
+    omega, power = power_spectrum(found.times, np.rad2deg(found.motion.links[:, 0]))
+    expected = modal.natural_modes(scene).omega[0]
+    assert abs(omega[np.argmax(power)] - expected) <= omega[1]
+    marks = [line for line in panel(run_figure(found), "Spectrum").lines if line.get_linestyle() == ":"]
+    assert [line.get_xdata()[0] for line in marks] == pytest.approx([expected])
+
+
+def test_the_power_spectrum_keeps_the_mean_square() -> None:
+    times = np.linspace(0, 100, 5001)
+    omega, power = power_spectrum(times, 3 * np.sin(7 * times))
+    assert np.sum(power) * omega[1] / (2 * np.pi) == pytest.approx(4.5, rel=1e-2)
+
+
+def test_a_link_that_goes_round_stays_in_the_portrait() -> None:
+    scene = modal.load("chain-1")
+    spun = simulate(scene, 5, start=released(scene, [170.0]).__class__(np.zeros(1), np.array([10.0])))
+    assert spun.motion.links.max() > 4 * np.pi
+    (curve,) = panel(run_figure(spun), "Phase portrait").lines
+    angles = curve.get_xdata().astype(float)
+    assert np.nanmax(np.abs(angles)) <= 180
+    assert np.nanmax(np.abs(np.diff(angles))) < 180
+
+
+def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
+    double = Pendulum(links=(Bob(mass=1, length=1), Bob(mass=1, length=1)), count=50)
+    crowd = Scene(gravity=9.81, support=Cart(mass=10.0), pendulum=(double,))
+    figure = run_figure(simulate(crowd, 1.0, start=released(crowd, [10, 20]), method="DOP853"))
+    assert "the first 6 of 100 links drawn" in figure.get_supxlabel()
+    still = modal.load("chain-2")
+    for options in ({"start": released(still, [0, 0])}, {"output": 3}, {"output": [0, 0.5, 2, 3]}):
+        stream = BytesIO()
+        draw_run(run("chain-2", **options), stream, kind="svg")
+        assert b"<svg" in stream.getvalue()
+
+
+def test_a_single_instant_is_refused() -> None:
+    scene = modal.load("chain-2")
+    one = simulate(scene, 1.0, output=[0])
+    with pytest.raises(ComputationError, match="single instant"):
+        run_figure(one)
