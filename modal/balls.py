@@ -14,7 +14,7 @@ from importlib import import_module
 from typing import Any
 
 from modal import pair
-from modal.errors import ComputationError, MultipendulaError
+from modal.errors import ComputationError, MissingExtraError
 from modal.scene import Bob, Body, Cart, Fixed, Rod
 
 Ball = Any
@@ -22,10 +22,6 @@ Links = tuple[Bob | Rod | Body, ...]
 
 MOST_BITS = 1 << 17
 NEWTON_STEPS = 8
-
-
-class MissingExtraError(MultipendulaError, ImportError):
-    """An optional package is not installed."""
 
 
 class _UndecidedError(ArithmeticError):
@@ -126,4 +122,4 @@ def flint() -> Any:
     try:
         return import_module("flint")
     except ImportError:
-        raise MissingExtraError('python-flint is missing: pip install "multipendula[certified]"') from None
+        raise MissingExtraError("python-flint", "certified") from None

@@ -17,3 +17,10 @@ class SceneError(MultipendulaError, ValueError):
 
 class ComputationError(MultipendulaError, ArithmeticError):
     """A valid scene whose answer double precision or this machine's memory cannot give."""
+
+
+class MissingExtraError(MultipendulaError, ImportError):
+    """An optional package is not installed; the message names the extra that brings it."""
+
+    def __init__(self, package: str, extra: str) -> None:
+        super().__init__(f'{package} is missing: pip install "multipendula[{extra}]"')

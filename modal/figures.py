@@ -16,12 +16,14 @@ from matplotlib.patches import FancyBboxPatch
 from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.modes import Modes
+from modal.palette import COLOURS, INK, MARK, REST
 from modal.pictures import save
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from modal.shapes import Shape
 
-INK, REST, FRONT, BACK, RAIL = "#22303c", "#c3cad0", "#0072b2", "#e69f00", "#8a949c"
+FRONT, BACK, *_ = COLOURS
+RAIL = MARK
 FARTHEST = 0.3  # of the picture's depth
 LETTERS_PER_INCH = 16  # of the caption
 MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40

@@ -16,15 +16,13 @@ from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 from modal.errors import ComputationError
 from modal.modal_form import Complexes, ModalForm
 from modal.mode import UNCERTAIN
+from modal.palette import COLOURS, GRID, INK, MARK, STYLES
 from modal.pictures import save
 from modal.response import frequency_response, impulse_response
 from modal.rig import Floats
 from modal.signals import Signal
 
-COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
-LINES = ("-", "--", ":")
-INK, GRID, MARK = "#22303c", "#e3e7ea", "#8a949c"
-MOST_CURVES, POINTS, LONGEST = len(COLOURS) * len(LINES), 2000, 20_000
+MOST_CURVES, POINTS, LONGEST = len(COLOURS) * len(STYLES), 2000, 20_000
 DEEPEST = 1e-5
 """How far below the middle of a curve an antiresonance is drawn, and a peak above it, the other way up."""
 CLOSEST = 0.02
@@ -155,7 +153,7 @@ def _figure(height: float) -> Figure:
 
 
 def _draw(axis: Axes, x: Floats, y: Floats, k: int) -> None:
-    axis.plot(x, y, color=COLOURS[k % len(COLOURS)], ls=LINES[k // len(COLOURS)], lw=1.6)
+    axis.plot(x, y, color=COLOURS[k % len(COLOURS)], ls=STYLES[k // len(COLOURS)], lw=1.6)
 
 
 def _mark(axis: Axes, form: ModalForm, low: float, high: float, *, numbered: bool) -> None:
@@ -193,7 +191,7 @@ def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str, strea
     whole = f"{form.model.title}: {title}" if form.model.title else title.capitalize()
     figure.suptitle(whole, fontsize=12, fontweight="bold", color=INK, parse_math=False)
     handles = [
-        Line2D([], [], color=COLOURS[k % len(COLOURS)], ls=LINES[k // len(COLOURS)], lw=1.6) for k in range(len(shown))
+        Line2D([], [], color=COLOURS[k % len(COLOURS)], ls=STYLES[k // len(COLOURS)], lw=1.6) for k in range(len(shown))
     ]
     names = [_named(form.model.outputs[output]) for output in shown]
     figure.legend(handles, names, loc="outside lower center", ncols=min(4, len(shown)), fontsize=9, frameon=False)

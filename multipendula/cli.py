@@ -88,6 +88,11 @@ def _whole(most: int) -> Callable[[str], int]:
     return converted
 
 
+def _angles(text: str) -> list[float]:
+    """A converter of angles in degrees, with commas."""
+    return [_number("degrees above 0 and at most 170", most=170)(word) for word in text.split(",")]
+
+
 def _signals(add: argparse.ArgumentParser) -> None:
     """The scene and the groups of inputs and outputs of its model."""
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -215,6 +220,25 @@ def _motions(command: Add) -> None:
     add = command(motions.plot, "plot", "plot run.npz -o run.png")
     _run_of(add, 20.0)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
+
+    add = command(motions.animate, "animate", "animate paper-cart-3 --duration 10 -o run.gif")
+    _run_of(add, 10.0)
+    add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .gif, .mp4 or .html file")
+    add.add_argument("--fps", metavar="N", type=_number("frames a second above 0 and at most 120", most=120))
+    add.add_argument("--speed", metavar="X", type=_number("times real time above 0"), default=1.0, help="default 1")
+    add.add_argument("--seconds", metavar="S", type=_number("seconds above 0"), help="of film, at most (default 20)")
+
+    add = command(motions.check, "check", "check paper-cart-2 --amplitude 1,5,10,30 -o check.png")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--mode", metavar="1:3", help="only these modes, counted from 1")
+    add.add_argument("--amplitude", metavar="DEG,...", type=_angles, help="largest angles (default 1,5,10,30)")
+    add.add_argument("--general", action="store_true", help="one run from --start, projected on the modes, instead")
+    add.add_argument("--start", metavar="WORDS", help="with --general, as in simulate")
+    add.add_argument(
+        "--duration", metavar="SECONDS", type=_number("seconds above 0"), default=120.0, help="with --general"
+    )
+    add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
 
     add = command(motions.chaos, "chaos", "chaos paper-cart-2 -o lyapunov.png")
     add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or paper:000, paper:001: what they claim")

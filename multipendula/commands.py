@@ -133,7 +133,7 @@ def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
     from modal.modes import natural_modes
 
     found = natural_modes(load(options.scene))
-    return found, _chosen(options.modes, len(found))
+    return found, chosen(options.modes, len(found))
 
 
 def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:
@@ -145,7 +145,7 @@ def _with_progress(rows: Iterator[Mode], total: int) -> Iterable[Mode]:
     return tqdm(rows, total=total, unit="mode", leave=False)
 
 
-def _chosen(text: str | None, total: int) -> range:
+def chosen(text: str | None, total: int, option: str = "--modes") -> range:
     """Indices from 0 of `first:last`, counted from 1 and inclusive; either end, or all of it, may be left out."""
     from modal.errors import SceneError
 
@@ -156,11 +156,11 @@ def _chosen(text: str | None, total: int) -> range:
         low = int(first) if first or not colon else 1
         high = (int(last) if last else total) if colon else low
     except ValueError:
-        raise SceneError([f"--modes {text}: must be a number or a range such as 1:10"]) from None
+        raise SceneError([f"{option} {text}: must be a number or a range such as 1:10"]) from None
     if colon and low > high and (last or low <= total):
-        raise SceneError([f"--modes {text}: begins after its end"])
+        raise SceneError([f"{option} {text}: begins after its end"])
     if low < 1 or low > total:
-        raise SceneError([f"--modes {text}: the scene has modes 1 to {total}"])
+        raise SceneError([f"{option} {text}: the scene has modes 1 to {total}"])
     return range(low - 1, min(high, total))
 
 

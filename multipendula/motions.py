@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import perf_counter
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
-from multipendula.commands import picture
+from multipendula.commands import chosen, picture
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from nonlinear.trajectory import Trajectory
 
 RECORDINGS = (".npz", ".csv")
+FILMS = ("gif", "mp4", "html")
 
 
 def simulate(options: argparse.Namespace) -> None:
@@ -50,6 +52,70 @@ def plot(options: argparse.Namespace) -> None:
     kind, trajectory = picture(options.output), _shown(options)
     with whole_file(options.output) as stream:
         draw_run(trajectory, stream, kind=kind)
+
+
+def animate(options: argparse.Namespace) -> None:
+    """Make a film of a run: the pendula, their trails and their energies."""
+    from modal.files import whole_file
+    from nonlinear.animation import animate as film
+
+    form, trajectory = film_form(options.output), _shown(options)
+    with whole_file(options.output) as stream, _bar(options.seconds or 20.0) as report:
+        shown = film(
+            trajectory, stream, form, fps=options.fps, speed=options.speed, seconds=options.seconds, report=report
+        )
+    print(f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion")
+    if shown.left_out > 0:
+        print(f"multipendula: {shown.left_out:.3g} s of the run left out; --seconds or --speed", file=sys.stderr)
+
+
+def film_form(name: str) -> str:
+    """The kind of film that a file name asks for."""
+    from modal.errors import SceneError
+
+    form = os.path.splitext(name)[1].removeprefix(".").lower()
+    if form not in FILMS:
+        raise SceneError([f"-o {name}: the name must end in .gif, .mp4 or .html"])
+    return form
+
+
+def check(options: argparse.Namespace) -> None:
+    """Measure how far the table of modes holds: frequencies at several amplitudes beside its own."""
+    from modal.files import load, whole_file
+
+    kind = picture(options.output) if options.output else ""
+    scene = load(options.scene)
+    found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
+    if options.output:
+        with whole_file(options.output) as stream:
+            draw(found, stream, kind)
+    sys.stdout.write(table(found, options.format))
+
+
+def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from modal.modes import natural_modes
+    from nonlinear.check import AMPLITUDES_DEG
+    from nonlinear.check import check as checked
+    from nonlinear.check_tables import check_table
+
+    numbers = chosen(options.mode, len(natural_modes(scene)), "--mode")
+    with _bar(len(numbers), "mode") as report:
+        found = checked(scene, list(numbers), options.amplitude or AMPLITUDES_DEG, report=report)
+    from nonlinear.check_figures import draw_check
+
+    return found, check_table, draw_check
+
+
+def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from nonlinear.compare import compare
+    from nonlinear.compare_tables import comparison_table
+    from nonlinear.simulation import simulate as run
+
+    with _bar(options.duration) as report:
+        trajectory = run(scene, options.duration, start=_start(scene, options.start), report=report)
+    from nonlinear.check_figures import draw_spectrum
+
+    return compare(trajectory), comparison_table, draw_spectrum
 
 
 def chaos(options: argparse.Namespace) -> None:
@@ -108,6 +174,7 @@ def _claims(options: argparse.Namespace) -> Drawn:
 
 def _run(options: argparse.Namespace) -> Trajectory:
     """A new run of a scene, or the continuation of a saved one."""
+    from modal.errors import SceneError
     from modal.files import load
     from nonlinear import recordings
     from nonlinear.simulation import resumed
@@ -116,6 +183,8 @@ def _run(options: argparse.Namespace) -> Trajectory:
     settings = {name: getattr(options, name) for name in ("method", "form", "tolerance")}
     settings["output"] = options.samples
     if options.scene.endswith(RECORDINGS):
+        if options.start:
+            raise SceneError(["--start: a saved run goes on from its last state"])
         with _bar(options.duration) as report:
             return resumed(recordings.load(options.scene), options.duration, report=report, **settings)
     scene = load(options.scene)
@@ -139,8 +208,27 @@ def _start(scene: Scene, words: str | None) -> State | None:
     if kind == "angles" and numbers:
         return starts.released(scene, numbers)
     if kind == "mode" and len(numbers) == 2 and numbers[0] == int(numbers[0]):
-        return starts.in_mode(scene, int(numbers[0]), numbers[1])
+        return _in_mode(scene, int(numbers[0]), numbers[1])
     raise SceneError([f"--start {words}: must be scene, mode:R:DEG such as mode:2:10, or angles:A,B,... in degrees"])
+
+
+def _in_mode(scene: Scene, number: int, degrees: float) -> State:
+    from math import radians
+
+    from modal.errors import SceneError
+    from modal.modes import natural_modes
+    from nonlinear.directions import of_plane
+    from nonlinear.modal_coordinates import start_in_mode
+
+    modes = natural_modes(scene)
+    if not 1 <= number <= len(modes):
+        raise SceneError([f"--start mode:{number}: the scene has modes 1 to {len(modes)}"])
+    if modes.omega[number - 1] == 0:
+        raise SceneError([f"--start mode:{number}: a rigid translation has no angle"])
+    if not 0 < abs(degrees) <= 180:
+        raise SceneError([f"--start mode:{number}:{degrees:g}: the largest angle must be a number of at most 180 deg"])
+    state = start_in_mode(scene, modes, number - 1, 0, radians(degrees))
+    return state if scene.space == "plane" else of_plane(state)
 
 
 @contextmanager

@@ -12,14 +12,13 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
+from modal.palette import COLOURS, GRID, INK, MARK
 from modal.pictures import save
 from modal.scene import Scene
 from nonlinear.chaos_studies import Case, Finding
 from nonlinear.lyapunov import COVERAGE, Exponent
 
-COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7")
 MARKERS = ("o", "s", "D", "^")
-INK, GRID, MARK = "#22303c", "#e3e7ea", "#8a949c"
 MOST_LINES = 24
 """Single starts drawn behind their mean."""
 NUDGE = 1.06

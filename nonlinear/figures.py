@@ -12,14 +12,12 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
+from modal.palette import COLOURS, GRID, INK, MARK, STYLES
 from modal.pictures import save
 from modal.rig import Floats
 from nonlinear.spectra import power_spectrum
 from nonlinear.trajectory import Trajectory
 
-COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#d55e00", "#56b4e9")
-STYLES = ("-", "--", ":")
-INK, GRID, MARK = "#22303c", "#e3e7ea", "#8a949c"
 MOST_LINES, MOST_PORTRAITS, MOST_MARKS, FEWEST = 6, 3, 12, 32
 DEEPEST = 1e-10  # of the strongest line in a spectrum
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from importlib.util import find_spec
 
 import numpy as np
@@ -16,15 +17,17 @@ from nonlinear.short import Dense
 from nonlinear.state import Load, System
 from nonlinear.steppers import EXPLICIT, SCIPY
 from nonlinear.suspended import Body
+from nonlinear.taylor import LONGEST_CHAIN, MOST_LINKS
 
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 MOST_SURVEYED = 2000  # links of a scene whose modes are asked for first
 STIFF = 30.0  # fastest decay over the fastest swing
 LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
-SHORT, FEW = 12, 200  # links of a short chain; pendula of a group that is solved as one band
-TAYLOR_LINKS, FINE, LONG = 40, 1e-11, 2000.0  # links that compile quickly; tolerance and periods that pay for it
-PLAIN_CALL, PLAIN_LINK, COMPILER = 3e-5, 5e-8, 2.0  # seconds: one derivative in NumPy, each link's part, the compiler
+SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
+FINEST = 1e-13  # tolerance below which only Taylor series gain anything
+PER_PERIOD, DERIVATIVES = 10.0, 15.0  # steps a period at tolerance 1e-6, derivatives a step
+STEP, PLAIN, PLAIN_LINK, TAYLOR_LINK, COMPILER = 1e-3, 3e-5, 1e-7, 1e-5, 1.0  # seconds, as benchmarks/rhs.py finds them
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class Choice:
     reason: str
 
 
+@lru_cache(maxsize=4)
 def survey(scene: Scene) -> Survey:
     """What the linear modes say beforehand of the time scales."""
     if scene.n_links > MOST_SURVEYED:
@@ -81,42 +85,55 @@ def _automatic(scene: Scene, duration: float, tolerance: float, form: str, drive
         found = survey(scene)
         if found.decay > STIFF * max(found.swing, 1 / duration):
             return "Radau", f"the fastest decay, {found.decay:.3g}/s, is far faster than the fastest swing"
-    if form == "minimal" and not driven and _taylor_pays(scene, duration, tolerance):
-        return "taylor", "a long or very accurate run, and heyoka is installed"
+    if form == "minimal" and not driven and _taylor_takes(scene):
+        if tolerance < FINEST:
+            return "taylor", "an accuracy near that of double precision, which takes a method of high order"
+        if _taylor_costs(scene, duration, tolerance) < _steps(scene, duration, tolerance) * STEP:
+            return "taylor", "a run long enough to pay for compiling its series"
     return "DOP853", "no part of the motion decays far faster than it swings"
 
 
-def periods(scene: Scene, duration: float) -> float:
-    """Roughly how many of its fastest periods a scene goes through."""
+def _taylor_takes(scene: Scene) -> bool:
+    longest = max(pendulum.n_links for pendulum in scene.pendulum)
+    return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and scene.n_links <= MOST_LINKS
+
+
+def _steps(scene: Scene, duration: float, tolerance: float) -> float:
+    """Roughly how many steps DOP853 takes at large angles."""
     swing = survey(scene).swing
     shortest = min(link.length for link in scene.links())
-    return duration * (swing or float(np.sqrt(4 * scene.gravity / shortest))) / (2 * np.pi)
+    periods = duration * (swing or float(np.sqrt(4 * scene.gravity / shortest))) / (2 * np.pi)
+    return float(PER_PERIOD * periods * (1e-6 / tolerance) ** (1 / 8))
 
 
-def _taylor_pays(scene: Scene, duration: float, tolerance: float) -> bool:
-    if find_spec("heyoka") is None or scene.n_links > TAYLOR_LINKS:
-        return False
-    return tolerance < FINE or periods(scene, duration) > LONG
+def _taylor_costs(scene: Scene, duration: float, tolerance: float) -> float:
+    """Seconds: compiling, which long chains make long, and a fifth of the steps of DOP853."""
+    longest = max(pendulum.n_links for pendulum in scene.pendulum)
+    compiling = 0.5 + 0.01 * longest**2 + 0.005 * scene.n_links
+    return compiling + _steps(scene, duration, tolerance) / 5 * TAYLOR_LINK * scene.n_links
 
 
 def _worth_compiling(scene: Scene, duration: float, tolerance: float) -> bool:
-    """Whether what a compiled body saves is more than loading the compiler costs, about a second."""
+    """Whether what a compiled body saves is more than loading the compiler costs."""
     if find_spec("numba") is None:
         return False
-    calls = 12 * 4 * periods(scene, duration) * (1e-6 / tolerance) ** (1 / 8)
-    return bool(calls * (PLAIN_CALL + PLAIN_LINK * scene.n_links) > COMPILER)
+    saved = DERIVATIVES * (PLAIN + PLAIN_LINK * scene.n_links)
+    return _steps(scene, duration, tolerance) * saved > COMPILER
 
 
 def body_of(group: Group, plant: Plant) -> Body:
     """Who solves one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
     hanging = sum(float(g.block.mass.sum()) for g in plant.groups)
+    pendula = group.index.shape[1]
     if plant.cart is not None and plant.cart.mass < LIGHT * hanging:
         return Recursion(group)
-    if group.n <= SHORT:
+    if group.n < SHORT and group.index.size <= MANY:
         return Dense(group)
+    if group.n < SHORT or pendula > FEW:
+        return Recursion(group)
     from nonlinear.banded import Banded
 
-    return Banded(group) if group.index.shape[1] <= FEW else Recursion(group)
+    return Banded(group)
 
 
 def system_of(plant: Plant, choice: Choice, load: Load | None = None) -> System:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import ceil
+from typing import cast
 
 import numpy as np
 
@@ -12,7 +13,8 @@ from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.events import Event
 from nonlinear.integrate import Drive, Record
-from nonlinear.methods import Choice, choose, system_of
+from nonlinear.methods import Choice, choose, survey, system_of
+from nonlinear.minimal import Minimal
 from nonlinear.plant import plant_of
 from nonlinear.starts import checked, start_of
 from nonlinear.state import Load, State, System
@@ -104,11 +106,13 @@ def resumed(trajectory: Trajectory, duration: float, **options: object) -> Traje
 
 
 def _stepper(scene: Scene, system: System, choice: Choice, y: Floats, times: Floats, tolerance: float) -> Stepper:
+    first, last = float(times[0]), float(times[-1])
     if choice.method == "taylor":
-        from nonlinear.taylor import taylor_stepper
+        from nonlinear.taylor import TaylorStepper, longest_step
 
-        return taylor_stepper(scene, system, y, float(times[0]), float(times[-1]), tolerance)
-    return SciPyStepper(choice.method, system.derivative, float(times[0]), y, float(times[-1]), tolerance)
+        cap = longest_step(np.array([survey(scene).swing]))
+        return TaylorStepper(cast("Minimal", system), y, first, last, tolerance, cap)
+    return SciPyStepper(choice.method, system.derivative, first, y, last, tolerance)
 
 
 def _check(duration: float, tolerance: float) -> None:

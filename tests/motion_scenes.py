@@ -12,7 +12,7 @@ from nonlinear.state import State
 
 
 def motion_scene(
-    seed: int, *, damped: bool = True, sprung: bool = True, longest: int = 4, largest_deg: float = 170.0
+    seed: int, *, damped: bool = True, sprung: bool = True, standing: bool = True, longest: int = 4
 ) -> Scene:
     """One to three pendula of one to `longest` links, on a cart or not, some joints with springs and dampers."""
     rng = random.Random(seed)
@@ -20,22 +20,22 @@ def motion_scene(
     def link() -> Bob | Rod | Body:
         given = {"mass": rng.uniform(0.2, 3), "length": rng.uniform(0.3, 2)}
         if damped and rng.random() < 0.3:
-            given["damping"] = rng.uniform(0.01, 0.5)
+            given["damping"] = rng.uniform(0.01, 0.3) * given["mass"] * given["length"] ** 2
         if sprung and rng.random() < 0.3:
-            given["stiffness"] = rng.uniform(0.1, 20)
+            given["stiffness"] = rng.uniform(0.1, 5) * given["mass"] * given["length"] ** 2
         kind = rng.choice([Bob, Rod, Body])
         if kind is Body:
             given |= {
-                "centre": rng.uniform(0.1, 1.3) * given["length"],
+                "centre": rng.uniform(0.4, 1.3) * given["length"],
                 "inertia": rng.choice([0.0, rng.uniform(0, 1)]),
             }
         return kind(**given)
 
     def pendulum() -> Pendulum:
         n = rng.randint(1, longest)
-        angles = tuple(rng.uniform(-largest_deg, largest_deg) for _ in range(n))
-        rates = tuple(rng.uniform(-largest_deg, largest_deg) / 2 for _ in range(n))
-        rest = tuple(rng.choice(["down", "up"]) for _ in range(n)) if rng.random() < 0.2 else None
+        angles = tuple(rng.uniform(-170, 170) for _ in range(n))
+        rates = tuple(rng.uniform(-85, 85) for _ in range(n))
+        rest = tuple(rng.choice(["down", "up"]) for _ in range(n)) if standing and rng.random() < 0.2 else None
         start = Start(angles_deg=angles, rates_deg=rates)
         return Pendulum(links=tuple(link() for _ in range(n)), start=start, equilibrium=rest)
 

@@ -17,11 +17,18 @@ SYMPY = "lagrange lagrangian kinetic symbolic polynomial_roots eigen_polynomials
 SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
-    "matplotlib": {"modal.pictures", "modal.figures", "modal.response_figures"},
-    "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"},
+    "matplotlib": {"modal.pictures", "modal.figures", "modal.response_figures"}
+    | {
+        f"nonlinear.{name}"
+        for name in ("figures", "check_figures", "chaos_figures", "scenery", "gauges", "film", "animation")
+    },
+    "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"}
+    | {f"nonlinear.{name}" for name in ("banded", "integrate", "saddle", "spectra", "steppers")},
     "sympy": {f"modal.{name}" for name in SYMPY.split()},
     "control": {"modal.exports.control_"},
     "flint": {"modal.balls"},
+    "numba": {"nonlinear.compiled"},
+    "heyoka": {"nonlinear.taylor"},
 }
 
 

@@ -11,8 +11,9 @@ import pytest
 from random_scenes import random_scene
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load, natural_modes
-from modal.balls import MissingExtraError, flint
+from modal.balls import flint
 from modal.certified import Enclosure, _decimal, _problems, enclosures
+from modal.errors import MissingExtraError
 
 pytest.importorskip("flint")
 

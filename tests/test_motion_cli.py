@@ -40,7 +40,7 @@ def test_a_saved_run_goes_on(tmp_path: Path, capsys: pytest.CaptureFixture[str])
 
 
 @pytest.mark.parametrize(
-    ("words", "largest"), [("mode:2:10", 10.0), ("angles:5,-7,3", 7.0), ("angles:0,0,30", 30.0), ("scene", 30.0)]
+    ("words", "largest"), [("mode:2:10", 10.0), ("angles:5,-7,3", 7.0), ("angles:0,0,30", 30.0), ("scene", 10.0)]
 )
 def test_starts(words: str, largest: float, tmp_path: Path) -> None:
     kept = tmp_path / "run.npz"

@@ -1,0 +1,137 @@
+"""Taylor series of high order by heyoka (extra `taylor`): the plain recursion written out as expressions, compiled.
+
+heyoka takes the length of a step from the last two coefficients of the series (Jorba and Zou, Experimental Mathematics
+14, 2005).  Released from rest at ±90°, angles move in the powers 2, 6, 10, … of t and rates in 1, 5, 9, …: where the
+order is a multiple of four both coefficients are zero, and the first step comes out many times too long.  So the order
+is never a multiple of four, no step is longer than LONGEST of the shortest linear period, nor the first than FIRST of
+that; either alone keeps every digit of the starts that were tried.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from importlib.util import find_spec
+from math import ceil, exp, inf, log, pi
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError, MissingExtraError
+from modal.rig import Floats
+from nonlinear import joints
+from nonlinear.minimal import Minimal
+from nonlinear.plane import downward, links_of, upward
+
+LONGEST, FIRST = 0.25, 0.2
+TIGHTEST = 1e-15
+LONGEST_CHAIN, MOST_LINKS = 24, 400
+
+
+def available() -> bool:
+    """Whether heyoka is installed."""
+    return find_spec("heyoka") is not None
+
+
+def longest_step(omega: Floats) -> float:
+    """The cap (s) on every step, from the natural frequencies (rad/s); inf where nothing swings."""
+    fastest = float(np.max(omega, initial=0.0))
+    return LONGEST * 2 * pi / fastest if fastest else inf
+
+
+class TaylorStepper:
+    """One Taylor series after another.
+
+    No step is longer than `max_step` (s), for which `longest_step` is meant, and the first is shorter still;
+    `tolerance` sets the order.  Raises MissingExtraError without heyoka, ComputationError under a load and where
+    compiling so many links would take longer than another method takes to run.
+    """
+
+    def __init__(self, system: Minimal, y: Floats, start: float, end: float, tolerance: float, max_step: float) -> None:
+        first = np.array(y, dtype=float)
+        self.end, self.max_step, self.calls = end, max_step, 0
+        self.integrator = _heyoka().taylor_adaptive(
+            equations(system), first, time=start, tol=uneven(tolerance), compact_mode=True
+        )
+        self._coefficients, self._from = first[None], start
+
+    @property
+    def time(self) -> float:
+        """Where it stands (s)."""
+        return float(self.integrator.time)
+
+    @property
+    def y(self) -> Floats:
+        """What it found there, (size,)."""
+        return np.array(self.integrator.state)
+
+    def step(self) -> None:
+        """One series further, never beyond the end; ComputationError where it leaves the finite numbers."""
+        start, cap = self.time, self.max_step * (1 if self.calls else FIRST)
+        outcome, _ = self.integrator.step(max_delta_t=min(cap, self.end - start), write_tc=True)
+        if outcome.name not in {"success", "time_limit"}:
+            raise ComputationError(f"taylor stopped at {start:.9g} s: {outcome.name}")
+        self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
+
+    def inside(self, times: Floats) -> Floats:
+        """The y (T, size) at times within the last step, by its series."""
+        return np.asarray(np.polynomial.polynomial.polyval(times - self._from, self._coefficients)).T
+
+    def exact(self, time: float) -> Floats:
+        """The y at one time within the last step."""
+        return np.asarray(self.inside(np.array([time]))[0])
+
+    def restart(self, y: Floats) -> None:
+        """Go on from another y at the present time."""
+        self.integrator.state[:] = y
+        self._coefficients, self._from = np.array(y)[None], self.time
+
+
+def uneven(tolerance: float) -> float:
+    """The nearest tolerance from TIGHTEST on whose order, ⌈1 − ½ log(tolerance)⌉ in heyoka, is no multiple of four."""
+    wanted = max(tolerance, TIGHTEST)
+    order = ceil(1 - log(wanted) / 2)
+    return wanted if order % 4 else 0.99 * exp(2 - 2 * order)
+
+
+def equations(system: Minimal) -> list[tuple[Any, Any]]:
+    """Every component of y beside its derivative, as heyoka's expressions."""
+    heyoka, plant, layout = _admitted(system), system.plant, system.layout
+    first, half = int(layout.on_cart), layout.half
+    y: Any = np.array([heyoka.expression(f"y{i}") for i in range(layout.size)], dtype=object)
+    q, v = y[:half], y[half : 2 * half]
+    sine, cosine = (np.frompyfunc(function, 1, 1) for function in (heyoka.sin, heyoka.cos))
+    mass, force, power, solved = 0.0, 0.0, 0.0, []
+    for group in plant.groups:
+        angles, rates, links = q[first:][group.index], v[first:][group.index], links_of(group)
+        answer, turns = upward(links, sine(angles), cosine(angles), rates, joints.moments(group, angles, rates))
+        mass, force = mass + answer.xx.sum(), force + (answer.px - plant.gravity * answer.xz).sum()
+        power -= (group.block.damping * joints.relative(rates) ** 2).sum()
+        solved.append((group.index, links, turns))
+    found, x2 = np.array([*v, *[0.0] * (layout.size - half)], dtype=object), 0.0
+    if plant.cart:
+        cart = plant.cart
+        x2 = found[half] = (-cart.damping * v[0] - cart.stiffness * q[0] - force) / (cart.mass + mass)
+        power -= cart.damping * v[0] ** 2
+    for index, links, turns in solved:
+        found[half + first + index] = downward(links, turns, x2, -plant.gravity)
+    if layout.works:
+        found[-1] = power
+    return list(zip(y, found, strict=True))
+
+
+def _admitted(system: Minimal) -> Any:
+    """heyoka, for a system that it can take."""
+    longest, links = max(group.n for group in system.plant.groups), system.plant.n_links
+    if system.load is not None:
+        raise ComputationError("Taylor series cannot follow a load: choose another method")
+    if longest > LONGEST_CHAIN or links > MOST_LINKS:
+        limit = f"at most {LONGEST_CHAIN} links a chain and {MOST_LINKS} in all, not {longest} and {links}"
+        raise ComputationError(f"Taylor series take {limit}: choose another method")
+    return _heyoka()
+
+
+def _heyoka() -> Any:
+    try:
+        return import_module("heyoka")
+    except ImportError:
+        raise MissingExtraError("heyoka", "taylor") from None
