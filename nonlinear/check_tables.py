@@ -112,7 +112,7 @@ def _notes(found: Check) -> list[str]:
     notes = [f"mode {number} was left out: {reason}." for number, reason in found.skipped]
     if any(row.mode.resonances for row in found.rows):
         notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own.")
-    if any(run.effective < run.amplitude for row in found.rows for run in row.measurements):
+    if found.scene.has_damping:
         notes.append("dampers: κa² and ω(a) belong to the mean amplitude of a run, less than the angle released.")
     notes.append("outside: the largest share of the energy that was seen in other modes.")
     return notes

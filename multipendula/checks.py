@@ -1,0 +1,107 @@
+"""The commands that question a prediction: check and chaos."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import IO, TYPE_CHECKING, Any
+
+from multipendula.commands import chosen, picture
+from multipendula.runs import bar, start_of
+
+if TYPE_CHECKING:
+    from modal.scene import Scene
+
+
+def check(options: argparse.Namespace) -> None:
+    """Measure how far the table of modes holds: frequencies at several amplitudes beside its own."""
+    from modal.files import load, whole_file
+
+    kind = picture(options.output) if options.output else ""
+    scene = load(options.scene)
+    found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
+    if options.output:
+        with whole_file(options.output) as stream:
+            draw(found, stream, kind)
+    sys.stdout.write(table(found, options.format))
+
+
+def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from modal.modes import natural_modes
+    from nonlinear.check import AMPLITUDES_DEG
+    from nonlinear.check import check as checked
+    from nonlinear.check_tables import check_table
+
+    numbers = chosen(options.mode, len(natural_modes(scene)), "--mode")
+    with bar(len(numbers), "mode") as report:
+        found = checked(scene, list(numbers), options.amplitude or AMPLITUDES_DEG, report=report)
+    from nonlinear.check_figures import draw_check
+
+    return found, check_table, draw_check
+
+
+def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from nonlinear.compare import compare
+    from nonlinear.compare_tables import comparison_table
+    from nonlinear.simulation import simulate as run
+
+    with bar(options.duration) as report:
+        trajectory = run(scene, options.duration, start=start_of(scene, options.start), report=report)
+    from nonlinear.check_figures import draw_spectrum
+
+    return compare(trajectory), comparison_table, draw_spectrum
+
+
+def chaos(options: argparse.Namespace) -> None:
+    """Measure the largest Lyapunov exponent, or what paper 000 or 001 claims of it."""
+    kind = picture(options.output) if options.output else ""
+    text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
+    if options.output:
+        from modal.files import whole_file
+
+        with whole_file(options.output) as stream:
+            draw(stream, kind)
+    print(text)
+
+
+Drawn = tuple[str, Callable[[IO[bytes], str], None]]
+
+
+def _exponent(options: argparse.Namespace) -> Drawn:
+    from modal.errors import SceneError
+    from modal.files import load
+    from nonlinear.lyapunov import TRANSIENT, lyapunov_exponent, usual_duration
+
+    if options.quick:
+        raise SceneError(["--quick: is for paper:000 and paper:001"])
+    scene = load(options.scene)
+    duration = options.duration or usual_duration(scene)
+    with bar((1 + TRANSIENT) * duration) as report:
+        found = lyapunov_exponent(scene, duration, ensemble=options.ensemble or 16, report=report)
+
+    def draw(stream: IO[bytes], kind: str) -> None:
+        from nonlinear.chaos_figures import draw_running
+
+        draw_running(found, stream, kind=kind)
+
+    return found.text(), draw
+
+
+def _claims(options: argparse.Namespace) -> Drawn:
+    from modal.errors import SceneError
+    from nonlinear.chaos_claims import study, text
+    from nonlinear.chaos_studies import measure
+
+    if options.duration or options.ensemble:
+        raise SceneError([f"{options.scene}: has its own --duration and --ensemble; --quick makes it short"])
+    chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
+    with bar(len(chosen.cases), "scene") as report:
+        finding = measure(chosen, report)
+
+    def draw(stream: IO[bytes], kind: str) -> None:
+        from nonlinear.chaos_figures import draw_finding
+
+        draw_finding(finding, stream, kind=kind)
+
+    return text(finding), draw
