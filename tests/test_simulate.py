@@ -12,15 +12,18 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 import modal
-from modal import Bob, Cart, Pendulum, Scene, SceneError, Start
+from modal import Bob, Cart, Pendulum, Rod, Scene, SceneError, Start
 from modal.lagrangian import lagrangian
 from modal.linear import matrices
 from modal.symbolic import of_scene
+from nonlinear.banded import Banded
 from nonlinear.events import Event, crossing, turning
 from nonlinear.maximal import Maximal
-from nonlinear.methods import Choice, choose, system_of
+from nonlinear.methods import Choice, body_of, choose, system_of
+from nonlinear.minimal import Recursion
 from nonlinear.plant import plant_of
 from nonlinear.reactions import reactions
+from nonlinear.short import Dense
 from nonlinear.simulation import SimulationError, resumed, simulate
 from nonlinear.starts import released, start_of
 from nonlinear.state import Push, State, System
@@ -315,3 +318,37 @@ def test_newtons_law_and_the_papers_own_equations_give_the_same_forces(count: in
     newton, papers = reactions(run), Maximal(run.plant).reactions(run.motion)
     for name in ("normal", "pivots", "R_B", "R_P"):
         assert abs(getattr(newton, name) - getattr(papers, name)).max() < 1e-9 * papers.normal.max()
+
+
+# ------------------------------------------------------------------------------------------------- crowds
+
+
+def test_a_chain_of_a_thousand_links_simulates() -> None:
+    scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=0.01, length=0.01, count=1000),)),))
+    found = simulate(scene, 0.05, start=released(scene, [30.0] * 1000), tolerance=1e-6, output=3, method="DOP853")
+    assert found.complete
+    assert found.energy_drift() < 1e-5
+    assert found.final.links[0] < math.radians(29)
+    assert found.final.links[-1] == pytest.approx(math.radians(30), abs=1e-3)
+
+
+def test_ten_thousand_double_pendula_on_one_cart_simulate() -> None:
+    double = Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=10_000)
+    scene = Scene(gravity=9.81, support=Cart(mass=1e4), pendulum=(double,))
+    links = np.random.default_rng(0).normal(scale=0.5, size=20_000)
+    start = State(links, np.zeros(20_000))
+    found = simulate(scene, 0.3, start=start, tolerance=1e-7, output=3, method="DOP853")
+    assert found.energy_drift() < 1e-6
+    assert found.momentum_drift() < 1e-6
+    assert abs(found.final.cart) > 1e-6
+
+
+@pytest.mark.parametrize(
+    ("links", "copies", "body"), [(2, 3, Dense), (2, 5000, Recursion), (100, 2, Banded), (100, 200, Recursion)]
+)
+def test_each_scene_gets_the_body_that_suits_it(links: int, copies: int, body: type) -> None:
+    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0, count=links),), count=copies)
+    (group,) = plant_of(Scene(gravity=1.0, pendulum=(pendulum,))).groups
+    assert type(body_of(group, plant_of(Scene(gravity=1.0, pendulum=(pendulum,))))) is body
+    light = plant_of(Scene(gravity=1.0, support=Cart(mass=1e-6), pendulum=(pendulum,)))
+    assert type(body_of(light.groups[0], light)) is Recursion
