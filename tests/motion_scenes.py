@@ -12,9 +12,9 @@ from nonlinear.state import State
 
 
 def motion_scene(
-    seed: int, *, damped: bool = True, sprung: bool = True, standing: bool = True, longest: int = 4
+    seed: int, *, damped: bool = True, sprung: bool = True, standing: bool = True, longest: int = 4, most: int = 3
 ) -> Scene:
-    """One to three pendula of one to `longest` links, on a cart or not, some joints with springs and dampers."""
+    """One to `most` pendula of one to `longest` links, on a cart or not, some joints with springs and dampers."""
     rng = random.Random(seed)
 
     def link() -> Bob | Rod | Body:
@@ -43,7 +43,7 @@ def motion_scene(
     if rng.random() < 0.7:
         spring, damper = (rng.choice([0.0, rng.uniform(0.1, 30)]) for _ in range(2))
         support = Cart(mass=rng.uniform(0.5, 20), stiffness=spring * sprung, damping=damper * damped)
-    pendula = tuple(pendulum() for _ in range(rng.randint(1, 3)))
+    pendula = tuple(pendulum() for _ in range(rng.randint(1, most)))
     return Scene(gravity=rng.uniform(1, 15), support=support, pendulum=pendula)
 
 

@@ -23,7 +23,7 @@ def angles(run: Trajectory) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(100))
 def test_minimal_maximal_and_spatial_trajectories_agree(seed: int) -> None:
-    scene = motion_scene(seed + 1000, longest=2, standing=False)
+    scene = motion_scene(seed + 1000, longest=2, most=2, standing=False)
     rng = random.Random(seed)
     start = [rng.uniform(-15, 15) for _ in range(scene.n_links)]
     twin: Scene = scene.model_copy(update={"space": "space"})

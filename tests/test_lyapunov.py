@@ -280,10 +280,10 @@ def test_tables_and_pictures_of_both_claims() -> None:
 
 def test_a_study_is_measured_case_by_case() -> None:
     short = study("001", quick=True)
-    one: list[Case] = []
+    done: list[float] = []
     tiny = Study("001", short.claim, short.cases[:1], 7.0, 3)
-    finding = measure(tiny, one.append)
-    assert one == [short.cases[0]]
+    finding = measure(tiny, done.append)
+    assert done == [1]
     assert not finding.exponents[0].is_positive
     assert finding.exponents[0].ensemble == 3
     with pytest.raises(SceneError, match="paper:002: must be one of paper:000, paper:001"):
