@@ -12,7 +12,7 @@ SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scene
 FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
 
 
-def _number(words: str, most: float = sys.float_info.max) -> Callable[[str], float]:
+def _number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> Callable[[str], float]:
     """A converter of numbers above 0, `words` saying which."""
 
     def converted(text: str) -> float:
@@ -20,7 +20,7 @@ def _number(words: str, most: float = sys.float_info.max) -> Callable[[str], flo
             value = float(text)
         except ValueError:
             value = float("nan")
-        if not 0 < value <= most:
+        if not (0 < value <= most and value >= least):
             raise argparse.ArgumentTypeError(f"{text}: must be a number of {words}")
         return value
 
@@ -154,12 +154,11 @@ def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
     add.add_argument("--duration", metavar="SECONDS", type=seconds, default=duration, help=f"default {duration:g}")
     add.add_argument("--start", metavar="WORDS", help="scene (default), mode:R:DEG or angles:A,B,... (deg, at rest)")
     add.add_argument(
-        "--method", default="auto", metavar="NAME", help="auto, DOP853, RK45, RK23, Radau, BDF, LSODA, taylor"
+        "--method", metavar="NAME", help="auto, DOP853, RK45, RK23, Radau, BDF, LSODA, taylor (default auto)"
     )
-    add.add_argument("--form", default="auto", metavar="NAME", help="auto, minimal, maximal, hamiltonian or spatial")
-    add.add_argument(
-        "--tolerance", metavar="T", type=_number("1e-15 to 0.01", most=0.01), default=1e-9, help="default 1e-9"
-    )
+    forms = "auto (default), minimal, maximal, hamiltonian or spatial"
+    add.add_argument("--form", metavar="NAME", help=forms)
+    add.add_argument("--tolerance", metavar="T", type=_number("1e-15 to 0.01", 0.01, 1e-15), help="default 1e-9")
     add.add_argument("--samples", metavar="N", type=_whole(100_000_000), help="how many instants are kept")
 
 
@@ -175,8 +174,14 @@ def _motions(command: Add) -> None:
     add = command(motions.animate, "animate", "animate paper-cart-3 --duration 10 -o run.gif")
     _run_of(add, 10.0)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .gif, .mp4 or .html file")
-    add.add_argument("--fps", metavar="N", type=_number("frames a second above 0 and at most 120", most=120))
-    add.add_argument("--speed", metavar="X", type=_number("times real time above 0"), default=1.0, help="default 1")
+    add.add_argument("--fps", metavar="N", type=_number("frames a second from 1 to 60", 60, 1))
+    add.add_argument(
+        "--speed",
+        metavar="X",
+        type=_number("times real time from 0.001 to 1000", 1000, 0.001),
+        default=1.0,
+        help="default 1",
+    )
     add.add_argument("--seconds", metavar="S", type=_number("seconds above 0"), help="of film, at most (default 20)")
 
     add = command(checks.check, "check", "check paper-cart-2 --amplitude 1,5,10,30 -o check.png")
@@ -185,9 +190,7 @@ def _motions(command: Add) -> None:
     add.add_argument("--amplitude", metavar="DEG,...", type=_angles, help="largest angles (default 1,5,10,30)")
     add.add_argument("--general", action="store_true", help="one run from --start, projected on the modes, instead")
     add.add_argument("--start", metavar="WORDS", help="with --general, as in simulate")
-    add.add_argument(
-        "--duration", metavar="SECONDS", type=_number("seconds above 0"), default=120.0, help="with --general"
-    )
+    add.add_argument("--duration", metavar="SECONDS", type=_number("seconds above 0"), help="with --general")
     add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
 

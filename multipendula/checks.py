@@ -8,10 +8,13 @@ from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.commands import chosen, picture
-from multipendula.runs import bar, start_of
+from multipendula.runs import bar, start_of, whole
 
 if TYPE_CHECKING:
     from modal.scene import Scene
+
+USUAL = 120.0
+"""Seconds of a general motion where nobody says how many."""
 
 
 def check(options: argparse.Namespace) -> None:
@@ -25,6 +28,8 @@ def check(options: argparse.Namespace) -> None:
         with whole_file(options.output) as stream:
             draw(found, stream, kind)
     sys.stdout.write(table(found, options.format))
+    if getattr(found, "interrupted", False):
+        raise KeyboardInterrupt
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -33,6 +38,7 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
     from nonlinear.check import check as checked
     from nonlinear.check_tables import check_table
 
+    _refuse(options, "needs", ("start", "duration"))
     numbers = chosen(options.mode, len(natural_modes(scene)), "--mode")
     with bar(len(numbers), "mode") as report:
         found = checked(scene, list(numbers), options.amplitude or AMPLITUDES_DEG, report=report)
@@ -46,11 +52,20 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     from nonlinear.compare_tables import comparison_table
     from nonlinear.simulation import simulate as run
 
-    with bar(options.duration) as report:
-        trajectory = run(scene, options.duration, start=start_of(scene, options.start), report=report)
+    _refuse(options, "goes without", ("mode", "amplitude"))
+    duration = options.duration or USUAL
+    with bar(duration) as report:
+        trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))
     from nonlinear.check_figures import draw_spectrum
 
     return compare(trajectory), comparison_table, draw_spectrum
+
+
+def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...]) -> None:
+    from modal.errors import SceneError
+
+    if asked := [name for name in names if getattr(options, name) is not None]:
+        raise SceneError([f"--{name}: {verb} --general" for name in asked])
 
 
 def chaos(options: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ import sys
 from time import perf_counter
 
 from multipendula.commands import picture
-from multipendula.runs import bar, run_of, shown_of
+from multipendula.runs import bar, run_of, shown_of, whole
 
 FILMS = ("gif", "mp4", "html")
 
@@ -18,11 +18,9 @@ def simulate(options: argparse.Namespace) -> None:
     from nonlinear import recordings, summary
     from nonlinear.simulation import SimulationError
 
-    if options.output:
-        recordings.checked_kind(options.output)
     begun = perf_counter()
     try:
-        trajectory = run_of(options)
+        trajectory = run_of(options, lambda: options.output and recordings.checked_kind(options.output))
     except SimulationError as error:
         if options.output:
             recordings.save(error.trajectory, options.output)
@@ -32,8 +30,7 @@ def simulate(options: argparse.Namespace) -> None:
         recordings.save(trajectory, options.output)
     print(summary.text(trajectory))
     print(f"computed in {spent:.3g} s" + (f", kept in {options.output}" if options.output else ""))
-    if "interrupted" in trajectory.run.stopped:
-        raise KeyboardInterrupt
+    whole(trajectory)
 
 
 def plot(options: argparse.Namespace) -> None:
@@ -41,9 +38,9 @@ def plot(options: argparse.Namespace) -> None:
     from modal.files import whole_file
     from nonlinear.figures import draw_run
 
-    kind, trajectory = picture(options.output), shown_of(options)
+    trajectory = shown_of(options, lambda: picture(options.output))
     with whole_file(options.output) as stream:
-        draw_run(trajectory, stream, kind=kind)
+        draw_run(trajectory, stream, kind=picture(options.output))
 
 
 def animate(options: argparse.Namespace) -> None:
@@ -51,7 +48,7 @@ def animate(options: argparse.Namespace) -> None:
     from modal.files import whole_file
     from nonlinear.animation import animate as film
 
-    form, trajectory = film_form(options.output), shown_of(options)
+    trajectory, form = shown_of(options, lambda: film_form(options.output)), film_form(options.output)
     with whole_file(options.output) as stream, bar(options.seconds or 20.0) as report:
         shown = film(
             trajectory, stream, form, fps=options.fps, speed=options.speed, seconds=options.seconds, report=report

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -16,25 +16,34 @@ if TYPE_CHECKING:
 RECORDINGS = (".npz", ".csv")
 
 
-def run_of(options: argparse.Namespace) -> Trajectory:
-    """A new run of a scene, or the continuation of a saved one."""
-    from modal.errors import SceneError
+def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
+    """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
     from modal.files import load
     from nonlinear import recordings
+    from nonlinear.methods import choose
+    from nonlinear.requests import gathered
     from nonlinear.simulation import resumed
     from nonlinear.simulation import simulate as run
 
-    settings = {name: getattr(options, name) for name in ("method", "form", "tolerance")}
-    settings["output"] = options.samples
+    given = {name: getattr(options, name) for name in ("method", "form", "tolerance") if getattr(options, name)}
     if options.scene.endswith(RECORDINGS):
-        if options.start:
-            raise SceneError(["--start: a saved run goes on from its last state"])
+        before = gathered(target, lambda: _unstarted(options), lambda: recordings.load(options.scene))[-1]
         with bar(options.duration) as report:
-            return resumed(recordings.load(options.scene), options.duration, report=report, **settings)
+            return resumed(before, options.duration, output=options.samples, report=report, **given)
     scene = load(options.scene)
-    start = start_of(scene, options.start)
+    how: dict[str, Any] = {"method": "auto", "form": "auto", "tolerance": 1e-9} | given
+    _, start, _ = gathered(
+        target, lambda: start_of(scene, options.start), lambda: choose(scene, options.duration, **how)
+    )
     with bar(options.duration) as report:
-        return run(scene, options.duration, start=start, report=report, **settings)
+        return run(scene, options.duration, start=start, output=options.samples, report=report, **how)
+
+
+def _unstarted(options: argparse.Namespace) -> None:
+    from modal.errors import SceneError
+
+    if options.start:
+        raise SceneError(["--start: a saved run goes on from its last state"])
 
 
 def start_of(scene: Scene, words: str | None) -> State | None:
@@ -45,14 +54,15 @@ def start_of(scene: Scene, words: str | None) -> State | None:
     if words is None or words == "scene":
         return None
     kind, _, rest = words.partition(":")
+    number, _, degrees = rest.partition(":")
     try:
-        numbers = [float(word) for word in rest.replace(":", ",").split(",")]
-    except ValueError:
-        numbers = []
-    if kind == "angles" and numbers:
-        return starts.released(scene, numbers)
-    if kind == "mode" and len(numbers) == 2 and numbers[0] == int(numbers[0]):
-        return _in_mode(scene, int(numbers[0]), numbers[1])
+        if kind == "angles":
+            return starts.released(scene, [float(word) for word in rest.split(",")])
+        if kind == "mode":
+            return _in_mode(scene, int(number), float(degrees))
+    except ValueError as error:
+        if isinstance(error, SceneError):
+            raise
     raise SceneError([f"--start {words}: must be scene, mode:R:DEG such as mode:2:10, or angles:A,B,... in degrees"])
 
 
@@ -87,10 +97,23 @@ def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
         yield lambda elapsed: shown.update(elapsed - shown.n)
 
 
-def shown_of(options: argparse.Namespace) -> Trajectory:
-    """A saved run as it is, or a new one of a scene."""
+def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
+    """A saved run as it is, or a new one of a scene, whole."""
+    from modal.errors import SceneError
     from nonlinear import recordings
+    from nonlinear.requests import gathered
 
-    if options.scene.endswith(RECORDINGS):
-        return recordings.load(options.scene)
-    return run_of(options)
+    if not options.scene.endswith(RECORDINGS):
+        return whole(run_of(options, target))
+    asked = [name for name in ("start", "method", "form", "tolerance", "samples") if getattr(options, name)]
+    if asked:
+        raise SceneError([f"--{name}: a saved run is shown as it is" for name in asked])
+    found: Trajectory = gathered(target, lambda: recordings.load(options.scene))[-1]
+    return found
+
+
+def whole(trajectory: Trajectory) -> Trajectory:
+    """The trajectory itself; KeyboardInterrupt where Ctrl-C cut it short."""
+    if trajectory.run.interrupted:
+        raise KeyboardInterrupt
+    return trajectory

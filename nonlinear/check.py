@@ -26,6 +26,7 @@ from nonlinear.modal_coordinates import along_rail
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
 CERTAIN = 0.01  # error of a shift over the shift
 DECAY, LEAST_SWINGS = 1.5, 1.5 * LEAST_PERIODS  # e-folds of the amplitude in a run; periods before that
+INTERRUPTED = "interrupted"
 GROWS = 1e-9  # Re λ/|λ| of a mode that grows, not by rounding
 POINTS = 3
 ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
@@ -60,6 +61,11 @@ class Check:
     rows: tuple[ModeCheck, ...]
     skipped: tuple[tuple[int, str], ...]
 
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended it before all modes were done."""
+        return any(reason == INTERRUPTED for _, reason in self.skipped)
+
 
 def check(
     scene: Scene,
@@ -81,8 +87,12 @@ def check(
     run = partial(measured, modes, method=method)
     rows = []
     for done, number in enumerate(chosen, 1):
-        if not reasons[number]:
-            rows.append(_checked(modes, number, amplitudes_deg, periods, run))
+        try:
+            if not reasons[number]:
+                rows.append(_checked(modes, number, amplitudes_deg, periods, run))
+        except KeyboardInterrupt:
+            reasons |= dict.fromkeys(list(chosen)[done - 1 :], INTERRUPTED)
+            break
         report(done)
     skipped = tuple((number + 1, reasons[number]) for number in chosen if reasons[number])
     return Check(scene, tuple(rows), skipped)
@@ -121,7 +131,7 @@ def _checked(
     def run(amplitude: float) -> Measurement:
         return measure(number, amplitude, min(periods, _periods_left(mode)))
 
-    found = [run(radians(angle)) for angle in sorted(amplitudes_deg)]
+    found = [run(radians(angle)) for angle in sorted(set(amplitudes_deg))]
     return ModeCheck(mode, tuple(found), one_percent(run, mode.linear_to_1_percent_deg))
 
 

@@ -143,6 +143,7 @@ class Compiled(Minimal):
     def __post_init__(self) -> None:
         if not available():
             raise MissingExtraError("numba", "fast")
+        self.derivative(0.0, np.zeros(self.layout.size))
 
     @cached_property
     def _constants(self) -> tuple[Floats, Ints, Floats, float, bool]:

@@ -15,13 +15,15 @@ from nonlinear.state import State
 class Event:
     """Its `value` of a state crosses zero: upwards (`direction` 1), downwards (−1) or either way (0).
 
-    `stop` ends the run there.
+    `stop` ends the run there.  Changes of sign are looked for between `looks` places in every step: a value that
+    changes faster than the motion needs more of them.
     """
 
     name: str
     value: Callable[[State], float]
     direction: int = 0
     stop: bool = False
+    looks: int = 4
 
 
 class Happening(NamedTuple):

@@ -121,7 +121,7 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     """Of one pendulum on a fixed support kinetic and potential energy apart, else each pendulum's and the cart's."""
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
-    potential = mechanics.of_pendula(mechanics.potential) + _weights(trajectory)
+    potential = mechanics.of_pendula(mechanics.potential)
     if trajectory.plant.n_pendula == 1 and trajectory.plant.cart is None:
         curves = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": (kinetic + potential)[:, 0]}
     else:
@@ -135,14 +135,6 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
     _room(axis)
     _legend(axis, len(curves) + (trajectory.plant.cart is not None))
-
-
-def _weights(trajectory: Trajectory) -> Floats:
-    """By how much (J) each pendulum hangs below the rail at rest, (N,)."""
-    found = np.zeros(trajectory.plant.n_pendula)
-    for group in trajectory.plant.groups:
-        found[group.pendula] = trajectory.plant.gravity * group.block.b.sum(0)
-    return found
 
 
 def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:

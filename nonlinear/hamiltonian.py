@@ -132,6 +132,17 @@ class Hamiltonian:
         found[:, half : 2 * half] = velocities(self.plant, rows[:, first:half].T, rows[:, half : 2 * half].T).T
         return self.layout.read(found)
 
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,): those of momenta are the largest on each diagonal of M times those of rates."""
+        plant, layout = self.plant, self.layout
+        found, inertia = layout.natural(plant), np.empty(plant.n_links)
+        for group in plant.groups:
+            inertia[group.index] = group.block.diagonal
+        mass = [plant.cart.mass + float(plant.mass.sum())] if plant.cart else []
+        found[layout.half : 2 * layout.half] *= np.concatenate((mass, inertia))
+        return found
+
     def project(self, y: Floats) -> tuple[Floats, float]:
         """Minimal coordinates have no constraints."""
         return y, 0.0

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
+from math import isfinite
 
 import numpy as np
 from scipy.optimize import brentq
@@ -16,8 +17,6 @@ from nonlinear.events import Event, Happening
 from nonlinear.state import State, System
 from nonlinear.steppers import Stepper
 
-LOOKS = 4  # parts of a step whose ends are searched for a change of sign
-
 
 @dataclass
 class Record:
@@ -26,11 +25,20 @@ class Record:
     times: Floats
     rows: Floats
     filled: int = 0
+    last: tuple[float, Floats] | None = None  # where it stopped, if between samples
     happenings: list[Happening] = field(default_factory=list)
     drift: float = 0.0
     steps: int = 0
     stopped: str = ""  # why, where it did not reach its end
+    interrupted: bool = False
     failed: bool = False
+
+    def close(self) -> None:
+        """Leave out what was not reached, and let the last sample be where the run stopped."""
+        self.times, self.rows = self.times[: self.filled], self.rows[: self.filled]
+        if self.stopped and self.last and self.last[0] > self.times[-1]:
+            time, row = self.last
+            self.times, self.rows = np.append(self.times, time), np.vstack((self.rows, row))
 
     def keep(self, rows: Floats) -> None:
         """The next samples."""
@@ -59,9 +67,10 @@ class Drive:
             while record.filled < len(self.times) and not record.stopped:
                 self._on(record)
         except KeyboardInterrupt:
-            record.stopped = f"interrupted at {self.stepper.time:.9g} s"
+            record.stopped, record.interrupted = f"interrupted at {self.stepper.time:.9g} s", True
         except ComputationError as error:
             record.stopped, record.failed = str(error), True
+        record.close()
         return record
 
     def _on(self, record: Record) -> None:
@@ -70,14 +79,15 @@ class Drive:
         with np.errstate(all="ignore"):
             self.stepper.step()
         record.steps += 1
-        now = self.stepper.time
+        now, y = self.stepper.time, self.stepper.y
         for happening, stop in sorted(self._happenings(before, now), key=lambda found: found[0].time):
             record.happenings.append(happening)
             if stop:
                 now = happening.time
-                record.stopped = f"{happening.name} at {now:.9g} s"
+                y, record.stopped = self.stepper.exact(now), f"{happening.name} at {now:.9g} s"
                 break
         self._sample(record, now)
+        record.last = now, self.system.project(y)[0]
         mended, drift = self.system.project(self.stepper.y)
         record.drift = max(record.drift, drift)
         if drift:
@@ -96,10 +106,9 @@ class Drive:
     def _happenings(self, before: float, now: float) -> Iterator[tuple[Happening, bool]]:
         if not self.events:
             return
-        looks = np.linspace(before, now, LOOKS + 1)
-        states = [self._state(row) for row in self.stepper.inside(looks)]
         for event in self.events:
-            values = [event.value(state) for state in states]
+            looks = np.linspace(before, now, event.looks + 1)
+            values = [self._value(event, time) for time in looks]
             for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
                 rises = low < 0 <= high
                 if (rises and event.direction >= 0) or (low > 0 >= high and event.direction <= 0):
@@ -116,7 +125,10 @@ class Drive:
         return moved if start <= moved <= end else time
 
     def _value(self, event: Event, time: float) -> float:
-        return event.value(self._state(self.stepper.inside(np.array([time]))[0]))
+        value = event.value(self._state(self.stepper.inside(np.array([time]))[0]))
+        if not isfinite(value):
+            raise ComputationError(f"event {event.name} is {value} at {time:.9g} s")
+        return value
 
     def _state(self, row: Floats) -> State:
         return self.system.read(row[None])[0]

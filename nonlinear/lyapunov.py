@@ -165,6 +165,7 @@ def lyapunov_exponent(
     Left out, the duration is 200 sqrt(l/g) of the longest link, and the `starts` are the scene's own and `ensemble` − 1
     more whose angles differ from it by up to `spread` (rad): in chaos they soon have nothing in common, and together
     they say how certain λ is.  `report` hears of the seconds gone through, of 1.5 times the duration.
+    After Ctrl-C λ is what was measured so far, if that is enough to say anything.
 
     Raises SceneError for a scene in space or a duration too short to say anything.
     """
@@ -174,7 +175,8 @@ def lyapunov_exponent(
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(start_of(scene), ensemble, spread, rng)
     y = np.stack([tangent.system.begin(checked(state, tangent.plant)) for state in states], axis=1)
-    times, growth, last = _grown(tangent, y, rng, (1 + TRANSIENT) * duration, tolerance, report)
+    least = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
+    times, growth, last = _grown(tangent, y, rng, (1 + TRANSIENT) * duration, tolerance, least, report)
     return Exponent(scene, times, growth, TRANSIENT * duration, _energy_drift(tangent, y, last))
 
 
@@ -206,22 +208,29 @@ def _grown(
     rng: np.random.Generator,
     end: float,
     tolerance: float,
+    least: float,
     report: Callable[[float], object],
 ) -> tuple[Floats, Floats, Floats]:
     """Times (K + 1,) at which v was brought back to length 1, what ln |v| gained (K, E), and the last y (size, E)."""
     interval = 1 / float(tangent.scale[-1, 0])
     v = rng.standard_normal(y.shape) * tangent.scale
-    stepper = SciPyStepper("DOP853", tangent.derivative, 0.0, tangent.packed(y, v / tangent.norm(v)), end, tolerance)
+    units = np.broadcast_to(tangent.scale, y.shape)
+    first, absolute = tangent.packed(y, v / tangent.norm(v)), tolerance * tangent.packed(units, units)
+    stepper = SciPyStepper("DOP853", tangent.derivative, 0.0, first, end, tolerance, absolute)
     times, growth = [0.0], []
-    while stepper.time < end:
-        stepper.step()
-        if stepper.time >= min(times[-1] + interval, end):
-            y, v = tangent.parts(stepper.y)
-            length = tangent.norm(v)
-            times.append(stepper.time)
-            growth.append(np.log(length))
-            stepper.restart(tangent.packed(y, v / length))
-            report(stepper.time)
+    try:
+        while stepper.time < end:
+            stepper.step()
+            if stepper.time >= min(times[-1] + interval, end):
+                y, v = tangent.parts(stepper.y)
+                length = tangent.norm(v)
+                times.append(stepper.time)
+                growth.append(np.log(length))
+                stepper.restart(tangent.packed(y, v / length))
+                report(stepper.time)
+    except KeyboardInterrupt:
+        if times[-1] < least:
+            raise
     return np.array(times), np.array(growth), y
 
 

@@ -107,6 +107,13 @@ class Maximal:
             work=rows[:, -1] if self.works else none,
         )
 
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,): l of positions, 1 of angles, and their rates."""
+        half = np.full(self.pivots.size, self.plant.length)
+        self.pivots.parts(half)[1][:, 2] = 1.0
+        return np.concatenate((half, half * self.plant.rate, [self.plant.energy] * self.works))
+
     def drift(self, y: Floats) -> Drift:
         """How far y is off its constraints."""
         q, v = self._halves(y)

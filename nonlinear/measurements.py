@@ -71,6 +71,8 @@ def measured(
         output=times,
         start=start_in_mode(scene, modes, number, copy, amplitude),
     )
+    if trajectory.run.interrupted:
+        raise KeyboardInterrupt
     motion = modal_motion(trajectory.motion, modes, [number])
     at = motion.copy.tolist().index(copy)
     outside = float(np.clip(motion.share_outside(at).max(), 0.0, 1.0))

@@ -1,7 +1,8 @@
 """What a motion means: positions, energies, momenta and forces, for the plane and for space by the same lines.
 
 Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.  Potential energy is
-zero at the height of the rail.
+counted from the hanging rest, by 1 − cos θ = 2 sin² (θ/2) and, in space, 1 − u·e_z = |u − e_z|²/2: small motions keep
+their digits.
 """
 
 from __future__ import annotations
@@ -77,9 +78,19 @@ class Mechanics:
         return np.asarray((self.plant.mass * squares[0] + self.plant.by_link("inertia") * squares[1]) / 2)
 
     @cached_property
+    def heights(self) -> Floats:
+        """Of every centre of mass above where it hangs at rest (m), (T, L)."""
+        links = self.motion.links
+        if self.plant.spatial:
+            lifts = np.sum((links - np.array([0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
+        else:
+            lifts = 2 * np.sin(links / 2) ** 2
+        return chained(self.plant, np.zeros(len(links)), lifts[..., None])[1][..., 0]
+
+    @cached_property
     def potential(self) -> Floats:
-        """Potential energy (J) of every link in gravity, and of the spring at its upper joint, (T, L)."""
-        found = -self.plant.mass * self.plant.gravity * self.centres[..., -1]
+        """Potential energy (J) of every link above its hanging rest, and of the spring at its upper joint, (T, L)."""
+        found = self.plant.mass * self.plant.gravity * self.heights
         for group in self.plant.groups:
             if group.sprung:
                 found[:, group.index] += self._springs(group)

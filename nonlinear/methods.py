@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib.util import find_spec
-
-import numpy as np
+from math import pi
 
 from modal.errors import SceneError
-from modal.modes import natural_modes
 from modal.scene import Scene
+from nonlinear.interrupts import undisturbed
 from nonlinear.minimal import Minimal, Recursion
 from nonlinear.plant import Group, Plant
 from nonlinear.short import Dense
 from nonlinear.state import Load, System
-from nonlinear.steppers import EXPLICIT, SCIPY
+from nonlinear.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.suspended import Body
 from nonlinear.taylor import LONGEST_CHAIN, MOST_LINKS
+from nonlinear.timescales import timescales
 
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
-MOST_SURVEYED = 2000  # links of a scene whose modes are asked for first
 STIFF = 30.0  # fastest decay over the fastest swing
 LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
@@ -31,31 +29,14 @@ STEP, PLAIN, PLAIN_LINK, TAYLOR_LINK, COMPILER = 1e-3, 3e-5, 1e-7, 1e-5, 1.0  # 
 
 
 @dataclass(frozen=True)
-class Survey:
-    """The fastest swing and the fastest decay of a scene about its rest (rad/s, 1/s); zero where unknown."""
-
-    swing: float
-    decay: float
-
-
-@dataclass(frozen=True)
 class Choice:
-    """The form of the equations, who solves them, the integrator, and why these were taken."""
+    """The form of the equations, who solves them, the integrator and its tolerance, and why these were taken."""
 
     form: str
     method: str
     compiled: bool
     reason: str
-
-
-@lru_cache(maxsize=4)
-def survey(scene: Scene) -> Survey:
-    """What the linear modes say beforehand of the time scales."""
-    if scene.n_links > MOST_SURVEYED:
-        return Survey(0.0, 0.0)
-    found = natural_modes(scene).eigenvalue
-    swings = np.abs(found[np.abs(found.imag) > np.abs(found.real)])
-    return Survey(float(swings.max(initial=0.0)), float(np.max(-found.real, initial=0.0)))
+    tolerance: float = 1e-9
 
 
 def choose(
@@ -77,14 +58,17 @@ def choose(
         raise SceneError(problems)
     method, why = (method, "as asked for") if method != "auto" else _automatic(scene, duration, tolerance, form, driven)
     compiled = form == "minimal" and not driven and method in SCIPY and _worth_compiling(scene, duration, tolerance)
-    return Choice(form, method, compiled, why + (", compiled" if compiled else ""))
+    finest = SMALLEST if method in SCIPY else 0.0
+    return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
 
 
 def _automatic(scene: Scene, duration: float, tolerance: float, form: str, driven: bool) -> tuple[str, str]:
-    if form == "minimal" and scene.has_damping:
-        found = survey(scene)
-        if found.decay > STIFF * max(found.swing, 1 / duration):
-            return "Radau", f"the fastest decay, {found.decay:.3g}/s, is far faster than the fastest swing"
+    found = timescales(scene)
+    if found.decay > STIFF * max(found.swing, 1 / duration):
+        fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest swing"
+        if form == "minimal":
+            return "Radau", fast
+        return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
     if form == "minimal" and not driven and _taylor_takes(scene):
         if tolerance < FINEST:
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
@@ -100,9 +84,7 @@ def _taylor_takes(scene: Scene) -> bool:
 
 def _steps(scene: Scene, duration: float, tolerance: float) -> float:
     """Roughly how many steps DOP853 takes at large angles."""
-    swing = survey(scene).swing
-    shortest = min(link.length for link in scene.links())
-    periods = duration * (swing or float(np.sqrt(4 * scene.gravity / shortest))) / (2 * np.pi)
+    periods = duration * timescales(scene).swing / (2 * pi)
     return float(PER_PERIOD * periods * (1e-6 / tolerance) ** (1 / 8))
 
 
@@ -152,7 +134,8 @@ def system_of(plant: Plant, choice: Choice, load: Load | None = None) -> System:
 
         return Hamiltonian(plant, load)
     if choice.compiled:
-        from nonlinear.compiled import Compiled
+        with undisturbed():
+            from nonlinear.compiled import Compiled
 
-        return Compiled(plant)
+            return Compiled(plant)
     return Minimal(plant, tuple(body_of(group, plant) for group in plant.groups), load)

@@ -15,14 +15,15 @@ from nonlinear.suspended import Suspended
 
 
 class Recursion:
-    """The plain body: one pass up and one down, for any shape of numbers behind (n, P)."""
+    """The plain body: one pass up and one down, for any numbers behind (n, P) that `sine` and `cosine` take."""
 
-    def __init__(self, group: Group, tail: int = 0) -> None:
+    def __init__(self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos) -> None:
+        self.sine, self.cosine = sine, cosine
         self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
 
     def pull(self, angles: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
-        answer, turns = upward(self.links, np.sin(angles), np.cos(angles), rates, torques)
+        answer, turns = upward(self.links, self.sine(angles), self.cosine(angles), rates, torques)
         return answer.xx.sum(0), (answer.px - gravity * answer.xz).sum(0), (turns, gravity)
 
     def turn(self, memory: Any, push: Any) -> Any:

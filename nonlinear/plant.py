@@ -89,6 +89,21 @@ class Plant:
             found[group.index] = group.pendula
         return found
 
+    @cached_property
+    def length(self) -> float:
+        """Of the longest link (m)."""
+        return float(self.by_link("length").max())
+
+    @property
+    def rate(self) -> float:
+        """Natural unit of angular rates, sqrt(g/l) of the longest link (rad/s)."""
+        return float(np.sqrt(self.gravity / self.length))
+
+    @cached_property
+    def energy(self) -> float:
+        """Natural unit of energies, g Σ b (J)."""
+        return self.gravity * sum(float(group.block.b.sum()) for group in self.groups)
+
     @property
     def dissipates(self) -> bool:
         """Whether any damper is at work."""

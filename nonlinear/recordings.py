@@ -9,9 +9,10 @@ from __future__ import annotations
 import io
 import json
 import os
+import warnings
 import zipfile
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from modal.files import whole_file
 from modal.rig import Floats
 from modal.scene import described, scene_from
 from nonlinear.events import Happening
+from nonlinear.methods import choose
 from nonlinear.plant import Plant, plant_of
 from nonlinear.state import Motion, State
 from nonlinear.trajectory import Run, Trajectory
@@ -52,7 +54,7 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
     except OSError as error:
         raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
-    except (ValueError, KeyError, TypeError, IndexError, EOFError, zipfile.BadZipFile):
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, zipfile.BadZipFile):
         raise SceneError([f"{name}: is not a trajectory that multipendula has saved"]) from None
 
 
@@ -88,8 +90,13 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     expected = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
     if {name: values.shape for name, values in parts.items()} != expected or len(times) == 0:
         raise ValueError
+    if not all(np.all(np.isfinite(values)) for values in (times, *parts.values())) or np.any(np.diff(times) <= 0):
+        raise ValueError
     events = tuple(Happening(e["name"], e["time_s"], _state(e)) for e in header["events"])
     run = Run(**header["run"])
+    if any(type(getattr(run, field.name)).__name__ != field.type for field in fields(Run)):
+        raise TypeError
+    choose(scene, 1.0, run.tolerance, run.method, run.form)
     return Trajectory(scene, plant, times, Motion(**parts), run, events, driven=bool(header["driven"]))
 
 
@@ -147,7 +154,8 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     with open(name, encoding="utf-8") as stream:
         header = json.loads(stream.readline().removeprefix("# "))
         names = stream.readline().strip().split(",")
-        rows = np.loadtxt(stream, delimiter=",", ndmin=2)
+        with warnings.catch_warnings(action="ignore"):
+            rows = np.loadtxt(stream, delimiter=",", ndmin=2)
     plant = plant_of(scene_from(header["scene"]))
     if names != columns(plant):
         raise ValueError

@@ -163,10 +163,6 @@ def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
 
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
     """Kinetic energy and potential energy above the hanging rest of every pendulum and, last, of the cart."""
-    plant = trajectory.plant
-    found = Mechanics(plant, resampled(trajectory.times, trajectory.motion, at))
-    lowest = np.empty(plant.n_pendula)
-    for group in plant.groups:
-        lowest[group.pendula] = -plant.gravity * group.block.b.sum(0)
-    kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential) - lowest
+    found = Mechanics(trajectory.plant, resampled(trajectory.times, trajectory.motion, at))
+    kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
     return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

@@ -60,6 +60,8 @@ def released(scene: Scene, angles_deg: Sequence[float]) -> State:
 
 def checked(state: State, plant: Plant) -> State:
     """The state itself; SceneError names every part that does not fit the scene."""
+    if not isinstance(state, State):
+        raise SceneError([f"start: must be a State, not {type(state).__name__}"])
     shape = (plant.n_links, 3) if plant.spatial else (plant.n_links,)
     parts = {"links": state.links, "link_rates": state.link_rates}
     problems = [

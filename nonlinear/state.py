@@ -81,6 +81,11 @@ class System(Protocol):
         """The motion in vectors (T, size)."""
         ...
 
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        ...
+
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The nearest y that keeps every constraint, and the largest violation that it mends (0 without any)."""
         ...
@@ -123,6 +128,12 @@ class Layout:
             cart_rate=v[:, 0] if self.on_cart else none,
             work=rows[:, -1] if self.works else none,
         )
+
+    def natural(self, plant: Plant) -> Floats:
+        """Natural units of y, (size,): 1 of links, l of the cart, sqrt(g/l) and l sqrt(g/l) of rates, g Σ b of work."""
+        half = np.ones(self.half)
+        half[: self.on_cart] = plant.length
+        return np.concatenate((half, half * plant.rate, [plant.energy] * self.works))
 
     def state(self, y: Floats) -> State:
         """The state in one vector."""

@@ -56,17 +56,19 @@ class Stepper(Protocol):
 class SciPyStepper:
     """A method of `scipy.integrate` (see there for the papers behind each).
 
-    `tolerance` is relative; the absolute one is the same number of SI units.
+    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is what it leaves of components near zero.
     """
 
-    def __init__(self, method: str, f: Derivative, start: float, y: Floats, end: float, tolerance: float) -> None:
-        self.method, self.f, self.end, self.tolerance = method, f, end, tolerance
+    def __init__(
+        self, method: str, f: Derivative, start: float, y: Floats, end: float, tolerance: float, absolute: Floats
+    ) -> None:
+        self.method, self.f, self.end, self.tolerance, self.absolute = method, f, end, tolerance, absolute
         self._done = 0
         self.before, self.y_before = start, y
         self._solver = self._made(start, y, end)
 
     def _made(self, start: float, y: Floats, end: float) -> integrate.OdeSolver:
-        return SCIPY[self.method](self.f, start, y, end, rtol=max(self.tolerance, SMALLEST), atol=self.tolerance)
+        return SCIPY[self.method](self.f, start, y, end, rtol=max(self.tolerance, SMALLEST), atol=self.absolute)
 
     @property
     def time(self) -> float:

@@ -100,6 +100,11 @@ class Suspended(ABC):
         """The motion in vectors (T, size)."""
         return self.layout.read(rows)
 
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        return self.layout.natural(self.plant)
+
     def project(self, y: Floats) -> tuple[Floats, float]:
         """Without constraints there is nothing to mend."""
         return y, 0.0

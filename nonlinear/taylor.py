@@ -3,8 +3,8 @@
 heyoka takes the length of a step from the last two coefficients of the series (Jorba and Zou, Experimental Mathematics
 14, 2005).  Released from rest at ±90°, angles move in the powers 2, 6, 10, … of t and rates in 1, 5, 9, …: where the
 order is a multiple of four both coefficients are zero, and the first step comes out many times too long.  So the order
-is never a multiple of four, no step is longer than LONGEST of the shortest linear period, nor the first than FIRST of
-that; either alone keeps every digit of the starts that were tried.
+is never a multiple of four, and the first step no longer than FIRST of the shortest linear period; either alone keeps
+every digit of the starts that were tried.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
 from modal.rig import Floats
-from nonlinear import joints
-from nonlinear.minimal import Minimal
-from nonlinear.plane import downward, links_of, upward
+from nonlinear.interrupts import undisturbed
+from nonlinear.minimal import Minimal, Recursion
 
-LONGEST, FIRST = 0.25, 0.2
+FIRST = 0.05
 TIGHTEST = 1e-15
 LONGEST_CHAIN, MOST_LINKS = 24, 400
 
@@ -32,27 +31,27 @@ def available() -> bool:
     return find_spec("heyoka") is not None
 
 
-def longest_step(omega: Floats) -> float:
-    """The cap (s) on every step, from the natural frequencies (rad/s); inf where nothing swings."""
-    fastest = float(np.max(omega, initial=0.0))
-    return LONGEST * 2 * pi / fastest if fastest else inf
+def first_step(omega: float) -> float:
+    """The cap (s) on the first step, from the fastest natural frequency (rad/s); inf where nothing swings."""
+    return FIRST * 2 * pi / omega if omega else inf
 
 
 class TaylorStepper:
     """One Taylor series after another.
 
-    No step is longer than `max_step` (s), for which `longest_step` is meant, and the first is shorter still;
-    `tolerance` sets the order.  Raises MissingExtraError without heyoka, ComputationError under a load and where
+    The first is no longer than `first` (s), for which `first_step` is meant; `tolerance` sets the order.  Raises
+    MissingExtraError without heyoka, ComputationError under a load and where
     compiling so many links would take longer than another method takes to run.
     """
 
-    def __init__(self, system: Minimal, y: Floats, start: float, end: float, tolerance: float, max_step: float) -> None:
-        first = np.array(y, dtype=float)
-        self.end, self.max_step, self.calls = end, max_step, 0
-        self.integrator = _heyoka().taylor_adaptive(
-            equations(system), first, time=start, tol=uneven(tolerance), compact_mode=True
-        )
-        self._coefficients, self._from = first[None], start
+    def __init__(self, system: Minimal, y: Floats, start: float, end: float, tolerance: float, first: float) -> None:
+        begun = np.array(y, dtype=float)
+        self.end, self.first, self.calls = end, first, 0
+        with undisturbed():
+            self.integrator = _heyoka().taylor_adaptive(
+                equations(system), begun, time=start, tol=uneven(tolerance), compact_mode=True
+            )
+        self._coefficients, self._from = begun[None], start
 
     @property
     def time(self) -> float:
@@ -66,7 +65,7 @@ class TaylorStepper:
 
     def step(self) -> None:
         """One series further, never beyond the end; ComputationError where it leaves the finite numbers."""
-        start, cap = self.time, self.max_step * (1 if self.calls else FIRST)
+        start, cap = self.time, inf if self.calls else self.first
         outcome, _ = self.integrator.step(max_delta_t=min(cap, self.end - start), write_tc=True)
         if outcome.name not in {"success", "time_limit"}:
             raise ComputationError(f"taylor stopped at {start:.9g} s: {outcome.name}")
@@ -95,28 +94,11 @@ def uneven(tolerance: float) -> float:
 
 def equations(system: Minimal) -> list[tuple[Any, Any]]:
     """Every component of y beside its derivative, as heyoka's expressions."""
-    heyoka, plant, layout = _admitted(system), system.plant, system.layout
-    first, half = int(layout.on_cart), layout.half
-    y: Any = np.array([heyoka.expression(f"y{i}") for i in range(layout.size)], dtype=object)
-    q, v = y[:half], y[half : 2 * half]
+    heyoka, plant = _admitted(system), system.plant
     sine, cosine = (np.frompyfunc(function, 1, 1) for function in (heyoka.sin, heyoka.cos))
-    mass, force, power, solved = 0.0, 0.0, 0.0, []
-    for group in plant.groups:
-        angles, rates, links = q[first:][group.index], v[first:][group.index], links_of(group)
-        answer, turns = upward(links, sine(angles), cosine(angles), rates, joints.moments(group, angles, rates))
-        mass, force = mass + answer.xx.sum(), force + (answer.px - plant.gravity * answer.xz).sum()
-        power -= (group.block.damping * joints.relative(rates) ** 2).sum()
-        solved.append((group.index, links, turns))
-    found, x2 = np.array([*v, *[0.0] * (layout.size - half)], dtype=object), 0.0
-    if plant.cart:
-        cart = plant.cart
-        x2 = found[half] = (-cart.damping * v[0] - cart.stiffness * q[0] - force) / (cart.mass + mass)
-        power -= cart.damping * v[0] ** 2
-    for index, links, turns in solved:
-        found[half + first + index] = downward(links, turns, x2, -plant.gravity)
-    if layout.works:
-        found[-1] = power
-    return list(zip(y, found, strict=True))
+    written = Minimal(plant, tuple(Recursion(group, sine=sine, cosine=cosine) for group in plant.groups))
+    y = np.array([heyoka.expression(f"y{i}") for i in range(system.layout.size)], dtype=object)
+    return list(zip(y, written.derivative(0.0, y), strict=True))
 
 
 def _admitted(system: Minimal) -> Any:

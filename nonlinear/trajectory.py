@@ -30,6 +30,7 @@ class Run:
     calls: int = 0
     drift: float = 0.0
     stopped: str = ""
+    interrupted: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,13 +66,14 @@ class Trajectory:
 
     @cached_property
     def energy_scale(self) -> float:
-        """What an energy drift is measured against (J): the largest kinetic energy of the run."""
+        """What an energy drift is measured against (J): the largest kinetic or potential energy of the run, or work."""
         kinetic = self.mechanics.kinetic.sum(1) + self.mechanics.cart_kinetic
-        return float(kinetic.max()) or 1.0
+        potential = self.mechanics.energy - kinetic
+        return float(max(kinetic.max(), potential.max(), abs(self.motion.work).max())) or 1.0
 
     @cached_property
     def energy_error(self) -> Floats:
-        """(E(t) − E(0) − work done by dampers and applied forces) / largest kinetic energy, (T,)."""
+        """(E(t) − E(0) − work done by dampers and applied forces) / `energy_scale`, (T,)."""
         energy = self.mechanics.energy
         return np.asarray((energy - energy[0] - self.motion.work) / self.energy_scale)
 

@@ -63,6 +63,15 @@ def test_starts(words: str, largest: float, tmp_path: Path) -> None:
         (["simulate", "chain-3", "-o", "run.txt"], "run.txt: the name must end in .npz or .csv"),
         (["simulate", "missing.npz"], "missing.npz: cannot be read: No such file"),
         (["simulate", "run.npz", "--start", "scene"], "--start: a saved run goes on from its last state"),
+        (["simulate", "chain-2", "--start", "mode:nan:1"], "--start mode:nan:1: must be scene"),
+        (["simulate", "chain-2", "--start", "mode:1:inf"], "--start mode:1:inf: the largest angle must be"),
+        (["plot", "run.npz", "--method", "RK45", "-o", "a.png"], "--method: a saved run is shown as it is"),
+        (["check", "chain-2", "--duration", "3"], "--duration: needs --general"),
+        (["check", "chain-2", "--general", "--mode", "1"], "--mode: goes without --general"),
+        (["chaos", "chain-2", "--quick"], "--quick: is for paper:000 and paper:001"),
+        (["chaos", "paper:000", "--duration", "3"], "paper:000: has its own --duration"),
+        (["chaos", "chain-spatial"], "Lyapunov exponents are computed in the plane"),
+        (["animate", "chain-2", "-o", "film.avi"], "-o film.avi: the name must end in .gif, .mp4 or .html"),
     ],
 )
 def test_bad_input_gets_one_clear_message(

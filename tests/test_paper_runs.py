@@ -58,8 +58,7 @@ def exchange(seconds: float, degrees: float, method: str) -> tuple[float, float]
     run = simulate(scene, seconds, tolerance=1e-10, start=start, method=method, output=int(20 * seconds) + 1)
     mechanics = run.mechanics
     energies = mechanics.of_pendula(mechanics.kinetic + mechanics.potential)
-    above = energies + 2 * 9.81  # the rest of a pendulum of two rods of 1 m and 1 kg: −g (1/2 + 3/2)
-    share = above[:, 1] / above.sum(1)
+    share = energies[:, 1] / energies.sum(1)
     smooth = np.convolve(share, np.ones(61) / 61, mode="valid")
     at = int(np.argmax(smooth))
     return float(run.times[at + 30]), float(smooth[at])

@@ -82,6 +82,13 @@ def broken(tmp_path: Path) -> dict[str, Path]:
         "other.csv": b"a,b\n1,2\n",
         "short.csv": "\n".join(text.splitlines()[:2]).encode(),
         "ragged.csv": (text + "1,2,3\n").encode(),
+        "nan.csv": text.replace(text.splitlines()[3].split(",")[1], "nan").encode(),
+        "backwards.csv": "\n".join([*text.splitlines()[:2], *text.splitlines()[:1:-1]]).encode(),
+        "tolerance.csv": text.replace('"tolerance": 1e-09', '"tolerance": "abc"').encode(),
+        "stopped.csv": text.replace('"stopped": ""', '"stopped": 7').encode(),
+        "method.csv": text.replace('"method": "DOP853"', '"method": "Euler"').encode(),
+        "nested.csv": ("# " + "[" * 100_000 + "\n").encode(),
+        "list.csv": b"# [1]\n",
         "words.csv": text.replace("theta_1_1", "angle").encode(),
     }
     for name, content in files.items():
@@ -94,7 +101,6 @@ def broken(tmp_path: Path) -> dict[str, Path]:
     return {name: tmp_path / name for name in (*files, "shapes.npz", "foreign.npz", "pickled.npz", "run.txt")}
 
 
-@pytest.mark.filterwarnings("ignore:loadtxt")
 def test_anything_else_is_refused_in_one_line(tmp_path: Path) -> None:
     for name, path in broken(tmp_path).items():
         with pytest.raises(SceneError) as caught:
