@@ -12,6 +12,7 @@ from nonlinear.interrupts import undisturbed
 from nonlinear.minimal import Minimal, Recursion
 from nonlinear.plant import Group, Plant
 from nonlinear.short import Dense
+from nonlinear.small import Small
 from nonlinear.state import Load, System
 from nonlinear.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.suspended import Body
@@ -22,10 +23,11 @@ METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest swing
 LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
+FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain anything
 PER_PERIOD, DERIVATIVES = 10.0, 15.0  # steps a period at tolerance 1e-6, derivatives a step
-STEP, PLAIN, PLAIN_LINK, TAYLOR_LINK, COMPILER = 1e-3, 3e-5, 1e-7, 1e-5, 1.0  # seconds, as benchmarks/rhs.py finds them
+STEP, PLAIN, PLAIN_LINK, TAYLOR_LINK, COMPILER = 1e-3, 2e-5, 1e-7, 1e-5, 1.0  # seconds, as benchmarks/rhs.py finds them
 
 
 @dataclass(frozen=True)
@@ -105,17 +107,20 @@ def _worth_compiling(scene: Scene, duration: float, tolerance: float) -> bool:
 
 def body_of(group: Group, plant: Plant) -> Body:
     """Who solves one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
-    hanging = sum(float(g.block.mass.sum()) for g in plant.groups)
-    pendula = group.index.shape[1]
-    if plant.cart is not None and plant.cart.mass < LIGHT * hanging:
+    if _light(plant):
         return Recursion(group)
     if group.n < SHORT and group.index.size <= MANY:
         return Dense(group)
-    if group.n < SHORT or pendula > FEW:
+    if group.n < SHORT or group.index.shape[1] > FEW:
         return Recursion(group)
     from nonlinear.banded import Banded
 
     return Banded(group)
+
+
+def _light(plant: Plant) -> bool:
+    """Whether the cart is so light that a dense form would lose digits."""
+    return plant.cart is not None and plant.cart.mass < LIGHT * float(plant.mass.sum())
 
 
 def system_of(plant: Plant, choice: Choice, load: Load | None = None) -> System:
@@ -138,4 +143,6 @@ def system_of(plant: Plant, choice: Choice, load: Load | None = None) -> System:
             from nonlinear.compiled import Compiled
 
             return Compiled(plant)
+    if plant.n_links <= FEWEST and not _light(plant):
+        return Small(plant, load=load)
     return Minimal(plant, tuple(body_of(group, plant) for group in plant.groups), load)

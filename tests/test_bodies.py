@@ -12,6 +12,7 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import pytest
+from motion_scenes import motion_scene, random_state
 from scipy.integrate import solve_ivp
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, natural_modes, pair
@@ -25,6 +26,7 @@ from nonlinear.plane import Link, downward, upward
 from nonlinear.plant import plant_of
 from nonlinear.short import Dense
 from nonlinear.simulation import simulate
+from nonlinear.small import Small
 from nonlinear.state import Push, State
 from nonlinear.taylor import TaylorStepper
 
@@ -191,6 +193,25 @@ def test_compiled_without_a_place_for_its_cache() -> None:
     done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert float(done.stdout.strip("[] \n").split()[1]) == pytest.approx(-9.81)
+
+
+# --------------------------------------------------------------------------------------------------------- small
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_one_dense_matrix_is_the_recursion(seed: int) -> None:
+    scene = motion_scene(seed)
+
+    def load(time: float, state: State) -> Push:
+        moments = np.sin(time + np.arange(len(state.links)))
+        return Push(2.0 * time if scene.support.kind == "cart" else 0.0, moments)
+
+    plant, state = plant_of(scene), random_state(scene, seed)
+    for pushed in (None, load):
+        plain, dense = Minimal(plant, tuple(map(Recursion, plant.groups)), pushed), Small(plant, load=pushed)
+        y = plain.begin(state)
+        expected = plain.derivative(0.7, y)
+        assert np.max(np.abs(dense.derivative(0.7, y) - expected)) < 1e-11 * np.max(np.abs(expected))
 
 
 # -------------------------------------------------------------------------------------------------------- Taylor

@@ -1,0 +1,252 @@
+"""The same motion by many routes: this project's own, a textbook right-hand side with SciPy, and other engines.
+
+A route takes a `Problem` and a setting (a tolerance, or a step in s), prepares what it needs, and returns a task that
+integrates to the end and gives the absolute angles (L,) there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any, NamedTuple
+
+import numpy as np
+from problems import Problem
+from scipy.integrate import solve_ivp
+
+from modal import Scene, matrices
+from modal.palette import COLOURS, INK, MARK
+from nonlinear import taylor as series
+from nonlinear.compiled import Compiled
+from nonlinear.directions import of_plane
+from nonlinear.integrate import Drive
+from nonlinear.methods import Choice, system_of
+from nonlinear.plant import Plant, plant_of
+from nonlinear.state import State, System
+from nonlinear.steppers import SciPyStepper, Stepper
+from nonlinear.taylor import TaylorStepper, first_step
+from nonlinear.timescales import timescales
+
+Task = Callable[[], np.ndarray]
+Maker = Callable[[Problem, float], Task]
+
+
+class Route(NamedTuple):
+    """How a route is made, its settings from coarse to fine, the package that it needs, and how it is drawn."""
+
+    make: Maker
+    settings: tuple[float, ...]
+    package: str
+    colour: str
+    mark: str
+    ours: bool = True
+
+
+# ---------------------------------------------------------------------------------------------------------- ours
+
+
+def driven(system: System, stepper: Stepper, problem: Problem) -> np.ndarray:
+    record = Drive(stepper, system, np.array([0.0, problem.duration])).run()
+    return system.read(record.rows).links[-1]
+
+
+def by_scipy(system: System, start: State, problem: Problem, tolerance: float) -> np.ndarray:
+    y = system.begin(start)
+    return driven(
+        system,
+        SciPyStepper("DOP853", system.derivative, 0.0, y, problem.duration, tolerance, tolerance * system.scale),
+        problem,
+    )
+
+
+def numpy_body(problem: Problem, tolerance: float) -> Task:
+    system = system_of(plant_of(problem.scene), Choice("minimal", "DOP853", False, ""))
+    return lambda: by_scipy(system, problem.start, problem, tolerance)
+
+
+def numba_body(problem: Problem, tolerance: float) -> Task:
+    system = Compiled(plant_of(problem.scene))
+    system.derivative(0.0, system.begin(problem.start))
+    return lambda: by_scipy(system, problem.start, problem, tolerance)
+
+
+def maximal(problem: Problem, tolerance: float) -> Task:
+    system = system_of(plant_of(problem.scene), Choice("maximal", "DOP853", False, ""))
+    return lambda: by_scipy(system, problem.start, problem, tolerance)
+
+
+def spatial(problem: Problem, tolerance: float) -> Task:
+    twin = problem.scene.model_copy(update={"space": "space"})
+    system = system_of(plant_of(twin), Choice("spatial", "DOP853", False, ""))
+
+    def task() -> np.ndarray:
+        u = by_scipy(system, of_plane(problem.start), problem, tolerance)
+        return np.arctan2(u[:, 0], u[:, 2])
+
+    return task
+
+
+def taylor(problem: Problem, tolerance: float) -> Task:
+    system = system_of(plant_of(problem.scene), Choice("minimal", "taylor", False, ""))
+    cap = first_step(timescales(problem.scene).swing)
+    stepper = TaylorStepper(system, system.begin(problem.start), 0.0, problem.duration, tolerance, cap)
+    return lambda: driven(system, stepper, problem)
+
+
+def forget() -> None:
+    """Let heyoka compile every series anew: what it keeps on disk serves only the same scene again."""
+
+    def without_disk() -> Any:
+        engine = import_module("heyoka")
+        engine.llvm_state.set_diskcache_enabled(False)
+        return engine
+
+    series._heyoka = without_disk
+
+
+# -------------------------------------------------------------------------------------------------------- rivals
+
+
+def textbook(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
+    """The full matrix of the cart and all pendula, formed and solved at every call; no dampers, no springs."""
+    on, found = int(plant_of(scene).cart is not None), matrices(scene)
+    M, weight, half = found.M, np.diag(found.K)[on:], len(found.M)
+    A, b = M[on:, on:], M[0, on:]
+
+    def derivative(time: float, y: np.ndarray) -> np.ndarray:
+        angle, squared, full, sides = y[on:half], y[half + on :] ** 2, M.copy(), np.empty(half)
+        apart = angle[:, None] - angle
+        full[on:, on:] = A * np.cos(apart)
+        sides[on:] = -(A * np.sin(apart)) @ squared - weight * np.sin(angle)
+        if on:
+            full[0, 1:] = full[1:, 0] = b * np.cos(angle)
+            sides[0] = (b * np.sin(angle)) @ squared
+        return np.concatenate((y[half:], np.linalg.solve(full, sides)))
+
+    return derivative
+
+
+def dense(method: str) -> Maker:
+    def made(problem: Problem, tolerance: float) -> Task:
+        f, on = textbook(problem.scene), int(plant_of(problem.scene).cart is not None)
+        y = np.concatenate((np.zeros(on), problem.angles, np.zeros(on + len(problem.angles))))
+        span = (0.0, problem.duration)
+        return lambda: solve_ivp(f, span, y, method, rtol=tolerance, atol=tolerance).y[on : len(y) // 2, -1]
+
+    return made
+
+
+def relative(plant: Plant, angles: np.ndarray) -> np.ndarray:
+    """Joint angles of absolute ones, in the order of the file."""
+    found = np.empty_like(angles)
+    for group in plant.groups:
+        found[group.index] = np.diff(angles[group.index], axis=0, prepend=0.0)
+    return found
+
+
+def absolute(plant: Plant, joints: np.ndarray) -> np.ndarray:
+    found = np.empty_like(joints)
+    for group in plant.groups:
+        found[group.index] = np.cumsum(joints[group.index], axis=0)
+    return found
+
+
+def links_of(plant: Plant) -> list[tuple[bool, float, float, float, float]]:
+    """Whether it is the top of its pendulum, mass, length, centre and moment of inertia of every link."""
+    tops = np.diff(plant.pendulum, prepend=-1) > 0
+    numbers = (plant.by_link(name) for name in ("mass", "length", "centre", "inertia"))
+    return list(zip(tops, *numbers, strict=True))
+
+
+def mujoco(problem: Problem, step: float) -> Task:
+    """Its own RK4, contacts and constraints off, the loop over the steps in C."""
+    import mujoco as engine
+
+    plant = plant_of(problem.scene)
+    model = _mujoco_model(engine, plant, step)
+
+    def task() -> np.ndarray:
+        data = engine.MjData(model)
+        data.qpos[model.nq - plant.n_links :] = relative(plant, problem.angles)
+        engine.mj_step(model, data, nstep=round(problem.duration / step))
+        return absolute(plant, data.qpos[model.nq - plant.n_links :])
+
+    return task
+
+
+def _mujoco_model(engine: object, plant: Plant, step: float) -> object:
+    spec, smallest = engine.MjSpec(), 1e-14
+    spec.option.gravity, spec.option.timestep = [0.0, 0.0, -plant.gravity], step
+    spec.option.integrator = engine.mjtIntegrator.mjINT_RK4
+    spec.option.disableflags = engine.mjtDisableBit.mjDSBL_CONTACT | engine.mjtDisableBit.mjDSBL_CONSTRAINT
+    base, length = spec.worldbody, 0.0
+    if plant.cart:
+        base = base.add_body(mass=plant.cart.mass, ipos=[0, 0, 0], inertia=[1, 1, 1], explicitinertial=True)
+        base.add_joint(type=engine.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
+    body = base
+    for top, m, l, c, moment in links_of(plant):
+        parent, place = (base, 0.0) if top else (body, -length)
+        turns = [moment or smallest, moment or smallest, smallest]
+        body = parent.add_body(pos=[0, 0, place], mass=m, ipos=[0, 0, -c], inertia=turns, explicitinertial=True)
+        body.add_joint(type=engine.mjtJoint.mjJNT_HINGE, axis=[0, -1, 0])
+        length = l
+    return spec.compile()
+
+
+def pinocchio(problem: Problem, step: float) -> Task:
+    """Its articulated-body algorithm under the classical Runge–Kutta method in Python."""
+    import pinocchio as engine
+
+    plant = plant_of(problem.scene)
+    model = _pinocchio_model(engine, plant)
+    data, none, half = model.createData(), np.zeros(model.nv), model.nv
+
+    def rate(y: np.ndarray) -> np.ndarray:
+        return np.concatenate((y[half:], engine.aba(model, data, y[:half], y[half:], none)))
+
+    def task() -> np.ndarray:
+        y = np.zeros(2 * half)
+        y[half - plant.n_links : half] = relative(plant, problem.angles)
+        for _ in range(round(problem.duration / step)):
+            y = runge_kutta(rate, y, step)
+        return absolute(plant, y[half - plant.n_links : half])
+
+    return task
+
+
+def runge_kutta(rate: Callable[[np.ndarray], np.ndarray], y: np.ndarray, h: float) -> np.ndarray:
+    a = rate(y)
+    b = rate(y + h / 2 * a)
+    c = rate(y + h / 2 * b)
+    return y + h / 6 * (a + 2 * (b + c) + rate(y + h * c))
+
+
+def _pinocchio_model(engine: object, plant: Plant) -> object:
+    model, base, still = engine.Model(), 0, engine.SE3.Identity()
+    model.gravity.linear = np.array([0.0, 0.0, -plant.gravity])
+    if plant.cart:
+        base = model.addJoint(0, engine.JointModelPX(), still, "cart")
+        model.appendBodyToJoint(base, engine.Inertia(plant.cart.mass, np.zeros(3), np.eye(3)), still)
+    about, joint, length = engine.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])), base, 0.0
+    for number, (top, m, l, c, moment) in enumerate(links_of(plant)):
+        parent, drop = (base, 0.0) if top else (joint, length)
+        place = engine.SE3(np.eye(3), np.array([0.0, 0.0, -drop]))
+        joint, length = model.addJoint(parent, about, place, f"joint {number}"), l
+        solid = engine.Inertia(m, np.array([0.0, 0.0, -c]), np.diag([moment, moment, 0.0]))
+        model.appendBodyToJoint(joint, solid, still)
+    return model
+
+
+TOLERANCES, SERIES, STEPS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12), (1e-6, 1e-9, 1e-12), (0.02, 0.01, 0.005, 0.002, 0.001)
+DEFAULT = "ours, NumPy"
+ROUTES = {
+    DEFAULT: Route(numpy_body, TOLERANCES, "numpy", COLOURS[0], "o"),
+    "ours, numba": Route(numba_body, TOLERANCES, "numba", COLOURS[2], "s"),
+    "ours, Taylor": Route(taylor, SERIES, "heyoka", COLOURS[4], "^"),
+    "ours, maximal": Route(maximal, TOLERANCES, "numpy", COLOURS[5], "D"),
+    "ours, in space": Route(spatial, TOLERANCES, "numpy", COLOURS[3], "v"),
+    "dense, DOP853": Route(dense("DOP853"), TOLERANCES, "scipy", MARK, "o", False),
+    "dense, LSODA": Route(dense("LSODA"), TOLERANCES, "scipy", MARK, "s", False),
+    "MuJoCo, RK4": Route(mujoco, STEPS, "mujoco", COLOURS[1], "D", False),
+    "Pinocchio, RK4": Route(pinocchio, STEPS, "pinocchio", INK, "v", False),
+}

@@ -1,0 +1,303 @@
+"""Motion at large angles by many routes: time against error, cost a link, and whether `auto` chooses well, in one run.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/simulation.py [--quick] [--write]
+
+`--write` puts the tables and the figure into docs/.  An error is the largest of the angles at the end (rad) against a
+reference; where two reference routes differ by more, that difference is stated instead.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import statistics
+import time
+from collections.abc import Sequence
+from functools import partial
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from judge import FORCED, JUDGED, QUICK_JUDGED, judged, takes_series
+from modes import markdown
+from problems import CART_A_PENDULUM, Problem, chain, on_cart
+from rhs import chain as rods
+from rhs import microseconds
+from routes import DEFAULT, ROUTES, Maker, driven, forget, numba_body, numpy_body, taylor
+
+from modal.palette import GRID, REST
+from nonlinear.compiled import Compiled
+from nonlinear.methods import Choice, system_of
+from nonlinear.plant import plant_of
+from nonlinear.steppers import SciPyStepper
+
+DOCS = Path(__file__).parent.parent / "docs"
+REPEATS, LONG, TOO_LONG = 3, 0.7, 1.5  # runs; one run where it takes so many seconds; none finer after so many
+SLACK = 2.0  # how far beyond the errors of a curve its end still counts
+PEER = 1e-6  # error (rad) at which the first table compares
+
+
+class Row(NamedTuple):
+    """A route at one setting: seconds to prepare at first, median seconds of the run, error (rad)."""
+
+    setting: float
+    prepared: float
+    seconds: float
+    error: float
+
+
+class Panel(NamedTuple):
+    """One problem: by how much two reference routes differ (rad), and every route's rows."""
+
+    problem: Problem
+    floor: float
+    routes: dict[str, list[Row]]
+
+
+def problems(quick: bool) -> list[Problem]:
+    if quick:
+        return [on_cart(2, 2.0), on_cart(10, 1.0), chain(20, 1.0)]
+    return [*(on_cart(n, 10.0) for n in (2, 10, 100)), chain(20, 10.0), chain(100, 10.0)]
+
+
+# --------------------------------------------------------------------------------------------------- time and error
+
+
+def differ(a: np.ndarray, b: np.ndarray) -> float:
+    """Largest difference of angles (rad), whole turns left out."""
+    return float(np.max(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi)))
+
+
+def references(problem: Problem, quick: bool) -> tuple[np.ndarray, np.ndarray]:
+    """The finest run at hand and the one that it is held against, another body or another integrator."""
+    check = numpy_body(problem, 1e-13)()
+    if takes_series(problem.scene) and not quick:
+        return taylor(problem, 1e-15)(), check
+    return (numba_body if find_spec("numba") else numpy_body)(problem, 3e-14)(), check
+
+
+def measured(make: Maker, problem: Problem, setting: float, reference: np.ndarray, repeats: int) -> Row:
+    prepared, times = [], []
+    while len(times) < repeats and not (times and times[0] > LONG):
+        start = time.process_time()
+        task = make(problem, setting)
+        ready = time.process_time()
+        angles = task()
+        prepared.append(ready - start)
+        times.append(time.process_time() - ready)
+    return Row(setting, prepared[0], statistics.median(times), differ(angles, reference))
+
+
+def swept(name: str, problem: Problem, reference: np.ndarray, quick: bool) -> list[Row]:
+    rows: list[Row] = []
+    for setting in ROUTES[name].settings[:: 2 if quick else 1]:
+        if rows and rows[-1].seconds > TOO_LONG:
+            break
+        rows.append(measured(ROUTES[name].make, problem, setting, reference, 1 if quick else REPEATS))
+    return rows
+
+
+def fits(name: str, problem: Problem) -> bool:
+    if not find_spec(ROUTES[name].package) or (name == "ours, Taylor" and not takes_series(problem.scene)):
+        return False
+    return name != "ours, in space" or problem.name == "2 on a cart"
+
+
+def panel(problem: Problem, quick: bool) -> Panel:
+    warm = problem._replace(duration=0.1)
+    reference, check = references(problem, quick)
+    names = [name for name in ROUTES if fits(name, problem) and not (quick and name == "ours, Taylor")]
+    for name in names:
+        if name != "ours, Taylor":
+            ROUTES[name].make(warm, ROUTES[name].settings[0])()
+    return Panel(problem, differ(reference, check), {name: swept(name, problem, reference, quick) for name in names})
+
+
+def time_at(rows: Sequence[Row], error: float, floor: float) -> float:
+    """Seconds at one error, straight between rows on logarithmic axes; NaN beyond them."""
+    known = sorted((np.log(row.error), np.log(row.seconds)) for row in rows if row.error > floor)
+    if not known or not known[0][0] - np.log(SLACK) <= np.log(error) <= known[-1][0] + np.log(SLACK):
+        return float("nan")
+    return float(np.exp(np.interp(np.log(error), *zip(*known, strict=True))))
+
+
+# ------------------------------------------------------------------------------------------------------------ costs
+
+
+def cost(problem: Problem) -> tuple[str, ...]:
+    """Nanoseconds a link of one derivative, microseconds a link of one second, and how many derivatives that took."""
+    plant, calls = plant_of(problem.scene), 0
+    systems = [system_of(plant, Choice("minimal", "DOP853", False, ""))]
+    systems += [Compiled(plant)] if find_spec("numba") else []
+    each, whole, y = ["-", "-"], ["-", "-"], systems[0].begin(problem.start)
+    for at, system in enumerate(systems):
+        each[at] = f"{1e3 * microseconds(partial(system.derivative, 0.0, y)) / plant.n_links:.3g} ns"
+        stepper = SciPyStepper("DOP853", system.derivative, 0.0, y, problem.duration, 1e-6, 1e-6 * system.scale)
+        start = time.process_time()
+        driven(system, stepper, problem)
+        whole[at] = f"{1e6 * (time.process_time() - start) / plant.n_links:.3g} µs"
+        calls = stepper.calls
+    return problem.name, *each, *whole, str(calls)
+
+
+def costs(quick: bool) -> list[tuple[str, ...]]:
+    lengths, numbers = ((10, 100), (10, 1000)) if quick else ((10, 100, 1000), (10, 1000, 10_000))
+    return [cost(chain(n, 1.0, rods(n))) for n in lengths] + [cost(on_cart(n, 1.0)) for n in numbers]
+
+
+# ------------------------------------------------------------------------------------------------------------- page
+
+
+def comparison(found: Panel) -> str:
+    """Every row of one problem, with the time over that of the default at the same error."""
+    default, lines = found.routes[DEFAULT], []
+    for name, rows in found.routes.items():
+        for row in rows:
+            ratio = row.seconds / time_at(default, max(row.error, found.floor), found.floor)
+            error = f"{row.error:.0e}" if row.error > found.floor else f"below {found.floor:.0e}"
+            lines.append((name, f"{row.setting:g}", _time(row.seconds), error, _number(ratio)))
+    return markdown(("route", "tolerance or step (s)", "time", "error (rad)", "ratio"), lines)
+
+
+def overview(panels: Sequence[Panel]) -> str:
+    """Milliseconds of every route at the error PEER."""
+    lines = []
+    for name in ROUTES:
+        times = [time_at(one.routes.get(name, ()), PEER, one.floor) for one in panels]
+        lines.append((name, *(_time(seconds) for seconds in times)))
+    return markdown((f"error {PEER:g} rad", *(one.problem.name for one in panels)), lines)
+
+
+def preparing(panels: Sequence[Panel]) -> str:
+    """Seconds of compiling a series, the longest of its settings."""
+    found = [(one.problem.name, one.routes.get("ours, Taylor")) for one in panels]
+    told = [f"{name} {max(row.prepared for row in rows):.1f} s" for name, rows in found if rows]
+    return f"Compiling a Taylor series takes (once a process): {', '.join(told)}." if told else "No Taylor series here."
+
+
+def _time(seconds: float) -> str:
+    return f"{1e3 * seconds:.3g} ms" if np.isfinite(seconds) else "-"
+
+
+def _number(ratio: float) -> str:
+    return f"{ratio:.2g}" if np.isfinite(ratio) else "-"
+
+
+def versions() -> str:
+    packages = ("numba", "heyoka", "mujoco", "pin")
+    others = [f"{name} {version(name)}" for name in packages if find_spec({"pin": "pinocchio"}.get(name, name))]
+    own = f"Python {platform.python_version()}", f"NumPy {np.__version__}", f"SciPy {scipy.__version__}"
+    return ", ".join((*own, *others))
+
+
+def page(panels: Sequence[Panel], each: Sequence[Sequence[str]], choices: Sequence[Sequence[str]]) -> str:
+    threads = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
+    scenes = "\n\n".join(
+        f"### {one.problem.name}, {one.problem.duration:g} s\n\n"
+        f"Two reference routes differ by {one.floor:.0e} rad; no error below that is claimed.\n\n{comparison(one)}"
+        for one in panels
+    )
+    return f"""# Benchmarks of the simulator
+
+`OPENBLAS_NUM_THREADS=1 python benchmarks/simulation.py --write`, one run on {os.cpu_count()} cores;
+{versions()};
+OPENBLAS_NUM_THREADS {threads}. Without it the dense rivals and the small dense solves start threads for matrices
+that are too small for them, and times scatter.
+
+![Time against error for five scenes](simulation-benchmark.png)
+
+Double rods of 1 m and 1 kg on a cart of {CART_A_PENDULUM:g} kg a pendulum, released straight from angles between
+90° and 45°, left and right in turn (two from ±90°, the paper's own start); chains of bobs of 1 kg every 1 m, released
+in a bow from 90° at the pivot to 45° at the tip. An error is the largest of all angles at the end. Times are seconds
+of the processor, which other work on the machine disturbs least: medians of {REPEATS} runs (one where it takes over
+{LONG:g} s), without preparing (building models and compiling). No finer setting follows a run of {TOO_LONG:g} s.
+
+"dense" is the textbook: SciPy on the full mass matrix, solved by `numpy.linalg.solve` at every call. MuJoCo runs its
+own RK4, Pinocchio's `aba` stands under the classical Runge–Kutta method written in Python.
+
+## At matched accuracy
+
+Straight between the settings on logarithmic axes; "-" where a route does not reach, or cannot be taken.
+
+{overview(panels)}
+
+{preparing(panels)}
+
+## Every setting
+
+The ratio is the time over that of "{DEFAULT}" (what a bare install takes) at the same error.
+
+{scenes}
+
+## Cost a link
+
+Chains of rods and double pendula on a cart; DOP853 at 1e-6 for one second.
+
+{markdown(("scene", "derivative", "compiled", "one second", "compiled", "derivatives"), each)}
+
+## What `auto` chooses
+
+Whole calls of `simulate` in processes of their own, imports of compilers and compiling included; numba's cache on
+disk is filled, for it serves every scene, heyoka's is off, for it serves only the same scene again. The ratio is `auto`
+over the best of the three.
+
+{markdown(("run", "auto takes", "time", *FORCED, "ratio"), choices)}
+"""
+
+
+def figure(panels: Sequence[Panel], path: Path) -> None:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    made, axes = plt.subplots(2, 3, figsize=(12, 7.4), dpi=120, layout="constrained")
+    for axis, one in zip(axes.flat, panels, strict=False):
+        _curves(axis, one)
+    for axis in axes.flat[len(panels) :]:
+        axis.set_axis_off()
+    handles = {line.get_label(): line for axis in axes.flat for line in axis.get_lines()}
+    ordered = [handles[name] for name in ROUTES if name in handles]
+    axes.flat[-1].legend(handles=ordered, loc="center", frameon=False, fontsize=11)
+    made.suptitle("Ten seconds at large angles: time against error", fontweight="bold")
+    made.savefig(path)
+
+
+def _curves(axis: object, one: Panel) -> None:
+    for name, rows in one.routes.items():
+        route = ROUTES[name]
+        points = [(max(row.error, one.floor), row.seconds) for row in rows]
+        face, style = (route.colour, "-") if route.ours else ("white", "--")
+        axis.loglog(*zip(*points, strict=True), style, marker=route.mark, color=route.colour, mfc=face, label=name)
+    low, high = axis.get_xlim()
+    axis.axvspan(low / 10, one.floor, color=REST, alpha=0.4, lw=0)
+    axis.set_xlim(min(low, one.floor / 3), min(high, 10))
+    axis.set(xlabel="largest error of an angle at the end (rad)", ylabel="time (s)", title=one.problem.name)
+    axis.grid(color=GRID)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="three small problems and one choice")
+    parser.add_argument("--write", action="store_true", help="write docs/simulation-benchmarks.md and the figure")
+    options = parser.parse_args()
+    forget()
+    panels = [panel(problem, options.quick) for problem in problems(options.quick)]
+    choices = [judged(key) for key in (QUICK_JUDGED if options.quick else JUDGED)]
+    text = page(panels, costs(options.quick), choices)
+    print(text)
+    for name, route in ROUTES.items():
+        if not find_spec(route.package):
+            print(f"{name}: `{route.package}` is not installed.")
+    if options.write:
+        (DOCS / "simulation-benchmarks.md").write_text(text, encoding="utf-8")
+        figure(panels, DOCS / "simulation-benchmark.png")
+
+
+if __name__ == "__main__":
+    main()
