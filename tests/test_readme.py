@@ -70,3 +70,15 @@ def test_every_column_is_explained() -> None:
     words = ", ".join(explained)
     for column in COLUMNS:
         assert (column.heading.split(" (")[0] in words) if column.shown else f"`{column.key}`" in manual, column.key
+
+
+def test_the_python_lines_about_motion_run(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).parent.parent / "docs" / "simulation.md").read_text(encoding="utf-8")
+    codes = re.findall(r"^```python\n(.*?)^```$", page, flags=re.DOTALL | re.MULTILINE)
+    assert len(codes) == 2
+    for code in codes:
+        exec(code, {})
+    assert "period at 179 deg: " in capsys.readouterr().out
