@@ -79,21 +79,22 @@ def check(
     """Set the modes with these indices (from 0; left out, all) swinging at these largest angles over so many periods.
 
     Of a scene in space, the modes along the rail.  `method` is that of `simulate`; `report` hears
-    how many modes are done.  Modes that do not oscillate for long are skipped with a reason.
+    how many modes are done.  Modes that do not oscillate for long are skipped with a reason; after Ctrl-C, those that
+    were not done.
     """
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}
     run = partial(measured, modes, method=method)
-    rows = []
-    for done, number in enumerate(chosen, 1):
-        try:
+    rows, left = [], list(chosen)
+    try:
+        for number in chosen:
             if not reasons[number]:
                 rows.append(_checked(modes, number, amplitudes_deg, periods, run))
-        except KeyboardInterrupt:
-            reasons |= dict.fromkeys(list(chosen)[done - 1 :], INTERRUPTED)
-            break
-        report(done)
+            left.remove(number)
+            report(len(chosen) - len(left))
+    except KeyboardInterrupt:
+        reasons |= dict.fromkeys(left, INTERRUPTED)
     skipped = tuple((number + 1, reasons[number]) for number in chosen if reasons[number])
     return Check(scene, tuple(rows), skipped)
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from multipendula import checks, motions, runs
 from multipendula.cli import main
 from nonlinear import recordings
 
@@ -105,3 +108,67 @@ def test_a_run_that_cannot_go_on_keeps_what_it_has(tmp_path: Path, capsys: pytes
     assert run("simulate", str(scene), "--duration", "10", "-o", str(kept)) == 1
     assert "stopped at" in capsys.readouterr().err
     assert recordings.load(kept).run.stopped
+
+
+def test_every_mistake_is_named_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    words = "simulate chain-2 --start mode:9:1 --method Euler --form polar -o run.txt"
+    assert run(*words.split()) == 2
+    printed = capsys.readouterr().err
+    for words in ("run.txt: the name", "--start mode:9", "method Euler", "form polar"):
+        assert words in printed
+
+
+def test_check_and_chaos_print_tables_and_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    told = {
+        "check chain-2 --mode 1 --amplitude 5": "the table of modes against the full motion",
+        "check chain-2 --general --duration 60": "the motion in modal coordinates",
+    }
+    for words, title in told.items():
+        assert run(*words.split(), "-o", str(tmp_path / "a.png")) == 0
+        assert title in capsys.readouterr().out
+    assert run("chaos", "paper-cart-1", "--duration", "8", "--ensemble", "4", "-o", str(tmp_path / "b.png")) == 0
+    assert "4 starts over" in capsys.readouterr().out
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("a.png", "b.png"))
+
+
+@contextmanager
+def interrupting(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
+    """A progress bar under which somebody presses Ctrl-C halfway."""
+
+    def report(done: float) -> None:
+        if done > total / 2:
+            raise KeyboardInterrupt
+
+    yield report
+
+
+@pytest.mark.parametrize(
+    ("words", "left", "printed"),
+    [
+        ("simulate paper-cart-3 --duration 10 -o run.npz", ["run.npz"], "interrupted at 5."),
+        ("plot paper-cart-3 --duration 10 -o run.png", [], ""),
+        ("animate chain-2 --duration 2 -o run.gif", [], ""),
+        ("check chain-3 --amplitude 1 -o check.png", ["check.png"], "mode 3 was left out: interrupted"),
+        ("check chain-2 --general --duration 60", [], ""),
+        ("chaos chain-2 --duration 30 -o chaos.png", ["chaos.png"], "starts over"),
+    ],
+)
+def test_ctrl_c_ends_cleanly(
+    words: str,
+    left: list[str],
+    printed: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """What is certain by then is kept and printed; pictures of a part are not drawn."""
+    monkeypatch.chdir(tmp_path)
+    for module in (runs, motions, checks):
+        monkeypatch.setattr(module, "bar", interrupting)
+    assert run(*words.split()) == (0 if "chaos" in words else 130)
+    told = capsys.readouterr()
+    assert printed in told.out
+    assert "Traceback" not in told.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == left
+    if left == ["run.npz"]:
+        assert recordings.load("run.npz").run.interrupted
