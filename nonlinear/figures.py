@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import IO
 
 import numpy as np
@@ -15,10 +16,12 @@ from modal.modes import natural_modes
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
 from modal.pictures import save
 from modal.rig import Floats
+from nonlinear.frames import resampled
 from nonlinear.spectra import power_spectrum
 from nonlinear.trajectory import Trajectory
 
 MOST_LINES, MOST_PORTRAITS, MOST_MARKS, FEWEST = 6, 3, 12, 32
+MOST_SMOOTHED, POINTS = 20_000, 6000  # numbers of a run that is drawn through points between its samples
 DEEPEST = 1e-10  # of the strongest line in a spectrum
 
 
@@ -39,16 +42,29 @@ def run_figure(trajectory: Trajectory) -> Figure:
     angles = figure.add_subplot(grid[:tall, 0])
     energies = figure.add_subplot(grid[-tall:, 0], sharex=angles)
     shown = _shown(trajectory)
-    _angles(angles, trajectory, shown)
+    smooth = _smooth(trajectory)
+    _angles(angles, smooth, shown)
     if on_cart:
         _cart(figure.add_subplot(grid[2:4, 0], sharex=angles), trajectory)
     _energies(energies, trajectory)
-    _portrait(figure.add_subplot(grid[:3, 1]), trajectory, shown[:MOST_PORTRAITS])
+    _portrait(figure.add_subplot(grid[:3, 1]), smooth, shown[:MOST_PORTRAITS])
     _spectrum(figure.add_subplot(grid[3:, 1]), trajectory, shown)
     title = trajectory.scene.title or "Motion of a scene"
     figure.suptitle(title, fontsize=14, fontweight="bold", color=INK, parse_math=False)
     figure.supxlabel(_caption(trajectory, shown), fontsize=8, color=MARK)
     return figure
+
+
+def _smooth(trajectory: Trajectory) -> Trajectory:
+    """The same run with points between its samples, where these are few enough to show as corners."""
+    times = trajectory.times
+    if len(times) * trajectory.plant.n_links > MOST_SMOOTHED:
+        return trajectory
+    fine = np.linspace(times[0], times[-1], POINTS)
+    try:
+        return replace(trajectory, times=fine, motion=resampled(times, trajectory.motion, fine))
+    except ComputationError:
+        return trajectory
 
 
 def _shown(trajectory: Trajectory) -> list[int]:
@@ -77,8 +93,9 @@ def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
 
 
 def _draw(axis: Axes, x: Floats, y: Floats, k: int, label: str, width: float = 1.2) -> None:
+    """A curve; later ones are thinner, so that of two that coincide both show."""
     colour, style = COLOURS[k % len(COLOURS)], STYLES[k // len(COLOURS) % len(STYLES)]
-    axis.plot(x, y, style, color=colour, lw=width, label=label)
+    axis.plot(x, y, style, color=colour, lw=width * (1.7 - 0.2 * min(k, 5)), label=label)
 
 
 def _framed(axis: Axes, across: str, up: str, title: str) -> None:
