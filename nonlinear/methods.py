@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from importlib.util import find_spec
-from math import pi
+from math import inf, pi
 
 from modal.errors import SceneError
 from modal.scene import Scene
@@ -26,8 +26,7 @@ LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense 
 FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain anything
-PER_PERIOD, DERIVATIVES = 10.0, 15.0  # steps a period at tolerance 1e-6, derivatives a step
-STEP, PLAIN, PLAIN_LINK, TAYLOR_LINK, COMPILER = 1e-3, 2e-5, 1e-7, 1e-5, 1.0  # seconds, as benchmarks/rhs.py finds them
+PER_PERIOD = 14.0  # steps of DOP853 a period at tolerance 1e-6 and large angles
 
 
 @dataclass(frozen=True)
@@ -74,7 +73,8 @@ def _automatic(scene: Scene, duration: float, tolerance: float, form: str, drive
     if form == "minimal" and not driven and _taylor_takes(scene):
         if tolerance < FINEST:
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
-        if _taylor_costs(scene, duration, tolerance) < _steps(scene, duration, tolerance) * STEP:
+        costs = _costs(scene, duration, tolerance)
+        if costs["taylor"] < min(costs["DOP853"], costs["compiled"]):
             return "taylor", "a run long enough to pay for compiling its series"
     return "DOP853", "no part of the motion decays far faster than it swings"
 
@@ -84,25 +84,21 @@ def _taylor_takes(scene: Scene) -> bool:
     return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and scene.n_links <= MOST_LINKS
 
 
-def _steps(scene: Scene, duration: float, tolerance: float) -> float:
-    """Roughly how many steps DOP853 takes at large angles."""
-    periods = duration * timescales(scene).swing / (2 * pi)
-    return float(PER_PERIOD * periods * (1e-6 / tolerance) ** (1 / 8))
-
-
-def _taylor_costs(scene: Scene, duration: float, tolerance: float) -> float:
-    """Seconds: compiling, which long chains make long, and a fifth of the steps of DOP853."""
-    longest = max(pendulum.n_links for pendulum in scene.pendulum)
-    compiling = 0.5 + 0.01 * longest**2 + 0.005 * scene.n_links
-    return compiling + _steps(scene, duration, tolerance) / 5 * TAYLOR_LINK * scene.n_links
+def _costs(scene: Scene, duration: float, tolerance: float) -> dict[str, float]:
+    """Roughly how many seconds each way takes, compilers included, as benchmarks/simulation.py finds them."""
+    links, longest = scene.n_links, max(pendulum.n_links for pendulum in scene.pendulum)
+    steps = PER_PERIOD * duration * timescales(scene).swing / (2 * pi) * (1e-6 / tolerance) ** (1 / 8)
+    return {
+        "DOP853": steps * (3e-4 + 1e-6 * links),
+        "compiled": 0.4 + steps * (1.2e-4 + 1e-6 * links) if find_spec("numba") else inf,
+        "taylor": 1.6 + 0.008 * longest**2 + 0.005 * links + steps * 2e-6 * links,
+    }
 
 
 def _worth_compiling(scene: Scene, duration: float, tolerance: float) -> bool:
     """Whether what a compiled body saves is more than loading the compiler costs."""
-    if find_spec("numba") is None:
-        return False
-    saved = DERIVATIVES * (PLAIN + PLAIN_LINK * scene.n_links)
-    return _steps(scene, duration, tolerance) * saved > COMPILER
+    costs = _costs(scene, duration, tolerance)
+    return costs["compiled"] < costs["DOP853"]
 
 
 def body_of(group: Group, plant: Plant) -> Body:
