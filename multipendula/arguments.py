@@ -150,8 +150,9 @@ def _models(command: Add) -> None:
 def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
     """A scene or a saved run, and how it is to be simulated."""
     seconds = _number("seconds above 0")
-    add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or a saved run (.npz or .csv), which goes on")
-    add.add_argument("--duration", metavar="SECONDS", type=seconds, default=duration, help=f"default {duration:g}")
+    add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or a saved run (.npz or .csv)")
+    add.add_argument("--duration", metavar="SECONDS", type=seconds, help=f"default {duration:g}")
+    add.set_defaults(usual=duration)
     add.add_argument("--start", metavar="WORDS", help="scene (default), mode:R:DEG or angles:A,B,... (deg, at rest)")
     add.add_argument(
         "--method", metavar="NAME", help="auto, DOP853, RK45, RK23, Radau, BDF, LSODA, taylor (default auto)"

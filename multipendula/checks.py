@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.commands import chosen, picture
-from multipendula.runs import bar, start_of, whole
+from multipendula.runs import bar, in_a_folder, recorded, start_of, whole
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -21,15 +21,14 @@ def check(options: argparse.Namespace) -> None:
     """Measure how far the table of modes holds: frequencies at several amplitudes beside its own."""
     from modal.files import load, whole_file
 
-    kind = picture(options.output) if options.output else ""
-    scene = load(options.scene)
+    kind, scene = _kind(options), load(_scene(options))
     found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
-    if options.output:
-        with whole_file(options.output) as stream:
-            draw(found, stream, kind)
     sys.stdout.write(table(found, options.format))
     if getattr(found, "interrupted", False):
         raise KeyboardInterrupt
+    if options.output:
+        with whole_file(options.output) as stream:
+            draw(found, stream, kind)
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -48,17 +47,33 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
 
 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from modal.errors import SceneError
     from nonlinear.compare import compare
     from nonlinear.compare_tables import comparison_table
     from nonlinear.simulation import simulate as run
 
     _refuse(options, "goes without", ("mode", "amplitude"))
+    if scene.space == "space":
+        raise SceneError(["--general: modal coordinates are of motion in the plane"])
     duration = options.duration or USUAL
     with bar(duration) as report:
         trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))
     from nonlinear.check_figures import draw_spectrum
 
     return compare(trajectory), comparison_table, draw_spectrum
+
+
+def _kind(options: argparse.Namespace) -> str:
+    in_a_folder(options.output)
+    return picture(options.output) if options.output else ""
+
+
+def _scene(options: argparse.Namespace) -> str:
+    from modal.errors import SceneError
+
+    if recorded(options.scene):
+        raise SceneError([f"{options.scene}: is a saved run, and this command takes a scene"])
+    return str(options.scene)
 
 
 def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...]) -> None:
@@ -70,14 +85,14 @@ def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...]) -> N
 
 def chaos(options: argparse.Namespace) -> None:
     """Measure the largest Lyapunov exponent, or what paper 000 or 001 claims of it."""
-    kind = picture(options.output) if options.output else ""
-    text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
-    if options.output:
-        from modal.files import whole_file
+    from modal.files import whole_file
 
+    kind = _kind(options)
+    text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
+    print(text)
+    if options.output:
         with whole_file(options.output) as stream:
             draw(stream, kind)
-    print(text)
 
 
 Drawn = tuple[str, Callable[[IO[bytes], str], None]]
@@ -90,7 +105,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
 
     if options.quick:
         raise SceneError(["--quick: is for paper:000 and paper:001"])
-    scene = load(options.scene)
+    scene = load(_scene(options))
     duration = options.duration or usual_duration(scene)
     with bar((1 + TRANSIENT) * duration) as report:
         found = lyapunov_exponent(scene, duration, ensemble=options.ensemble or 16, report=report)
@@ -100,6 +115,9 @@ def _exponent(options: argparse.Namespace) -> Drawn:
 
         draw_running(found, stream, kind=kind)
 
+    if found.interrupted:
+        print(found.text())
+        raise KeyboardInterrupt
     return found.text(), draw
 
 

@@ -16,6 +16,21 @@ if TYPE_CHECKING:
 RECORDINGS = (".npz", ".csv")
 
 
+def recorded(name: str) -> bool:
+    """Whether a name is that of a saved run."""
+    return name.lower().endswith(RECORDINGS)
+
+
+def in_a_folder(path: str | None) -> None:
+    """SceneError for a file to be written where there is no folder, before anything is computed."""
+    from pathlib import Path
+
+    from modal.errors import SceneError
+
+    if path and not Path(path).absolute().parent.is_dir():
+        raise SceneError([f"-o {path}: there is no folder {Path(path).parent}"])
+
+
 def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
     """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
     from modal.files import load
@@ -25,18 +40,27 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
     from nonlinear.simulation import resumed
     from nonlinear.simulation import simulate as run
 
+    duration = options.duration or options.usual
     given = {name: getattr(options, name) for name in ("method", "form", "tolerance") if getattr(options, name)}
-    if options.scene.endswith(RECORDINGS):
-        before = gathered(target, lambda: _unstarted(options), lambda: recordings.load(options.scene))[-1]
-        with bar(options.duration) as report:
-            return resumed(before, options.duration, output=options.samples, report=report, **given)
+    if recorded(options.scene):
+        before = gathered(
+            target,
+            lambda: in_a_folder(options.output),
+            lambda: _unstarted(options),
+            lambda: recordings.load(options.scene),
+        )[-1]
+        with bar(duration) as report:
+            return resumed(before, duration, output=options.samples, report=report, **given)
     scene = load(options.scene)
     how: dict[str, Any] = {"method": "auto", "form": "auto", "tolerance": 1e-9} | given
-    _, start, _ = gathered(
-        target, lambda: start_of(scene, options.start), lambda: choose(scene, options.duration, **how)
+    *_, start, _ = gathered(
+        target,
+        lambda: in_a_folder(options.output),
+        lambda: start_of(scene, options.start),
+        lambda: choose(scene, duration, **how),
     )
-    with bar(options.duration) as report:
-        return run(scene, options.duration, start=start, output=options.samples, report=report, **how)
+    with bar(duration) as report:
+        return run(scene, duration, start=start, output=options.samples, report=report, **how)
 
 
 def _unstarted(options: argparse.Namespace) -> None:
@@ -103,12 +127,14 @@ def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Traje
     from nonlinear import recordings
     from nonlinear.requests import gathered
 
-    if not options.scene.endswith(RECORDINGS):
+    if not recorded(options.scene):
         return whole(run_of(options, target))
-    asked = [name for name in ("start", "method", "form", "tolerance", "samples") if getattr(options, name)]
+    asked = [name for name in ("start", "duration", "method", "form", "tolerance", "samples") if getattr(options, name)]
     if asked:
         raise SceneError([f"--{name}: a saved run is shown as it is" for name in asked])
-    found: Trajectory = gathered(target, lambda: recordings.load(options.scene))[-1]
+    found: Trajectory = gathered(target, lambda: in_a_folder(options.output), lambda: recordings.load(options.scene))[
+        -1
+    ]
     return found
 
 

@@ -91,7 +91,7 @@ def animate(
             _write_html(film, shot, stream)
         else:
             _write_mp4(film, executable, stream, report)
-    motion = frames * speed / rate
+    motion = min(frames * speed / rate, length * speed)
     return Shown(frames, rate, motion, max(0.0, (length * speed) - motion))
 
 

@@ -25,6 +25,10 @@ class Event:
     stop: bool = False
     looks: int = 4
 
+    def __post_init__(self) -> None:
+        if self.looks < 1:
+            raise SceneError([f"event {self.name}: looks = {self.looks}: must be at least 1"])
+
 
 class Happening(NamedTuple):
     """An event, when it came about (s) and the state in which it did."""

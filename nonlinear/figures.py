@@ -102,6 +102,7 @@ def _framed(axis: Axes, across: str, up: str, title: str) -> None:
     axis.set_xlabel(across)
     axis.set_ylabel(up)
     axis.set_title(title, fontsize=10, loc="left", color=INK)
+    axis.ticklabel_format(useOffset=False)
     axis.grid(color=GRID, lw=0.8)
     axis.set_axisbelow(True)
     for side in ("top", "right"):
@@ -148,7 +149,7 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
         _draw(axis, times, energy, k, name)
     if trajectory.plant.cart is not None:
         axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=INK, lw=1.2, label="cart")
-    _framed(axis, "time (s)", "energy (J)", "Energy above the hanging rest")
+    _framed(axis, "time (s)", "energy (J)", "Energy above rest")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
     _room(axis)
     _legend(axis, len(curves) + (trajectory.plant.cart is not None))
@@ -159,17 +160,17 @@ def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
         _top_view(axis, trajectory)
         return
     angles, rates = degrees(trajectory)
-    names = _names(trajectory)
+    names, rests = _names(trajectory), np.where(trajectory.plant.by_link("sigma") > 0, 0.0, 180.0)
     for k, link in enumerate(shown):
-        _draw(axis, *_around(angles[:, link], rates[:, link]), k, names[link], 0.8)
+        _draw(axis, *_around(angles[:, link], rates[:, link], rests[link]), k, names[link], 0.8)
     _framed(axis, "angle (°)", "rate (°/s)", "Phase portrait")
     _room(axis)
     _legend(axis, len(shown))
 
 
-def _around(angles: Floats, rates: Floats) -> tuple[Floats, Floats]:
-    """Angles brought to ±180°, the curve broken where it leaves one side for the other."""
-    folded = (angles + 180) % 360 - 180
+def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]:
+    """Angles brought to ±180° about the rest, the curve broken where it leaves one side for the other."""
+    folded = (angles - rest + 180) % 360 - 180 + rest
     leaps = np.flatnonzero(np.abs(np.diff(folded)) > 180) + 1
     return np.insert(folded, leaps, np.nan), np.insert(rates, leaps, np.nan)
 

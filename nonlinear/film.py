@@ -83,4 +83,4 @@ def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float) ->
     words += ["seen obliquely, with the shadow on a floor"] if plant.spatial else []
     words += ["rail in m"] if plant.cart else []
     words += ["the camera follows the cart"] if follows else []
-    return "; ".join([*words, "energy above the hanging rest"])
+    return "; ".join([*words, "energy above rest"])

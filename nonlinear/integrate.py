@@ -17,6 +17,9 @@ from nonlinear.events import Event, Happening
 from nonlinear.state import State, System
 from nonlinear.steppers import Stepper
 
+SILENT = 1e-9
+"""Share of what an event's value becomes within the first step below which it begins at zero: that is no crossing."""
+
 
 @dataclass
 class Record:
@@ -109,6 +112,8 @@ class Drive:
         for event in self.events:
             looks = np.linspace(before, now, event.looks + 1)
             values = [self._value(event, time) for time in looks]
+            if before == self.times[0] and abs(values[0]) < SILENT * max(map(abs, values)):
+                values[0] = values[1]
             for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
                 rises = low < 0 <= high
                 if (rises and event.direction >= 0) or (low > 0 >= high and event.direction <= 0):

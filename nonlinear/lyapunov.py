@@ -51,6 +51,11 @@ class Exponent:
     energy_drift: float
 
     @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended it before its time."""
+        return float(self.times[-1]) < (1 + TRANSIENT) / TRANSIENT * self.transient * (1 - 1e-9)
+
+    @property
     def _first(self) -> int:
         return int(np.searchsorted(self.times, self.transient))
 

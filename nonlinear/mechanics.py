@@ -1,8 +1,8 @@
 """What a motion means: positions, energies, momenta and forces, for the plane and for space by the same lines.
 
 Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.  Potential energy is
-counted from the hanging rest, by 1 − cos θ = 2 sin² (θ/2) and, in space, 1 − u·e_z = |u − e_z|²/2: small motions keep
-their digits.
+counted from the scene's rest, by σ − cos θ = 2 σ sin² ((θ − rest)/2) and, in space, σ − u·e_z = σ |u − σ e_z|²/2, with
+σ = 1 for a link that hangs at rest and −1 for one that stands: small motions keep their digits.
 """
 
 from __future__ import annotations
@@ -79,17 +79,17 @@ class Mechanics:
 
     @cached_property
     def heights(self) -> Floats:
-        """Of every centre of mass above where it hangs at rest (m), (T, L)."""
-        links = self.motion.links
+        """Of every centre of mass above where it is at rest (m), (T, L)."""
+        links, sigma = self.motion.links, self.plant.by_link("sigma")
         if self.plant.spatial:
-            lifts = np.sum((links - np.array([0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
+            lifts = sigma * np.sum((links - np.outer(sigma, [0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
         else:
-            lifts = 2 * np.sin(links / 2) ** 2
+            lifts = 2 * sigma * np.sin((links - np.where(sigma > 0, 0.0, np.pi)) / 2) ** 2
         return chained(self.plant, np.zeros(len(links)), lifts[..., None])[1][..., 0]
 
     @cached_property
     def potential(self) -> Floats:
-        """Potential energy (J) of every link above its hanging rest, and of the spring at its upper joint, (T, L)."""
+        """Potential energy (J) of every link above its rest, and of the spring at its upper joint, (T, L)."""
         found = self.plant.mass * self.plant.gravity * self.heights
         for group in self.plant.groups:
             if group.sprung:

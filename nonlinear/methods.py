@@ -16,9 +16,10 @@ from nonlinear.small import Small
 from nonlinear.state import Load, System
 from nonlinear.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.suspended import Body
-from nonlinear.taylor import LONGEST_CHAIN, MOST_LINKS
+from nonlinear.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
 from nonlinear.timescales import timescales
 
+ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest swing
@@ -41,9 +42,16 @@ class Choice:
 
 
 def choose(
-    scene: Scene, duration: float, tolerance: float, method: str = "auto", form: str = "auto", *, driven: bool = False
+    scene: Scene,
+    duration: float,
+    tolerance: float,
+    method: str = "auto",
+    form: str = "auto",
+    *,
+    driven: bool = False,
+    size: float = 1.0,
 ) -> Choice:
-    """Fill in what is "auto"; SceneError names every word that is unknown or does not fit the scene."""
+    """Fill in what is "auto" for a motion of this size; SceneError names every word that is unknown or unfit."""
     space = scene.space == "space"
     problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
     if form not in FORMS:
@@ -57,20 +65,23 @@ def choose(
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
         raise SceneError(problems)
-    method, why = (method, "as asked for") if method != "auto" else _automatic(scene, duration, tolerance, form, driven)
+    if method == "auto":
+        method, why = _automatic(scene, duration, tolerance, form, driven or tolerance * size < TIGHTEST)
+    else:
+        why = ASKED
     compiled = form == "minimal" and not driven and method in SCIPY and _worth_compiling(scene, duration, tolerance)
-    finest = SMALLEST if method in SCIPY else 0.0
+    finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
 
 
-def _automatic(scene: Scene, duration: float, tolerance: float, form: str, driven: bool) -> tuple[str, str]:
+def _automatic(scene: Scene, duration: float, tolerance: float, form: str, plain: bool) -> tuple[str, str]:
     found = timescales(scene)
     if found.decay > STIFF * max(found.swing, 1 / duration):
         fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest swing"
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
-    if form == "minimal" and not driven and _taylor_takes(scene):
+    if form == "minimal" and not plain and _taylor_takes(scene):
         if tolerance < FINEST:
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
         costs = _costs(scene, duration, tolerance)

@@ -81,6 +81,11 @@ class Plant:
         """Mass (kg) of every link in the order of the file, (L,)."""
         return self.by_link("mass")
 
+    @property
+    def total_mass(self) -> float:
+        """Everything that hangs, and the cart (kg)."""
+        return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0)
+
     @cached_property
     def pendulum(self) -> Ints:
         """Which pendulum, from 0, each link belongs to, (L,)."""

@@ -10,7 +10,7 @@ from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.events import Event
 from nonlinear.integrate import Drive, Record
-from nonlinear.methods import Choice, choose, system_of
+from nonlinear.methods import ASKED, Choice, choose, system_of
 from nonlinear.minimal import Minimal
 from nonlinear.plant import Plant, plant_of
 from nonlinear.requests import extent, gathered, insist_numbers, insist_push, sampled
@@ -59,14 +59,16 @@ def simulate(
     """
     plant = plant_of(scene)
     insist_numbers(duration, tolerance, start_time)
-    state, choice, times = gathered(
+    state, _, times = gathered(
         lambda: checked(start if start is not None else start_of(scene), plant),
         lambda: choose(scene, duration, tolerance, method, form, driven=load is not None),
         lambda: sampled(scene, duration, start_time, output),
     )
     insist_push(load, plant, state, start_time)
+    size = 1.0 if load else extent(state, plant)
+    choice = choose(scene, duration, float(tolerance), method, form, driven=load is not None, size=size)
     system = system_of(plant, choice, load)
-    stepper = _stepper(scene, system, choice, state, times)
+    stepper = _stepper(scene, system, choice, system.begin(state), times, size)
     return _found(scene, system, choice, stepper, Drive(stepper, system, times, events, report).run())
 
 
@@ -109,8 +111,8 @@ def resumed(
 ) -> Trajectory:
     """The motion after a trajectory's last state, its times going on.
 
-    Form, method and tolerance are those of the trajectory unless given; the work begins anew at 0.  Raises SceneError
-    for a driven trajectory without its `load`.
+    Form, tolerance and a method that was asked for are those of the trajectory unless given; the work begins anew
+    at 0.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:
         raise SceneError(["load: this run was driven, and forces from outside are not kept with it"])
@@ -118,9 +120,9 @@ def resumed(
     return simulate(
         trajectory.scene,
         duration,
-        method=method or run.method,
+        method=method or (run.method if run.reason.startswith(ASKED) else "auto"),
         form=form or run.form,
-        tolerance=tolerance or run.tolerance,
+        tolerance=run.tolerance if tolerance is None else tolerance,
         load=load,
         start=trajectory.final,
         start_time=float(trajectory.times[-1]),
@@ -128,9 +130,8 @@ def resumed(
     )
 
 
-def _stepper(scene: Scene, system: System, choice: Choice, state: State, times: Floats) -> Stepper:
-    first, last, y = float(times[0]), float(times[-1]), system.begin(state)
-    size = extent(state, system.plant)
+def _stepper(scene: Scene, system: System, choice: Choice, y: Floats, times: Floats, size: float) -> Stepper:
+    first, last = float(times[0]), float(times[-1])
     if choice.method == "taylor":
         from nonlinear.taylor import TaylorStepper, first_step
 

@@ -46,7 +46,7 @@ class Actor:
 
 @dataclass(frozen=True, eq=False)
 class Energies:
-    """Kinetic energy and potential energy above the hanging rest (J) of what `names` says (F, B) and of all (F,)."""
+    """Kinetic energy and potential energy above rest (J) of what `names` says (F, B) and of all (F,)."""
 
     names: tuple[str, ...]
     kinetic: Floats
@@ -162,7 +162,7 @@ def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
 
 
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
-    """Kinetic energy and potential energy above the hanging rest of every pendulum and, last, of the cart."""
+    """Kinetic energy and potential energy above rest of every pendulum and, last, of the cart."""
     found = Mechanics(trajectory.plant, resampled(trajectory.times, trajectory.motion, at))
     kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
     return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

@@ -34,7 +34,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "integrator", f"{run.method} at tolerance {run.tolerance:g}: {run.reason}"
     yield "cost", f"{run.steps} steps, {run.calls} derivatives"
     yield from _ranges(trajectory)
-    yield "energy", f"drift {trajectory.energy_drift():.2g} of the largest energy above rest"
+    yield "energy", f"drift {trajectory.energy_drift():.2g} of what its energies range over"
     if trajectory.keeps_momentum or trajectory.keeps_spin:
         which = "along the rail" if trajectory.keeps_momentum else "about the vertical"
         yield "momentum", f"drift {trajectory.momentum_drift():.2g}, {which}"

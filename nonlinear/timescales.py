@@ -18,7 +18,7 @@ MOST_SURVEYED = 2000  # links of a scene whose modes are computed
 
 @dataclass(frozen=True)
 class Timescales:
-    """The fastest swing (rad/s) and the fastest decay (1/s) about the rest; `modal` where they are those of modes.
+    """The fastest swing or growth (rad/s) and the fastest decay (1/s) about the rest; `modal` where they are of modes.
 
     Elsewhere they are guesses, from the shortest link and from each joint's damper and inertia by themselves.
     """
@@ -36,8 +36,9 @@ def timescales(scene: Scene) -> Timescales:
             found = natural_modes(scene).eigenvalue
         except ComputationError:
             return _guessed(scene)
-        swings = np.abs(found[np.abs(found.imag) > np.abs(found.real)])
-        return Timescales(float(swings.max(initial=0.0)), float(np.max(-found.real, initial=0.0)), True)
+        swings = np.abs(found[(np.abs(found.imag) > np.abs(found.real)) | (found.real > 0)])
+        swing = float(swings.max(initial=0.0)) or _guessed(scene).swing
+        return Timescales(swing, float(np.max(-found.real, initial=0.0)), True)
     return _guessed(scene)
 
 

@@ -14,6 +14,8 @@ from nonlinear.mechanics import Mechanics
 from nonlinear.plant import Plant
 from nonlinear.state import Motion, State, System
 
+NOISE = 1e-7
+
 
 @dataclass(frozen=True)
 class Run:
@@ -66,10 +68,18 @@ class Trajectory:
 
     @cached_property
     def energy_scale(self) -> float:
-        """What an energy drift is measured against (J): the largest kinetic or potential energy of the run, or work."""
-        kinetic = self.mechanics.kinetic.sum(1) + self.mechanics.cart_kinetic
-        potential = self.mechanics.energy - kinetic
-        return float(max(kinetic.max(), potential.max(), abs(self.motion.work).max())) or 1.0
+        """What an energy drift is measured against (J): what the energies of the run range over, or its work.
+
+        The energy of a free cart's coasting is left out.  Where hardly anything happens it is NOISE of the potential
+        energy, whose rounding would else be all that is seen.
+        """
+        mechanics = self.mechanics
+        kinetic = mechanics.kinetic.sum(1) + mechanics.cart_kinetic
+        potential = mechanics.energy - kinetic
+        if self.keeps_momentum:
+            kinetic = kinetic - mechanics.momentum**2 / (2 * self.plant.total_mass)
+        ranges = kinetic.max(), np.ptp(potential), abs(self.motion.work).max(), NOISE * abs(potential).max()
+        return float(max(ranges)) or 1.0
 
     @cached_property
     def energy_error(self) -> Floats:
@@ -94,11 +104,12 @@ class Trajectory:
         return self.plant.spatial and self.plant.cart is None and not (damped or self.driven)
 
     def momentum_drift(self) -> float:
-        """The largest change of a conserved momentum, relative to Σ m |v| or Σ m r |v|; NaN where none is conserved."""
+        """The largest change of a conserved momentum over Σ m |v|, coasting left out, or Σ m r |v|; else NaN."""
         mechanics, mass = self.mechanics, self.plant.mass
         speed = np.linalg.norm(mechanics.speeds, axis=-1)
         if self.keeps_momentum:
-            kept, scale = mechanics.momentum, (speed @ mass).max()
+            along = mechanics.speeds[..., 0] - mechanics.momentum[:, None] / self.plant.total_mass
+            kept, scale = mechanics.momentum, (np.hypot(along, mechanics.speeds[..., -1]) @ mass).max()
         elif self.keeps_spin:
             kept, scale = mechanics.spin, ((speed * np.linalg.norm(mechanics.centres, axis=-1)) @ mass).max()
         else:

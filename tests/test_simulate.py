@@ -27,6 +27,7 @@ from nonlinear.short import Dense
 from nonlinear.simulation import SimulationError, resumed, simulate
 from nonlinear.starts import released, start_of
 from nonlinear.state import Push, State, System
+from nonlinear.timescales import timescales
 
 MINIMAL = Choice("minimal", "DOP853", compiled=False, reason="")
 
@@ -157,6 +158,20 @@ def test_turning_points_are_those_of_the_release_and_can_end_a_run() -> None:
     assert not first.complete
 
 
+@pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "LSODA"])
+@pytest.mark.parametrize("form", ["minimal", "hamiltonian"])
+def test_a_stop_does_not_stop_the_run_that_goes_on_from_it(method: str, form: str) -> None:
+    scene = modal.load("chain-1")
+    stop = crossing(plant_of(scene), "theta[1,1]", stop=True)
+    found = simulate(scene, 20, start=released(scene, [30]), events=[stop], tolerance=1e-8, method=method, form=form)
+    ends = [found.times[-1]]
+    for _ in range(3):
+        found = resumed(found, 20, events=[stop])
+        ends.append(found.times[-1])
+    half = 2 * math.sqrt(1 / 9.81) * ellipk(math.sin(math.radians(15)) ** 2)
+    assert np.diff(ends) == pytest.approx(half, rel=1e-5)
+
+
 def test_two_events_within_one_step_are_found_in_their_order() -> None:
     scene = modal.load("chain-1")
     levels = [crossing(plant_of(scene), "theta[1,1]", level) for level in (0.1, 0.11, 0.12)]
@@ -219,6 +234,33 @@ def test_right_runs_of_hardly_any_motion_have_small_drifts() -> None:
     scene = modal.load("chain-1")
     assert simulate(scene, 1e-9, start=released(scene, [90.0])).energy_drift() < 1e-9
     assert simulate(scene, 5, start=released(scene, [1e-5])).energy_drift() < 1e-6
+
+
+def test_the_certificate_sees_small_motion_about_a_standing_rest_and_on_a_coasting_cart() -> None:
+    link = Bob(mass=1.0, length=1.0, stiffness=30.0)
+    standing = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,), equilibrium=("up",)),))
+    rough = simulate(
+        standing, 60, start=State(np.array([math.pi - 1e-6]), np.zeros(1)), tolerance=1e-2, method="DOP853"
+    )
+    assert rough.energy_drift() > 1e-3
+    cart = modal.load("paper-cart-1")
+    coasting = State(np.full(2, 1e-3), np.zeros(2), cart_rate=10.0)
+    assert simulate(cart, 60, start=coasting, tolerance=1e-2, method="DOP853").energy_drift() > 1e-4
+
+
+def test_what_is_harmless_does_not_spoil_small_swings() -> None:
+    scene = modal.load("chain-1")
+    for turns in (0.0, 2 * math.pi):
+        run = simulate(scene, 20, start=State(np.array([turns + 1e-6]), np.zeros(1)), method="DOP853")
+        exact = 1e-6 * np.cos(math.sqrt(9.81) * run.times)
+        assert abs(run.motion.links[:, 0] - turns - exact).max() < 2e-7 * 1e-6 + 1e-14
+
+
+def test_a_rest_about_which_nothing_swings_still_has_a_time_scale() -> None:
+    standing = modal.load("chain-1").model_copy(
+        update={"pendulum": (Pendulum(links=(Bob(mass=1.0, length=1.0),), equilibrium=("up",)),)}
+    )
+    assert timescales(standing).swing == pytest.approx(math.sqrt(9.81))
 
 
 def test_stiff_dampers_in_space_are_named() -> None:
