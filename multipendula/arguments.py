@@ -202,5 +202,12 @@ def _motions(command: Add) -> None:
     add.add_argument("--quick", action="store_true", help="a short form of a paper's study")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
 
+    add = command(checks.tradeoff, "tradeoff", "tradeoff paper-cart-2 --start mode:2:10 -o tradeoff.png")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--start", metavar="WORDS", help="as in simulate")
+    add.add_argument("--duration", metavar="SECONDS", type=_number("seconds above 0"), default=10.0, help="default 10")
+    add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+
 
 GROUPS = (_tables, _derivations, _models, _motions)

@@ -1,4 +1,4 @@
-"""The commands that question a prediction: check and chaos."""
+"""The commands that question a prediction: check, chaos and tradeoff."""
 
 from __future__ import annotations
 
@@ -138,3 +138,24 @@ def _claims(options: argparse.Namespace) -> Drawn:
         draw_finding(finding, stream, kind=kind)
 
     return text(finding), draw
+
+
+def tradeoff(options: argparse.Namespace) -> None:
+    """Measure time and error of every way to a motion, from linear modes to the finest integration."""
+    from modal.files import load, whole_file
+    from nonlinear.ladder import ladder
+    from nonlinear.tradeoff import tradeoff as compared
+    from nonlinear.tradeoff_tables import tradeoff_table
+
+    kind, scene = _kind(options), load(_scene(options))
+    start = start_of(scene, options.start)
+    with bar(len(ladder(scene)) + 1, "rung") as report:
+        found = compared(scene, options.duration, start=start, report=report)
+    sys.stdout.write(tradeoff_table(found, options.format))
+    if found.interrupted:
+        raise KeyboardInterrupt
+    if options.output:
+        from nonlinear.tradeoff_figures import draw_tradeoff
+
+        with whole_file(options.output) as stream:
+            draw_tradeoff(found, stream, kind)

@@ -68,11 +68,12 @@ def simulate(
     size = 1.0 if load else extent(state, plant)
     choice = choose(scene, duration, float(tolerance), method, form, driven=load is not None, size=size)
     system = system_of(plant, choice, load)
-    stepper = _stepper(scene, system, choice, system.begin(state), times, size)
-    return _found(scene, system, choice, stepper, Drive(stepper, system, times, events, report).run())
+    stepper = stepper_of(scene, system, choice, system.begin(state), times, size)
+    return trajectory_of(scene, system, choice, stepper, Drive(stepper, system, times, events, report).run())
 
 
-def _found(scene: Scene, system: System, choice: Choice, stepper: Stepper, record: Record) -> Trajectory:
+def trajectory_of(scene: Scene, system: System, choice: Choice, stepper: Stepper, record: Record) -> Trajectory:
+    """What a run found; SimulationError where the integrator gave up."""
     run = Run(
         form=choice.form,
         method=choice.method,
@@ -130,7 +131,8 @@ def resumed(
     )
 
 
-def _stepper(scene: Scene, system: System, choice: Choice, y: Floats, times: Floats, size: float) -> Stepper:
+def stepper_of(scene: Scene, system: System, choice: Choice, y: Floats, times: Floats, size: float) -> Stepper:
+    """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
     first, last = float(times[0]), float(times[-1])
     if choice.method == "taylor":
         from nonlinear.taylor import TaylorStepper, first_step

@@ -20,8 +20,9 @@ HEAVY = {
     "matplotlib": {"modal.pictures", "modal.figures", "modal.response_figures"}
     | {
         f"nonlinear.{name}"
-        for name in ("figures", "check_figures", "chaos_figures", "scenery", "gauges", "film", "animation")
-    },
+        for name in ("figures", "check_figures", "chaos_figures", "tradeoff_figures", "scenery", "gauges", "film")
+    }
+    | {"nonlinear.animation"},
     "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"}
     | {f"nonlinear.{name}" for name in ("banded", "integrate", "saddle", "spectra", "steppers")},
     "sympy": {f"modal.{name}" for name in SYMPY.split()},

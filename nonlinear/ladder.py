@@ -1,0 +1,136 @@
+"""The ladder of fidelity as data: every way that this project has to answer where a scene will be, coarse to fine.
+
+    (0) linear modes            superposed in closed form (`nonlinear.superposition`)
+    (1) corrected modes         the same with each mode's frequency at its own amplitude
+    (2) minimal coordinates     integrators × tolerances, plain and compiled; in space unit vectors
+    (3) maximal coordinates     the DAE with every pivot force
+
+A rung prepares what it needs for a question (modes, series, compiled code) and returns a task that finds the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from math import inf, nan
+from time import perf_counter
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.rig import Floats
+from modal.scene import Scene
+from nonlinear import taylor
+from nonlinear.integrate import Drive
+from nonlinear.methods import Choice, system_of
+from nonlinear.plant import plant_of
+from nonlinear.requests import extent
+from nonlinear.simulation import stepper_of, trajectory_of
+from nonlinear.state import State
+from nonlinear.superposition import superposed
+from nonlinear.trajectory import Run, Trajectory
+
+TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")
+IN_SPACE = ("RK23", "RK45", "DOP853")
+LINEAR, CORRECTED = "linear modes", "corrected modes"
+
+Task = Callable[[], Trajectory]
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Where a scene is at `times` (T,) in s from 0 on after this start; a run has `patience` seconds to answer."""
+
+    scene: Scene
+    start: State
+    times: Floats
+    patience: float = inf
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One way to the motion: a `kind`, and for what is integrated a method, its tolerance and whether it is compiled.
+
+    `kind` is "linear modes", "corrected modes" or a form of the equations.
+    """
+
+    kind: str
+    method: str = ""
+    tolerance: float = nan
+    compiled: bool = False
+
+    @property
+    def modal(self) -> bool:
+        """Whether nothing is integrated."""
+        return self.kind in {LINEAR, CORRECTED}
+
+    @property
+    def family(self) -> str:
+        """The rung without its tolerance, in words."""
+        return " ".join(part for part in (self.kind, self.method, "compiled" * self.compiled) if part)
+
+    @property
+    def name(self) -> str:
+        """All of it in words."""
+        return self.family if self.modal else f"{self.family} {self.tolerance:g}"
+
+    def prepare(self, question: Question) -> Task:
+        """A task that finds the motion, once; ComputationError or SceneError where this cannot be.
+
+        The task raises ComputationError where the run fails or takes too long, KeyboardInterrupt on Ctrl-C.
+        """
+        return self._superposed(question) if self.modal else self._integrated(question)
+
+    def _superposed(self, question: Question) -> Task:
+        scene, times, plant = question.scene, question.times, plant_of(question.scene)
+        motion = superposed(scene, question.start, corrected=self.kind == CORRECTED)
+        run = Run(self.kind, "closed form", "a rung of the ladder", nan)
+
+        def task() -> Trajectory:
+            with np.errstate(all="ignore"):
+                found = motion(times)
+            if not np.all(np.isfinite(found.links)):
+                raise ComputationError("the modes leave the finite numbers")
+            return Trajectory(scene, plant, times, found, run)
+
+        return task
+
+    def _integrated(self, question: Question) -> Task:
+        scene, times, plant = question.scene, question.times, plant_of(question.scene)
+        choice = Choice(self.kind, self.method, self.compiled, "a rung of the ladder", self.tolerance)
+        system = system_of(plant, choice)
+        size = extent(question.start, plant)
+        stepper = stepper_of(scene, system, choice, system.begin(question.start), times, size)
+
+        def task() -> Trajectory:
+            record = Drive(stepper, system, times, report=_impatient(question.patience)).run()
+            if record.interrupted:
+                raise KeyboardInterrupt
+            return trajectory_of(scene, system, choice, stepper, record)
+
+        return task
+
+
+def _impatient(patience: float) -> Callable[[float], None]:
+    """A listener that ends a run which takes longer than so many seconds."""
+    begun = perf_counter()
+
+    def report(elapsed: float) -> None:
+        if perf_counter() - begun > patience:
+            raise ComputationError(f"given up after {patience:g} s, at {elapsed:.3g} s of the motion")
+
+    return report
+
+
+def ladder(scene: Scene) -> tuple[Rung, ...]:
+    """Every rung for a scene, families together, each from loose to tight; only what is installed."""
+    if scene.space == "space":
+        families = [("spatial", method, False) for method in IN_SPACE]
+    else:
+        families = [("minimal", method, False) for method in (*IN_PLANE, *(["taylor"] if taylor.available() else []))]
+        families += [("minimal", "DOP853", True)] if find_spec("numba") else []
+        families += [("maximal", "DOP853", False)]
+    each = [Rung(kind, method, tolerance, compiled) for kind, method, compiled in families for tolerance in TOLERANCES]
+    return Rung(LINEAR), Rung(CORRECTED), *each

@@ -1,0 +1,284 @@
+"""The ladder of fidelity: modes in closed form, every rung beside a reference, and until when it can judge."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from math import nan, pi, radians
+
+import numpy as np
+import pytest
+from motion_scenes import motion_scene
+from scipy.linalg import expm
+
+from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
+from nonlinear import tradeoff as module
+from nonlinear.directions import of_plane
+from nonlinear.ladder import CORRECTED, LINEAR, Question, Rung, ladder
+from nonlinear.modal_coordinates import deflection, rest_angles, start_in_mode
+from nonlinear.references import apart, reference_of
+from nonlinear.simulation import simulate
+from nonlinear.starts import start_of
+from nonlinear.state import Motion, State
+from nonlinear.superposition import superposed
+from nonlinear.tradeoff import Row, Tradeoff, late, tradeoff
+from nonlinear.tradeoff_figures import draw_tradeoff
+from nonlinear.tradeoff_tables import tradeoff_table
+from nonlinear.two_planes import joined, split
+
+PAPER = load("paper-cart-2")
+MODES = natural_modes(PAPER)
+ENDS = (Rung(LINEAR), Rung(CORRECTED))
+TRANSLATING = Scene(
+    gravity=9.81,
+    support=Cart(mass=3.0),
+    pendulum=(Pendulum(links=(Rod(mass=1.0, length=0.8, damping=0.05), Bob(mass=0.5, length=0.3))),),
+)
+SPATIAL = load("chain-spatial")
+
+
+def in_mode(number: int, degrees: float) -> State:
+    return start_in_mode(PAPER, MODES, number, 0, radians(degrees))
+
+
+def by_exponential(scene: Scene, start: State, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Q and v (T, n) of the linear equations, by the exponential of the state matrix."""
+    found, size = matrices(scene), scene.n_links + (scene.support.kind == "cart")
+    A = np.block(
+        [
+            [np.zeros((size, size)), np.eye(size)],
+            [-np.linalg.solve(found.M, found.K), -np.linalg.solve(found.M, found.D)],
+        ]
+    )
+    z = np.concatenate([part[0] for part in deflection(scene, instant(start))])
+    rows = np.array([expm(A * time) @ z for time in times])
+    return rows[:, :size], rows[:, size:]
+
+
+def instant(start: State) -> Motion:
+    cart, rate = np.array([start.cart]), np.array([start.cart_rate])
+    return Motion(start.links[None], start.link_rates[None], cart, rate, np.zeros(1))
+
+
+def aside(scene: Scene, seed: int) -> State:
+    rng, on = np.random.default_rng(seed), scene.support.kind == "cart"
+    angles, rates = 0.1 * rng.normal(size=(2, scene.n_links))
+    return State(rest_angles(scene) + angles, rates, *(0.1 * rng.normal(size=2) if on else (0.0, 0.0)))
+
+
+@pytest.mark.parametrize("scene", [*map(motion_scene, range(12)), PAPER, TRANSLATING, load("cart-upright")])
+def test_the_linear_rung_is_the_exponential_of_the_state_matrix(scene: Scene) -> None:
+    start, times = aside(scene, 5), np.linspace(0.0, 3.0, 7)
+    found = deflection(scene, superposed(scene, start, corrected=False)(times))
+    for ours, theirs in zip(found, by_exponential(scene, start, times), strict=True):
+        assert np.abs(ours - theirs).max() < 1e-8 * np.abs(theirs).max()
+        assert np.abs(ours - 1.001 * theirs).max() > 1e-8 * np.abs(theirs).max()
+
+
+def test_the_corrected_rung_turns_at_its_own_frequency() -> None:
+    for number in (1, 3):
+        start, omega = in_mode(number, 6.0), MODES.omega[number]
+        own = omega * (1 + MODES[number].kappa * radians(6.0) ** 2)
+        found = superposed(PAPER, start, corrected=True)(np.array([0.0, 2 * pi / own, 2 * pi / omega]))
+        assert np.allclose(found.links[0], found.links[1], atol=1e-12)
+        assert np.abs(found.links[0] - found.links[2]).max() > 1e-7
+
+
+def test_a_damped_correction_fades_with_the_amplitude() -> None:
+    """The phase by quadrature of ω (1 + κ a(t)²)."""
+    modes = natural_modes(TRANSLATING)
+    number = next(k for k in range(len(modes)) if modes.eigenvalue[k].imag)
+    value, kappa, a = modes.eigenvalue[number], modes[number].kappa, 0.3
+    start = start_in_mode(TRANSLATING, modes, number, 0, a)
+    times = np.linspace(0.0, 20.0, 2001)
+    found = superposed(TRANSLATING, start, corrected=True)(times).links
+    speed = value.imag * (1 + kappa * (a * np.exp(value.real * times)) ** 2)
+    phase = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(times))))
+    expected = np.outer(a * np.exp(value.real * times + 1j * phase), modes.shape(number).angles).real
+    assert np.abs(found - expected).max() < 1e-5
+    assert np.abs(found - superposed(TRANSLATING, start, corrected=False)(times).links).max() > 1e-2
+
+
+def test_modes_that_do_not_add_up_are_refused() -> None:
+    critical = Pendulum(links=(Bob(mass=1.0, length=1.0, damping=2 * np.sqrt(9.81)),))
+    with pytest.raises(ComputationError, match="do not add up"):
+        superposed(Scene(gravity=9.81, pendulum=(critical,)), State(np.array([0.1]), np.zeros(1)), corrected=False)
+
+
+def test_the_error_of_the_linear_rung_grows_as_the_square_of_the_amplitude() -> None:
+    """Its motion is early by κ a² t, which the phase measures; the mean over the last fifth is 0.9 of the end."""
+    shifts = []
+    for degrees in (1.0, 2.0):
+        found = tradeoff(PAPER, 6.0, start=in_mode(1, degrees), rungs=ENDS)
+        shifts.append(found.rows[1].shift)
+        assert shifts[-1] == pytest.approx(MODES[1].kappa * radians(degrees) ** 2 * 5.4, rel=0.03)
+        assert abs(found.rows[2].shift) < 0.02 * abs(shifts[-1])
+    assert shifts[1] / shifts[0] == pytest.approx(4.0, rel=0.01)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
+    found = tradeoff(PAPER, 8.0, start=in_mode(number, 15.0 if number < 3 else 5.0), rungs=ENDS)
+    reference, linear, corrected = found.rows
+    assert corrected.error < 0.6 * linear.error
+    assert abs(corrected.shift) < 0.1 * abs(linear.shift)
+    assert reference.error == 0.0 == reference.shift
+    assert found.reference.whole
+
+
+@pytest.fixture(scope="module")
+def short() -> Tradeoff:
+    rungs = [rung for rung in ladder(PAPER) if rung.modal or rung.tolerance > 1e-10]
+    return tradeoff(PAPER, 1.5, rungs=rungs)
+
+
+def test_every_family_gets_closer_with_its_tolerance(short: Tradeoff) -> None:
+    families: dict[str, list[Row]] = {}
+    for row in short.rows[1:]:
+        families.setdefault(row.rung.family, []).append(row)
+    assert {"minimal RK23", "minimal Radau", "minimal LSODA", "maximal DOP853"} < families.keys()
+    for name, rows in families.items():
+        if not rows[0].rung.modal:
+            errors = [short.judged(row) for row in rows]
+            assert errors == sorted(errors, reverse=True), name
+            assert errors[-1] < 1e-4 * errors[0], name
+            assert rows[-1].drift < 1e-7, name
+            assert name.endswith("taylor") or rows[-1].calls > rows[0].calls
+
+
+def test_the_front_is_beaten_by_none(short: Tradeoff) -> None:
+    for row in short.pareto:
+        better = [r for r in short.rows[1:] if r.seconds < row.seconds and short.judged(r) <= short.judged(row)]
+        assert better == []
+    row, rung = short.rows[1], Rung("minimal", "RK45", 1e-3)
+    made = [replace(row, rung=rung, seconds=t, error=e) for t, e in [(1.0, 1e-2), (2.0, 1e-1), (3.0, 1e-3), (3.0, 1.0)]]
+    front = replace(short, rows=(short.rows[0], *made)).pareto
+    assert [(one.seconds, one.error) for one in front] == [(1.0, 1e-2), (3.0, 1e-3)]
+    equal = [replace(made[0], seconds=t, error=short.reference.floor * e) for t, e in [(1.0, 0.9), (2.0, 0.1)]]
+    assert replace(short, rows=tuple(equal)).pareto == (equal[0],)
+
+
+def test_a_chaotic_run_is_compared_up_to_its_horizon_only() -> None:
+    found = tradeoff(PAPER, 60.0, rungs=(Rung("minimal", "DOP853", 1e-9),))
+    reference = found.reference
+    assert 5.0 < reference.horizon < 30.0
+    assert not reference.whole
+    assert reference.difference[-1] < 1e-8
+    assert 0.3 < reference.exponent < 3.0
+    assert reference.floor < found.rows[1].error < 1.0
+    assert "are compared" in tradeoff_table(found, "text")
+    longer = np.linspace(0.0, 2 * reference.horizon, 400)
+    runs = [simulate(PAPER, longer[-1], output=longer, tolerance=tolerance) for tolerance in (1e-12, 3e-13)]
+    gone = apart(runs[0].motion, runs[1].motion)
+    assert gone[-1] > 1e3 * gone[:200].max()
+
+
+def test_a_regular_run_is_compared_whole() -> None:
+    reference = reference_of(Question(PAPER, in_mode(1, 5.0), np.linspace(0.0, 20.0, 301)))
+    assert reference.whole
+    assert reference.floor < 1e-9
+    assert reference.growth[-1] < 100
+
+
+def test_references_that_disagree_at_once_judge_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = Rung("minimal", "DOP853", 1e-12), Rung("minimal", "RK23", 1e-3)
+    monkeypatch.setattr("nonlinear.references.references", lambda scene: pair)
+    with pytest.raises(ComputationError, match="disagree from"):
+        reference_of(Question(PAPER, start_of(PAPER), np.linspace(0.0, 2.0, 11)))
+
+
+def test_a_late_motion_is_late() -> None:
+    times = np.linspace(0.0, 10.0, 501)
+    start = in_mode(1, 5.0)
+    exact = Rung(LINEAR).prepare(Question(PAPER, start, times))()
+    behind = superposed(PAPER, start, corrected=False)(times - 0.01)
+    assert late(behind, exact) == pytest.approx(0.01, rel=5e-3)
+    assert np.isnan(late(replace(behind, links=behind.links + 2.0), exact))
+
+
+def test_two_planes_and_back() -> None:
+    start = start_of(SPATIAL)
+    along, across = (instant(part) for part in split(SPATIAL, start))
+    back = joined(SPATIAL, along, across)
+    assert np.allclose(back.links[0], start.links, atol=1e-14)
+    assert np.allclose(back.link_rates[0], start.link_rates, atol=1e-14)
+    rng = np.random.default_rng(3)
+    flat = State(0.8 * rng.normal(size=3), rng.normal(size=3))
+    one, none = split(SPATIAL, of_plane(flat))
+    assert np.allclose([one.links, one.link_rates], [flat.links, flat.link_rates], atol=1e-14)
+    assert np.abs([none.links, none.link_rates]).max() < 1e-14
+
+
+def test_small_swings_in_space_are_linear() -> None:
+    errors = []
+    for size in (2e-2, 1e-2):
+        rng = np.random.default_rng(1)
+        p, rates = size * rng.normal(size=(2, 2, 3))
+        moved = joined(SPATIAL, *(instant(State(*parts)) for parts in zip(p, rates, strict=True)))[0]
+        run = simulate(SPATIAL, 2.0, start=moved, output=41, tolerance=1e-11)
+        found = superposed(SPATIAL, moved, corrected=False)(run.times)
+        errors.append(apart(found, run.motion).max())
+    assert errors[0] < 1e-3
+    assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.1)
+
+
+def test_a_family_that_takes_too_long_is_left() -> None:
+    rungs = [Rung("minimal", "RK23", 1e-3), *(Rung("minimal", "RK23", t) for t in (1e-10, 1e-12)), Rung(LINEAR)]
+    found = tradeoff(PAPER, 1.0, rungs=rungs, patience=0.1)
+    assert [row.rung.name for row in found.rows[1:]] == ["minimal RK23 0.001", LINEAR]
+    assert found.skipped[0][0] == "minimal RK23"
+    assert "given up after 0.1 s" in found.skipped[0][1]
+    assert not found.interrupted
+
+
+def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    original, asked, heard = module.measured, [Rung(LINEAR), Rung(CORRECTED), Rung("minimal", "RK45", 1e-3)], []
+
+    def impatient(rung: Rung, *rest: object) -> Row:
+        if rung.kind == CORRECTED:
+            raise KeyboardInterrupt
+        return original(rung, *rest)
+
+    monkeypatch.setattr(module, "measured", impatient)
+    found = tradeoff(PAPER, 1.0, rungs=asked, report=heard.append)
+    assert [row.rung.name for row in found.rows[1:]] == [LINEAR]
+    assert found.interrupted
+    assert [name for name, _ in found.skipped] == [CORRECTED, "minimal RK45 0.001"]
+    assert heard == [1, 2]
+
+
+def test_an_interrupt_between_rungs_keeps_them_too() -> None:
+    def stopping(done: float) -> None:
+        if done == 2:
+            raise KeyboardInterrupt
+
+    found = tradeoff(PAPER, 1.0, rungs=ENDS, report=stopping)
+    assert [row.rung.name for row in found.rows[1:]] == [LINEAR]
+    assert found.skipped == ((CORRECTED, "interrupted"),)
+
+
+def test_tables(short: Tradeoff) -> None:
+    text = tradeoff_table(short, "text")
+    for words in ("time (ms)", "error (rad)", "late (s)", "held against", "all 1.5 s are compared"):
+        assert words in text
+    assert tradeoff_table(short, "markdown").startswith("**Two double pendula")
+    rows = list(csv.DictReader(io.StringIO(tradeoff_table(short, "csv"))))
+    assert len(rows) == len(short.rows)
+    assert float(rows[1]["error_rad"]) == short.rows[1].error
+    assert {"seconds", "prepared_seconds", "derivatives", "late_s", "energy_drift", "pareto"} < rows[0].keys()
+    whole = json.loads(tradeoff_table(short, "json"))
+    assert whole["horizon_s"] == 1.5
+    assert whole["rungs"][0]["certain"] is False
+    lost = replace(short, rows=(replace(short.rows[1], shift=nan, drift=nan),))
+    assert json.loads(tradeoff_table(lost, "json"))["rungs"][0]["late_s"] is None
+    assert "–" in tradeoff_table(lost, "text")
+
+
+def test_the_picture(short: Tradeoff) -> None:
+    stream = io.BytesIO()
+    draw_tradeoff(short, stream, "svg")
+    assert b"<svg" in stream.getvalue()
+    with pytest.raises(ComputationError, match="nothing to draw"):
+        draw_tradeoff(replace(short, rows=short.rows[:1]), stream)
