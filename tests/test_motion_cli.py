@@ -73,7 +73,7 @@ def test_starts(words: str, largest: float, tmp_path: Path) -> None:
         (["check", "chain-2", "--general", "--mode", "1"], "--mode: goes without --general"),
         (["chaos", "chain-2", "--quick"], "--quick: is for paper:000 and paper:001"),
         (["chaos", "paper:000", "--duration", "3"], "paper:000: has its own --duration"),
-        (["tradeoff", "rope"], "no pendulum has a start"),
+        (["tradeoff", "cart-upright"], "no pendulum has a start"),
         (["tradeoff", "chain-3", "-o", "film.avi"], "-o film.avi: the name must end in .png, .svg or .pdf"),
         (["chaos", "chain-spatial"], "Lyapunov exponents are computed in the plane"),
         (["simulate", "chain-2", "-o", "nowhere/run.npz"], "-o nowhere/run.npz: there is no folder nowhere"),
