@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 from math import inf, pi
@@ -10,12 +11,14 @@ from modal.errors import SceneError
 from modal.scene import Scene
 from nonlinear.interrupts import undisturbed
 from nonlinear.minimal import Minimal, Recursion
-from nonlinear.plant import Group, Plant
+from nonlinear.plant import Group, Plant, plant_of
+from nonlinear.reduced import Reduced
 from nonlinear.short import Dense
 from nonlinear.small import Small
 from nonlinear.state import Load, System
 from nonlinear.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.suspended import Body
+from nonlinear.symmetries import Symmetry
 from nonlinear.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
 from nonlinear.timescales import timescales
 
@@ -50,14 +53,21 @@ def choose(
     *,
     driven: bool = False,
     size: float = 1.0,
+    plant: Plant | None = None,
 ) -> Choice:
-    """Fill in what is "auto" for a motion of this size; SceneError names every word that is unknown or unfit."""
-    space = scene.space == "space"
+    """Fill in what is "auto" for a motion of this size; SceneError names every word that is unknown or unfit.
+
+    `plant` is what is integrated, where that is less than the whole scene.
+    """
+    plant = plant or plant_of(scene)
+    space = plant.spatial
     problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
     elif space and form not in {"auto", "spatial"}:
         problems.append(f"form {form}: is for the plane, and this scene is in space")
+    elif not space and form == "spatial":
+        problems.append("form spatial: is for space, and this scene is in the plane")
     if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
         problems.append("method taylor: runs plane scenes in minimal coordinates without applied forces")
     form = form if form != "auto" else "spatial" if space else "minimal"
@@ -66,38 +76,45 @@ def choose(
     if problems:
         raise SceneError(problems)
     if method == "auto":
-        method, why = _automatic(scene, duration, tolerance, form, driven or tolerance * size < TIGHTEST)
+        method, why = _automatic(scene, plant, duration, tolerance, form, driven or tolerance * size < TIGHTEST)
     else:
         why = ASKED
-    compiled = form == "minimal" and not driven and method in SCIPY and _worth_compiling(scene, duration, tolerance)
+    compiled = (
+        form == "minimal"
+        and not driven
+        and method in SCIPY
+        and _worth_compiling(_costs(scene, plant, duration, tolerance))
+    )
     finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
 
 
-def _automatic(scene: Scene, duration: float, tolerance: float, form: str, plain: bool) -> tuple[str, str]:
+def _automatic(
+    scene: Scene, plant: Plant, duration: float, tolerance: float, form: str, plain: bool
+) -> tuple[str, str]:
     found = timescales(scene)
     if found.decay > STIFF * max(found.swing, 1 / duration):
         fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest swing"
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
-    if form == "minimal" and not plain and _taylor_takes(scene):
+    if form == "minimal" and not plain and _taylor_takes(plant):
         if tolerance < FINEST:
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
-        costs = _costs(scene, duration, tolerance)
+        costs = _costs(scene, plant, duration, tolerance)
         if costs["taylor"] < min(costs["DOP853"], costs["compiled"]):
             return "taylor", "a run long enough to pay for compiling its series"
     return "DOP853", "no part of the motion decays far faster than it swings"
 
 
-def _taylor_takes(scene: Scene) -> bool:
-    longest = max(pendulum.n_links for pendulum in scene.pendulum)
-    return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and scene.n_links <= MOST_LINKS
+def _taylor_takes(plant: Plant) -> bool:
+    longest = max(group.n for group in plant.groups)
+    return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and plant.n_links <= MOST_LINKS
 
 
-def _costs(scene: Scene, duration: float, tolerance: float) -> dict[str, float]:
+def _costs(scene: Scene, plant: Plant, duration: float, tolerance: float) -> dict[str, float]:
     """Roughly how many seconds each way takes, compilers included, as benchmarks/simulation.py finds them."""
-    links, longest = scene.n_links, max(pendulum.n_links for pendulum in scene.pendulum)
+    links, longest = plant.n_links, max(group.n for group in plant.groups)
     steps = PER_PERIOD * duration * timescales(scene).swing / (2 * pi) * (1e-6 / tolerance) ** (1 / 8)
     return {
         "DOP853": steps * (3e-4 + 1e-6 * links),
@@ -106,9 +123,8 @@ def _costs(scene: Scene, duration: float, tolerance: float) -> dict[str, float]:
     }
 
 
-def _worth_compiling(scene: Scene, duration: float, tolerance: float) -> bool:
+def _worth_compiling(costs: dict[str, float]) -> bool:
     """Whether what a compiled body saves is more than loading the compiler costs."""
-    costs = _costs(scene, duration, tolerance)
     return costs["compiled"] < costs["DOP853"]
 
 
@@ -130,8 +146,10 @@ def _light(plant: Plant) -> bool:
     return plant.cart is not None and plant.cart.mass < LIGHT * float(plant.mass.sum())
 
 
-def system_of(plant: Plant, choice: Choice, load: Load | None = None) -> System:
-    """The equations of motion in the chosen form."""
+def system_of(plant: Plant, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()) -> System:
+    """The equations of motion in the chosen form, of what symmetries leave to be integrated."""
+    if symmetries:
+        return Reduced(plant, system_of(symmetries[-1].plant, choice), symmetries)
     if choice.form == "spatial":
         from nonlinear.spatial import Recursion as InSpace
         from nonlinear.spatial import Spatial

@@ -12,7 +12,7 @@ import os
 import warnings
 import zipfile
 from collections.abc import Iterator
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -96,7 +96,8 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     run = Run(**header["run"])
     if any(type(getattr(run, field.name)).__name__ != field.type for field in fields(Run)):
         raise TypeError
-    choose(scene, 1.0, run.tolerance, run.method, run.form)
+    integrated = replace(plant, spatial=plant.spatial and run.form == "spatial")
+    choose(scene, 1.0, run.tolerance, run.method, run.form, plant=integrated)
     return Trajectory(scene, plant, times, Motion(**parts), run, events, driven=bool(header["driven"]))
 
 

@@ -13,10 +13,12 @@ from nonlinear.integrate import Drive, Record
 from nonlinear.methods import ASKED, Choice, choose, system_of
 from nonlinear.minimal import Minimal
 from nonlinear.plant import Plant, plant_of
+from nonlinear.reduced import Reduced
 from nonlinear.requests import extent, gathered, insist_numbers, insist_push, sampled
 from nonlinear.starts import checked, start_of
 from nonlinear.state import Load, State, System
 from nonlinear.steppers import SciPyStepper, Stepper
+from nonlinear.symmetries import symmetries
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import Run, Trajectory
 
@@ -66,8 +68,10 @@ def simulate(
     )
     insist_push(load, plant, state, start_time)
     size = 1.0 if load else extent(state, plant)
-    choice = choose(scene, duration, float(tolerance), method, form, driven=load is not None, size=size)
-    system = system_of(plant, choice, load)
+    smaller = () if load else symmetries(plant, state, planar=form == "auto")
+    least = smaller[-1].plant if smaller else plant
+    choice = choose(scene, duration, float(tolerance), method, form, driven=load is not None, size=size, plant=least)
+    system = system_of(plant, choice, load, smaller)
     stepper = stepper_of(scene, system, choice, system.begin(state), times, size)
     return trajectory_of(scene, system, choice, stepper, Drive(stepper, system, times, events, report).run())
 
@@ -84,6 +88,7 @@ def trajectory_of(scene: Scene, system: System, choice: Choice, stepper: Stepper
         drift=record.drift,
         stopped=record.stopped,
         interrupted=record.interrupted,
+        reduced=system.words if isinstance(system, Reduced) else "",
     )
     motion, events = system.read(record.rows), tuple(record.happenings)
     trajectory = Trajectory(
@@ -112,8 +117,8 @@ def resumed(
 ) -> Trajectory:
     """The motion after a trajectory's last state, its times going on.
 
-    Form, tolerance and a method that was asked for are those of the trajectory unless given; the work begins anew
-    at 0.  Raises SceneError for a driven trajectory without its `load`.
+    Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given; the work
+    begins anew at 0.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:
         raise SceneError(["load: this run was driven, and forces from outside are not kept with it"])
@@ -122,7 +127,7 @@ def resumed(
         trajectory.scene,
         duration,
         method=method or (run.method if run.reason.startswith(ASKED) else "auto"),
-        form=form or run.form,
+        form=form or ("auto" if trajectory.plant.spatial else run.form),
         tolerance=run.tolerance if tolerance is None else tolerance,
         load=load,
         start=trajectory.final,
@@ -137,7 +142,7 @@ def stepper_of(scene: Scene, system: System, choice: Choice, y: Floats, times: F
     if choice.method == "taylor":
         from nonlinear.taylor import TaylorStepper, first_step
 
-        cap = first_step(timescales(scene).swing)
-        return TaylorStepper(cast("Minimal", system), y, first, last, choice.tolerance * size, cap)
+        cap, series = first_step(timescales(scene).swing), system.inner if isinstance(system, Reduced) else system
+        return TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, cap)
     absolute = NEAR_ZERO * choice.tolerance * size * system.scale
     return SciPyStepper(choice.method, system.derivative, first, y, last, choice.tolerance, absolute)

@@ -31,6 +31,8 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if run.stopped:
         yield "stopped", run.stopped
     yield "equations", FORMS[run.form]
+    if run.reduced:
+        yield "integrated", run.reduced
     yield "integrator", f"{run.method} at tolerance {run.tolerance:g}: {run.reason}"
     yield "cost", f"{run.steps} steps, {run.calls} derivatives"
     yield from _ranges(trajectory)

@@ -21,7 +21,8 @@ NOISE = 1e-7
 class Run:
     """How a trajectory was computed: the form of the equations, the method, and why these; counts; what ended it.
 
-    `drift` is the largest violation of a constraint before it was mended, relative to the lengths of the scene.
+    `drift` is the largest violation of a constraint before it was mended, relative to the lengths of the scene;
+    `reduced` says what was integrated where that was less than the whole scene.
     """
 
     form: str
@@ -33,6 +34,7 @@ class Run:
     drift: float = 0.0
     stopped: str = ""
     interrupted: bool = False
+    reduced: str = ""
 
 
 @dataclass(frozen=True, eq=False)

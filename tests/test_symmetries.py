@@ -1,0 +1,144 @@
+"""Scenes that move as a smaller one does: the same motion, and nothing of what is not needed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from motion_scenes import motion_scene
+
+from modal.scene import Bob, Cart, Pendulum, Scene, Start
+from nonlinear import Push, State, crossing, load, released, resumed, save, simulate
+from nonlinear.methods import Choice, system_of
+from nonlinear.plant import plant_of
+from nonlinear.reactions import reactions
+from nonlinear.starts import start_of
+from nonlinear.symmetries import symmetries
+
+
+def doubled(seed: int) -> Scene:
+    """A random scene whose pendula, with their starts, hang there twice, thrice and four times."""
+    scene = motion_scene(seed)
+    again = [pendulum.model_copy(update={"count": 2 + at % 3}) for at, pendulum in enumerate(scene.pendulum)]
+    return scene.model_copy(update={"pendulum": (*again, scene.pendulum[0])})
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pendula_that_start_equally_move_as_one(seed: int) -> None:
+    scene, duration = doubled(seed), 3.0
+    found = simulate(scene, duration, tolerance=1e-12, output=31)
+    plant = plant_of(scene)
+    whole = simulate(scene, duration, tolerance=1e-12, output=31, load=lambda time, state: Push())
+    assert found.run.reduced == f"{len(scene.pendulum) - 1} of {plant.n_pendula} pendula, the others moving with them"
+    assert whole.run.reduced == ""
+    assert np.abs(found.motion.links - whole.motion.links).max() < 1e-8
+    assert np.abs(found.motion.cart - whole.motion.cart).max() < 1e-8
+    assert found.energy_drift() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_smaller_equations_are_the_whole_ones(seed: int) -> None:
+    scene = doubled(seed)
+    plant, start = plant_of(scene), start_of(scene)
+    (one,) = symmetries(plant, start)
+    choice = Choice("minimal", "", compiled=False, reason="")
+    small, whole = system_of(one.plant, choice), system_of(plant, choice)
+    rate = one.extend(small.read(small.derivative(0.0, small.begin(one.restrict(start)))[None]))
+    sure = whole.read(whole.derivative(0.0, whole.begin(start))[None])
+    for name in ("links", "link_rates", "cart", "cart_rate", "work"):
+        expected = getattr(sure, name)
+        assert np.allclose(getattr(rate, name), expected, rtol=1e-11, atol=1e-11 * (1 + np.abs(expected).max())), name
+
+
+def test_a_thousand_equal_pendula_are_integrated_as_one() -> None:
+    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=0.5, length=0.7)), count=1000)
+    scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))
+    found = simulate(scene, 5.0, start=released(scene, [60.0, -20.0]), output=11)
+    assert found.motion.links.shape == (11, 2000)
+    assert found.system is not None
+    assert len(found.system.begin(found.final)) == 2 * 3
+    apart = released(scene, [60.0, -20.0])
+    apart.links[1] += 1e-3
+    (one,) = symmetries(plant_of(scene), apart)
+    assert one.plant.n_pendula == 2
+
+
+def test_pendula_that_differ_or_start_elsewhere_stay_apart() -> None:
+    bobs = [Pendulum(links=(Bob(mass=1.0, length=length),)) for length in (1.0, np.nextafter(1.0, 2.0))]
+    scene = Scene(gravity=9.81, pendulum=tuple(bobs))
+    assert symmetries(plant_of(scene), released(scene, [10.0, 10.0])) == ()
+    scene = Scene(gravity=9.81, pendulum=(bobs[0], bobs[0]))
+    assert symmetries(plant_of(scene), released(scene, [10.0, -10.0])) == ()
+    assert len(symmetries(plant_of(scene), released(scene, [10.0, 10.0]))) == 1
+
+
+def spatial(scene: Scene, azimuth: float) -> Scene:
+    pendula = []
+    for pendulum in scene.pendulum:
+        assert pendulum.start
+        start = Start(
+            angles_deg=pendulum.start.angles_deg,
+            rates_deg=pendulum.start.rates_deg,
+            azimuths_deg=(azimuth,) * pendulum.n_links,
+        )
+        pendula.append(pendulum.model_copy(update={"start": start}))
+    return scene.model_copy(update={"space": "space", "pendulum": tuple(pendula)})
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_start_in_the_plane_of_the_rail_is_integrated_there(seed: int) -> None:
+    scene = spatial(motion_scene(seed, sprung=False), 0.0)
+    found = simulate(scene, 2.0, tolerance=1e-12, output=21)
+    whole = simulate(scene, 2.0, tolerance=1e-12, output=21, form="spatial")
+    assert (found.run.form, found.run.reduced) == ("minimal", "one vertical plane of space")
+    assert (whole.run.form, whole.run.reduced) == ("spatial", "")
+    assert np.abs(found.motion.links - whole.motion.links).max() < 1e-8
+    assert np.abs(found.motion.link_rates - whole.motion.link_rates).max() < 1e-7
+    assert found.energy_drift() < 1e-9
+    forces, sure = reactions(found), reactions(whole)
+    assert np.allclose(forces.pivots, sure.pivots, rtol=1e-5, atol=1e-6 * np.abs(sure.pivots).max())
+
+
+def test_joint_springs_in_space_and_azimuths_keep_it_spatial() -> None:
+    sprung = spatial(motion_scene(1), 0.0)
+    sprung = sprung.model_copy(
+        update={
+            "pendulum": (
+                sprung.pendulum[0].model_copy(
+                    update={"links": (Bob(mass=1, length=1, stiffness=3.0),), "start": Start(angles_deg=(9.0,))}
+                ),
+            )
+        }
+    )
+    aside = spatial(motion_scene(0, sprung=False), 30.0)
+    for scene in (sprung, aside):
+        assert symmetries(plant_of(scene), start_of(scene)) == ()
+
+
+def test_a_reduced_run_is_kept_and_gone_on_from(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    scene = spatial(motion_scene(2, sprung=False), 0.0)
+    first = simulate(scene, 1.0, output=11)
+    save(first, tmp_path / "run.npz")
+    again = load(tmp_path / "run.npz")
+    assert again.run == first.run
+    both = [resumed(run, 1.0, output=11) for run in (first, again)]
+    assert np.array_equal(*(run.motion.links for run in both))
+    assert both[0].run.reduced == first.run.reduced
+    straight = simulate(scene, 2.0, output=[2.0])
+    assert np.abs(both[0].final.links - straight.final.links).max() < 1e-6
+
+
+def test_events_and_loads_see_the_whole_scene() -> None:
+    scene = Scene(
+        gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), count=3, start=Start(angles_deg=(10.0,))),)
+    )
+    seen = set()
+
+    def load_of(time: float, state: State) -> Push:
+        seen.add(len(state.links))
+        return Push()
+
+    assert simulate(scene, 0.1, load=load_of).run.reduced == ""
+    assert seen == {3}
+    found = simulate(scene, 3.0, events=[crossing(plant_of(scene), "theta[3,1]")])
+    assert found.run.reduced
+    assert len(found.happenings) == 3
