@@ -16,7 +16,7 @@ FILMS = ("gif", "mp4", "html")
 def simulate(options: argparse.Namespace) -> None:
     """Simulate the motion at large angles, with its certificates."""
     from nonlinear import recordings, summary
-    from nonlinear.simulation import SimulationError
+    from nonlinear.preparation import SimulationError
 
     begun = perf_counter()
     try:

@@ -9,8 +9,9 @@
 
 from nonlinear.events import Event, Happening, crossing, turning
 from nonlinear.plant import Plant, plant_of
+from nonlinear.preparation import SimulationError
 from nonlinear.recordings import load, save
-from nonlinear.simulation import SimulationError, resumed, simulate
+from nonlinear.simulation import resumed, simulate
 from nonlinear.starts import released, start_of
 from nonlinear.state import Motion, Push, State
 from nonlinear.trajectory import Run, Trajectory

@@ -22,13 +22,12 @@ from modal.errors import ComputationError
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear import taylor
-from nonlinear.integrate import Drive
-from nonlinear.methods import Choice, system_of
+from nonlinear.methods import Choice
 from nonlinear.plant import plant_of
-from nonlinear.requests import extent
-from nonlinear.simulation import stepper_of, trajectory_of
+from nonlinear.preparation import prepared
 from nonlinear.state import State
 from nonlinear.superposition import superposed
+from nonlinear.symmetries import symmetries
 from nonlinear.trajectory import Run, Trajectory
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -100,15 +99,14 @@ class Rung:
     def _integrated(self, question: Question) -> Task:
         scene, times, plant = question.scene, question.times, plant_of(question.scene)
         choice = Choice(self.kind, self.method, self.compiled, "a rung of the ladder", self.tolerance)
-        system = system_of(plant, choice)
-        size = extent(question.start, plant)
-        stepper = stepper_of(scene, system, choice, system.begin(question.start), times, size)
+        smaller = symmetries(plant, question.start, planar=self.kind == "minimal")
+        ready = prepared(scene, plant, question.start, times, choice, symmetries=smaller)
 
         def task() -> Trajectory:
-            record = Drive(stepper, system, times, report=_impatient(question.patience)).run()
-            if record.interrupted:
+            found = ready.go(report=_impatient(question.patience))
+            if found.run.interrupted:
                 raise KeyboardInterrupt
-            return trajectory_of(scene, system, choice, stepper, record)
+            return found
 
         return task
 

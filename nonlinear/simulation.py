@@ -3,34 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, cast
+from typing import Any
 
-from modal.errors import ComputationError, SceneError
+from modal.errors import SceneError
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.events import Event
-from nonlinear.integrate import Drive, Record
-from nonlinear.methods import ASKED, Choice, choose, system_of
-from nonlinear.minimal import Minimal
-from nonlinear.plant import Plant, plant_of
-from nonlinear.reduced import Reduced
+from nonlinear.methods import ASKED, choose
+from nonlinear.plant import plant_of
+from nonlinear.preparation import prepared
 from nonlinear.requests import extent, gathered, insist_numbers, insist_push, sampled
 from nonlinear.starts import checked, start_of
-from nonlinear.state import Load, State, System
-from nonlinear.steppers import SciPyStepper, Stepper
+from nonlinear.state import Load, State
 from nonlinear.symmetries import symmetries
-from nonlinear.timescales import timescales
-from nonlinear.trajectory import Run, Trajectory
-
-NEAR_ZERO = 0.1  # share of the motion's size that the tolerance is relative to where a quantity passes zero
-
-
-class SimulationError(ComputationError):
-    """A run that could not reach its end; `trajectory` holds what was computed."""
-
-    def __init__(self, problem: str, trajectory: Trajectory) -> None:
-        self.trajectory = trajectory
-        super().__init__(problem)
+from nonlinear.trajectory import Trajectory
 
 
 def simulate(
@@ -71,38 +57,7 @@ def simulate(
     smaller = () if load else symmetries(plant, state, planar=form == "auto")
     least = smaller[-1].plant if smaller else plant
     choice = choose(scene, duration, float(tolerance), method, form, driven=load is not None, size=size, plant=least)
-    system = system_of(plant, choice, load, smaller)
-    stepper = stepper_of(scene, system, choice, system.begin(state), times, size)
-    return trajectory_of(scene, system, choice, stepper, Drive(stepper, system, times, events, report).run())
-
-
-def trajectory_of(scene: Scene, system: System, choice: Choice, stepper: Stepper, record: Record) -> Trajectory:
-    """What a run found; SimulationError where the integrator gave up."""
-    run = Run(
-        form=choice.form,
-        method=choice.method,
-        reason=choice.reason,
-        tolerance=choice.tolerance,
-        steps=record.steps,
-        calls=stepper.calls,
-        drift=record.drift,
-        stopped=record.stopped,
-        interrupted=record.interrupted,
-        reduced=system.words if isinstance(system, Reduced) else "",
-    )
-    motion, events = system.read(record.rows), tuple(record.happenings)
-    trajectory = Trajectory(
-        scene, system.plant, record.times, motion, run, events, driven=system.load is not None, system=system
-    )
-    if record.failed:
-        raise SimulationError(f"{record.stopped}{_hint(system.plant)}", trajectory)
-    return trajectory
-
-
-def _hint(plant: Plant) -> str:
-    if plant.cart is None or plant.cart.mass:
-        return ""
-    return "; a massless cart has no equation of motion where all that pulls it hangs straight down: give it a mass"
+    return prepared(scene, plant, state, times, choice, load=load, symmetries=smaller).go(events, report)
 
 
 def resumed(
@@ -134,15 +89,3 @@ def resumed(
         start_time=float(trajectory.times[-1]),
         **options,
     )
-
-
-def stepper_of(scene: Scene, system: System, choice: Choice, y: Floats, times: Floats, size: float) -> Stepper:
-    """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
-    first, last = float(times[0]), float(times[-1])
-    if choice.method == "taylor":
-        from nonlinear.taylor import TaylorStepper, first_step
-
-        cap, series = first_step(timescales(scene).swing), system.inner if isinstance(system, Reduced) else system
-        return TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, cap)
-    absolute = NEAR_ZERO * choice.tolerance * size * system.scale
-    return SciPyStepper(choice.method, system.derivative, first, y, last, choice.tolerance, absolute)

@@ -22,9 +22,10 @@ from nonlinear.maximal import Maximal
 from nonlinear.methods import Choice, body_of, choose, system_of
 from nonlinear.minimal import Recursion
 from nonlinear.plant import plant_of
+from nonlinear.preparation import SimulationError
 from nonlinear.reactions import reactions
 from nonlinear.short import Dense
-from nonlinear.simulation import SimulationError, resumed, simulate
+from nonlinear.simulation import resumed, simulate
 from nonlinear.starts import released, start_of
 from nonlinear.state import Push, State, System
 from nonlinear.timescales import timescales
