@@ -24,10 +24,9 @@ from modal.scene import Scene
 from nonlinear import taylor
 from nonlinear.methods import Choice
 from nonlinear.plant import plant_of
-from nonlinear.preparation import prepared
+from nonlinear.preparation import Request
 from nonlinear.state import State
 from nonlinear.superposition import superposed
-from nonlinear.symmetries import symmetries
 from nonlinear.trajectory import Run, Trajectory
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
@@ -97,10 +96,9 @@ class Rung:
         return task
 
     def _integrated(self, question: Question) -> Task:
-        scene, times, plant = question.scene, question.times, plant_of(question.scene)
+        request = Request(question.scene, question.start, question.times, form=self.kind)
         choice = Choice(self.kind, self.method, self.compiled, "a rung of the ladder", self.tolerance)
-        smaller = symmetries(plant, question.start, planar=self.kind == "minimal")
-        ready = prepared(scene, plant, question.start, times, choice, symmetries=smaller)
+        ready = request.prepared(choice)
 
         def task() -> Trajectory:
             found = ready.go(report=_impatient(question.patience))

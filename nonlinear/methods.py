@@ -125,7 +125,7 @@ def _costs(scene: Scene, plant: Plant, duration: float, tolerance: float) -> dic
 
 def _worth_compiling(costs: dict[str, float]) -> bool:
     """Whether what a compiled body saves is more than loading the compiler costs."""
-    return costs["compiled"] < costs["DOP853"]
+    return bool(costs["compiled"] < costs["DOP853"])
 
 
 def body_of(group: Group, plant: Plant) -> Body:

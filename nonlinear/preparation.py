@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import cast
 
 from modal.errors import ComputationError
@@ -11,14 +12,14 @@ from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.events import Event
 from nonlinear.integrate import Drive, Record
-from nonlinear.methods import Choice, system_of
+from nonlinear.methods import Choice, choose, system_of
 from nonlinear.minimal import Minimal
-from nonlinear.plant import Plant
+from nonlinear.plant import Plant, plant_of
 from nonlinear.reduced import Reduced
 from nonlinear.requests import extent
 from nonlinear.state import Load, State, System
 from nonlinear.steppers import SciPyStepper, Stepper
-from nonlinear.symmetries import Symmetry
+from nonlinear.symmetries import Symmetry, symmetries
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import Run, Trajectory
 
@@ -70,20 +71,70 @@ class Prepared:
         return Trajectory(self.scene, system.plant, record.times, motion, run, events, driven=driven, system=system)
 
 
-def prepared(
-    scene: Scene,
-    plant: Plant,
-    start: State,
-    times: Floats,
-    choice: Choice,
-    *,
-    load: Load | None = None,
-    symmetries: Sequence[Symmetry] = (),
-) -> Prepared:
-    """A run from this start in the chosen way, of what symmetries leave to be integrated."""
-    system = system_of(plant, choice, load, symmetries)
-    size = 1.0 if load else extent(start, plant)
-    return Prepared(scene, choice, system, _stepper(scene, system, choice, system.begin(start), times, size), times)
+def prepared(scene: Scene, system: System, choice: Choice, start: State, times: Floats, size: float) -> Prepared:
+    """The equations of a scene with the chosen integrator, for a motion of this size (`extent`)."""
+    stepper = _stepper(scene, system, choice, system.begin(start), times, size)
+    return Prepared(scene, choice, system, stepper, times)
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What is asked: the motion of a scene from a start on, kept at these times (T,) in s.
+
+    Method and form are chosen where they are "auto".  `report` hears of the seconds gone through after every step.
+    """
+
+    scene: Scene
+    start: State
+    times: Floats
+    method: str = "auto"
+    form: str = "auto"
+    load: Load | None = None
+    events: Sequence[Event] = ()
+    report: Callable[[float], object] = lambda elapsed: None
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The scene as arrays."""
+        return plant_of(self.scene)
+
+    @cached_property
+    def smaller(self) -> tuple[Symmetry, ...]:
+        """What symmetry leaves out."""
+        flat = self.form not in {"spatial", "maximal", "hamiltonian"}
+        return () if self.load else symmetries(self.plant, self.start, planar=flat)
+
+    @cached_property
+    def size(self) -> float:
+        """How large the motion is, at most 1; 1 where something drives it."""
+        return 1.0 if self.load else extent(self.start, self.plant)
+
+    @property
+    def duration(self) -> float:
+        """From the first of the times to the last (s)."""
+        return float(self.times[-1] - self.times[0])
+
+    def choice(self, tolerance: float) -> Choice:
+        """How to integrate at this tolerance."""
+        return choose(
+            self.scene,
+            self.duration,
+            tolerance,
+            self.method,
+            self.form,
+            driven=self.load is not None,
+            size=self.size,
+            plant=self.smaller[-1].plant if self.smaller else self.plant,
+        )
+
+    def prepared(self, choice: Choice) -> Prepared:
+        """Ready to go in this way."""
+        system = system_of(self.plant, choice, self.load, self.smaller)
+        return prepared(self.scene, system, choice, self.start, self.times, self.size)
+
+    def run(self, choice: Choice) -> Trajectory:
+        """The motion in this way; SimulationError where the integrator gives up."""
+        return self.prepared(choice).go(self.events, self.report)
 
 
 def _stepper(scene: Scene, system: System, choice: Choice, y: Floats, times: Floats, size: float) -> Stepper:

@@ -26,7 +26,7 @@ from nonlinear import taylor
 from nonlinear.ladder import Question, Rung
 from nonlinear.plant import plant_of
 from nonlinear.requests import extent
-from nonlinear.state import Motion, State
+from nonlinear.state import State, apart
 from nonlinear.steppers import SMALLEST
 from nonlinear.trajectory import Trajectory
 
@@ -99,15 +99,6 @@ def references(scene: Scene) -> tuple[Rung, Rung]:
     if taylor.available() and longest <= taylor.LONGEST_CHAIN and scene.n_links <= taylor.MOST_LINKS:
         return Rung("minimal", "taylor", taylor.TIGHTEST), Rung("minimal", "DOP853", SMALLEST)
     return Rung("minimal", "DOP853", SMALLEST), Rung("hamiltonian", "DOP853", 1e-13)
-
-
-def apart(one: Motion, other: Motion) -> Floats:
-    """The largest angle (rad) between the links of two motions at every time, (T,), whole turns left out."""
-    if one.links.ndim == 3:
-        chord = np.linalg.norm(one.links - other.links, axis=-1)
-        return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)).max(axis=1))
-    turned = one.links - other.links
-    return np.asarray(np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi))).max(axis=1))
 
 
 def _growth(question: Question, size: float) -> Floats:

@@ -16,7 +16,8 @@ from nonlinear.plant import Plant
 from nonlinear.state import Load, Push, State
 from nonlinear.timescales import timescales
 
-LOOSEST, TIGHTEST = 1e-2, 1e-15
+LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
+COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
 PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # samples kept where nobody says how many
 MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # kept in all, as asked for and where nobody asks
 
@@ -45,6 +46,14 @@ def insist_numbers(duration: float, tolerance: float, start_time: float) -> None
     }
     if problems := [problem for problem, holds in checks.items() if not holds]:
         raise SceneError(problems)
+
+
+def insist_accuracy(accuracy: float | None) -> None:
+    """SceneError for an accuracy that cannot be."""
+    if accuracy is None:
+        return
+    if not _real(accuracy) or not FINEST <= accuracy <= COARSEST:
+        raise SceneError([f"accuracy {accuracy!r}: must be from {FINEST:g} to {COARSEST:g} rad"])
 
 
 def _real(value: object) -> bool:

@@ -8,15 +8,20 @@ from typing import Any
 from modal.errors import SceneError
 from modal.rig import Floats
 from modal.scene import Scene
+from nonlinear.advice import Advice, Task, advised
 from nonlinear.events import Event
 from nonlinear.methods import ASKED, choose
 from nonlinear.plant import plant_of
-from nonlinear.preparation import prepared
-from nonlinear.requests import extent, gathered, insist_numbers, insist_push, sampled
+from nonlinear.preparation import Request, SimulationError
+from nonlinear.requests import gathered, insist_accuracy, insist_numbers, insist_push, sampled
 from nonlinear.starts import checked, start_of
 from nonlinear.state import Load, State
-from nonlinear.symmetries import symmetries
-from nonlinear.trajectory import Trajectory
+from nonlinear.trajectory import CLOSED, Trajectory
+
+USUAL = 1e-9  # tolerance
+
+Output = int | Sequence[float] | Floats | None
+Report = Callable[[float], object]
 
 
 def simulate(
@@ -25,39 +30,89 @@ def simulate(
     *,
     method: str = "auto",
     form: str = "auto",
-    tolerance: float = 1e-9,
-    output: int | Sequence[float] | Floats | None = None,
+    tolerance: float | None = None,
+    accuracy: float | None = None,
+    output: Output = None,
     start: State | None = None,
     start_time: float = 0.0,
     load: Load | None = None,
     events: Sequence[Event] = (),
-    report: Callable[[float], object] = lambda elapsed: None,
+    report: Report = lambda elapsed: None,
 ) -> Trajectory:
     """The motion of a scene over `duration` seconds at large angles.
 
     `method` is "auto", one of SciPy's ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA") or "taylor" (heyoka, extra
     `taylor`); `form` is "auto", "minimal", "hamiltonian" or "maximal" in the plane, "spatial" in space.  `tolerance`
-    is the integrator's, relative, and where a quantity passes through zero of the motion's own size.  `output` is a
-    number of evenly spaced samples or their times after the start (s), ascending; `start` replaces the scene file's
-    own, at `start_time` (s).  `load(t, state)` returns the `Push` from outside.  `report` hears of the seconds gone
-    through after every step.
+    is the integrator's (default 1e-9), relative, and where a quantity passes through zero of the motion's own size.
+    `accuracy` is given in its place by who wants no angle to be off by more (rad): the cheapest way that meets it is
+    found and judged (`nonlinear.advice`), `run.error` and `run.reason` say how.  `output` is a number of evenly spaced
+    samples or their times after the start (s), ascending; `start` replaces the scene file's own, at `start_time` (s).
+    `load(t, state)` returns the `Push` from outside.  `report` hears of the seconds gone through after every step.
 
     On Ctrl-C what was computed is returned, `run.stopped` saying how far it goes.  Raises SceneError for arguments
-    that cannot be, SimulationError (with the part that was computed) where the integrator gives up.
+    that cannot be, SimulationError (with the part that was computed) where the integrator gives up or an accuracy
+    cannot be met to the end.
     """
-    plant = plant_of(scene)
-    insist_numbers(duration, tolerance, start_time)
+    if accuracy is not None and tolerance is not None:
+        raise SceneError(["accuracy: goes without a tolerance, which it chooses"])
+    used = USUAL if tolerance is None else tolerance
+    more = {"method": method, "form": form, "load": load, "events": events, "report": report}
+    request = _request(scene, duration, used, accuracy, output, start, start_time, more)
+    if accuracy is not None:
+        return certain(advised(Task(request, float(accuracy))))
+    return request.run(request.choice(float(used)))
+
+
+def advise(
+    scene: Scene,
+    duration: float,
+    accuracy: float,
+    *,
+    output: Output = None,
+    start: State | None = None,
+    start_time: float = 0.0,
+    **more: Any,
+) -> Advice:
+    """The cheapest way to a motion of which no angle is off by more than `accuracy` (rad), and what was tried.
+
+    The other arguments are those of `simulate`.  Raises SceneError for arguments that cannot be, SimulationError where
+    an integrator gives up.
+    """
+    return advised(Task(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy)))
+
+
+def _request(
+    scene: Scene,
+    duration: float,
+    tolerance: float,
+    accuracy: float | None,
+    output: Output,
+    start: State | None,
+    start_time: float,
+    more: dict[str, Any],
+) -> Request:
+    """What is asked; SceneError names every mistake."""
+    gathered(lambda: insist_numbers(duration, tolerance, start_time), lambda: insist_accuracy(accuracy))
+    plant, load = plant_of(scene), more.get("load")
+    words = {name: more[name] for name in ("method", "form") if name in more}
     state, _, times = gathered(
         lambda: checked(start if start is not None else start_of(scene), plant),
-        lambda: choose(scene, duration, tolerance, method, form, driven=load is not None),
+        lambda: choose(scene, duration, tolerance, **words, driven=load is not None),
         lambda: sampled(scene, duration, start_time, output),
     )
     insist_push(load, plant, state, start_time)
-    size = 1.0 if load else extent(state, plant)
-    smaller = () if load else symmetries(plant, state, planar=form == "auto")
-    least = smaller[-1].plant if smaller else plant
-    choice = choose(scene, duration, float(tolerance), method, form, driven=load is not None, size=size, plant=least)
-    return prepared(scene, plant, state, times, choice, load=load, symmetries=smaller).go(events, report)
+    return Request(scene, state, times, **more)
+
+
+def certain(advice: Advice) -> Trajectory:
+    """The trajectory that meets its accuracy; SimulationError with the part that does where not all of it can."""
+    if advice.met or advice.trajectory.run.interrupted:
+        return advice.trajectory
+    raise SimulationError(
+        f"{advice.accuracy:g} rad can be met up to {advice.horizon:.4g} s and no further: beyond it the digits of "
+        "double precision do not tell where the links are",
+        advice.certain,
+    )
 
 
 def resumed(
@@ -72,20 +127,15 @@ def resumed(
 ) -> Trajectory:
     """The motion after a trajectory's last state, its times going on.
 
-    Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given; the work
-    begins anew at 0.  Raises SceneError for a driven trajectory without its `load`.
+    Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given, or an
+    accuracy in their place; the work begins anew at 0.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:
         raise SceneError(["load: this run was driven, and forces from outside are not kept with it"])
-    run = trajectory.run
-    return simulate(
-        trajectory.scene,
-        duration,
-        method=method or (run.method if run.reason.startswith(ASKED) else "auto"),
-        form=form or ("auto" if trajectory.plant.spatial else run.form),
-        tolerance=run.tolerance if tolerance is None else tolerance,
-        load=load,
-        start=trajectory.final,
-        start_time=float(trajectory.times[-1]),
-        **options,
-    )
+    run, last = trajectory.run, float(trajectory.times[-1])
+    if options.get("accuracy") is None and run.method != CLOSED:
+        method = method or (run.method if run.reason.startswith(ASKED) else None)
+        form = form or (None if trajectory.plant.spatial else run.form)
+        tolerance = run.tolerance if tolerance is None else tolerance
+    options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
+    return simulate(trajectory.scene, duration, start=trajectory.final, start_time=last, **options)

@@ -6,8 +6,8 @@ The integrator's vector is y = (x, links, x', links', work): x and x' on a cart 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -44,6 +44,19 @@ class Motion:
 
     def __getitem__(self, at: int) -> State:
         return State(self.links[at], self.link_rates[at], float(self.cart[at]), float(self.cart_rate[at]))
+
+    def at(self, rows: Any) -> Motion:
+        """The same at some of the times: a slice, indices or a mask."""
+        return Motion(*(getattr(self, part.name)[rows] for part in fields(self)))
+
+
+def apart(one: Motion, other: Motion) -> Floats:
+    """The largest angle (rad) between the links of two motions at every time, (T,), whole turns left out."""
+    if one.links.ndim == 3:
+        chord = np.linalg.norm(one.links - other.links, axis=-1)
+        return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)).max(axis=1))
+    turned = one.links - other.links
+    return np.asarray(np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi))).max(axis=1))
 
 
 class Push(NamedTuple):

@@ -15,7 +15,7 @@ out.  Of a scene in space both vertical planes are taken; across its rail a cart
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -34,8 +34,6 @@ LEAST = -0.5  # κ a² below which it is no correction any more
 SPANNED = 1e-6  # part of a start that the modes may miss
 INCOMPLETE = "the modes do not add up to this start: some of them share an eigenvalue and a shape"
 
-Predicted = Callable[[Floats], Motion]
-
 
 @dataclass(frozen=True, eq=False)
 class Swing:
@@ -49,55 +47,108 @@ class Swing:
     damped: bool
 
     def motion(self, times: Floats) -> Floats:
-        """What the mode adds to q and to q', (2, T, n)."""
-        return np.array([np.outer(part, self.shape).real for part in self._coordinate(times)])
+        """What the mode adds to q, q' and q'', (3, T, n)."""
+        return together([self], times)
 
-    def _coordinate(self, times: Floats) -> tuple[Any, Any]:
+    @property
+    def amplitude(self) -> complex:
+        """The c of a mode that turns."""
+        return complex(self.eta, (self.value.real * self.eta - self.rate) / self.value.imag)
+
+    @property
+    def bend(self) -> float:
+        """By how much, relative, its amplitude at the start changes its frequency: κ a²."""
+        return max(self.kappa * abs(self.amplitude) ** 2, LEAST)
+
+    def coordinate(self, times: Floats) -> tuple[Any, Any, Any]:
+        """Its coordinate z and the two rates of z, (T,), of which q = Re φ z."""
         s = self.value.real
         if self.value.imag:
             return self._turning(times)
         if s == 0:
-            return self.eta + self.rate * times, np.full(len(times), self.rate)
+            return self.eta + self.rate * times, np.full(len(times), self.rate), np.zeros(len(times))
         if self.damped:
-            return self.eta * np.exp(s * times), s * self.eta * np.exp(s * times)
+            z = self.eta * np.exp(s * times)
+            return z, s * z, s * s * z
         even, odd = np.cosh(s * times), np.sinh(s * times)
-        return self.eta * even + self.rate / s * odd, s * self.eta * odd + self.rate * even
+        z = self.eta * even + self.rate / s * odd
+        return z, s * self.eta * odd + self.rate * even, s * s * z
 
-    def _turning(self, times: Floats) -> tuple[Any, Any]:
-        s, omega = self.value.real, self.value.imag
-        c = self.eta - 1j * (self.rate - s * self.eta) / omega
-        bend, fade = max(self.kappa * abs(c) ** 2, LEAST), np.exp(2 * s * times)
+    def _turning(self, times: Floats) -> tuple[Any, Any, Any]:
+        s, omega, bend = self.value.real, self.value.imag, self.bend
+        fade = np.exp(2 * s * times)
         clock = times + bend * ((fade - 1) / (2 * s) if s else times)
-        z = c * np.exp(s * times + 1j * omega * clock)
-        return z, z * (s + 1j * omega * (1 + bend * fade))
+        z = self.amplitude * np.exp(s * times + 1j * omega * clock)
+        speed = s + 1j * omega * (1 + bend * fade)
+        return z, z * speed, z * (speed**2 + 2j * omega * s * bend * fade)
 
 
-def superposed(scene: Scene, start: State, *, corrected: bool) -> Predicted:
+def together(swings: Sequence[Swing], times: Floats) -> Floats:
+    """What these modes add to q, q' and q'', (3, T, n)."""
+    z = np.moveaxis(np.array([swing.coordinate(times) for swing in swings]), 0, 2)
+    phi = np.array([swing.shape for swing in swings])
+    return np.asarray(z.real @ phi.real - z.imag @ phi.imag if np.iscomplexobj(z) else z @ phi.real)
+
+
+@dataclass(frozen=True, eq=False)
+class Flat:
+    """The motion of a scene in one vertical plane: its swings, and q and q' (n,) at the start."""
+
+    scene: Scene
+    swings: tuple[Swing, ...]
+    begun: tuple[Floats, Floats]
+
+    def deflections(self, times: Floats) -> Floats:
+        """The closed form of q, q' and q'', (3, T, n)."""
+        return together(self.swings, times)
+
+    def motion(self, times: Floats) -> Motion:
+        """The same as angles (T, L) and a cart."""
+        (q, v, _), on = self.deflections(times), int(self.scene.support.kind == "cart")
+        none = np.zeros(len(times))
+        cart, cart_rate = (q[:, 0], v[:, 0]) if on else (none, none)
+        return Motion(q[:, on:] + rest_angles(self.scene), v[:, on:], cart, cart_rate, none)
+
+
+@dataclass(frozen=True, eq=False)
+class Superposition:
+    """The motion of a scene as a function of times (T,) in s, and the vertical planes that it is made of.
+
+    These are the plane itself, or of a scene in space the one along the rail and the one across it.
+    """
+
+    scene: Scene
+    planes: tuple[Flat, ...]
+
+    def __call__(self, times: Floats) -> Motion:
+        """The motion at these times."""
+        parts = [plane.motion(times) for plane in self.planes]
+        return parts[0] if self.scene.space == "plane" else joined(self.scene, *parts)
+
+    @property
+    def linear(self) -> Superposition:
+        """The same swings without any correction."""
+        uncorrected = (tuple(replace(swing, kappa=0.0) for swing in plane.swings) for plane in self.planes)
+        planes = (replace(plane, swings=swings) for plane, swings in zip(self.planes, uncorrected, strict=True))
+        return replace(self, planes=tuple(planes))
+
+
+def superposed(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
     Raises ComputationError where the modes do not add up to the start, as where eigenvalues of damped modes coincide.
     """
     if scene.space == "plane":
-        return _in_plane(scene, start, corrected)
+        return Superposition(scene, (_flat(scene, start, corrected),))
     along, across = split(scene, start)
     plane = scene.model_copy(update={"space": "plane"})
-    parts = (
-        _in_plane(plane, along, corrected),
-        _in_plane(plane.model_copy(update={"support": Fixed()}), across, corrected),
-    )
-    return lambda times: joined(scene, *(part(times) for part in parts))
+    held = plane.model_copy(update={"support": Fixed()})
+    return Superposition(scene, (_flat(plane, along, corrected), _flat(held, across, corrected)))
 
 
-def _in_plane(scene: Scene, start: State, corrected: bool) -> Predicted:
-    found, on = swings(scene, start, corrected=corrected), int(scene.support.kind == "cart")
-
-    def motion(times: Floats) -> Motion:
-        q, v = sum((swing.motion(times) for swing in found), np.zeros((2, len(times), on + scene.n_links)))
-        none = np.zeros(len(times))
-        cart, cart_rate = (q[:, 0], v[:, 0]) if on else (none, none)
-        return Motion(q[:, on:] + rest_angles(scene), v[:, on:], cart, cart_rate, none)
-
-    return motion
+def _flat(scene: Scene, start: State, corrected: bool) -> Flat:
+    q, v = (part[0] for part in deflection(scene, _instant(start)))
+    return Flat(scene, tuple(swings(scene, start, corrected=corrected)), (q, v))
 
 
 def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
@@ -138,6 +189,6 @@ def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swi
 
 def _insist(each: list[Swing], q: Floats, v: Floats) -> None:
     linear = [replace(one, kappa=0.0) for one in each]
-    missing = np.array([q, v]) - sum(one.motion(np.zeros(1)) for one in linear)
+    missing = np.array([q, v]) - sum(one.motion(np.zeros(1))[:2] for one in linear)
     if not all(np.abs(gap).max() <= SPANNED * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):
         raise ComputationError(INCOMPLETE)

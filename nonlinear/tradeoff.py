@@ -25,10 +25,10 @@ from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.ladder import Question, Rung, ladder
 from nonlinear.plant import Plant, plant_of
-from nonlinear.references import Reference, apart, reference_of
+from nonlinear.references import Reference, reference_of
 from nonlinear.requests import insist_numbers
 from nonlinear.starts import checked, start_of
-from nonlinear.state import Motion, State
+from nonlinear.state import Motion, State, apart
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import Trajectory
 

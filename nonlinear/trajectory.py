@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +17,7 @@ from nonlinear.plant import Plant
 from nonlinear.state import Motion, State, System
 
 NOISE = 1e-7
+CLOSED = "closed form"  # the method where nothing is integrated
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,8 @@ class Run:
     """How a trajectory was computed: the form of the equations, the method, and why these; counts; what ended it.
 
     `drift` is the largest violation of a constraint before it was mended, relative to the lengths of the scene;
-    `reduced` says what was integrated where that was less than the whole scene.
+    `reduced` says what was integrated where that was less than the whole scene.  `error` is what any angle may be off
+    by (rad) where an accuracy was asked for, inf where nobody knows.
     """
 
     form: str
@@ -35,6 +39,7 @@ class Run:
     stopped: str = ""
     interrupted: bool = False
     reduced: str = ""
+    error: float = inf
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +62,10 @@ class Trajectory:
     def mechanics(self) -> Mechanics:
         """Positions, energies and momenta."""
         return Mechanics(self.plant, self.motion)
+
+    def at(self, rows: Any) -> Trajectory:
+        """The same at some of its times: a slice, indices or a mask."""
+        return replace(self, times=self.times[rows], motion=self.motion.at(rows))
 
     @property
     def final(self) -> State:

@@ -18,10 +18,10 @@ from nonlinear import tradeoff as module
 from nonlinear.directions import of_plane
 from nonlinear.ladder import CORRECTED, LINEAR, Question, Rung, ladder
 from nonlinear.modal_coordinates import deflection, rest_angles, start_in_mode
-from nonlinear.references import apart, reference_of
+from nonlinear.references import reference_of
 from nonlinear.simulation import simulate
 from nonlinear.starts import start_of
-from nonlinear.state import Motion, State
+from nonlinear.state import Motion, State, apart
 from nonlinear.superposition import superposed
 from nonlinear.tradeoff import Row, Tradeoff, late, tradeoff
 from nonlinear.tradeoff_figures import draw_tradeoff

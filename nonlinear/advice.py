@@ -1,0 +1,220 @@
+"""The cheapest way to a motion of a wished accuracy, and the evidence that it is met.
+
+An error is the largest angle (rad) by which any link is off at any instant so far.  Ways are tried from cheap to dear:
+
+    modes in closed form     their error from what they leave of the equations (`nonlinear.defect`)
+    integration, twice       at tolerances Rτ and τ, then at tighter ones
+
+Errors of integration follow the tolerance, e ≈ Cτ, with C of the order of the number of periods where nothing grows,
+and of millions where small errors do.  So two runs that differ by d say C ≈ d/Rτ, and of the tighter one
+
+    e(τ) ≤ SAFETY d / R.
+
+Where that is too much, C says which tolerance comes next.  Where even the finest is too coarse the motion is known up
+to a horizon and no further.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain
+from math import ceil, inf, nan, pi
+from time import perf_counter
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.rig import Floats
+from nonlinear.defect import defect_error
+from nonlinear.methods import Choice
+from nonlinear.preparation import Request
+from nonlinear.requests import LOOSEST
+from nonlinear.state import apart
+from nonlinear.steppers import SMALLEST
+from nonlinear.superposition import Superposition, superposed
+from nonlinear.timescales import timescales
+from nonlinear.trajectory import CLOSED, Run, Trajectory
+
+RATIO = 32.0  # of the first two tolerances
+NEAREST, FARTHEST = (
+    4.0,
+    100.0,
+)  # ratios below which two runs may be one, beyond which none is trusted to be better still
+SAFETY = 4.0
+MODAL = "the motion is small enough"
+A_PERIOD = 0.5  # of C, for every period of the fastest swing
+CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size
+LOST, LEAP = 0.3, 1e-4  # a difference (rad) that says nothing of C; the next tolerance over this one then
+AIM = 1.25 * SAFETY  # accuracy wished for over the error that is aimed at
+PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # instants at which errors are looked for
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """A way that was tried: its tolerance (NaN for a closed form), what it cost (s; derivatives), its error (rad).
+
+    The error is an upper estimate, inf where nothing is known of it.
+    """
+
+    way: str
+    tolerance: float
+    seconds: float
+    calls: int
+    error: float
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A trajectory, what its angles may be off by until every of its times (T,) in rad, and what it cost."""
+
+    trajectory: Trajectory
+    errors: Floats
+    attempt: Attempt
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """The trajectory for a wished accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last."""
+
+    accuracy: float
+    trajectory: Trajectory
+    errors: Floats
+    attempts: tuple[Attempt, ...]
+
+    @property
+    def met(self) -> bool:
+        """Whether the accuracy is met wherever the trajectory goes."""
+        return bool(self.errors[-1] <= self.accuracy)
+
+    @property
+    def horizon(self) -> float:
+        """Time (s) up to which it is met."""
+        return float(self.trajectory.times[max(int(np.sum(self.errors <= self.accuracy)) - 1, 0)])
+
+    @property
+    def certain(self) -> Trajectory:
+        """The trajectory up to the horizon."""
+        return self.trajectory.at(self.trajectory.times <= self.horizon)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A motion that is asked for to an accuracy (rad)."""
+
+    request: Request
+    accuracy: float
+
+    @property
+    def periods(self) -> float:
+        """Of the fastest swing in all that time."""
+        return self.request.duration * timescales(self.request.scene).swing / (2 * pi)
+
+    @cached_property
+    def looked_at(self) -> Request:
+        """The request at the times when errors are looked for: the kept ones, and as often as the scene swings."""
+        times, count = self.request.times, min(max(ceil(self.periods * PER_PERIOD), FEWEST), MOST)
+        return replace(self.request, times=np.union1d(times, np.linspace(times[0], times[-1], count + 1)))
+
+    @property
+    def small(self) -> bool:
+        """Whether modes in closed form may do."""
+        asked = self.request
+        free = asked.method == asked.form == "auto" and not (asked.load or asked.events)
+        return free and CURVED * asked.size**3 <= self.accuracy
+
+
+def advised(task: Task) -> Advice:
+    """The cheapest way to the wished accuracy, or the finest there is where none meets it.
+
+    After Ctrl-C what was being computed is returned, of unknown error.  Raises SimulationError where an integrator
+    gives up.
+    """
+    attempts: list[Attempt] = []
+    for found in chain(_in_closed_form(task), _integrated(task)):
+        attempts.append(found.attempt)
+        if found.errors[-1] <= task.accuracy or found.trajectory.run.interrupted:
+            break
+    run = replace(found.trajectory.run, error=found.attempt.error)
+    kept = np.isin(found.trajectory.times, task.request.times)
+    kept[-1] = True
+    trajectory = replace(found.trajectory, run=run).at(kept)
+    return Advice(task.accuracy, trajectory, found.errors[kept], tuple(attempts))
+
+
+def _in_closed_form(task: Task) -> Iterator[Found]:
+    """Linear and corrected modes, where these can be judged."""
+    if not task.small:
+        return
+    begun = perf_counter()
+    try:
+        motion = superposed(task.request.scene, task.request.start, corrected=True)
+    except ComputationError:
+        return
+    for kind, each in (("linear modes", motion.linear), ("corrected modes", motion)):
+        if found := _superposed(task, kind, each, begun):
+            yield found
+        begun = perf_counter()
+
+
+def _superposed(task: Task, kind: str, motion: Superposition, begun: float) -> Found | None:
+    asked = task.looked_at
+    estimate = defect_error(motion, asked.duration)
+    if estimate is None:
+        return None
+    elapsed = asked.times - asked.times[0]
+    errors = estimate.bounds[np.minimum(np.searchsorted(estimate.times, elapsed), len(estimate.at) - 1)]
+    trajectory = Trajectory(asked.scene, asked.plant, asked.times, motion(elapsed), Run(kind, CLOSED, MODAL, nan))
+    return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])))
+
+
+def _integrated(task: Task) -> Iterator[Found]:
+    """Runs at tighter and tighter tolerances, each judged by the one before."""
+    asked = task.looked_at
+    wished = task.accuracy / (AIM * asked.size * max(1.0, A_PERIOD * task.periods))
+    choice = asked.choice(min(max(wished, SMALLEST), LOOSEST / RATIO))
+    before = _run(asked, replace(choice, tolerance=RATIO * choice.tolerance))
+    yield before
+    while True:
+        found = _beside(_run(asked, choice), before)
+        yield found
+        tighter = asked.choice(max(_next(task, found, before), SMALLEST))
+        if tighter.tolerance * NEAREST > choice.tolerance:
+            return
+        before, choice = found, tighter
+
+
+def _run(asked: Request, choice: Choice) -> Found:
+    begun = perf_counter()
+    trajectory = asked.run(choice)
+    words = " ".join(part for part in (choice.form, choice.method, "compiled" * choice.compiled) if part)
+    attempt = Attempt(words, choice.tolerance, perf_counter() - begun, trajectory.run.calls, inf)
+    return Found(trajectory, np.full(len(trajectory.times), inf), attempt)
+
+
+def _beside(found: Found, before: Found) -> Found:
+    """A run with its errors, as a looser one tells them."""
+    ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
+    errors = SAFETY / ratio * _difference(found.trajectory, before.trajectory)
+    return replace(found, errors=errors, attempt=replace(found.attempt, error=float(errors[-1])))
+
+
+def _difference(one: Trajectory, other: Trajectory) -> Floats:
+    """The largest angle (rad) so far between two runs at the times of the first, (T,), as far as both go."""
+    both = min(len(one.times), len(other.times))
+    both = int(np.sum(one.times[:both] == other.times[:both]))
+    rows = slice(both)
+    gone = np.maximum.accumulate(apart(one.motion.at(rows), other.motion.at(rows)))
+    gone[gone > LOST] = inf
+    return np.pad(gone, (0, len(one.times) - both), mode="edge")
+
+
+def _next(task: Task, found: Found, before: Found) -> float:
+    """The tolerance that should meet the accuracy."""
+    tolerance = found.attempt.tolerance
+    difference = float(_difference(found.trajectory, before.trajectory)[-1])
+    if difference > LOST:
+        return LEAP * tolerance
+    constant = difference / before.attempt.tolerance
+    return min(task.accuracy / (AIM * constant), tolerance / RATIO)

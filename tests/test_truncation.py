@@ -1,0 +1,228 @@
+"""Truncated modes: the reduced equations are the scene's own projected, and the stated error is the true one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plane_scenes import blowing, minimal, plane_scene, random_state
+from test_hamiltonian import dense_M, vectors
+
+from modal.errors import SceneError
+from modal.modes import natural_modes
+from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear.modal_coordinates import start_in_mode
+from nonlinear.plant import plant_of
+from nonlinear.simulation import simulate
+from nonlinear.state import State
+from nonlinear.truncated import Truncated
+from nonlinear.truncation import Kept, Survey, surveyed, truncated, undamped
+
+
+def chain(seed: int, links: int, support: Fixed | Cart | None = None) -> Scene:
+    rng = np.random.default_rng(seed)
+    kind = [Bob, Rod][seed % 2]
+    hung = tuple(kind(mass=m, length=l) for m, l in rng.uniform(0.3, 1.5, (links, 2)))
+    return Scene(gravity=9.81, support=support or Fixed(), pendulum=(Pendulum(links=hung),))
+
+
+def survey_of(scene: Scene, start: State | None = None) -> Survey:
+    plant, still = plant_of(scene), np.zeros(scene.n_links)
+    return surveyed(scene, plant, start or State(still, still))
+
+
+def start_of(scene: Scene, seed: int) -> State:
+    """At rest in up to three of the lowest modes, 0.1° to 20°, every other seed with a little of all modes."""
+    rng = np.random.default_rng(seed)
+    survey, first = survey_of(scene), int(natural_modes(scene).omega[0] == 0)
+    reach = np.abs(survey.shapes[-scene.n_links :]).max(axis=0)
+    amount = np.zeros(len(reach))
+    amount[first : first + rng.integers(1, 4)] = rng.normal()
+    if seed % 2:
+        amount[first:] += 3e-4 * rng.normal(size=len(reach) - first)
+    q = survey.shapes[:, first:] @ (amount / np.where(reach, reach, 1.0))[first:]
+    q *= np.deg2rad(10 ** rng.uniform(-1, np.log10(20))) / np.abs(q[-scene.n_links :]).max()
+    return State(q[-scene.n_links :], np.zeros(scene.n_links), float(q[0]) if len(q) > scene.n_links else 0.0)
+
+
+def apart(one: object, other: object) -> float:
+    return float(np.abs(one.motion.links - other.motion.links).max())  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
+    """ΦᵀM(q) Φ η'' = ΦᵀM(q) q'' of the whole scene at the same state, for any Φ, dampers, springs and loads."""
+    scene = plane_scene(seed)
+    plant, rng = plant_of(scene), np.random.default_rng(seed)
+    load = blowing if plant.cart and seed % 2 else None
+    state = random_state(plant, seed)
+    q, v = vectors(plant, state)
+    shapes = np.column_stack((q, v, rng.normal(size=(len(q), min(2, len(q) - 1)))))[:, : len(q)]
+    system = Truncated(plant, np.zeros(plant.n_links), shapes, shapes, load)
+    eta = np.zeros(2 * system.size + system.works)
+    eta[0], eta[system.size + 1] = 1.0, 1.0
+    if system.size < 2:
+        eta[1] = v[0] / q[0]
+    whole = minimal(plant, load)
+    found, theirs = system.derivative(0.3, eta), whole.derivative(0.3, whole.begin(state))
+    M, half = dense_M(scene, q), len(q)
+    expected = np.linalg.solve(shapes.T @ M @ shapes, shapes.T @ M @ theirs[half : 2 * half])
+    np.testing.assert_allclose(
+        found[system.size : 2 * system.size], expected, rtol=1e-7, atol=1e-8 * abs(expected).max()
+    )
+    if system.works:
+        assert found[-1] == pytest.approx(theirs[-1], rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", [0, 2, 3, 5, 7, 9])
+def test_all_modes_are_the_whole_scene(seed: int) -> None:
+    """With springs, dampers, standing links and a cart, far from rest."""
+    scene = plane_scene(seed)
+    plant = plant_of(scene)
+    start = random_state(plant, seed)
+    everything = len(natural_modes(undamped(scene)))
+    found = truncated(scene, 0.3, everything, start=start, tolerance=1e-11, output=20)
+    whole = simulate(scene, 0.3, start=start, tolerance=1e-12, output=20)
+    assert apart(found.trajectory, whole) < 1e-8
+    assert found.outside == 0
+    assert found.trajectory.energy_drift() < 1e-9
+
+
+@pytest.mark.parametrize("count", [1, 3, 6])
+@pytest.mark.parametrize("support", [Fixed(), Cart(mass=2.0, stiffness=3.0), Cart(mass=2.0)])
+def test_energy_is_kept_by_any_number_of_modes(count: int, support: Fixed | Cart) -> None:
+    scene = chain(3, 8, support)
+    start = State(np.linspace(0.5, 1.5, 8), np.linspace(-1.0, 1.0, 8))
+    found = truncated(scene, 1.5, count, start=start, tolerance=1e-13, output=30)
+    assert np.ptp(found.trajectory.mechanics.energy) < 1e-10 * found.trajectory.energy_scale
+
+
+def test_dampers_take_what_the_energy_loses() -> None:
+    damped = chain(1, 5, Cart(mass=2.0, damping=0.5))
+    start = State(np.linspace(0.2, 0.6, 5), np.zeros(5))
+    found = truncated(damped, 5.0, 3, start=start, tolerance=1e-12, output=50).trajectory
+    assert found.motion.work[-1] < -1e-3 * found.energy_scale
+    assert found.energy_drift() < 1e-10
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_small_motions_swing_at_the_tables_frequencies(seed: int) -> None:
+    scene = chain(seed, 7, Cart(mass=1.0, stiffness=2.0) if seed % 2 else None)
+    system, h = survey_of(scene).system(5), 1e-5
+    slopes = [(system.derivative(0.0, h * unit) - system.derivative(0.0, -h * unit)) / (2 * h) for unit in np.eye(10)]
+    omega = natural_modes(scene).omega[:5]
+    np.testing.assert_allclose(np.array(slopes)[:5, 5:], -np.diag(omega**2), atol=1e-7 * omega[-1] ** 2)
+
+
+@pytest.mark.parametrize("count", [1, 2, 6])
+@pytest.mark.parametrize("number", [0, 1])
+def test_the_backbone_is_right_with_any_number_of_modes(count: int, number: int) -> None:
+    """The Lagrangian is even about the rest: one mode alone has the κ of the table, by its zero crossings."""
+    scene, a = chain(5, 6), 0.04
+    if count <= number:
+        count = number + 1
+    modes = natural_modes(scene)
+    period, kappa = 2 * np.pi / modes.omega[number], modes[number].kappa
+    start = start_in_mode(scene, modes, number, amplitude=a)
+    found = truncated(scene, 0.8 * period, count, start=start, tolerance=1e-13, output=4001).trajectory
+    survey = survey_of(scene)
+    eta, t = found.motion.links @ survey.dual[:, number], found.times
+    at = np.flatnonzero(eta[1:] * eta[:-1] < 0)
+    zeros = t[at] - eta[at] * (t[at + 1] - t[at]) / (eta[at + 1] - eta[at])
+    omega = np.pi / (zeros[1] - zeros[0])
+    assert (omega / modes.omega[number] - 1) / a**2 == pytest.approx(kappa, rel=0.03)
+
+
+def test_the_stated_error_is_honest() -> None:
+    ratios = []
+    for seed in range(30):
+        support = [Fixed(), Cart(mass=3.0), Cart(mass=8.0, stiffness=5.0)][seed % 3]
+        scene = chain(seed, 4 + seed % 6, support)
+        start = start_of(scene, seed)
+        few = None if seed % 5 else 3
+        found = truncated(scene, 2.0, few, start=start, tolerance=1e-7, output=60)
+        whole = simulate(scene, 2.0, start=start, tolerance=1e-10, output=60)
+        ratios.append(found.error / apart(found.trajectory, whole))
+    assert np.sum(np.array(ratios) < 1) <= 1
+    assert np.median(ratios) < 10
+
+
+def test_what_lies_outside_is_what_is_left_out() -> None:
+    """The share is 1 − that of the kept modes by energy; in the highest mode alone three modes hold nothing."""
+    scene = chain(2, 6)
+    modes = natural_modes(scene)
+    low, high = (start_in_mode(scene, modes, number, amplitude=1e-3) for number in (0, 5))
+    mixed = State(low.links + high.links, low.link_rates)
+    shares = np.array([0.5 * natural_modes(scene).shape(n).modal_mass * (modes.omega[n] * 1e-3) ** 2 for n in (0, 5)])
+    found = truncated(scene, 0.5, 3, start=mixed, output=30)
+    assert found.outside == pytest.approx(shares[1] / shares.sum(), rel=1e-9)
+    assert truncated(scene, 0.5, 3, start=high, output=30).outside == pytest.approx(1.0)
+    assert truncated(scene, 0.5, 3, start=high, output=30).error >= 1e-3
+    assert truncated(scene, 0.5, start=low, output=30).outside < 1e-20
+
+
+def test_copies_stay_together_and_a_free_cart_keeps_its_translation() -> None:
+    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=1.0, length=0.5)), count=3)
+    scene = Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=(pendulum,))
+    start = State(np.linspace(-0.3, 0.2, 6), np.zeros(6), cart_rate=0.7)
+    found = truncated(scene, 3.0, 2, start=start, output=30)
+    assert found.kept == (Kept(1, 1), Kept(2, 1), Kept(2, 2))
+    assert found.omega == pytest.approx(natural_modes(scene).omega[[0, 1, 1]])
+    assert found.frozen == pytest.approx(2 * np.pi / natural_modes(scene).omega[1])
+    assert found.trajectory.momentum_drift() < 1e-9
+    total = found.trajectory.plant.total_mass
+    assert found.trajectory.mechanics.momentum[0] == pytest.approx(0.7 * total, rel=1e-12)
+    assert truncated(scene, 3.0, 1, start=start, output=30).frozen == np.inf
+
+
+def test_a_scene_at_rest_stays_there() -> None:
+    scene = chain(0, 5)
+    found = truncated(scene, 1.0, start=State(np.zeros(5), np.zeros(5)), output=10)
+    assert found.outside == 0
+    assert found.error == 0
+    assert np.all(found.trajectory.motion.links == 0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"modes": 0}, "modes 0: must be a whole number from 1"),
+        ({"modes": 2.0}, "modes 2.0: must be a whole number"),
+        ({"modes": True}, "modes True: must be a whole number"),
+        ({"modes": 6}, "modes 6: this scene has 5"),
+        ({"method": "taylor"}, "method taylor: must be one of"),
+        ({"tolerance": 0.0}, "tolerance 0.0"),
+        ({"duration": -1.0}, "duration -1.0"),
+        ({"start": State(np.zeros(4), np.zeros(5))}, "start.links: has shape"),
+        ({"output": 1}, "output 1"),
+    ],
+)
+def test_what_cannot_be_is_refused(changes: dict[str, object], words: str) -> None:
+    given = {"duration": 1.0, "start": State(np.zeros(5), np.zeros(5))} | changes
+    with pytest.raises(SceneError, match=words):
+        truncated(chain(0, 5), **given)  # type: ignore[arg-type]
+
+
+def test_space_is_refused() -> None:
+    scene = chain(0, 3).model_copy(update={"space": "space"})
+    with pytest.raises(SceneError, match="modal truncation is of motion in the plane"):
+        truncated(scene, 1.0)
+
+
+def test_modes_that_do_not_span_the_motion_are_refused() -> None:
+    """Without a mass the cart of a bob has no equation of its own at rest."""
+    with pytest.raises(SceneError, match="do not span"):
+        truncated(chain(0, 2, Cart(mass=0.0)), 1.0, start=State(np.full(2, 0.1), np.zeros(2)))
+
+
+def test_without_its_second_run_nothing_is_stated() -> None:
+    begun: list[float] = []
+
+    def stop(elapsed: float) -> None:
+        begun.append(elapsed)
+        if len(begun) > 1 and begun[-1] < begun[-2]:
+            raise KeyboardInterrupt
+
+    start = State(np.full(3, 0.2), np.zeros(3))
+    found = truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
+    assert found.trajectory.complete
+    assert found.error == np.inf
