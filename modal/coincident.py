@@ -16,6 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
+from modal.built import Built
 from modal.effective import Motion, fixed_shapes
 from modal.rig import Block, Floats, Ints
 
@@ -80,6 +81,7 @@ class Still:
     clusters: Clusters
     route = "effective mass"
     slack = 1
+    built = Built("equal frequencies of different pendula", 1, 0)
 
     @cached_property
     def folds(self) -> Ints:

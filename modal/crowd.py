@@ -12,12 +12,14 @@ from functools import cached_property
 
 import numpy as np
 
+from modal.built import Built, counted
 from modal.chain import joints, kinetic, momentum
 from modal.coincident import Clusters
 from modal.effective import CartProblem, Motion, bare_mass, fixed_shapes
 from modal.rig import Block, CartNumbers, Floats, Ints
 from modal.secular import Poles, Roots, solve
 
+CHUNK = 100_000
 LIGHTEST = 1e-290
 """The floor of a pole's weight: a lighter one moves no digit of any root, and its products underflow."""
 
@@ -41,6 +43,14 @@ class Crowd:
     clusters: Clusters
     route = "secular equation"
     slack = 4
+
+    @property
+    def built(self) -> Built:
+        """The different modes of the pendula's own, and the cart."""
+        poles = len(self.clusters.first)
+        shapes = vars(self).get("modes", ())
+        squares = tuple(("own shapes", b.n, b.size) for b, _ in zip(self.blocks, shapes, strict=False) if b.n > 1)
+        return Built(f"cart and {counted(poles, 'pole')}", 1, poles + 1, squares)
 
     @cached_property
     def modes(self) -> tuple[_Own, ...]:
@@ -113,7 +123,15 @@ class Counted(Crowd):
 
 
 def _own_modes(block: Block, square: Floats) -> _Own:
-    column = np.broadcast_to(np.arange(block.size), square.shape).ravel()
-    motion = fixed_shapes(block.take(column), square.ravel())
-    turn = motion.turns[0][:, 0].reshape(block.n, block.n, block.size)
-    return _Own(motion.momentum.reshape(square.shape), motion.modal_mass.reshape(square.shape), turn)
+    """The modes a bounded amount of memory at a time, beside what is kept of them."""
+    column, x = np.broadcast_to(np.arange(block.size), square.shape).ravel(), square.ravel()
+    step = max(1, CHUNK // block.n)
+
+    def kept(own: slice) -> tuple[Floats, Floats, Floats]:
+        motion = fixed_shapes(block.take(column[own]), x[own])
+        return motion.momentum, motion.modal_mass, motion.turns[0][:, 0]
+
+    pieces = [kept(slice(start, start + step)) for start in range(0, x.size, step)]
+    momentum, modal_mass, turn = (np.concatenate(parts, axis=-1) for parts in zip(*pieces, strict=True))
+    shape = square.shape
+    return _Own(momentum.reshape(shape), modal_mass.reshape(shape), turn.reshape(block.n, *shape))

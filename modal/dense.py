@@ -29,11 +29,15 @@ SINGULAR = (
 
 @dataclass(frozen=True, eq=False)
 class Eigen:
-    """Eigenvalues λ (R,), one of each conjugate pair, with shapes (size, R) and relative error bounds (R,)."""
+    """Eigenvalues λ (R,), one of each conjugate pair, with shapes (size, R) and relative error bounds (R,).
+
+    `order` is that of the matrix which they are the eigenvalues of.
+    """
 
     eigenvalue: Complexes
-    shape: Complexes
+    shape: NDArray[np.inexact]
     error: Floats
+    order: int
 
 
 def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
@@ -41,7 +45,6 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
 
     Where M is known to be `singular`, by one dimension, the mode at infinite frequency is left out.
     """
-    _refuse_beyond(LARGEST_UNDAMPED, len(M), "joint springs")
     inertia, stiffness, _ = _without_cart(M, K) if free else (M, K, 1.0)
     scale, L, sensitivity = _factored(stiffness)
     inverse_square, v = np.linalg.eigh(_in_factors(L, inertia * scale * scale[:, None]))
@@ -53,7 +56,7 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
     rounded = M[1:, 1:] if free else M
     largest = np.trace(_in_factors(L, rounded * scale * scale[:, None]))
     error = 2 * len(M) * EPS * (sensitivity + largest / inverse_square)
-    return Eigen(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error)
+    return Eigen(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error, len(L))
 
 
 def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
@@ -63,7 +66,6 @@ def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
 
     The decaying mirror image −√−x of a growing mode has the same shape and is not listed.
     """
-    _refuse_beyond(LARGEST_UNDAMPED, len(M), "links that stand up")
     _refuse_singular(M)
     inertia, stiffness, lost = _without_cart(M, K) if free else (M, K, 1.0)
     scale, L, sensitivity = _factored(inertia)
@@ -73,12 +75,11 @@ def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
     largest = max(np.abs(x).max(initial=0.0), (terms[len(M) - len(inertia) :] * scale**2).max(initial=0.0))
     error = 2 * len(M) * EPS * sensitivity * lost * largest / np.abs(x)
     value = np.sqrt(np.abs(x)) * np.where(x < 0, 1.0, 1j)
-    return Eigen(value, _with_cart(M, shape, free), error)
+    return Eigen(value, _with_cart(M, shape, free), error, len(L))
 
 
 def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> Eigen:
     """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it)."""
-    _refuse_beyond(LARGEST_DAMPED, len(M), "dampers")
     _refuse_singular(M)
     if free and not D[0].any():
         A, stiffness, lost = _without_cart(M, K)
@@ -90,10 +91,10 @@ def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> Eigen:
     values = np.where(rounded_up, 1j * values.imag, values)
     chosen = np.flatnonzero(values.imag >= 0)
     chosen = chosen[np.argsort(np.abs(values[chosen]), kind="stable")]
-    return Eigen(values[chosen], shape[:, chosen], error[chosen])
+    return Eigen(values[chosen], shape[:, chosen], error[chosen], len(values))
 
 
-def in_phase(shape: Complexes, first: int) -> Complexes:
+def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
     """Each column turned in the complex plane until its largest entry in rows `first` … is real and positive."""
     entries = shape[first:]
     leading = np.take_along_axis(entries, np.abs(entries).argmax(0)[None], 0)[0]
@@ -148,9 +149,8 @@ def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
     return reduced, K[1:, 1:], lost
 
 
-def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> Complexes:
-    whole = np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
-    return whole.astype(np.complex128)
+def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> NDArray[np.inexact]:
+    return np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
 
 
 def is_singular(M: Floats) -> bool:
@@ -167,7 +167,8 @@ def _refuse_singular(M: Floats) -> None:
         raise ComputationError(SINGULAR)
 
 
-def _refuse_beyond(largest: int, size: int, cause: str) -> None:
+def refuse_beyond(largest: int, size: int, cause: str) -> None:
+    """ComputationError for more coordinates than this route is meant for."""
     if size > largest:
         raise ComputationError(
             f"{cause} need the dense route: {size} coordinates, at most {largest} "

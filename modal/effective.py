@@ -18,6 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.bisect import above_all, smallest_where
+from modal.built import Built, counted
 from modal.chain import Swept, at_infinity, count_and_mass, from_above, from_below, joint_masses, kinetic
 from modal.rig import Block, Booleans, CartNumbers, Floats, Ints
 
@@ -110,6 +111,12 @@ class CartProblem:
     known: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
     route = "effective mass"
     slack = 1
+
+    @property
+    def built(self) -> Built:
+        """All chains and the cart."""
+        links = sum(block.mass.size for block in self.blocks)
+        return Built(f"cart and {counted(links, 'link')}", 1, links + 1)
 
     @property
     def n_modes(self) -> int:

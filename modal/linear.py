@@ -10,6 +10,7 @@ difference of two neighbouring angles, the spring being relaxed at the rest.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from modal.rig import Block, CartNumbers, Floats, Rig, rig_of
 from modal.scene import Scene
 
 LARGEST_DENSE = 4000
+Columns = list[tuple[Block, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +47,8 @@ def matrices(scene: Scene) -> Matrices:
         )
     rig = rig_of(scene)
     columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
-    return Matrices(*assembled(columns, rig.cart, rig.gravity), labels=coordinate_labels(rig))
+    M, K = assembled(columns, rig.cart, rig.gravity)
+    return Matrices(M, K, dampers(columns, rig.cart), coordinate_labels(rig))
 
 
 def coordinate_labels(rig: Rig) -> tuple[str, ...]:
@@ -55,30 +58,45 @@ def coordinate_labels(rig: Rig) -> tuple[str, ...]:
     return (*(["x"] if rig.cart else []), *angles)
 
 
-def assembled(
-    columns: list[tuple[Block, int]], cart: CartNumbers | None, gravity: float
-) -> tuple[Floats, Floats, Floats]:
-    """(M, K, D) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
-    first = 1 if cart else 0
-    size = first + sum(block.n for block, _ in columns)
-    M, K, D = (np.zeros((size, size)) for _ in range(3))
-    at = first
-    for block, column in columns:
-        own = slice(at, at + block.n)
+def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
+    """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
+    M, K = _zeros(columns, cart), _zeros(columns, cart)
+    for block, column, own in _placed(columns, cart):
         geometry = (block.mass, block.length, block.centre, block.inertia)
         sigma = block.sigma[:, column]
         M[own, own] = pair.inertia_matrix(*(values[:, column].tolist() for values in geometry))
         M[own, own] *= np.outer(sigma, sigma)
         K[own, own] = np.diag(gravity * sigma * block.b[:, column]) + _on_joints(block.stiffness[:, column])
-        D[own, own] = _on_joints(block.damping[:, column])
         if cart:
             M[0, own] = M[own, 0] = sigma * block.b[:, column]
             M[0, 0] += block.mass[:, column].sum()
-        at += block.n
     if cart:
         M[0, 0] += cart.mass
-        D[0, 0], K[0, 0] = cart.damping, cart.stiffness
-    return M, K, D
+        K[0, 0] = cart.stiffness
+    return M, K
+
+
+def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
+    """D of the same."""
+    D = _zeros(columns, cart)
+    for block, column, own in _placed(columns, cart):
+        D[own, own] = _on_joints(block.damping[:, column])
+    if cart:
+        D[0, 0] = cart.damping
+    return D
+
+
+def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:
+    size = (1 if cart else 0) + sum(block.n for block, _ in columns)
+    return np.zeros((size, size))
+
+
+def _placed(columns: Columns, cart: CartNumbers | None) -> Iterator[tuple[Block, int, slice]]:
+    """Every pendulum with the places of its angles."""
+    at = 1 if cart else 0
+    for block, column in columns:
+        yield block, column, slice(at, at + block.n)
+        at += block.n
 
 
 def _on_joints(strength: Floats) -> Floats:

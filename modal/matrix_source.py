@@ -11,7 +11,7 @@ of which a conjugate pair gives twice the real part; without dampers that is φ_
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 
 from modal import dense
 from modal.amplitude import coefficient, quartic
+from modal.built import Built, counted
 from modal.chain import joints, kinetic
 from modal.effective import bare_mass
 from modal.errors import ComputationError
-from modal.linear import assembled
+from modal.linear import Columns, assembled, dampers
 from modal.rig import Block, CartNumbers, Floats, Ints
 from modal.sources import Details, largest_angle, per_copy
 
@@ -42,28 +43,62 @@ class FromMatrices:
     cart: CartNumbers | None
     route = "dense"
 
+    @property
+    def built(self) -> Built:
+        """The matrices as they stand, and the one whose eigenvalues were found."""
+        M, K = self.matrices
+        own = [("M", len(M), 1), ("K", len(K), 1), *([("D", len(self.D), 1)] if self.is_damped else [])]
+        links = counted(sum(block.mass.size for block in self.blocks), "link")
+        what = f"cart and {links}" if self.cart else f"chain of {links}, support still"
+        kind = "state" if self.is_damped else "symmetric"
+        return Built(what, 1, len(M), (*own, (kind, self.modes.order, 1)), self.is_damped)
+
     @cached_property
-    def matrices(self) -> tuple[Floats, Floats, Floats]:
-        """(M, K, D) with copies folded into one heavy pendulum of each kind."""
-        return assembled([(block, p) for block in self.blocks for p in range(block.size)], self.cart, gravity=1.0)
+    def matrices(self) -> tuple[Floats, Floats]:
+        """(M, K) with copies folded into one heavy pendulum of each kind; ComputationError if they are too large."""
+        if self.is_damped:
+            dense.refuse_beyond(dense.LARGEST_DAMPED, self.size, "dampers")
+        else:
+            dense.refuse_beyond(
+                dense.LARGEST_UNDAMPED, self.size, "links that stand up" if self.stands else "joint springs"
+            )
+        return assembled(self._columns, self.cart, gravity=1.0)
+
+    @cached_property
+    def D(self) -> Floats:
+        """The damping matrix; only where something damps."""
+        return dampers(self._columns, self.cart)
 
     @property
+    def _columns(self) -> Columns:
+        return [(block, p) for block in self.blocks for p in range(block.size)]
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return (1 if self.cart else 0) + sum(block.mass.size for block in self.blocks)
+
+    @cached_property
     def is_damped(self) -> bool:
         """Whether the modes are complex."""
-        return bool(self.matrices[2].any())
+        return bool(self.cart and self.cart.damping > 0) or any(block.damping.any() for block in self.blocks)
+
+    @property
+    def stands(self) -> bool:
+        """Whether a link stands up."""
+        return any((block.sigma < 0).any() for block in self.blocks)
 
     @cached_property
     def modes(self) -> dense.Eigen:
         """Eigenvalues, shapes, errors."""
-        M, K, D = self.matrices
-        stands = any((block.sigma < 0).any() for block in self.blocks)
-        if self.is_singular and (stands or self.is_damped):
+        if self.is_singular and (self.stands or self.is_damped):
             raise ComputationError(dense.SINGULAR)
+        M, K = self.matrices
         if self.is_damped:
-            return dense.damped(M, D, K, free=self.is_free)
-        if stands:
-            hanging = tuple(replace(block, sigma=np.abs(block.sigma)) for block in self.blocks)
-            terms = np.diag(replace(self, blocks=hanging).matrices[1])
+            return dense.damped(M, self.D, K, free=self.is_free)
+        if self.stands:
+            falling = [((1 - block.sigma) * block.b).T.ravel() for block in self.blocks]
+            terms = np.diag(K) + np.concatenate([np.zeros(1 if self.cart else 0), *falling])
             return dense.indefinite(M, K, free=self.is_free, terms=terms)
         return dense.undamped(M, K, free=self.is_free, singular=self.is_singular)
 
@@ -85,7 +120,7 @@ class FromMatrices:
         if not self.is_singular:
             return 1.0 / bare_mass(self.blocks, self.cart)
         M, shape = self.matrices[0], self.modes.shape.real
-        own = float(np.sum(shape[0] ** 2 / np.einsum("ir,ij,jr->r", shape, M, shape)))
+        own = float(np.sum(shape[0] ** 2 / _form(shape, M, shape)))
         return own + (1.0 / float(M[0, 0]) if self.is_free else 0.0)
 
     @property
@@ -101,11 +136,12 @@ class FromMatrices:
     def details(self, rows: Ints) -> Details:
         """Shapes, turned so that the largest angle is real; what a damped mode lacks is NaN."""
         value, shape = self.modes.eigenvalue[rows], self._shapes(rows)
-        M, K, D = self.matrices
+        M, K = self.matrices
         cart, angles = self._split(shape)
-        modal_mass = np.einsum("ir,ij,jr->r", shape.conj(), M, shape).real
-        push = M @ shape * value**2 + D @ shape * value + K @ shape
-        size = sum(np.abs(part) @ np.abs(shape) * np.abs(value) ** power for power, part in enumerate((K, D, M)))
+        modal_mass = _form(shape.conj(), M, shape).real
+        terms = [(K, 0), (M, 2), *([(self.D, 1)] if self.is_damped else [])]
+        push = sum(part @ shape * value**power for part, power in terms)
+        size = sum(np.abs(part) @ np.abs(shape) * np.abs(value) ** power for part, power in terms)
         energies = per_copy(self._energies(cart, angles), self.counts)
         return Details(
             modal_mass=modal_mass,
@@ -129,8 +165,8 @@ class FromMatrices:
     def _participation(self, shape: Numbers, value: NDArray[np.complex128]) -> Floats:
         if not self.cart:
             return np.zeros(len(value))
-        M, _, D = self.matrices
-        slope = np.einsum("ir,ijr,jr->r", shape, 2 * value * M[:, :, None] + D[:, :, None], shape)
+        damping = _form(shape, self.D, shape) if self.is_damped else 0.0
+        slope = 2 * value * _form(shape, self.matrices[0], shape) + damping
         residue: Floats = (value * shape[0] ** 2 / slope).real / self.bare_accelerance
         return np.where((value.imag > 0) | (not self.is_damped), 2 * residue, residue)
 
@@ -138,7 +174,7 @@ class FromMatrices:
         """κ of the part of each shape that moves in phase: exact without dampers, to first order in light ones."""
         in_phase, omega = shape.real, np.abs(value)
         cart, angles = self._split(in_phase)
-        modal_mass = np.einsum("ir,ij,jr->r", in_phase, self.matrices[0], in_phase)
+        modal_mass = _form(in_phase, self.matrices[0], in_phase)
         parts = [quartic(b, omega**2, cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
         kappa = coefficient(np.sum(parts, axis=0), modal_mass, omega**2, largest_angle(angles))
         light = (np.abs(value.real) < LIGHT * omega) & (np.abs(shape.imag).max(0) < LIGHT * np.abs(in_phase).max(0))
@@ -168,3 +204,9 @@ class FromMatrices:
             parts = ((cart.real, turn.real), (cart.imag, turn.imag))
             found.append(sum((kinetic(block, joints(y, a), a) for y, a in parts), start=np.zeros(turn.shape)))
         return tuple(found)
+
+
+def _form(left: Numbers, S: Floats, right: Numbers) -> Numbers:
+    """φᵀ S ψ of columns φ and ψ, (R,)."""
+    found: Numbers = np.einsum("ir,ir->r", left, S @ right)
+    return found

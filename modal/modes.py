@@ -98,7 +98,8 @@ class Modes(Sequence[Mode]):
     @cached_property
     def route(self) -> str:
         """The routes that were taken, for people."""
-        return ", ".join(dict.fromkeys(source.route for source in self.spectrum.sources))
+        used = {part.source for parts in self.spectrum.groups for part in parts}
+        return ", ".join(dict.fromkeys(self.spectrum.sources[source].route for source in sorted(used)))
 
     def rows(self, numbers: Sequence[int]) -> Iterator[Mode]:
         """The modes with these indices (from 0), computed together, a bounded amount of memory at a time."""

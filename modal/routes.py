@@ -68,18 +68,24 @@ class Batch:
 def batches(rig: Rig) -> Iterator[Batch]:
     """All modes of a rig in natural units; a dense source only for what has joint springs or dampers."""
     alone = [Alone(block) for block in rig.blocks]
+    coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_matrices(rig)
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
-        yield from _apart(index, source, along, across)
+        yield from _apart(index, source, along, across, coupled=coupled)
     if rig.cart:
         yield from _on_cart(rig, rig.cart, alone)
 
 
-def _apart(index: int, source: Alone, along: Ints, across: Ints) -> Iterator[Batch]:
-    """What is needed of a block's chains one by one: all structured ones from one source, the others each its own."""
-    for columns, each in _sources(source, along + across > 0):
+def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: bool) -> Iterator[Batch]:
+    """What is needed of a block's chains one by one: all structured ones from one source, the others each its own.
+
+    Different chains `coupled` by a cart are needed even where none of their modes holds it still: a batch without rows.
+    """
+    needed = along + across > 0
+    for columns, each in _sources(source, needed | coupled):
         rows = np.arange(len(each.eigenvalue))
+        rows = rows[needed[columns[rows % columns.size]]]
         column = columns[rows % columns.size]
         yield Batch(each, rows, along[column], across[column], still=True, block=index, columns=column)
 
@@ -100,10 +106,16 @@ def _is_dense(block: Block) -> Booleans:
     return np.asarray(broken.any(0), dtype=np.bool_)
 
 
+def _needs_matrices(rig: Rig) -> bool:
+    """Whether what hangs from a cart has no structured form."""
+    dragged = rig.cart is not None and rig.cart.damping > 0
+    return dragged or any(_is_dense(block).any() for block in rig.blocks)
+
+
 def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
-    needs_matrices = cart.damping > 0 or any(_is_dense(block).any() for block in rig.blocks)
+    needs_matrices = _needs_matrices(rig)
     matrices = FromMatrices(heavy, counts, cart)
     accelerance = matrices.bare_accelerance if needs_matrices else bare_accelerance(heavy, cart)
     if cart.stiffness == 0:

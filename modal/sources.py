@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.amplitude import coefficient, quartic
+from modal.built import Built, counted
 from modal.chain import at_infinity
 from modal.effective import Motion, fixed_shapes, fixed_squares
 from modal.rig import Block, CartNumbers, Floats, Ints
@@ -64,6 +65,10 @@ class Source(Protocol):
     def error(self) -> Floats:
         """Relative error bounds."""
 
+    @property
+    def built(self) -> Built:
+        """What it took."""
+
     def details(self, rows: Ints) -> Details:
         """What a table says about these rows."""
 
@@ -82,6 +87,10 @@ class Problem(Protocol):
     @property
     def squares(self) -> Floats:
         """ω² (R,)."""
+
+    @property
+    def built(self) -> Built:
+        """What it took."""
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these rows."""
@@ -108,6 +117,7 @@ class Rigid:
     route = "exact"
     eigenvalue = np.zeros(1, dtype=complex)
     error = np.zeros(1)
+    built = Built("free cart with everything at rest on it", 1, 0)
 
     def details(self, rows: Ints) -> Details:
         """The one shape there is: the cart alone is displaced, every angle is zero."""
@@ -130,6 +140,11 @@ class Alone:
 
     block: Block
     route = "effective mass"
+
+    @property
+    def built(self) -> Built:
+        """Every chain for itself."""
+        return Built(f"chain of {counted(self.block.n, 'link')}, support still", self.block.size, self.block.n)
 
     @cached_property
     def squares(self) -> Floats:
@@ -168,6 +183,11 @@ class Together:
     def route(self) -> str:
         """The problem's."""
         return self.problem.route
+
+    @property
+    def built(self) -> Built:
+        """The problem's."""
+        return self.problem.built
 
     @property
     def eigenvalue(self) -> NDArray[np.complex128]:

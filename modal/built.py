@@ -1,0 +1,23 @@
+"""What a source of modes was built from, told by the source itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Built(NamedTuple):
+    """So many `problems` alike, each of so many `unknowns`; square `matrices` as (name, order, how many).
+
+    `is_complex` says whether eigenvalues were sought in the complex plane.
+    """
+
+    what: str
+    problems: int
+    unknowns: int
+    matrices: tuple[tuple[str, int, int], ...] = ()
+    is_complex: bool = False
+
+
+def counted(number: int, noun: str, several: str = "") -> str:
+    """A number and its noun: 1 link, 3 links."""
+    return f"{number} {noun if number == 1 else several or noun + 's'}"
