@@ -93,14 +93,13 @@ class Audit:
 
 def audit(modes: Modes) -> Audit:
     """What was built for these modes."""
-    loaded = tuple(name for name in PACKAGES if sys.modules.get(name))
     return Audit(
         coordinates=coordinates(modes.rig),
         parts=_parts(modes.spectrum),
         matrices=_matrices(modes.spectrum),
         complex_problem=any(source.built.is_complex for source in modes.spectrum.sources),
-        left_out=(*_coordinates_left_out(modes.rig), *_solving_left_out(modes), *_not_loaded(loaded)),
-        modules=loaded,
+        left_out=(*_coordinates_left_out(modes.rig), *_solving_left_out(modes), *not_loaded()),
+        modules=loaded(),
     )
 
 
@@ -167,8 +166,14 @@ def _solving_left_out(modes: Modes) -> Iterator[str]:
         yield f"no M and K of {size} × {size}: {max(orders)} × {max(orders)} are the largest"
 
 
-def _not_loaded(loaded: tuple[str, ...]) -> Iterator[str]:
-    missing = [name for name in PACKAGES if name not in loaded]
+def loaded() -> tuple[str, ...]:
+    """The larger packages that this process has loaded."""
+    return tuple(name for name in PACKAGES if sys.modules.get(name))
+
+
+def not_loaded() -> Iterator[str]:
+    """The others, in a sentence."""
+    missing = [name for name in PACKAGES if name not in loaded()]
     if missing:
         yield f"not imported: {', '.join(missing)}"
 

@@ -124,11 +124,6 @@ def joints(pivot: Floats, a: Floats) -> Floats:
     return found
 
 
-def momentum(block: Block, y: Floats, a: Floats) -> Floats:
-    """Each link's momentum along the rail over ω, (n, P, R), from joints y (n + 1, P, R) and turns a (n, P, R)."""
-    return np.array([link.m * y[i] + link.upper * a[i] for i, link in enumerate(_columns(block))])
-
-
 def joint_masses(block: Block) -> Floats:
     """What each joint's neighbours weigh when every other joint is held, shape (n + 1, P)."""
     masses = np.zeros((block.n + 1, block.size))

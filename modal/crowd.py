@@ -2,7 +2,9 @@
 
 With the cart displaced by X, the fixed-support mode r of a pendulum follows with amplitude
 x P_r X / (E_r (λ_r − x)), where P_r = φ_rᵀ b is its momentum, E_r = φ_rᵀ A φ_r and μ_r = P_r²/E_r its modal
-effective mass.  Equal λ_r are one pole.
+effective mass.  Equal λ_r are one pole.  With α the residual mass of a pendulum, its momentum and twice its energy over
+ω² are sums of the modes' own, X (α + Σ μ_r λ_r/(λ_r − x)) and X² (α + Σ μ_r λ_r²/(λ_r − x)²): nothing cancels where a
+light cart moves under pendula that stay where they are.
 """
 
 from __future__ import annotations
@@ -13,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.built import Built, counted
-from modal.chain import joints, kinetic, momentum
+from modal.chain import at_infinity, joints, kinetic
 from modal.coincident import Clusters
 from modal.effective import CartProblem, Motion, bare_mass, fixed_shapes
 from modal.rig import Block, CartNumbers, Floats, Ints
@@ -90,12 +92,23 @@ class Crowd:
             np.einsum("imp,mpr->ipr", modes.turn, part * cart)
             for modes, part in zip(self.modes, amplitudes, strict=True)
         )
-        moved = [(block, joints(cart, a), a) for block, a in zip(self.blocks, turns, strict=True)]
-        energies = tuple(kinetic(*chain) for chain in moved)
+        felt, twice = (self._sums(rows, power) for power in (1, 2))
+        energies = tuple(
+            _scaled_to(kinetic(block, joints(cart, a), a), whole * cart**2)
+            for block, a, whole in zip(self.blocks, turns, twice, strict=True)
+        )
         modal_mass = self.cart.mass * cart**2 + sum(part.sum((0, 1)) for part in energies)
         held = self.cart.stiffness / x * cart
-        push = self.cart.mass * cart - held + sum(momentum(*chain).sum((0, 1)) for chain in moved)
+        push = (self.cart.mass + sum(part.sum(0) for part in felt)) * cart - held
         return Motion(cart, turns, energies, modal_mass, held, np.abs(push * cart) / modal_mass)
+
+    def _sums(self, rows: Ints, power: int) -> list[Floats]:
+        """α + Σ μ_r (λ_r/(λ_r − x))^power of every pendulum, for each block (P, R)."""
+        found = []
+        for block, modes, own, distance in zip(self.blocks, self.modes, self.own, self._distances(rows), strict=True):
+            weight = (modes.momentum**2 / modes.modal_mass)[..., None]
+            found.append(at_infinity(block)[0][:, None] + (weight * (own[..., None] / distance) ** power).sum(0))
+        return found
 
     def _distances(self, rows: Ints) -> list[Floats]:
         """λ_r − x of every fixed-support mode, for each block (n modes, P, R), with full relative accuracy."""
@@ -135,3 +148,9 @@ def _own_modes(block: Block, square: Floats) -> _Own:
     momentum, modal_mass, turn = (np.concatenate(parts, axis=-1) for parts in zip(*pieces, strict=True))
     shape = square.shape
     return _Own(momentum.reshape(shape), modal_mass.reshape(shape), turn.reshape(block.n, *shape))
+
+
+def _scaled_to(energies: Floats, whole: Floats) -> Floats:
+    """A chain's energies link by link (n, P, R), with the sum (P, R) that they are known to have."""
+    total = energies.sum(0)
+    return energies * np.where(total > 0, whole / np.where(total > 0, total, 1.0), 0.0)

@@ -21,6 +21,8 @@ Complexes = NDArray[np.complex128]
 LARGEST_DAMPED = 500
 LARGEST_UNDAMPED = 2000
 EPS = float(np.finfo(float).eps)
+LIGHT = 1e-6
+"""Damping ratio below which the real part of an eigenvalue comes from its shape."""
 SINGULAR = (
     "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
     "links that stand up this scene has no state-space form; give the cart or the links some inertia"
@@ -122,7 +124,18 @@ def _state_modes(M: Floats, D: Floats, K: Floats, keep: slice) -> tuple[Complexe
             "the dampers spread this scene's eigenvalues beyond double precision: some came out as 0"
         )
     backward = 4 * len(state) * EPS * sensitivity * np.linalg.norm(state, 2)
-    return values, right[held:] / values, backward * condition / np.abs(values)
+    shape = right[held:] / values
+    return _lightly_damped(values, shape, M, D), shape, backward * condition / np.abs(values)
+
+
+def _lightly_damped(values: Complexes, shape: Complexes, M: Floats, D: Floats) -> Complexes:
+    """Eigenvalues whose real part is below the roundings of the state matrix, with Re λ = −φᴴDφ/(2 φᴴMφ) for it.
+
+    That holds exactly where λ is not real (λ² φᴴMφ + λ φᴴDφ + φᴴKφ = 0 has real coefficients), and D cancels nothing.
+    """
+    inertia, friction = (np.einsum("ir,ij,jr->r", shape.conj(), part, shape).real for part in (M, D))
+    light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
+    return np.where(light, -friction / (2 * inertia) + 1j * values.imag, values)
 
 
 def _factored(S: Floats) -> tuple[Floats, Floats, float]:

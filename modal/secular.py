@@ -54,7 +54,7 @@ class Roots:
 def solve(poles: Poles) -> Roots:
     """Every root of f, ascending."""
     gaps = _Run(poles, 0, len(poles.square) - 1, 0, len(poles.square), None)
-    parts = list(gaps.roots())
+    parts = [Roots(np.zeros(0, dtype=np.int64), np.zeros(0)), *gaps.roots()]
     if poles.constant > 0:
         parts.append(_beyond(poles))
     return Roots(np.concatenate([p.anchor for p in parts]), np.concatenate([p.offset for p in parts]))

@@ -8,8 +8,10 @@ from collections.abc import Callable
 
 from multipendula import checks, commands, models, motions
 
+EXPLAIN = "say what was built for this, and what the scene did not require"
 SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
 FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
+RADIANS = ("radians from 1e-14 to 0.3", 0.3, 1e-14)
 
 
 def _number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> Callable[[str], float]:
@@ -74,6 +76,7 @@ def _tables(command: Add) -> None:
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
     add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
     add.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
+    add.add_argument("--explain", action="store_true", help=EXPLAIN)
 
     degrees = _number("degrees above 0 and at most 90", most=90)
     add = command(commands.shapes, "shapes", "shapes paper-cart-2 -o shapes.png")
@@ -160,6 +163,7 @@ def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
     forms = "auto (default), minimal, maximal, hamiltonian or spatial"
     add.add_argument("--form", metavar="NAME", help=forms)
     add.add_argument("--tolerance", metavar="T", type=_number("1e-15 to 0.01", 0.01, 1e-15), help="default 1e-9")
+    add.add_argument("--accuracy", metavar="RAD", type=_number(*RADIANS), help="of every angle, instead of a tolerance")
     add.add_argument("--samples", metavar="N", type=_whole(100_000_000), help="how many instants are kept")
 
 
@@ -167,6 +171,8 @@ def _motions(command: Add) -> None:
     add = command(motions.simulate, "simulate", "simulate paper-cart-3 --duration 60 -o run.npz")
     _run_of(add, 60.0)
     add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
+    add.add_argument("--keep-modes", metavar="R", type=_whole(100_000), help="move in the R lowest modes only")
+    add.add_argument("--explain", action="store_true", help=EXPLAIN)
 
     add = command(motions.plot, "plot", "plot run.npz -o run.png")
     _run_of(add, 20.0)
@@ -208,6 +214,15 @@ def _motions(command: Add) -> None:
     add.add_argument("--duration", metavar="SECONDS", type=_number("seconds above 0"), default=10.0, help="default 10")
     add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+
+    add = command(checks.advise, "advise", "advise paper-cart-3 --accuracy 1e-3 --duration 60")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--accuracy", metavar="RAD", type=_number(*RADIANS), required=True, help="of every angle")
+    add.add_argument("--duration", metavar="SECONDS", type=_number("seconds above 0"), default=60.0, help="default 60")
+    add.add_argument("--start", metavar="WORDS", help="as in simulate")
+    add.add_argument("--samples", metavar="N", type=_whole(100_000_000), help="how many instants are kept")
+    add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
 
 
 GROUPS = (_tables, _derivations, _models, _motions)

@@ -1,4 +1,4 @@
-"""The commands that question a prediction: check, chaos and tradeoff."""
+"""The commands that question a prediction: check, chaos, tradeoff and advise."""
 
 from __future__ import annotations
 
@@ -159,3 +159,26 @@ def tradeoff(options: argparse.Namespace) -> None:
 
         with whole_file(options.output) as stream:
             draw_tradeoff(found, stream, kind)
+
+
+def advise(options: argparse.Namespace) -> None:
+    """Find the cheapest way to a motion of an accuracy, and say what shows that it is met."""
+    from modal.files import load
+    from nonlinear import recordings
+    from nonlinear.advice_tables import advice_table
+    from nonlinear.requests import gathered
+    from nonlinear.simulation import advise as advised
+    from nonlinear.simulation import certain
+
+    scene = load(_scene(options))
+    *_, start = gathered(
+        lambda: options.output and recordings.checked_kind(options.output),
+        lambda: in_a_folder(options.output),
+        lambda: start_of(scene, options.start),
+    )
+    with bar(options.duration) as report:
+        advice = advised(scene, options.duration, options.accuracy, start=start, output=options.samples, report=report)
+    sys.stdout.write(advice_table(advice, options.format))
+    if options.output:
+        recordings.save(advice.certain, options.output)
+    whole(certain(advice))

@@ -49,6 +49,10 @@ def table(options: argparse.Namespace) -> None:
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
     with _output(options.output) as write:
         write(tables.table(modes, rows, options.format, shapes=options.shapes))
+    if options.explain:
+        from modal.audit import audit
+
+        sys.stderr.write(audit(modes).text())
 
 
 def shapes(options: argparse.Namespace) -> None:

@@ -8,7 +8,7 @@ import sys
 from time import perf_counter
 
 from multipendula.commands import picture
-from multipendula.runs import bar, run_of, shown_of, whole
+from multipendula.runs import bar, in_few_modes, run_of, shown_of, whole
 
 FILMS = ("gif", "mp4", "html")
 
@@ -18,9 +18,9 @@ def simulate(options: argparse.Namespace) -> None:
     from nonlinear import recordings, summary
     from nonlinear.preparation import SimulationError
 
-    begun = perf_counter()
+    begun, run = perf_counter(), in_few_modes if options.keep_modes else run_of
     try:
-        trajectory = run_of(options, lambda: options.output and recordings.checked_kind(options.output))
+        trajectory = run(options, lambda: options.output and recordings.checked_kind(options.output))
     except SimulationError as error:
         if options.output:
             recordings.save(error.trajectory, options.output)
@@ -30,6 +30,10 @@ def simulate(options: argparse.Namespace) -> None:
         recordings.save(trajectory, options.output)
     print(summary.text(trajectory))
     print(f"computed in {spent:.3g} s" + (f", kept in {options.output}" if options.output else ""))
+    if options.explain:
+        from nonlinear.inventory import inventory
+
+        sys.stderr.write(inventory(trajectory).text())
     whole(trajectory)
 
 

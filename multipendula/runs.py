@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from nonlinear.trajectory import Trajectory
 
 RECORDINGS = (".npz", ".csv")
+HOW = ("method", "form", "tolerance", "accuracy")
 
 
 def recorded(name: str) -> bool:
@@ -37,11 +38,11 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
     from nonlinear import recordings
     from nonlinear.methods import choose
     from nonlinear.requests import gathered
-    from nonlinear.simulation import resumed
+    from nonlinear.simulation import USUAL, resumed
     from nonlinear.simulation import simulate as run
 
     duration = options.duration or options.usual
-    given = {name: getattr(options, name) for name in ("method", "form", "tolerance") if getattr(options, name)}
+    given = {name: getattr(options, name) for name in HOW if getattr(options, name)}
     if recorded(options.scene):
         before = gathered(
             target,
@@ -52,15 +53,44 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
         with bar(duration) as report:
             return resumed(before, duration, output=options.samples, report=report, **given)
     scene = load(options.scene)
-    how: dict[str, Any] = {"method": "auto", "form": "auto", "tolerance": 1e-9} | given
+    words = {name: given.get(name, "auto") for name in ("method", "form")}
     *_, start, _ = gathered(
         target,
         lambda: in_a_folder(options.output),
         lambda: start_of(scene, options.start),
-        lambda: choose(scene, duration, **how),
+        lambda: choose(scene, duration, given.get("tolerance", USUAL), **words),
     )
     with bar(duration) as report:
-        return run(scene, duration, start=start, output=options.samples, report=report, **how)
+        return run(scene, duration, start=start, output=options.samples, report=report, **given)
+
+
+def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
+    """A new run of a scene that keeps to its lowest modes, as --keep-modes says."""
+    from modal.errors import SceneError
+    from modal.files import load
+    from nonlinear.requests import gathered
+    from nonlinear.truncation import truncated
+
+    def fitting() -> None:
+        problems = [f"--{name}: goes without --keep-modes" for name in ("form", "accuracy") if getattr(options, name)]
+        if recorded(options.scene):
+            problems.append(f"{options.scene}: is a saved run, and --keep-modes takes a scene")
+        if problems:
+            raise SceneError(problems)
+
+    *_, scene = gathered(target, lambda: in_a_folder(options.output), fitting, lambda: load(options.scene))
+    duration = options.duration or options.usual
+    given = {name: getattr(options, name) for name in ("method", "tolerance") if getattr(options, name)}
+    with bar(duration) as report:
+        return truncated(
+            scene,
+            duration,
+            options.keep_modes,
+            start=start_of(scene, options.start),
+            output=options.samples,
+            report=report,
+            **given,
+        ).trajectory
 
 
 def _unstarted(options: argparse.Namespace) -> None:
@@ -129,7 +159,7 @@ def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Traje
 
     if not recorded(options.scene):
         return whole(run_of(options, target))
-    asked = [name for name in ("start", "duration", "method", "form", "tolerance", "samples") if getattr(options, name)]
+    asked = [name for name in ("start", "duration", *HOW, "samples") if getattr(options, name)]
     if asked:
         raise SceneError([f"--{name}: a saved run is shown as it is" for name in asked])
     found: Trajectory = gathered(target, lambda: in_a_folder(options.output), lambda: recordings.load(options.scene))[

@@ -96,7 +96,12 @@ class Advice:
     @property
     def certain(self) -> Trajectory:
         """The trajectory up to the horizon."""
-        return self.trajectory.at(self.trajectory.times <= self.horizon)
+        if self.met:
+            return self.trajectory
+        kept = self.trajectory.times <= self.horizon
+        stopped = f"{self.accuracy:g} rad cannot be met beyond {self.horizon:.9g} s"
+        run = replace(self.trajectory.run, error=float(self.errors[kept][-1]), stopped=stopped)
+        return replace(self.trajectory.at(kept), run=run)
 
 
 @dataclass(frozen=True, eq=False)

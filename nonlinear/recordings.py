@@ -23,7 +23,7 @@ from modal.files import whole_file
 from modal.rig import Floats
 from modal.scene import described, scene_from
 from nonlinear.events import Happening
-from nonlinear.methods import choose
+from nonlinear.methods import FORMS, choose
 from nonlinear.plant import Plant, plant_of
 from nonlinear.state import Motion, State
 from nonlinear.trajectory import Run, Trajectory
@@ -32,6 +32,7 @@ VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 AXES = ("x", "y", "z")
 KINDS = (".npz", ".csv")
+REDUCED = ("truncated", "linear modes", "corrected modes")
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
@@ -96,8 +97,11 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     run = Run(**header["run"])
     if any(type(getattr(run, field.name)).__name__ != field.type for field in fields(Run)):
         raise TypeError
-    integrated = replace(plant, spatial=plant.spatial and run.form == "spatial")
-    choose(scene, 1.0, run.tolerance, run.method, run.form, plant=integrated)
+    if run.form in FORMS:
+        integrated = replace(plant, spatial=plant.spatial and run.form == "spatial")
+        choose(scene, 1.0, run.tolerance, run.method, run.form, plant=integrated)
+    elif run.form not in REDUCED:
+        raise ValueError
     return Trajectory(scene, plant, times, Motion(**parts), run, events, driven=bool(header["driven"]))
 
 

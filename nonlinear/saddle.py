@@ -38,6 +38,11 @@ class Saddle:
         order = np.arange(1, len(self.rows) + 1)
         self.pattern = coo_array((order, (self.rows, self.columns)), shape=(self.size, self.size)).tocsc()
 
+    @property
+    def is_dense(self) -> bool:
+        """Whether it is solved as a dense matrix."""
+        return self.size <= DENSE
+
     def solve(self, angles: Floats, upper: Floats | float, lower: Floats | float) -> Floats:
         """(q'', λ), or the like, with forces `upper` and accelerations `lower` on the right.
 
@@ -56,7 +61,7 @@ class Saddle:
         return np.asarray(self.weight * np.concatenate((self.masses, G, G)))
 
     def _solved(self, values: Floats, right: Floats) -> Floats:
-        if self.size > DENSE:
+        if not self.is_dense:
             pattern = self.pattern
             matrix = csc_array((values[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape)
             return np.asarray(splu(matrix).solve(right))

@@ -10,13 +10,13 @@ from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.advice import Advice, Task, advised
 from nonlinear.events import Event
-from nonlinear.methods import ASKED, choose
+from nonlinear.methods import ASKED, FORMS, choose
 from nonlinear.plant import plant_of
 from nonlinear.preparation import Request, SimulationError
 from nonlinear.requests import gathered, insist_accuracy, insist_numbers, insist_push, sampled
 from nonlinear.starts import checked, start_of
 from nonlinear.state import Load, State
-from nonlinear.trajectory import CLOSED, Trajectory
+from nonlinear.trajectory import Trajectory
 
 USUAL = 1e-9  # tolerance
 
@@ -133,7 +133,7 @@ def resumed(
     if trajectory.driven and load is None:
         raise SceneError(["load: this run was driven, and forces from outside are not kept with it"])
     run, last = trajectory.run, float(trajectory.times[-1])
-    if options.get("accuracy") is None and run.method != CLOSED:
+    if options.get("accuracy") is None and run.form in FORMS:
         method = method or (run.method if run.reason.startswith(ASKED) else None)
         form = form or (None if trajectory.plant.spatial else run.form)
         tolerance = run.tolerance if tolerance is None else tolerance

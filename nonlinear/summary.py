@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from math import isfinite
 
 import numpy as np
 
-from nonlinear.trajectory import Trajectory
+from nonlinear.trajectory import CLOSED, Trajectory
 
 FORMS = {
     "minimal": "minimal coordinates",
     "maximal": "maximal coordinates and pivot forces",
     "hamiltonian": "Hamilton's equations",
     "spatial": "unit vectors",
+    "truncated": "a few mode shapes",
+    "linear modes": "modes in closed form",
+    "corrected modes": "modes in closed form, each with the frequency of its amplitude",
 }
 MOST_EVENTS = 10
 
@@ -33,10 +37,18 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "equations", FORMS[run.form]
     if run.reduced:
         yield "integrated", run.reduced
-    yield "integrator", f"{run.method} at tolerance {run.tolerance:g}: {run.reason}"
-    yield "cost", f"{run.steps} steps, {run.calls} derivatives"
+    if run.method == CLOSED:
+        yield "integrator", f"none: {run.reason}"
+    else:
+        yield "integrator", f"{run.method} at tolerance {run.tolerance:g}: {run.reason}"
+        yield "cost", f"{run.steps} steps, {run.calls} derivatives"
+    if isfinite(run.error):
+        yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
     yield from _ranges(trajectory)
-    yield "energy", f"drift {trajectory.energy_drift():.2g} of what its energies range over"
+    if run.method == CLOSED and trajectory.plant.dissipates:
+        yield "energy", "what dampers take is not counted in closed form"
+    else:
+        yield "energy", f"drift {trajectory.energy_drift():.2g} of what its energies range over"
     if trajectory.keeps_momentum or trajectory.keeps_spin:
         which = "along the rail" if trajectory.keeps_momentum else "about the vertical"
         yield "momentum", f"drift {trajectory.momentum_drift():.2g}, {which}"

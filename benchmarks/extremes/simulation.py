@@ -1,0 +1,147 @@
+"""Motion where numbers run out: every parameter of a scene taken to its ends, in one run.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/extremes/simulation.py [--quick] [--write]
+
+`--write` puts docs/extremes-simulation.csv and the figure beside it.  An error is the largest of all angles at five
+times over the largest angle; the references are those of families.py.  Rivals are the dense textbook under `solve_ivp`,
+as it comes and at rtol = atol = 1e-9.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import time
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import families
+import numpy as np
+import panels
+import rival
+import units
+
+from modal.errors import ComputationError
+from nonlinear import simulate
+from nonlinear.simulation import SimulationError
+from nonlinear.trajectory import Trajectory
+
+DOCS = Path(__file__).parent.parent.parent / "docs"
+PATIENCE, QUICK_PATIENCE = 4.0, 1.0  # seconds that a rival may take
+OURS = 60.0  # seconds that we may take
+FINE = {"rtol": 1e-9, "atol": 1e-9}
+
+
+class Line(NamedTuple):
+    """One case: what we did, our error, energy drift and seconds; the rival's, twice; and what we said."""
+
+    family: str
+    parameter: float
+    did: str
+    error: float
+    drift: float
+    seconds: float
+    default_error: float
+    default_seconds: float
+    fine_error: float
+    fine_seconds: float
+    outcome: str
+    rival_outcome: str
+
+
+def measured(one: families.Case, patience: float) -> Line:
+    right = one.reference()
+    found, words, seconds = ours(one)
+    rivals = [rival.run(one.scene, one.start, one.times, patience, **kind) for kind in ({}, FINE)]
+    (coarse, first), (fine, second) = ((_error(run.angles, right), run.seconds) for run in rivals)
+    return Line(
+        one.family,
+        one.parameter,
+        _way(found),
+        _error(found.motion.links[1:], right) if found else float("nan"),
+        found.energy_drift() if found else float("nan"),
+        seconds,
+        coarse,
+        first,
+        fine,
+        second,
+        words,
+        "; ".join(dict.fromkeys(run.words for run in rivals if run.words)),
+    )
+
+
+def _way(found: Trajectory | None) -> str:
+    if found is None:
+        return "none"
+    return f"{found.run.form}/{found.run.method}" + (", compiled" if "compiled" in found.run.reason else "")
+
+
+def ours(one: families.Case) -> tuple[Trajectory | None, str, float]:
+    """The trajectory, what the program said, and seconds; a traceback of any other kind is a defect and is named."""
+    begun = time.perf_counter()
+
+    def report(_: float) -> None:
+        if time.perf_counter() - begun > OURS:
+            raise ComputationError(f"given up by the benchmark after {OURS:g} s")
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        try:
+            found = simulate(
+                one.scene, float(one.times[-1]), start=one.start, output=one.times, report=report, **one.options
+            )
+            said = []
+        except SimulationError as error:
+            found, said = error.trajectory, [f"SimulationError: {error}"]
+        except (ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+            found, said = None, [f"TRACEBACK {type(error).__name__}: {error}"]
+    said += [f"{warning.category.__name__}: {warning.message}" for warning in caught]
+    return found, "; ".join(dict.fromkeys(said)) or "ran", time.perf_counter() - begun
+
+
+def _error(angles: np.ndarray | None, right: np.ndarray) -> float:
+    if angles is None or angles.shape != right.shape:
+        return float("nan")
+    return float(np.max(np.abs(angles - right)) / np.max(np.abs(right)))
+
+
+HEAD = f"{'family':28} {'parameter':>9} {'ours':>8} {'drift':>8} {'s':>6} {'SciPy':>8} {'1e-9':>8}  outcome"
+
+
+def told(line: Line) -> str:
+    return (
+        f"{line.family:28} {line.parameter:9.3g} {line.error:8.1e} {line.drift:8.1e} {line.seconds:6.2f} "
+        f"{line.default_error:8.1e} {line.fine_error:8.1e}  {line.did}: {line.outcome} | {line.rival_outcome}"
+    )
+
+
+def write(lines: Sequence[Line], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file, lineterminator="\n")
+        writer.writerow(Line._fields)
+        writer.writerows([f"{cell:.4g}" if isinstance(cell, float) else cell for cell in line] for line in lines)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--quick", action="store_true", help="three values of a parameter and short runs")
+    parser.add_argument("--write", action="store_true", help="write docs/extremes-simulation.csv and the figure")
+    options = parser.parse_args()
+    for warm in (*families.hours(quick=True), *families.pendula(quick=True)):
+        ours(warm)
+    patience = QUICK_PATIENCE if options.quick else PATIENCE
+    lines = []
+    print(HEAD)
+    for one in families.cases(options.quick):
+        lines.append(measured(one, patience))
+        print(told(lines[-1]), flush=True)
+    print(units.report())
+    if options.write:
+        write(lines, DOCS / "extremes-simulation.csv")
+        panels.figure(lines, DOCS / "extremes-simulation.png")
+
+
+if __name__ == "__main__":
+    main()

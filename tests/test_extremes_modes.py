@@ -1,0 +1,170 @@
+"""Natural frequencies at the extremes: hard gates on a quick part of `benchmarks/extremes/modes.py`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import mpmath as mp
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "extremes"))
+
+from modes import case, judge_of
+from modes_families import FAMILIES, Family, crowd, damped_joints, equal, geometric, near_buckling
+from oracle import Counter, eigenvalues, pencil, squares
+from random_scenes import random_scene
+
+from modal import Bob, Body, Cart, Pendulum, Rod, Scene, natural_modes
+
+NAMED = {family.name: family for family in FAMILIES}
+STRUCTURED = [f for f in FAMILIES if not f.splitting and f.name.split()[0] not in {"joint", "near"}]
+EVERY_DIGIT = 1e-15
+LARGEST = 20
+
+
+def ends(family: Family) -> list[float]:
+    """The first, the middle and the last parameter that a quick test can afford."""
+    small = [p for p in family.parameters if family.scene(p).n_links <= LARGEST]
+    return sorted({small[0], small[len(small) // 2], small[-1]})
+
+
+@pytest.mark.parametrize("family", [f for f in STRUCTURED if f.name != "cart damper"], ids=lambda f: f.name)
+def test_the_structured_routes_keep_every_digit(family: Family) -> None:
+    for parameter in ends(family):
+        found = case(family, parameter)
+        assert found.ours < EVERY_DIGIT, found
+        assert found.ours <= found.bound, found
+
+
+@pytest.mark.parametrize("name", ["joint spring", "joint damper", "cart damper", "near buckling"])
+def test_what_the_dense_route_claims_is_within_its_bound(name: str) -> None:
+    """Every row either carries a bound that holds or is marked; a refusal claims nothing."""
+    for parameter in NAMED[name].parameters[:: 3 if "damper" in name else 2]:
+        found = case(NAMED[name], parameter)
+        assert np.isnan(found.ours) or found.ours <= found.bound or found.bound == 0, found
+
+
+@pytest.mark.parametrize("name", ["detuning", "detuning, heavy cart"])
+def test_splittings_are_right_to_what_the_bounds_leave(name: str) -> None:
+    for parameter in NAMED[name].parameters[1:]:
+        found = case(NAMED[name], parameter)
+        assert found.ours <= found.bound, found
+
+
+def test_where_float64_ends_the_row_is_marked() -> None:
+    assert max(natural_modes(near_buckling(1e-14)).error) > 0.1
+    assert max(natural_modes(damped_joints(1e8)).error) > 0.1
+
+
+def test_the_rivals_lose_what_the_figure_shows() -> None:
+    found = case(NAMED["mass ratio"], 1e12)
+    assert found.eigh > 1e-6 > EVERY_DIGIT > found.ours
+    assert case(NAMED["extreme pendula"], 10).eigh > 1e-2
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_two_oracles_agree(seed: int) -> None:
+    """The pencil over angles and the count over joints, formulated apart, in many digits."""
+    scene = random_scene(seed, copies=True)
+    counter, exact = Counter(scene, 400), squares(scene)
+    for number, square in enumerate(exact):
+        with mp.workdps(400):
+            near = [x for x in exact if abs(x / square - 1) < mp.mpf(10) ** -30]
+            below, above = (counter.below(mp.sqrt(square), tilt) for tilt in (-1e-40, 1e-40))
+        assert above - below == len(near)
+        assert below <= number < above
+
+
+def test_the_oracle_of_damped_scenes_solves_the_quadratic_problem() -> None:
+    scene = damped_joints(3.0)
+    with mp.workdps(100):
+        found = pencil(scene)
+        for value in eigenvalues(scene):
+            singular = found.M * value**2 + found.D * value + found.K
+            assert abs(mp.det(singular)) < mp.mpf(10) ** -60
+
+
+def test_wrong_frequencies_are_judged_wrong() -> None:
+    for scene in (geometric("mass", 1e16), damped_joints(1.0), equal(Rod, 30)):
+        value = np.repeat(natural_modes(scene).eigenvalue, natural_modes(scene).multiplicity)
+        assert judge_of(scene, splitting=False)(value * (1 + 1e-13)).max() == pytest.approx(1e-13, rel=0.5)
+
+
+def rescaled(scene: Scene, mass: float, length: float, gravity: float) -> tuple[Scene, float]:
+    """The same scene in other units, dampers and springs with it, and the factor on its rates."""
+    rate = (gravity / length) ** 0.5
+    force = mass * gravity
+    cart = scene.support
+    if isinstance(cart, Cart):
+        spring = cart.stiffness * force / length
+        cart = Cart(mass=cart.mass * mass, stiffness=spring, damping=cart.damping * mass * rate)
+
+    def link(one: Bob | Rod | Body) -> Bob | Rod | Body:
+        factors = {
+            "mass": mass,
+            "length": length,
+            "centre": length,
+            "inertia": mass * length**2,
+            "damping": mass * length**2 * rate,
+            "stiffness": force * length,
+        }
+        return one.model_copy(
+            update={k: getattr(one, k) * f for k, f in factors.items() if k in type(one).model_fields}
+        )
+
+    pendula = [p.model_copy(update={"links": tuple(map(link, p.links))}) for p in scene.pendulum]
+    return Scene(gravity=scene.gravity * gravity, support=cart, pendulum=pendula), rate
+
+
+def every_route() -> list[Scene]:
+    damped = Pendulum(links=[Rod(mass=1.3, length=0.7, damping=0.2, stiffness=2.0), Bob(mass=0.4, length=1.9)], count=2)
+    stands = Pendulum(links=[Bob(mass=0.7, length=0.6, stiffness=11.0)] * 2, equilibrium=("up", "up"))
+    dense = [
+        Scene(gravity=9.81, support=Cart(mass=2.2, damping=0.3, stiffness=1.7), pendulum=[damped]),
+        Scene(gravity=9.81, support=Cart(mass=2.2), pendulum=[stands]),
+    ]
+    return [*(random_scene(seed, copies=True) for seed in range(8)), crowd(700, 0.1), *dense]
+
+
+@pytest.mark.parametrize("scene", every_route())
+def test_units_that_are_powers_of_two_change_no_bit(scene: Scene) -> None:
+    for factors in ((2.0**10, 2.0**-10, 2.0**20), (2.0**-40, 2.0**30, 2.0**-10)):
+        again, rate = rescaled(scene, *factors)
+        np.testing.assert_array_equal(natural_modes(again).omega, natural_modes(scene).omega * rate)
+
+
+@pytest.mark.parametrize("scene", every_route())
+def test_other_units_change_no_more_than_rounding(scene: Scene) -> None:
+    before = natural_modes(scene)
+    omega, error = (np.repeat(part, before.multiplicity) for part in (before.omega, before.error))
+    for factors in ((1e3, 1e3, 1e-3), (1e-3, 1e3, 1e-6), (1e3, 1e-3, 1.0)):
+        after = natural_modes(rescaled(scene, *factors)[0])
+        rate = (factors[2] / factors[1]) ** 0.5
+        assert np.all(np.abs(np.repeat(after.omega, after.multiplicity) / rate - omega) <= (2 * error + 4e-16) * omega)
+
+
+def test_a_massless_cart_under_many_equal_lengths() -> None:
+    """Nothing has a frequency of its own but the antiphase modes: ω² = g/l, 699-fold."""
+    bobs = [Pendulum(links=[Bob(mass=1.0 + k, length=1.0)]) for k in range(700)]
+    modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=bobs))
+    assert modes.multiplicity.tolist() == [1, 699]
+    np.testing.assert_allclose(modes.omega, [0.0, 9.81**0.5], rtol=1e-15)
+
+
+@pytest.mark.parametrize("mass", [1e-12, 1e-6])
+def test_participations_of_a_light_cart_under_many_heavy_pendula(mass: float) -> None:
+    scene = crowd(700, 8.0, mass)
+    rows = list(natural_modes(scene))
+    assert sum(row.cart_participation for row in rows) == pytest.approx(1, rel=1e-12)
+    assert max(row.residual for row in rows) < 1e-12
+
+
+@pytest.mark.parametrize("damping", [1e-16, 1e-12, 1e-8, 1e6])
+def test_damping_ratios_keep_their_digits_where_they_are_far_below_rounding(damping: float) -> None:
+    scene = damped_joints(damping)
+    found = [v for v in natural_modes(scene).eigenvalue if v.imag]
+    exact = [v for v in eigenvalues(scene) if mp.im(v)]
+    for ours, truth in zip(found, exact, strict=True):
+        assert ours.real == pytest.approx(float(truth.real), rel=1e-7, abs=0)
