@@ -1,0 +1,197 @@
+"""Whether `advise` keeps its word: accuracy met, and cost beside the cheapest rung of the ladder, on a held set.
+
+    OPENBLAS_NUM_THREADS=1 python benchmarks/advice.py [--scenes 300] [--write]
+
+Random scenes of one to nine links, in the plane and in space, on a cart or not, with springs and dampers or without,
+from 0.01 to 170 degrees, over 1 to 60 s and for 1e-8 to 1e-2 rad; no constant of the code was fitted to them.  The
+judge is the finest rung, held against another one; where the two differ by more than a twentieth of the accuracy
+nobody can judge, and the advice should say so.  The cheapest rung is found by trying every integrator from loose
+tolerances on, half a decade at a time.  A cost is the time from scene to motion, compilers included.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
+from math import inf
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene
+from nonlinear.ladder import CORRECTED, LINEAR, Question, Rung
+from nonlinear.plant import plant_of
+from nonlinear.references import references
+from nonlinear.requests import sampled
+from nonlinear.simulation import advise
+from nonlinear.state import State, apart
+from nonlinear.timescales import timescales
+
+DOCS = Path(__file__).parent.parent / "docs"
+SHARE = 0.05  # of the accuracy, up to which two references may differ
+FIRST, HALF_DECADES = -2.0, 24
+LIMIT = 3.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One scene: what was asked, what came of it, and the cheapest rung that would have done (inf s: none)."""
+
+    seed: int
+    links: int
+    space: str
+    duration_s: float
+    accuracy_rad: float
+    met: bool
+    judged: bool
+    error_rad: float
+    stated_rad: float
+    way: str
+    seconds: float
+    final_seconds: float
+    cheapest: str
+    cheapest_seconds: float
+
+
+def held(seed: int) -> tuple[Scene, State, float, float]:
+    """A scene, its start, a duration (s) and an accuracy (rad)."""
+    rng = random.Random(seed)
+    damped, sprung, spatial = (rng.random() < share for share in (0.25, 0.15, 0.25))
+
+    def link() -> Bob | Rod | Body:
+        mass, length = 10 ** rng.uniform(-1, 1), 10 ** rng.uniform(-0.5, 0.5)
+        given = {"mass": mass, "length": length}
+        scale = mass * length**2
+        given["damping"] = scale * rng.uniform(0.0, 0.3) * (damped and rng.random() < 0.5)
+        given["stiffness"] = scale * rng.uniform(0.0, 5.0) * (sprung and rng.random() < 0.5)
+        return (
+            Body(**given, centre=0.6 * length, inertia=0.1 * scale)
+            if rng.random() < 0.2
+            else rng.choice((Bob, Rod))(**given)
+        )
+
+    support = (
+        Cart(mass=10 ** rng.uniform(-1, 2), damping=rng.uniform(0.0, 1.0) * damped) if rng.random() < 0.7 else Fixed()
+    )
+    pendula = [Pendulum(links=[link() for _ in range(rng.randint(1, 3))]) for _ in range(rng.randint(1, 3))]
+    scene = Scene(gravity=9.81, space="space" if spatial else "plane", support=support, pendulum=pendula)
+    numbers, size = np.random.default_rng(seed), 10 ** rng.uniform(-3.75, 0.47)
+    links = plant_of(scene).n_links
+    if not spatial:
+        angles, rates = size * numbers.uniform(-1, 1, (2, links))
+        start = State(angles, rates)
+    else:
+        tilt, azimuth = size * numbers.uniform(0, 1, links), numbers.uniform(-np.pi, np.pi, links)
+        u = np.stack((np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)), axis=1)
+        start = State(u, np.cross(size * numbers.uniform(-1, 1, (links, 3)), u))
+    return scene, start, 10 ** rng.uniform(0, 1.78), 10 ** rng.uniform(-8, -2)
+
+
+def judged(seed: int) -> Case:
+    """One scene of the set."""
+    scene, start, duration, accuracy = held(seed)
+    timescales.cache_clear()
+    begun = perf_counter()
+    advice = advise(scene, duration, accuracy, start=start)
+    seconds = perf_counter() - begun
+    question = Question(scene, start, sampled(scene, duration, 0.0, None))
+    finest, other = (rung.prepare(question)().motion for rung in references(scene))
+    known = float(apart(finest, other).max()) < SHARE * accuracy
+    best, best_seconds = "", inf
+    if known:
+        for rung, spent in _enough(question, finest, accuracy):
+            if spent < best_seconds:
+                best, best_seconds = rung.name, spent
+    last = advice.attempts[-1]
+    return Case(
+        seed,
+        scene.n_links,
+        scene.space,
+        duration,
+        accuracy,
+        advice.met,
+        known,
+        float(apart(advice.trajectory.motion, finest).max()),
+        last.error,
+        last.way,
+        seconds,
+        last.seconds,
+        best,
+        best_seconds,
+    )
+
+
+def _enough(question: Question, finest: object, accuracy: float) -> Iterator[tuple[Rung, float]]:
+    """Of every family the loosest rung that meets the accuracy, and its time (s)."""
+    plane = question.scene.space == "plane"
+    families = [[Rung(LINEAR)], [Rung(CORRECTED)]]
+    methods = [("DOP853", False), ("RK45", False), *([("LSODA", False)] if plane else [])]
+    methods += [("DOP853", True)] if plane and find_spec("numba") else []
+    methods += [("taylor", False)] if plane and find_spec("heyoka") else []
+    kind = "minimal" if plane else "spatial"
+    tolerances = 10 ** (FIRST - np.arange(HALF_DECADES) / 2)
+    families += [[Rung(kind, method, t, compiled) for t in tolerances] for method, compiled in methods]
+    fastest = inf
+    for family in families:
+        for rung in family:
+            timescales.cache_clear()
+            begun = perf_counter()
+            timescales(question.scene)
+            try:
+                found = rung.prepare(replace(question, patience=fastest))()
+            except ComputationError:
+                break
+            spent = perf_counter() - begun
+            if float(apart(found.motion, finest).max()) <= accuracy:
+                fastest = min(fastest, spent)
+                yield rung, spent
+                break
+
+
+def report(cases: list[Case]) -> str:
+    """The figures in plain words."""
+    known = [case for case in cases if case.judged]
+    met = [case for case in known if case.met]
+    kept = [case for case in met if case.error_rad <= case.accuracy_rad]
+    ratios = np.array([case.seconds / case.cheapest_seconds for case in kept if case.cheapest_seconds < inf])
+    final = np.array([case.final_seconds / case.cheapest_seconds for case in kept if case.cheapest_seconds < inf])
+    total = sum(case.seconds for case in kept) / sum(min(case.cheapest_seconds, case.seconds) for case in kept)
+    beyond = [case for case in cases if not case.judged]
+    lines = [
+        f"| scenes; of them within double precision | {len(cases)}; {len(known)} |",
+        f"| accuracy promised; kept | {len(met)}; {len(kept)} ({100 * len(kept) / len(met):.1f} %) |",
+        f"| of the scenes beyond it, said to be beyond it | {sum(not case.met for case in beyond)} of {len(beyond)} |",
+        f"| all that was tried, over the cheapest rung: median, 90 %, 95 % | "
+        f"{np.median(ratios):.2f}, {np.quantile(ratios, 0.9):.2f}, {np.quantile(ratios, 0.95):.2f} |",
+        f"| of that at most {LIMIT:g} | {100 * np.mean(ratios <= LIMIT):.1f} % |",
+        f"| all scenes together, over their cheapest rungs | {total:.2f} |",
+        f"| the run that is returned alone, over the cheapest rung: median; at most {LIMIT:g} | "
+        f"{np.median(final):.2f}; {100 * np.mean(final <= LIMIT):.1f} % |",
+    ]
+    return "\n".join(["| | |", "|---|---|", *lines]) + "\n"
+
+
+def main() -> None:
+    """Run the set and print what came of it."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenes", type=int, default=300)
+    parser.add_argument("--first", type=int, default=900_000)
+    parser.add_argument("--write", action="store_true")
+    options = parser.parse_args()
+    judged(options.first - 1)
+    cases = []
+    for seed in range(options.first, options.first + options.scenes):
+        cases.append(judged(seed))
+        print(json.dumps(asdict(cases[-1])), flush=True)
+    print(report(cases))
+    if options.write:
+        (DOCS / "advice.md").write_text(report(cases), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
