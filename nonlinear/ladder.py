@@ -34,7 +34,13 @@ IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")
 IN_SPACE = ("RK23", "RK45", "DOP853")
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 
+SOON, PLAINLY = 0.2, 1.25  # share of the patience after which a run is given up that would take so many times it
+
 Task = Callable[[], Trajectory]
+
+
+class GivenUpError(ComputationError):
+    """A run that takes longer than it is waited for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +83,8 @@ class Rung:
     def prepare(self, question: Question) -> Task:
         """A task that finds the motion, once; ComputationError or SceneError where this cannot be.
 
-        The task raises ComputationError where the run fails or takes too long, KeyboardInterrupt on Ctrl-C.
+        The task raises ComputationError where the run fails, GivenUpError where it takes too long, KeyboardInterrupt on
+        Ctrl-C.
         """
         return self._superposed(question) if self.modal else self._integrated(question)
 
@@ -101,7 +108,10 @@ class Rung:
         ready = request.prepared(choice)
 
         def task() -> Trajectory:
-            found = ready.go(report=_impatient(question.patience))
+            try:
+                found = ready.go(report=_impatient(question))
+            except TimeoutError as error:
+                raise GivenUpError(str(error)) from None
             if found.run.interrupted:
                 raise KeyboardInterrupt
             return found
@@ -109,13 +119,15 @@ class Rung:
         return task
 
 
-def _impatient(patience: float) -> Callable[[float], None]:
-    """A listener that ends a run which takes longer than so many seconds."""
-    begun = perf_counter()
+def _impatient(question: Question) -> Callable[[float], None]:
+    """A listener that ends a run which takes longer than it is waited for, or by how far it has come plainly will."""
+    begun, patience, duration = perf_counter(), question.patience, question.times[-1]
 
     def report(elapsed: float) -> None:
-        if perf_counter() - begun > patience:
-            raise ComputationError(f"given up after {patience:g} s, at {elapsed:.3g} s of the motion")
+        spent = perf_counter() - begun
+        share = min(1.0, elapsed / duration)
+        if spent > patience or (spent > SOON * patience and spent > PLAINLY * patience * share):
+            raise TimeoutError(f"given up after {spent:.2g} s, at {elapsed:.3g} s of the motion")
 
     return report
 

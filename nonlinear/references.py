@@ -1,9 +1,10 @@
 """What the rungs of the ladder are judged by, and until when it can judge: the horizon.
 
 The reference is the finest run at hand, held against a second one by another body or form of the equations and another
-integrator or tolerance.  With d(t) the largest difference of angles so far, an error e may be judged where d < e/100.
-A twin of the run whose start is disturbed by 1e-9 shows besides by which factor G(t) an error grows here: a reference
-of relative accuracy ε cannot know more than ε G(t), and where G = exp λt this ends at ln(tolerable/ε)/λ.  So both
+integrator; in space, where there is one form, by the same at another tolerance.  With d(t) the largest difference of
+angles so far, an error e may be judged where d < e/100.  A twin of the run whose start is disturbed by 1e-9 shows
+besides by which factor G(t) an error grows here: a reference of relative accuracy ε cannot know more than ε G(t), and
+where G = exp λt this ends at ln(tolerable/ε)/λ.  So both
 
     d(t) < 1e-8   and   ε G(t) < 1e-8     (rad; for small motions of the motion's own size)
 
@@ -32,7 +33,7 @@ from nonlinear.trajectory import Trajectory
 
 SHARE = 1e-2  # of an error, what the references may differ by
 JUDGED = 1e-6  # error (rad at angles of order 1) that must still be certain at the horizon
-ASIDE, SEED = 1e-9, 0  # of the twin's start
+ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # of the twin's start; rad, far above the rounding of an angle
 TWIN = Rung("minimal", "DOP853", 1e-12)
 FEWEST = 10  # samples before the horizon
 
@@ -104,15 +105,15 @@ def references(scene: Scene) -> tuple[Rung, Rung]:
 def _growth(question: Question, size: float) -> Floats:
     """G (T,): how far a twin is from the run, over the disturbance of its start, at most so far."""
     rung = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
-    twin = replace(question, start=_disturbed(question.start, ASIDE * size))
+    twin = replace(question, start=_disturbed(question.start, size))
     one, other = (rung.prepare(each)().motion for each in (question, twin))
     gone = np.maximum.accumulate(apart(one, other))
     return np.asarray(gone / gone[0])
 
 
-def _disturbed(start: State, aside: float) -> State:
+def _disturbed(start: State, size: float) -> State:
     """Every angle a little aside, in space every unit vector."""
-    by = aside * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
+    by = max(ASIDE * size, LEAST) * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
     links = start.links + by
     if links.ndim == 2:
         links /= np.linalg.norm(links, axis=1, keepdims=True)

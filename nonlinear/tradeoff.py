@@ -6,7 +6,8 @@ off in the last fifth, by least squares on the coordinates q (lengths in the lon
 
     q(t) ≈ q_ref(t − τ),     τ = −Σ q_ref'·(q − q_ref) / Σ q_ref'·q_ref',
 
-positive for a motion that is late; it has no meaning where a link is then more than 1 rad off.
+positive for a motion that is late.  It has no meaning where a link is then more than 1 rad off, where it is longer
+than that fifth, as of motion that has died away, and where the error itself is too small to be certain.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.rig import Floats
 from modal.scene import Scene
-from nonlinear.ladder import Question, Rung, ladder
+from nonlinear.ladder import GivenUpError, Question, Rung, ladder
 from nonlinear.plant import Plant, plant_of
 from nonlinear.references import Reference, reference_of
 from nonlinear.requests import insist_numbers
@@ -33,8 +34,9 @@ from nonlinear.timescales import timescales
 from nonlinear.trajectory import Trajectory
 
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples that are compared
-REPEATS, LONG = 5, 0.3  # runs whose median counts; one run where it takes so many seconds
-PATIENCE = 5.0  # seconds that a rung may take
+REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after so many seconds
+PATIENCE, PATIENT = 5.0, 120.0  # seconds that a run of a rung may take, and one of the reference
+FIRST, LONGER = 32, 4  # fastest periods that the reference is asked for first, and by what it then goes on
 MOST_LINKS = 400
 LAST = 0.2  # share of the time, at its end, that the phase is taken from
 LOST = 1.0  # error (rad) that no shift explains
@@ -98,8 +100,9 @@ def tradeoff(
 ) -> Tradeoff:
     """Run the whole ladder, or these rungs, on a scene from its own start or another for `duration` seconds.
 
-    A family of rungs is left at the first that takes longer than `patience` seconds.  `report` hears how many rungs
-    are done, the reference counted in.  After Ctrl-C the rungs that are done are returned, once there is a reference.
+    A family of rungs is left at the first that takes longer than `patience` seconds or plainly will.  `report` hears
+    how many rungs are done, the reference counted in.  After Ctrl-C the rungs that are done are returned, once there is
+    a reference.
     Raises SceneError for arguments that cannot be, ComputationError where there is no reference to judge by.
     """
     insist_numbers(duration, 1e-9, 0.0)
@@ -107,13 +110,26 @@ def tradeoff(
         raise SceneError([f"the scene has {scene.n_links} links: the whole ladder is run for at most {MOST_LINKS}"])
     state = checked(start if start is not None else start_of(scene), plant_of(scene))
     asked = ladder(scene) if rungs is None else tuple(rungs)
-    question = Question(scene, state, _samples(scene, duration))
-    reference = reference_of(question)
-    question = replace(question, times=reference.trajectory.times)
+    reference = _reference(scene, state, duration)
+    question = Question(scene, state, reference.trajectory.times)
     first = measured(reference.rung, question, reference)
     report(1)
     rows, skipped = _climbed(asked, replace(question, patience=patience), reference, report)
     return Tradeoff(scene, reference, (first, *rows), tuple(skipped.items()))
+
+
+def _reference(scene: Scene, state: State, duration: float) -> Reference:
+    """The reference of longer and longer parts: what lies far beyond its horizon is never computed."""
+    part = FIRST * 2 * pi / timescales(scene).swing
+    while True:
+        asked = min(part, duration)
+        try:
+            reference = reference_of(Question(scene, state, _samples(scene, asked), PATIENT))
+        except GivenUpError as error:
+            raise ComputationError(f"the reference was {error}: ask for a shorter duration") from None
+        if asked == duration or not reference.whole:
+            return replace(reference, duration=duration)
+        part *= LONGER
 
 
 def _samples(scene: Scene, duration: float) -> Floats:
@@ -144,7 +160,7 @@ def measured(rung: Rung, question: Question, reference: Reference) -> Row:
     """One rung, a few times over; ComputationError where it fails or takes too long."""
     prepared: list[float] = []
     seconds: list[float] = []
-    while len(seconds) < REPEATS and not (seconds and seconds[0] > LONG):
+    while len(seconds) < REPEATS and sum(prepared) + sum(seconds) < LONG:
         begun = perf_counter()
         task = rung.prepare(question)
         ready = perf_counter()
@@ -152,24 +168,26 @@ def measured(rung: Rung, question: Question, reference: Reference) -> Row:
         prepared.append(ready - begun)
         seconds.append(perf_counter() - ready)
     finest = reference.trajectory
+    error = float(apart(found.motion, finest.motion).max())
     return Row(
         rung,
         prepared=prepared[0],
         seconds=median(seconds),
         calls=found.run.calls,
-        error=float(apart(found.motion, finest.motion).max()),
-        shift=late(found.motion, finest),
+        error=error,
+        shift=late(found.motion, finest) if error > reference.floor else nan,
         drift=nan if rung.modal and found.plant.dissipates else found.energy_drift(),
     )
 
 
 def late(motion: Motion, reference: Trajectory) -> float:
-    """By how much (s) a motion is behind the reference at the end."""
+    """By how much (s) a motion is behind the reference at the end; NaN where no shift explains how it is off."""
     last = reference.times >= (1 - LAST) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > LOST:
         return nan
     (q, _), (sure, rate) = (_flat(one, reference.plant, last) for one in (motion, reference.motion))
-    return 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
+    shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
+    return shift if abs(shift) <= LAST * reference.times[-1] else nan
 
 
 def _flat(motion: Motion, plant: Plant, rows: Any) -> tuple[Floats, Floats]:

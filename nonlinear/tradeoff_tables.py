@@ -8,6 +8,7 @@ from typing import Any
 from modal.scene import described
 from modal.tables import NOTHING
 from nonlinear.check_tables import as_csv, as_json, finite, grid, titled
+from nonlinear.references import Reference
 from nonlinear.tradeoff import LAST, Row, Tradeoff
 
 ROWS = ("best", "family", "tolerance", "time (ms)", "prepared (ms)", "derivatives", "error (rad)", "late (s)", "energy")
@@ -33,7 +34,7 @@ def _cells(found: Tradeoff, row: Row) -> list[str]:
         f"{1e3 * row.seconds:.3g}",
         f"{1e3 * row.prepared:.3g}",
         str(row.calls),
-        f"{row.error:.1e}" if row.error > found.reference.floor else f"<{found.reference.floor:.0e}",
+        f"{row.error:.1e}" if row.error > found.reference.floor else f"<{found.reference.floor:.1e}",
         _signed(row.shift),
         _signed(row.drift),
     ]
@@ -47,23 +48,25 @@ def _notes(found: Tradeoff) -> list[str]:
     reference = found.reference
     notes = [
         f"reference: {reference.rung.name}, held against {reference.check.name}: they differ by "
-        f"{reference.difference[-1]:.0e} rad, so no error below {reference.floor:.0e} rad is told apart."
+        f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no error "
+        f"below {reference.floor:.1e} rad is told apart.",
+        f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference),
     ]
-    if not reference.whole:
-        notes.append(
-            f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared: by then a small error "
-            f"grows {reference.growth[-1]:.0e} times, by e in {1 / reference.exponent:.2g} s, and the reference "
-            "cannot be trusted further."
-        )
-    else:
-        notes.append(f"all {reference.horizon:g} s are compared; a small error grows {reference.growth[-1]:.2g} times.")
     notes += [f"{name} was left out: {reason}." for name, reason in found.skipped]
     notes.append(
-        "*: no other rung is both faster and closer. time: a run, once prepared; derivatives: of Taylor methods, "
-        "series. error: the largest of any link. "
+        "*: no other rung is both faster and closer. time: a run, once prepared; derivatives: right-hand sides, of "
+        "Taylor methods series. error: the largest of any link. "
         f"late: shift in time in the last {100 * LAST:.0f} %. energy: drift, relative."
     )
     return notes
+
+
+def _cut_short(reference: Reference) -> str:
+    pace = f": until then a small error grows by e in {1 / reference.exponent:.2g} s" if reference.exponent else ""
+    return (
+        f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared{pace}; "
+        "the reference cannot be trusted further."
+    )
 
 
 def _record(found: Tradeoff, row: Row) -> dict[str, Any]:
