@@ -26,14 +26,12 @@ from nonlinear.methods import Choice
 from nonlinear.plant import plant_of
 from nonlinear.preparation import Request
 from nonlinear.state import State
-from nonlinear.superposition import superposed
-from nonlinear.trajectory import Run, Trajectory
+from nonlinear.superposition import CORRECTED, LINEAR, superposed
+from nonlinear.trajectory import CLOSED, Run, Trajectory
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")
 IN_SPACE = ("RK23", "RK45", "DOP853")
-LINEAR, CORRECTED = "linear modes", "corrected modes"
-
 SOON, PLAINLY = 0.2, 1.25  # share of the patience after which a run is given up that would take so many times it
 
 Task = Callable[[], Trajectory]
@@ -91,7 +89,7 @@ class Rung:
     def _superposed(self, question: Question) -> Task:
         scene, times, plant = question.scene, question.times, plant_of(question.scene)
         motion = superposed(scene, question.start, corrected=self.kind == CORRECTED)
-        run = Run(self.kind, "closed form", "a rung of the ladder", nan)
+        run = Run(self.kind, CLOSED, "a rung of the ladder", inf)
 
         def task() -> Trajectory:
             with np.errstate(all="ignore"):

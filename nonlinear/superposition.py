@@ -30,6 +30,7 @@ from nonlinear.modal_coordinates import Complexes, along_rail, deflection, modal
 from nonlinear.state import Motion, State
 from nonlinear.two_planes import joined, split
 
+LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is no correction any more
 SPANNED = 1e-6  # part of a start that the modes may miss
 INCOMPLETE = "the modes do not add up to this start: some of them share an eigenvalue and a shape"

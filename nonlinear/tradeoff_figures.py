@@ -13,7 +13,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from modal.errors import ComputationError
 from modal.palette import COLOURS, GRID, INK, REST
 from modal.pictures import save
-from nonlinear.ladder import CORRECTED, LINEAR, Rung
+from nonlinear.ladder import Rung
+from nonlinear.superposition import CORRECTED, LINEAR
 from nonlinear.tradeoff import Row, Tradeoff
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), COLOURS, strict=True))

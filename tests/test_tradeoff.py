@@ -17,13 +17,13 @@ from scipy.linalg import expm
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear import tradeoff as module
 from nonlinear.directions import of_plane
-from nonlinear.ladder import CORRECTED, LINEAR, GivenUpError, Question, Rung, ladder
+from nonlinear.ladder import GivenUpError, Question, Rung, ladder
 from nonlinear.modal_coordinates import deflection, rest_angles, start_in_mode
 from nonlinear.references import Reference, _disturbed, reference_of
 from nonlinear.simulation import simulate
 from nonlinear.starts import start_of
 from nonlinear.state import Motion, State, apart
-from nonlinear.superposition import superposed
+from nonlinear.superposition import CORRECTED, LINEAR, superposed
 from nonlinear.tradeoff import Row, Tradeoff, late, tradeoff
 from nonlinear.tradeoff_figures import draw_tradeoff
 from nonlinear.tradeoff_tables import tradeoff_table

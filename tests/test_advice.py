@@ -1,0 +1,209 @@
+"""The cheapest way to a wished accuracy: it is met, it is cheap, and what cannot be met is said."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from dataclasses import replace
+from itertools import pairwise
+from math import inf, radians
+
+import numpy as np
+import pytest
+from motion_scenes import motion_scene
+
+from modal import Bob, Cart, Pendulum, Scene, SceneError, load, natural_modes
+from multipendula.cli import main
+from nonlinear import Push, crossing, plant_of, recordings, released, resumed, simulate, start_of
+from nonlinear import load as load_run
+from nonlinear.advice import RATIO, Attempt
+from nonlinear.advice_tables import advice_table
+from nonlinear.modal_coordinates import start_in_mode
+from nonlinear.preparation import SimulationError
+from nonlinear.simulation import advise
+from nonlinear.state import State, apart
+
+PAPER = load("paper-cart-2")
+
+
+def asked(seed: int) -> tuple[Scene, State, float, float]:
+    """A scene, a start of any size, a duration (s) and an accuracy (rad)."""
+    rng = np.random.default_rng(seed)
+    scene = motion_scene(4000 + seed, damped=bool(rng.random() < 0.3), standing=False, most=2)
+    start, size = start_of(scene), 10 ** rng.uniform(-3, -0.3)
+    start = replace(start, links=size * start.links, link_rates=size * start.link_rates)
+    return scene, start, float(10 ** rng.uniform(0, 1)), float(10 ** rng.uniform(-7, -2))
+
+
+@pytest.mark.parametrize("seed", range(24))
+def test_the_accuracy_is_met(seed: int) -> None:
+    scene, start, duration, accuracy = asked(seed)
+    advice = advise(scene, duration, accuracy, start=start, output=101)
+    assert advice.met
+    sure = simulate(scene, duration, start=start, output=101, form="hamiltonian", tolerance=1e-12)
+    assert apart(advice.trajectory.motion, sure.motion).max() < accuracy
+    assert advice.trajectory.run.error == advice.attempts[-1].error == advice.errors[-1] <= accuracy
+    assert len(advice.trajectory.times) == len(advice.errors) == 101
+
+
+def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_do() -> None:
+    spent, needed = [], []
+    for seed in range(12):
+        scene, start, duration, accuracy = asked(100 + seed)
+        start = replace(start, links=start.links + 0.3)
+        advice = advise(scene, duration, accuracy, start=start, method="DOP853")
+        sure = simulate(scene, duration, start=start, method="DOP853", tolerance=1e-13)
+        for exponent in np.arange(-2.0, -13.0, -0.25):
+            found = simulate(scene, duration, start=start, method="DOP853", tolerance=float(10**exponent))
+            if apart(found.motion, sure.motion).max() < accuracy:
+                break
+        assert advice.met
+        spent.append(sum(attempt.calls for attempt in advice.attempts))
+        needed.append(found.run.calls)
+    ratios = np.array(spent) / needed
+    assert np.median(ratios) < 3
+    assert ratios.max() < 5
+
+
+def test_small_motions_are_not_integrated() -> None:
+    start = start_in_mode(PAPER, natural_modes(PAPER), 1, 0, radians(0.5))
+    linear = advise(PAPER, 60.0, 1e-3, start=start)
+    assert [attempt.way for attempt in linear.attempts] == ["linear modes"]
+    assert linear.attempts[0].calls == 0
+    corrected = advise(PAPER, 60.0, 2e-6, start=start)
+    assert [attempt.way for attempt in corrected.attempts] == ["linear modes", "corrected modes"]
+    sure = simulate(PAPER, 60.0, start=start, tolerance=1e-13)
+    for advice in (linear, corrected):
+        true = apart(advice.trajectory.motion, sure.motion).max()
+        assert 0.3 * advice.errors[-1] < true < advice.errors[-1] <= advice.accuracy
+    integrated = advise(PAPER, 60.0, 1e-9, start=start)
+    assert integrated.attempts[-1].calls > 0
+
+
+def test_beyond_the_horizon_nothing_is_promised() -> None:
+    scene = load("paper-cart-3")
+    advice = advise(scene, 60.0, 1e-3)
+    assert not advice.met
+    assert 8.0 < advice.horizon < 30.0
+    sure = simulate(scene, advice.horizon, tolerance=3e-14, method="DOP853", output=advice.certain.times)
+    assert apart(advice.certain.motion, sure.motion).max() < 1e-2
+    assert advice.certain.run.error <= 1e-3
+    assert advice.certain.run.stopped.startswith("0.001 rad cannot be met beyond")
+    with pytest.raises(SimulationError, match="no further: beyond it the digits") as caught:
+        simulate(scene, 60.0, accuracy=1e-3)
+    assert caught.value.trajectory.times[-1] == pytest.approx(advice.horizon, rel=0.1)
+
+
+def test_a_run_knows_its_error_and_can_be_kept_and_gone_on_from(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    start = start_in_mode(PAPER, natural_modes(PAPER), 1, 0, 0.01)
+    for accuracy in (1e-3, 1e-8):
+        first = simulate(PAPER, 5.0, start=start, accuracy=accuracy)
+        assert first.run.error <= accuracy
+        recordings.save(first, tmp_path / "run.npz")
+        again = load_run(tmp_path / "run.npz")
+        assert again.run == first.run
+        on = resumed(again, 5.0, accuracy=accuracy)
+        whole = simulate(PAPER, 10.0, start=start, tolerance=1e-12, output=[10.0])
+        assert on.times[0] == 5.0
+        assert np.abs(on.final.links - whole.final.links).max() < 20 * accuracy
+        assert resumed(again, 1.0).complete
+    assert simulate(PAPER, 5.0, start=start).run.error == inf
+
+
+def test_loads_events_and_times_go_with_an_accuracy() -> None:
+    scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    start = released(scene, [30.0])
+
+    def load_of(time: float, state: State) -> Push:
+        return Push(cart=float(np.sin(time)))
+
+    pushed = simulate(scene, 4.0, start=start, load=load_of, accuracy=1e-6, output=[1.0, 4.0], start_time=3.0)
+    sure = simulate(scene, 4.0, start=start, load=load_of, tolerance=1e-12, output=[1.0, 4.0], start_time=3.0)
+    assert list(pushed.times) == [3.0, 4.0, 7.0]
+    assert apart(pushed.motion, sure.motion).max() < 1e-6
+    stop = crossing(plant_of(scene), "theta[1,1]", stop=True)
+    ended = simulate(scene, 4.0, start=start, events=[stop], accuracy=1e-6)
+    assert ended.run.stopped.startswith("theta[1,1]")
+    assert abs(ended.final.links[0]) < 1e-6
+    assert ended.run.error <= 1e-6
+
+
+def test_in_space_and_with_equal_pendula() -> None:
+    spatial = load("chain-spatial")
+    found = simulate(spatial, 3.0, accuracy=1e-5)
+    sure = simulate(spatial, 3.0, tolerance=1e-12)
+    assert apart(found.motion, sure.motion).max() < 1e-5
+    pendulum = Pendulum(links=[Bob(mass=1.0, length=1.0)] * 2, count=50)
+    many = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=[pendulum])
+    one = simulate(many, 3.0, start=released(many, [60.0, 20.0]), accuracy=1e-4)
+    assert one.run.reduced.startswith("1 of 50 pendula")
+
+
+def test_bad_wishes_are_refused() -> None:
+    for accuracy in (0.0, -1.0, float("nan"), inf, 1.0, "fine", True):
+        with pytest.raises(SceneError, match="accuracy"):
+            advise(PAPER, 1.0, accuracy)  # type: ignore[arg-type]
+    with pytest.raises(SceneError, match="goes without a tolerance"):
+        simulate(PAPER, 1.0, accuracy=1e-3, tolerance=1e-6)
+    with pytest.raises(SceneError, match=r"(?s)duration.*accuracy"):
+        advise(PAPER, -1.0, 0.0)
+
+
+def test_control_c_gives_what_there_is_without_a_promise() -> None:
+    def report(elapsed: float) -> None:
+        if elapsed > 3.0:
+            raise KeyboardInterrupt
+
+    advice = advise(load("paper-cart-3"), 10.0, 1e-6, report=report)
+    assert advice.trajectory.run.interrupted
+    assert not advice.met
+    assert advice.trajectory.run.error == inf
+    assert 3.0 < advice.trajectory.times[-1] < 5.0
+
+
+def test_two_runs_that_may_be_one_are_no_evidence() -> None:
+    scene = load("paper-cart-3")
+    attempts = advise(scene, 60.0, 1e-12).attempts
+    tolerances = [attempt.tolerance for attempt in attempts if attempt.calls]
+    assert tolerances[0] == pytest.approx(RATIO * tolerances[1])
+    assert all(4 * tight < loose for loose, tight in pairwise(tolerances))
+    assert attempts[-1].error == inf
+
+
+def test_the_table_in_every_form(capsys: pytest.CaptureFixture[str]) -> None:
+    advice = advise(PAPER, 5.0, 1e-3, start=start_in_mode(PAPER, natural_modes(PAPER), 1, 0, 0.3))
+    text, markdown, comma, whole = (advice_table(advice, form) for form in ("text", "markdown", "csv", "json"))
+    assert f"no angle is off by more than {advice.errors[-1]:.1e} rad until 5 s." in text
+    assert "| tolerance" in markdown.replace("  ", " ") or "tolerance" in markdown
+    rows = list(csv.DictReader(io.StringIO(comma)))
+    assert len(rows) == len(advice.attempts)
+    record = json.loads(whole)
+    assert record["met"] is True
+    assert record["attempts"][-1]["error_rad"] == advice.attempts[-1].error
+    assert isinstance(advice.attempts[-1], Attempt)
+
+
+def test_the_command(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
+    words = "advise paper-cart-2 --start mode:2:5 --accuracy 1e-3 --duration 10"
+    assert main([*words.split(), "-o", str(tmp_path / "run.npz")]) == 0
+    assert "the cheapest way to 0.001 rad" in capsys.readouterr().out
+    assert load_run(tmp_path / "run.npz").run.error <= 1e-3
+    assert (
+        main([*["advise", "paper-cart-3", "--accuracy", "1e-3", "--duration", "60"], "-o", str(tmp_path / "b.npz")])
+        == 1
+    )
+    told = capsys.readouterr()
+    assert "no further" in told.out
+    assert told.err.startswith("multipendula: 0.001 rad can be met up to")
+    kept = load_run(tmp_path / "b.npz")
+    assert kept.run.error <= 1e-3
+    assert kept.times[-1] < 30.0
+    with pytest.raises(SystemExit) as left:
+        main(["advise", "paper-cart-2", "--accuracy", "nan"])
+    assert left.value.code == 2
+    assert main(["simulate", "paper-cart-2", "--duration", "2", "--accuracy", "1e-3"]) == 0
+    assert "no angle is off by more than" in capsys.readouterr().out
+    assert main(["simulate", "paper-cart-2", "--duration", "2", "--accuracy", "1e-3", "--tolerance", "1e-6"]) == 2
+    assert "goes without a tolerance" in capsys.readouterr().err
+    assert main(["advise", "nowhere.toml", "--accuracy", "1e-3", "-o", "a.txt"]) == 2

@@ -1,0 +1,143 @@
+"""Only what a scene requires: coordinates, matrices and packages of a run, counted from outside."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from modal import Bob, Cart, Fixed, Pendulum, Scene, natural_modes
+from modal.errors import ComputationError
+from multipendula.cli import main
+from nonlinear import Push, recordings, released, simulate
+from nonlinear.inventory import inventory
+from nonlinear.modal_coordinates import start_in_mode
+from nonlinear.simulation import advise
+from nonlinear.trajectory import Trajectory
+from nonlinear.truncation import truncated
+
+
+def scene_of(
+    *, cart: bool = False, space: str = "plane", links: int = 2, pendula: int = 1, damping: float = 0.0
+) -> Scene:
+    chain = tuple(Bob(mass=1.0, length=1.0, damping=damping) for _ in range(links))
+    support = Cart(mass=10.0) if cart else Fixed()
+    hung = [Pendulum(links=(*chain[:-1], Bob(mass=1.0 + at, length=1.0))) for at in range(pendula)]
+    return Scene(gravity=9.81, space=space, support=support, pendulum=hung)
+
+
+def run_of(scene: Scene, **how: object) -> Trajectory:
+    angles = np.linspace(10, 40, scene.n_links)
+    return simulate(scene, 0.3, start=released(scene, list(angles)), output=5, **how)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("how", "coordinates", "integrated", "numbers"),
+    [
+        ({}, 2, 2, 4),
+        ({"cart": True}, 3, 3, 6),
+        ({"damping": 0.1}, 2, 2, 5),
+        ({"cart": True, "pendula": 3}, 7, 7, 14),
+        ({"space": "space"}, 4, 2, 4),
+        ({"space": "space", "cart": True}, 5, 3, 6),
+    ],
+)
+def test_degrees_of_freedom(how: dict[str, object], coordinates: int, integrated: int, numbers: int) -> None:
+    trajectory = run_of(scene_of(**how))  # type: ignore[arg-type]
+    found = inventory(trajectory)
+    assert (found.coordinates, found.integrated, found.numbers) == (coordinates, integrated, numbers)
+    assert trajectory.system is not None
+    assert len(trajectory.system.begin(trajectory.final)) == numbers
+    assert ("no cart coordinate: the support is fixed" in found.left_out) == (trajectory.plant.cart is None)
+    assert ("no work: nothing damps or drives" in found.left_out) == (not how.get("damping"))
+
+
+@pytest.mark.parametrize(
+    ("links", "pendula", "form", "expected"),
+    [
+        (2, 2, "auto", {(5, 5): 1}),
+        (2, 20, "auto", {(20, 2, 2): 1}),
+        (40, 1, "auto", {}),
+        (2, 1, "maximal", {(13, 13): 1}),
+    ],
+)
+def test_matrices_are_those_that_are_really_solved(
+    links: int, pendula: int, form: str, expected: dict[tuple[int, ...], int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solved: Counter[tuple[int, ...]] = Counter()
+    solve = np.linalg.solve
+
+    def counted(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+        solved[matrix.shape] += 1
+        return solve(matrix, right)
+
+    scene = scene_of(cart=True, links=links, pendula=pendula)
+    monkeypatch.setattr(np.linalg, "solve", counted)
+    found = inventory(run_of(scene, form=form))
+    assert set(solved) == set(expected)
+    assert sorted(matrix[0] for matrix in found.matrices) == sorted(shape[-1] for shape in expected)
+    assert sum(number for _, number in found.matrices) == sum(shape[0] if len(shape) == 3 else 1 for shape in expected)
+    if not expected:
+        assert f"no matrix of {links + 1} × {links + 1}: O(n) steps along the chains" in found.left_out
+
+
+def test_equal_pendula_few_modes_and_closed_forms_leave_out_the_rest() -> None:
+    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), count=1000)
+    scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))
+    found = inventory(simulate(scene, 1.0, start=released(scene, [20.0]), output=3))
+    assert (found.coordinates, found.integrated, found.numbers) == (1001, 2, 4)
+    assert "all but 1 of 1000 pendula, the others moving with them" in found.left_out
+    chain = scene_of(links=12)
+    modes = natural_modes(chain)
+    start = start_in_mode(chain, modes, 0, 0, 0.05)
+    few = inventory(truncated(chain, 1.0, 3, start=start).trajectory)
+    assert (few.coordinates, few.integrated, few.matrices) == (12, 3, ((3, 1),))
+    none = inventory(advise(chain, 1.0, 1e-2, start=start).trajectory)
+    assert (none.coordinates, none.integrated, none.numbers) == (12, 0, 0)
+
+
+def test_a_saved_run_does_not_tell(tmp_path) -> None:  # type: ignore[no-untyped-def]
+    recordings.save(run_of(scene_of()), tmp_path / "run.npz")
+    with pytest.raises(ComputationError, match="not saved with it"):
+        inventory(recordings.load(tmp_path / "run.npz"))
+
+
+def test_a_driven_run_counts_its_work() -> None:
+    found = inventory(run_of(scene_of(), load=lambda time, state: Push()))
+    assert found.numbers == 5
+    assert not any("work" in sentence for sentence in found.left_out)
+
+
+def test_packages_are_those_of_the_process() -> None:
+    code = (
+        "import json, sys\n"
+        "from modal import load\n"
+        "from nonlinear import simulate\n"
+        "from nonlinear.inventory import inventory\n"
+        "found = inventory(simulate(load('chain-3'), 1.0))\n"
+        "print(json.dumps([found.record(), sorted(name for name in sys.modules if '.' not in name)]))\n"
+    )
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    record, names = json.loads(shown.stdout)
+    assert record["modules"] == ["numpy", "scipy"]
+    assert not {"sympy", "control", "matplotlib", "numba", "heyoka", "flint"} & set(names)
+
+
+def test_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["simulate", "chain-3", "--duration", "1", "--explain"]) == 0
+    told = capsys.readouterr()
+    assert told.err.startswith("Integrated: 3 coordinates, 6 numbers, for a scene of 3 coordinates")
+    assert "Integrated" not in told.out
+    assert main(["table", "chain-3", "--explain"]) == 0
+    assert capsys.readouterr().err.startswith("Built: 3 unknowns for a scene of 3 coordinates")
+    assert main(["simulate", "rope", "--start", "mode:1:1", "--duration", "1", "--keep-modes", "4", "--explain"]) == 0
+    told = capsys.readouterr()
+    assert "a few mode shapes" in told.out
+    assert "no angle is off by more than" in told.out
+    assert "4×4" in told.err
+    assert main(["simulate", "chain-3", "--keep-modes", "2", "--form", "maximal", "--accuracy", "0.1"]) == 2
+    assert "--form: goes without --keep-modes" in capsys.readouterr().err
