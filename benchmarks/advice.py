@@ -3,11 +3,11 @@
     OPENBLAS_NUM_THREADS=1 python benchmarks/advice.py [--scenes 300] [--write]
 
 Random scenes of one to nine links, in the plane and in space, on a cart or not, with springs and dampers or without,
-from 0.01 to 170 degrees, over 1 to 60 s and for 1e-8 to 1e-2 rad; no constant of the code was fitted to them.  The
+from 0.01 to 170 degrees, over 1 to 20 s and for 1e-8 to 1e-2 rad; no constant of the code was fitted to them.  The
 judge is the finest rung, held against another one; where the two differ by more than a twentieth of the accuracy
 nobody can judge, and the advice should say so.  The cheapest rung is found by trying every integrator from loose
-tolerances on, half a decade at a time.  A cost is the time from scene to motion in a process of its own: compilers and the loading of
-numba and heyoka, which is measured once, are counted.
+tolerances on, half a decade at a time.  A cost is the time from scene to motion in a process of its own: compilers and
+the loading of numba and heyoka, which is measured once, are counted.
 """
 
 from __future__ import annotations
@@ -94,7 +94,7 @@ def held(seed: int) -> tuple[Scene, State, float, float]:
         tilt, azimuth = size * numbers.uniform(0, 1, links), numbers.uniform(-np.pi, np.pi, links)
         u = np.stack((np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)), axis=1)
         start = State(u, np.cross(size * numbers.uniform(-1, 1, (links, 3)), u))
-    return scene, start, 10 ** rng.uniform(0, 1.78), 10 ** rng.uniform(-8, -2)
+    return scene, start, 10 ** rng.uniform(0, 1.3), 10 ** rng.uniform(-8, -2)
 
 
 @cache
