@@ -58,7 +58,8 @@ def _bounds(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
 
 def _front(axis: Axes, found: Tradeoff) -> None:
     points = [(row.seconds, found.judged(row)) for row in found.pareto]
-    axis.plot(*zip(*points, strict=True), color=REST, lw=8, solid_capstyle="round", zorder=1, label="none is better")
+    look: dict[str, Any] = {"color": REST, "lw": 8, "solid_capstyle": "round", "drawstyle": "steps-post"}
+    axis.plot(*zip(*points, strict=True), zorder=1, label="none is better", **look)
 
 
 def _family(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
@@ -80,7 +81,7 @@ def _dress(figure: Figure, axis: Axes, found: Tradeoff) -> None:
     horizon, tolerances = found.reference.horizon, [row.rung.tolerance for row in found.rows[1:] if not row.rung.modal]
     axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
     if tolerances:
-        words = f"each line: tolerances from {max(tolerances):.0e} to {min(tolerances):.0e}"
+        words = f"along each line: tolerances from {max(tolerances):.0e} to at most {min(tolerances):.0e}"
         axis.set_title(words, fontsize=9, color=INK, loc="right")
     axis.grid(color=GRID, lw=0.6)
     axis.set_axisbelow(True)
