@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from math import inf, pi
 
+import numpy as np
+
 from modal.errors import SceneError
 from modal.scene import Scene
 from nonlinear.interrupts import undisturbed
@@ -27,6 +29,7 @@ METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest swing
 LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
+FRAIL = 1e-3  # share of a heavier link's mass below which dense forms lose digits to a link above it
 FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain anything
@@ -130,7 +133,7 @@ def _worth_compiling(costs: dict[str, float]) -> bool:
 
 def body_of(group: Group, plant: Plant) -> Body:
     """Who solves one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
-    if _light(plant):
+    if _light(plant) or _frail(group):
         return Recursion(group)
     if group.n < SHORT and group.index.size <= MANY:
         return Dense(group)
@@ -144,6 +147,12 @@ def body_of(group: Group, plant: Plant) -> Body:
 def _light(plant: Plant) -> bool:
     """Whether the cart is so light that a dense form would lose digits."""
     return plant.cart is not None and plant.cart.mass < LIGHT * float(plant.mass.sum())
+
+
+def _frail(group: Group) -> bool:
+    """Whether a link is so light beside one below it that dense and banded forms would lose digits."""
+    heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
+    return bool(np.any(group.block.mass < FRAIL * heaviest))
 
 
 def system_of(plant: Plant, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()) -> System:
@@ -168,6 +177,6 @@ def system_of(plant: Plant, choice: Choice, load: Load | None = None, symmetries
             from nonlinear.compiled import Compiled
 
             return Compiled(plant)
-    if plant.n_links <= FEWEST and not _light(plant):
+    if plant.n_links <= FEWEST and not (_light(plant) or any(map(_frail, plant.groups))):
         return Small(plant, load=load)
     return Minimal(plant, tuple(body_of(group, plant) for group in plant.groups), load)

@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from modal import pair
+from modal.errors import ComputationError
 from nonlinear.plant import Group
+from nonlinear.small import SINGULAR
 
 
 class Dense:
@@ -32,7 +34,10 @@ class Dense:
         across, along = self.b * np.cos(theta), self.b * np.sin(theta)
         thrown = (self.A * np.sin(apart)) @ squared[..., None]
         sides = np.stack((moments.T - gravity * along - thrown[..., 0], across), axis=-1)
-        free, pushed = np.moveaxis(np.linalg.solve(self.A * np.cos(apart), sides), -1, 0)
+        try:
+            free, pushed = np.moveaxis(np.linalg.solve(self.A * np.cos(apart), sides), -1, 0)
+        except np.linalg.LinAlgError:
+            raise ComputationError(SINGULAR) from None
         force = np.sum(across * free) - np.sum(along * squared)
         return self.mass - np.sum(across * pushed), force, (free, pushed)
 

@@ -13,10 +13,13 @@ from typing import Any
 import numpy as np
 
 from modal import pair
+from modal.errors import ComputationError
 from modal.rig import Floats
 from nonlinear import efforts
 from nonlinear.minimal import Minimal
 from nonlinear.suspended import NOTHING
+
+SINGULAR = "the mass matrix is singular in double precision"
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +68,10 @@ class Small(Minimal):
         found[:half] = y[half : 2 * half]
         if self._acts:
             self._push(time, y, force, found)
-        found[half : 2 * half] = np.linalg.solve(M, force)
+        try:
+            found[half : 2 * half] = np.linalg.solve(M, force)
+        except np.linalg.LinAlgError:
+            raise ComputationError(SINGULAR) from None
         return found
 
     def _push(self, time: float, y: Floats, force: Floats, found: Floats) -> None:

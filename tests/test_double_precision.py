@@ -1,0 +1,64 @@
+"""Where double precision runs out: what keeps its digits there, and what says that it cannot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from test_bodies import apart, exact, minimal
+
+from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene
+from nonlinear.methods import Choice, body_of, system_of
+from nonlinear.minimal import Recursion
+from nonlinear.plant import plant_of
+from nonlinear.short import Dense
+from nonlinear.simulation import simulate
+from nonlinear.small import Small
+from nonlinear.state import State
+
+MINIMAL = Choice("minimal", "", compiled=False, reason="")
+
+
+def chain(*masses: float, kind: type = Bob, cart: Cart | None = None) -> Scene:
+    """Links of one metre."""
+    pendulum = [Pendulum(links=[kind(mass=mass, length=1.0) for mass in masses])]
+    return Scene(gravity=9.81, pendulum=pendulum, **({"support": cart} if cart else {}))
+
+
+# ------------------------------------------------------------------------------------------ light above heavy
+
+
+@pytest.mark.parametrize("ratio", [1e2, 1e4, 1e8, 1e12, 1e16])
+@pytest.mark.parametrize("before", [(), (1.0,), (1.0, 0.3)])
+def test_a_light_link_above_a_heavy_one_keeps_its_digits(before: tuple[float, ...], ratio: float) -> None:
+    scene = chain(*before, 1.0, ratio, cart=Cart(mass=1e3 * ratio))
+    system, n = system_of(plant_of(scene), MINIMAL), len(before) + 2
+    fast = ratio**-0.5
+    y = np.concatenate(([0.0], 0.3 * fast * (-1.0) ** np.arange(n), [0.0], np.linspace(-1, 1, n)))
+    assert apart(system.derivative(0.0, y)[-n:], exact(scene, y)[1:]) < 1e-12
+
+
+@pytest.mark.parametrize("kind", [Bob, Rod])
+def test_ordinary_links_stay_on_the_fast_body(kind: type) -> None:
+    for masses in ((1.0, 1.0), (1.0, 500.0), (1.0, 1e-8)):
+        plant = plant_of(chain(*masses, kind=kind))
+        assert type(system_of(plant, MINIMAL)) is Small
+        assert type(body_of(plant.groups[0], plant)) is Dense
+    plant = plant_of(chain(1.0, 1.0, 2000.0, kind=kind))
+    assert type(body_of(plant.groups[0], plant)) is Recursion
+
+
+def test_a_mass_ratio_of_1e12_swings_right() -> None:
+    """The light bob is on a taut string of two lengths: θ'' = −2 (g/l) (m2/m1) θ for tiny θ."""
+    ratio, tiny = 1e12, 1e-12
+    start = State(np.array([tiny, -tiny]), np.zeros(2))
+    found = simulate(chain(1.0, ratio), 2 * ratio**-0.5, start=start, output=9)
+    right = tiny * np.cos(np.sqrt(2 * 9.81 * ratio) * found.times)
+    assert found.motion.links[:, 0] == pytest.approx(right, abs=1e-8 * tiny)
+
+
+@pytest.mark.parametrize("body", [Small, Dense])
+def test_a_singular_mass_matrix_is_an_error(body: type) -> None:
+    plant = plant_of(chain(1.0, 1e17))
+    system = Small(plant) if body is Small else minimal(chain(1.0, 1e17), Dense)
+    with pytest.raises(ComputationError, match="singular in double precision"):
+        system.derivative(0.0, np.zeros(4))
