@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
+import numpy as np
+
 from modal.errors import ComputationError
 from modal.rig import Floats
 from modal.scene import Scene
@@ -72,9 +74,13 @@ class Prepared:
 
 
 def prepared(scene: Scene, system: System, choice: Choice, start: State, times: Floats, size: float) -> Prepared:
-    """The equations of a scene with the chosen integrator, for a motion of this size (`extent`)."""
-    stepper = _stepper(scene, system, choice, system.begin(start), times, size)
-    return Prepared(scene, choice, system, stepper, times)
+    """The equations of a scene with the chosen integrator, for a motion of this size (`extent`).
+
+    ComputationError where the motion cannot begin.
+    """
+    y = system.begin(start)
+    _slope(system, float(times[0]), y)
+    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, times, size), times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,6 +153,16 @@ def _stepper(scene: Scene, system: System, choice: Choice, y: Floats, times: Flo
         return TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, cap)
     absolute = NEAR_ZERO * choice.tolerance * size * system.scale
     return SciPyStepper(choice.method, system.derivative, first, y, last, choice.tolerance, absolute)
+
+
+def _slope(system: System, time: float, y: Floats) -> Floats:
+    """The derivative at the start, (size,); integrators would search for ever for a first step where it is no number."""
+    with np.errstate(all="ignore"):
+        found = system.derivative(time, y)
+    if not np.all(np.isfinite(found)):
+        hint = _hint(system.plant) or "; choose units in which masses and lengths are nearer to 1"
+        raise ComputationError(f"the accelerations at the start are not finite in double precision{hint}")
+    return found
 
 
 def _hint(plant: Plant) -> str:

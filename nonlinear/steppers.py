@@ -65,7 +65,8 @@ class SciPyStepper:
         self.method, self.f, self.end, self.tolerance, self.absolute = method, f, end, tolerance, absolute
         self._done = 0
         self.before, self.y_before = start, y
-        self._solver = self._made(start, y, end)
+        with np.errstate(all="ignore"):
+            self._solver = self._made(start, y, end)
 
     def _made(self, start: float, y: Floats, end: float) -> integrate.OdeSolver:
         return SCIPY[self.method](self.f, start, y, end, rtol=max(self.tolerance, SMALLEST), atol=self.absolute)

@@ -62,3 +62,22 @@ def test_a_singular_mass_matrix_is_an_error(body: type) -> None:
     system = Small(plant) if body is Small else minimal(chain(1.0, 1e17), Dense)
     with pytest.raises(ComputationError, match="singular in double precision"):
         system.derivative(0.0, np.zeros(4))
+
+
+# --------------------------------------------------------------------------------------------- no beginning
+
+
+@pytest.mark.parametrize("method", ["DOP853", "Radau", "LSODA", "taylor"])
+def test_a_motion_without_a_finite_beginning_is_refused_at_once(method: str) -> None:
+    if method == "taylor":
+        pytest.importorskip("heyoka")
+    start = State(np.array([0.1]), np.array([1e200]))
+    scene = chain(1.0, cart=Cart(mass=1.0))
+    with pytest.raises(ComputationError, match="accelerations at the start are not finite.*units"):
+        simulate(scene, 1.0, start=start, method=method, output=2)
+
+
+def test_a_massless_cart_that_nothing_pulls_has_no_beginning() -> None:
+    start = State(np.zeros(1), np.ones(1))
+    with pytest.raises(ComputationError, match="not finite.*give it a mass"):
+        simulate(chain(1.0, cart=Cart(mass=0.0)), 1.0, start=start, method="DOP853", output=2)
