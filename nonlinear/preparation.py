@@ -20,11 +20,12 @@ from nonlinear.plant import Plant, plant_of
 from nonlinear.reduced import Reduced
 from nonlinear.requests import extent
 from nonlinear.state import Load, State, System
-from nonlinear.steppers import SciPyStepper, Stepper
+from nonlinear.steppers import SciPyStepper, Stepper, first_step
 from nonlinear.symmetries import Symmetry, symmetries
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import Run, Trajectory
 
+FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
 NEAR_ZERO = 0.1  # share of the motion's size that the tolerance is relative to where a quantity passes zero
 
 
@@ -79,8 +80,8 @@ def prepared(scene: Scene, system: System, choice: Choice, start: State, times: 
     ComputationError where the motion cannot begin.
     """
     y = system.begin(start)
-    _slope(system, float(times[0]), y)
-    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, times, size), times)
+    slope = _slope(system, float(times[0]), y)
+    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, slope, times, size), times)
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,20 +144,24 @@ class Request:
         return self.prepared(choice).go(self.events, self.report)
 
 
-def _stepper(scene: Scene, system: System, choice: Choice, y: Floats, times: Floats, size: float) -> Stepper:
+def _stepper(
+    scene: Scene, system: System, choice: Choice, y: Floats, slope: Floats, times: Floats, size: float
+) -> Stepper:
     """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
     first, last = float(times[0]), float(times[-1])
     if choice.method == "taylor":
-        from nonlinear.taylor import TaylorStepper, first_step
+        from nonlinear import taylor
 
-        cap, series = first_step(timescales(scene).swing), system.inner if isinstance(system, Reduced) else system
-        return TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, cap)
+        cap = taylor.first_step(timescales(scene).swing)
+        series = system.inner if isinstance(system, Reduced) else system
+        return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, cap)
     absolute = NEAR_ZERO * choice.tolerance * size * system.scale
-    return SciPyStepper(choice.method, system.derivative, first, y, last, choice.tolerance, absolute)
+    tried = first_step(y, slope, absolute + choice.tolerance * np.abs(y), FIRST / system.plant.rate)
+    return SciPyStepper(choice.method, system.derivative, first, y, last, choice.tolerance, absolute, tried)
 
 
 def _slope(system: System, time: float, y: Floats) -> Floats:
-    """The derivative at the start, (size,); integrators would search for ever for a first step where it is no number."""
+    """The derivative at the start, (size,): where it is not finite integrators would seek a first step for ever."""
     with np.errstate(all="ignore"):
         found = system.derivative(time, y)
     if not np.all(np.isfinite(found)):

@@ -18,6 +18,16 @@ SCIPY = {**EXPLICIT, **OTHERS}
 SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
 
 
+def first_step(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
+    """A first step (s) to try, at most `longest`: in which y at this slope goes as far as it is from zero.
+
+    Both are measured in `scale`, what is left of each component.  SciPy's rule (Hairer, Nørsett and Wanner, Solving
+    Ordinary Differential Equations I, 1993, §II.4) ends with a power of seconds, so other units change every step.
+    """
+    size, speed = (float(np.max(np.abs(values / scale))) for values in (y, slope))
+    return min(size / speed, longest) if size and speed else longest
+
+
 class Stepper(Protocol):
     """An integrator on its way."""
 
@@ -56,20 +66,31 @@ class Stepper(Protocol):
 class SciPyStepper:
     """A method of `scipy.integrate` (see there for the papers behind each).
 
-    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is what it leaves of components near zero.
+    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is what it leaves of components near zero.  `first`
+    (s) is the first step to try, SciPy's own where it is None.
     """
 
     def __init__(
-        self, method: str, f: Derivative, start: float, y: Floats, end: float, tolerance: float, absolute: Floats
+        self,
+        method: str,
+        f: Derivative,
+        start: float,
+        y: Floats,
+        end: float,
+        tolerance: float,
+        absolute: Floats,
+        first: float | None = None,
     ) -> None:
         self.method, self.f, self.end, self.tolerance, self.absolute = method, f, end, tolerance, absolute
         self._done = 0
         self.before, self.y_before = start, y
         with np.errstate(all="ignore"):
-            self._solver = self._made(start, y, end)
+            self._solver = self._made(start, y, end, first)
 
-    def _made(self, start: float, y: Floats, end: float) -> integrate.OdeSolver:
-        return SCIPY[self.method](self.f, start, y, end, rtol=max(self.tolerance, SMALLEST), atol=self.absolute)
+    def _made(self, start: float, y: Floats, end: float, first: float | None) -> integrate.OdeSolver:
+        tried = None if first is None or self.method == "LSODA" else min(first, end - start)
+        options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
+        return SCIPY[self.method](self.f, start, y, end, **options)
 
     @property
     def time(self) -> float:
@@ -101,7 +122,7 @@ class SciPyStepper:
         """By integrating anew from the beginning of the step."""
         if time <= self.before:
             return self.y_before
-        solver = self._made(self.before, self.y_before, time)
+        solver = self._made(self.before, self.y_before, time, time - self.before)
         while solver.status == "running":
             solver.step()
         self._done += solver.nfev
@@ -113,4 +134,4 @@ class SciPyStepper:
             self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
             return
         self._done += self._solver.nfev
-        self._solver = self._made(self.time, y, self.end)
+        self._solver = self._made(self.time, y, self.end, self.time - self.before)
