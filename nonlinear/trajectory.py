@@ -78,24 +78,29 @@ class Trajectory:
         return not self.run.stopped
 
     @cached_property
+    def _steady(self) -> Mechanics:
+        """Seen from where nothing coasts: of the energy of a fast free cart the certificate would be all rounding."""
+        if not self.keeps_momentum:
+            return self.mechanics
+        coasting = self.mechanics.momentum / self.plant.total_mass
+        return Mechanics(self.plant, replace(self.motion, cart_rate=self.motion.cart_rate - coasting))
+
+    @cached_property
     def energy_scale(self) -> float:
         """What an energy drift is measured against (J): what the energies of the run range over, or its work.
 
-        The energy of a free cart's coasting is left out.  Where hardly anything happens it is NOISE of the potential
-        energy, whose rounding would else be all that is seen.
+        Where hardly anything happens it is NOISE of the potential energy, whose rounding would else be all there is.
         """
-        mechanics = self.mechanics
+        mechanics = self._steady
         kinetic = mechanics.kinetic.sum(1) + mechanics.cart_kinetic
-        potential = mechanics.energy - kinetic
-        if self.keeps_momentum:
-            kinetic = kinetic - mechanics.momentum**2 / (2 * self.plant.total_mass)
+        potential = mechanics.potential.sum(1) + mechanics.cart_potential
         ranges = kinetic.max(), np.ptp(potential), abs(self.motion.work).max(), NOISE * abs(potential).max()
         return float(max(ranges)) or 1.0
 
     @cached_property
     def energy_error(self) -> Floats:
         """(E(t) − E(0) − work done by dampers and applied forces) / `energy_scale`, (T,)."""
-        energy = self.mechanics.energy
+        energy = self._steady.energy
         return np.asarray((energy - energy[0] - self.motion.work) / self.energy_scale)
 
     def energy_drift(self) -> float:
