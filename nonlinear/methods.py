@@ -30,6 +30,7 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest swing
 LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
 FRAIL = 1e-3  # share of a heavier link's mass below which dense forms lose digits to a link above it
+ROOM = 1e140  # largest moment of inertia, and one over the smallest, whose square is a number
 FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain anything
@@ -155,10 +156,22 @@ def _frail(group: Group) -> bool:
     return bool(np.any(group.block.mass < FRAIL * heaviest))
 
 
+def _insist_room(plant: Plant) -> None:
+    moments = plant.mass * plant.by_link("length") ** 2
+    low, high = float(moments.min()), float(moments.max())
+    if not 1 / ROOM < low <= high < ROOM:
+        numbers = f"masses and lengths: m l² goes from {low:.3g} to {high:.3g}"
+        raise SceneError([f"{numbers} kg m², which double precision cannot square: choose other units"])
+
+
 def system_of(plant: Plant, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()) -> System:
-    """The equations of motion in the chosen form, of what symmetries leave to be integrated."""
+    """The equations of motion in the chosen form, of what symmetries leave to be integrated.
+
+    SceneError where double precision cannot hold them.
+    """
     if symmetries:
         return Reduced(plant, system_of(symmetries[-1].plant, choice), symmetries)
+    _insist_room(plant)
     if choice.form == "spatial":
         from nonlinear.spatial import Recursion as InSpace
         from nonlinear.spatial import Spatial

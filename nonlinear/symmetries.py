@@ -1,27 +1,38 @@
-"""Scenes whose motion from a start is that of a smaller scene, exactly.
+"""Scenes whose motion from a start is that of a smaller or a handier scene, exactly.
 
 Equal pendula (bit for bit) with equal starts move as one: a pendulum with their masses, dampers and springs added up
 pulls the cart as they do together.  A start in space in the vertical plane of the rail stays in it, so angles say
 everything; only where joints have springs this is left alone, for a joint in space does not wind up
-(`nonlinear.ball_joints`).  What symmetry ties together stays together however unstable that is; real pendula would not.
+(`nonlinear.ball_joints`).
+
+No force knows of whole turns of a joint without a spring, nor of the place of a cart without one: where these are so
+large that integrators would measure their tolerance by them, they are taken off.  Masses and lengths so far from 1 that
+double precision cannot square m l² are counted in powers of two next to the largest; gravity goes with lengths, so that
+time stays what it is.
+
+What symmetry ties together stays together however unstable that is; real pendula would not.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import frexp
 
 import numpy as np
 
-from modal.rig import ARRAYS, Ints
+from modal.rig import ARRAYS, CartNumbers, Floats, Ints
 from nonlinear.directions import directions, velocities
 from nonlinear.plant import Group, Plant
 from nonlinear.state import Motion, State
 
+FAR = 10.0  # radians, or lengths of the longest link
+WIDE = 200  # powers of two of m l² (kg m²)
+
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """A smaller `plant` that moves in the same way: how to begin there, and how the whole moves, and this in words."""
+    """Another `plant` that moves in the same way: how to begin there, and how the whole moves, and this in words."""
 
     plant: Plant
     restrict: Callable[[State], State]
@@ -30,9 +41,12 @@ class Symmetry:
 
 
 def symmetries(plant: Plant, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
-    """What makes a plant smaller for this start, one after the other; without `planar` a scene in space remains one."""
+    """What makes a plant smaller or handier for this start, one after the other.
+
+    Without `planar` a scene in space remains one.
+    """
     found: list[Symmetry] = []
-    for find in (in_one_plane, synchronous) if planar else (synchronous,):
+    for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
         if symmetry := find(plant, start):
             found.append(symmetry)
             plant, start = symmetry.plant, symmetry.restrict(start)
@@ -92,3 +106,57 @@ def _picked(state: State, kept: Ints) -> State:
 
 def _spread(motion: Motion, whole: Ints) -> Motion:
     return replace(motion, links=motion.links[:, whole], link_rates=motion.link_rates[:, whole])
+
+
+def near(plant: Plant, start: State) -> Symmetry | None:
+    """The same without whole turns, its cart where the rail begins, None where neither is far away."""
+    turned = np.zeros_like(start.links) if plant.spatial else start.links - _unwound(plant, start.links)
+    away = start.cart if plant.cart and not plant.cart.stiffness else 0.0
+    if np.abs(turned).max() < FAR and abs(away) < FAR * plant.length:
+        return None
+    return Symmetry(
+        plant,
+        lambda state: replace(state, links=state.links - turned, cart=state.cart - away),
+        lambda motion: replace(motion, links=motion.links + turned, cart=motion.cart + away),
+        "whole turns and the cart's way so far left out",
+    )
+
+
+def _unwound(plant: Plant, links: Floats) -> Floats:
+    """Angles within half a turn of the hanging rest, but at a joint with a spring as bent as ever."""
+    found = links.copy()
+    for group in plant.groups:
+        angles = links[group.index]
+        within = np.where(np.abs(angles) > np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
+        bend = np.diff(angles, axis=0, prepend=0.0)
+        above = np.zeros_like(within[0])
+        for own, bent, sprung in zip(within, bend, group.block.stiffness > 0, strict=True):
+            own[sprung] = (above + bent)[sprung]
+            above = own
+        found[group.index] = within
+    return found
+
+
+def natural(plant: Plant, start: State) -> Symmetry | None:
+    """The same in natural units of mass and length, None where kg and m serve as well."""
+    m, l = (frexp(float(plant.by_link(name).max()))[1] for name in ("mass", "length"))
+    if abs(m) + 2 * abs(l) < WIDE:
+        return None
+    mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
+    units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
+    cart = plant.cart and CartNumbers(*(number / mass for number in plant.cart))
+    groups = tuple(_counted(group, {name: units.get(name, moment) for name in ARRAYS}) for group in plant.groups)
+    small = replace(plant, gravity=plant.gravity / length, cart=cart, groups=groups)
+    return Symmetry(
+        small,
+        lambda state: replace(state, cart=state.cart / length, cart_rate=state.cart_rate / length),
+        lambda motion: replace(
+            motion, cart=motion.cart * length, cart_rate=motion.cart_rate * length, work=motion.work * moment
+        ),
+        f"in units of 2^{m} kg and 2^{l} m",
+    )
+
+
+def _counted(group: Group, units: dict[str, float]) -> Group:
+    numbers = {name: getattr(group.block, name) / unit for name, unit in units.items()}
+    return replace(group, block=replace(group.block, **numbers))

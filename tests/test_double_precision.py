@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from test_bodies import apart, exact, minimal
 
-from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene
+from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
 from nonlinear.methods import Choice, body_of, system_of
 from nonlinear.minimal import Recursion
 from nonlinear.plant import plant_of
 from nonlinear.short import Dense
 from nonlinear.simulation import simulate
 from nonlinear.small import Small
-from nonlinear.state import State
+from nonlinear.state import Push, State
 
 MINIMAL = Choice("minimal", "", compiled=False, reason="")
 
@@ -107,3 +107,80 @@ def test_another_second_changes_no_step(method: str, form: str) -> None:
     same = simulate(other, 2.0 * 2**k, start=start, method=method, form=form, tolerance=1e-7, output=9)
     assert (one.run.steps, one.run.calls) == (same.run.steps, same.run.calls)
     assert one.motion.links == pytest.approx(same.motion.links, abs=1e-10)
+
+
+@pytest.mark.parametrize("form", ["minimal", "hamiltonian", "maximal"])
+@pytest.mark.parametrize(("kilograms", "metres"), [(-320, -320), (320, 320), (-220, 0), (0, 110)])
+def test_far_units_change_nothing(kilograms: int, metres: int, form: str) -> None:
+    """At the same second: gravity goes with lengths."""
+    mass, length, c = 2.0**kilograms, 2.0**metres, 0.1 * (abs(kilograms) < 300)
+    links = [Rod(mass=mass, length=length), Rod(mass=0.5 * mass, length=0.7 * length, damping=c * mass * length**2)]
+    far = Scene(gravity=9.81 * length, support=Cart(mass=3 * mass), pendulum=[Pendulum(links=links)])
+    links = [Rod(mass=1.0, length=1.0), Rod(mass=0.5, length=0.7, damping=c)]
+    one = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=[Pendulum(links=links)])
+    found, right = (
+        simulate(
+            scene, 1.0, start=State(np.array([1.0, 0.5]), np.zeros(2), 0.3 * unit), form=form, output=5, method="DOP853"
+        )
+        for scene, unit in ((far, length), (one, 1.0))
+    )
+    assert found.run.reduced == f"in units of 2^{kilograms + 1} kg and 2^{metres + 1} m"
+    assert right.run.reduced == ""
+    assert found.motion.links == pytest.approx(right.motion.links, abs=1e-12)
+    assert found.motion.cart / length == pytest.approx(right.motion.cart, abs=1e-12)
+    assert found.motion.work / mass / length**2 == pytest.approx(right.motion.work, abs=1e-12)
+    assert found.energy_drift() == pytest.approx(right.energy_drift(), rel=1e-3)
+
+
+@pytest.mark.parametrize(("mass", "length"), [(1e-50, 1e-50), (1.0, 1e-75), (1e50, 1e50)])
+def test_an_ordinary_link_beside_one_beyond_all_measure_is_refused(mass: float, length: float) -> None:
+    links = [Rod(mass=1.0, length=1.0), Rod(mass=mass, length=length)]
+    with pytest.raises(SceneError, match=r"m l² goes from .* cannot square: choose other units"):
+        simulate(Scene(gravity=9.81, pendulum=[Pendulum(links=links)]), 1e-3, start=State(np.ones(2), np.zeros(2)))
+
+
+# ------------------------------------------------------------------------------------------------- far away
+
+TURNS = 1_000_000
+
+
+def sprung(stiffness: float) -> Scene:
+    links = [Bob(mass=1.0, length=1.0), Bob(mass=0.7, length=0.6, stiffness=stiffness), Bob(mass=0.4, length=0.8)]
+    return Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=links)])
+
+
+@pytest.mark.parametrize("method", ["DOP853", "taylor"])
+@pytest.mark.parametrize("stiffness", [0.0, 3.0])
+def test_whole_turns_and_a_far_cart_cost_nothing(stiffness: float, method: str) -> None:
+    """At the sprung joint two links turn together; 1e6 turns and 1e8 m leave 1e-9 of an angle."""
+    if method == "taylor":
+        pytest.importorskip("heyoka")
+    angles, turns = np.array([0.9, -0.4, 0.6]), 2 * np.pi * TURNS * np.array([1, 1, -2])
+    options = {"method": method, "tolerance": 1e-12, "output": 9}
+    near = simulate(sprung(stiffness), 5.0, start=State(angles, np.zeros(3)), **options)
+    far = simulate(sprung(stiffness), 5.0, start=State(angles + turns, np.zeros(3), 1e8), **options)
+    assert far.run.reduced == "whole turns and the cart's way so far left out"
+    assert far.run.steps == pytest.approx(near.run.steps, abs=2)
+    assert far.motion.links - turns == pytest.approx(near.motion.links, abs=1e-7)
+    assert far.motion.cart - 1e8 == pytest.approx(near.motion.cart, abs=1e-7)
+
+
+def test_a_spring_that_is_wound_up_stays_so() -> None:
+    scene = sprung(0.01)
+    start = State(np.array([0.9, -0.4 + 20 * np.pi, 0.6]), np.zeros(3), 1e3)
+    moved = simulate(scene, 1.0, start=start, tolerance=1e-12, output=3, method="DOP853")
+    plain = simulate(scene, 1.0, start=start, tolerance=1e-14, output=3, method="DOP853", load=lambda *_: Push())
+    assert (bool(moved.run.reduced), plain.run.reduced) == (True, "")
+    assert moved.motion.links == pytest.approx(plain.motion.links, abs=1e-8)
+
+
+@pytest.mark.parametrize("speed", [0.0, 10.0, 1e8])
+def test_the_energy_of_coasting_hides_nothing_and_spoils_nothing(speed: float) -> None:
+    start = State(np.array([1.0]), np.zeros(1), 0.0, speed)
+    scene = chain(1.0, cart=Cart(mass=1.0))
+    right, rough = (
+        simulate(scene, 5.0, start=start, output=21, method=method, tolerance=tolerance).energy_drift()
+        for method, tolerance in (("DOP853", 1e-12), ("RK23", 1e-3))
+    )
+    assert right < max(1e-10, 1e-15 * speed)
+    assert rough > 1e-4
