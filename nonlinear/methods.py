@@ -30,6 +30,7 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest swing
 LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
 FRAIL = 1e-3  # share of a heavier link's mass below which dense forms lose digits to a link above it
+SHORTEST = 1e-13  # share of the longest link, of positions in maximal coordinates
 ROOM = 1e140  # largest moment of inertia, and one over the smallest, whose square is a number
 FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
@@ -72,6 +73,8 @@ def choose(
         problems.append(f"form {form}: is for the plane, and this scene is in space")
     elif not space and form == "spatial":
         problems.append("form spatial: is for space, and this scene is in the plane")
+    if form == "maximal" and (least := float(np.min(plant.by_link("length"))) / plant.length) < SHORTEST:
+        problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
     if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
         problems.append("method taylor: runs plane scenes in minimal coordinates without applied forces")
     form = form if form != "auto" else "spatial" if space else "minimal"

@@ -14,6 +14,7 @@ from nonlinear.short import Dense
 from nonlinear.simulation import simulate
 from nonlinear.small import Small
 from nonlinear.state import Push, State
+from nonlinear.trajectory import Trajectory
 
 MINIMAL = Choice("minimal", "", compiled=False, reason="")
 
@@ -184,3 +185,17 @@ def test_the_energy_of_coasting_hides_nothing_and_spoils_nothing(speed: float) -
     )
     assert right < max(1e-10, 1e-15 * speed)
     assert rough > 1e-4
+
+
+# ------------------------------------------------------------------------------------------------ maximal
+
+
+def test_maximal_coordinates_are_refused_where_they_lose_a_link() -> None:
+    def asked(ratio: float, form: str) -> Trajectory:
+        links = [Bob(mass=1.0, length=1.0), Bob(mass=1.0, length=ratio)]
+        scene, start = Scene(gravity=9.81, pendulum=[Pendulum(links=links)]), State(np.array([0.5, 0.8]), np.zeros(2))
+        return simulate(scene, ratio**0.5, start=start, form=form, output=3, method="DOP853")
+
+    with pytest.raises(SceneError, match="form maximal: cannot tell the ends of a link 1e-16 times as long"):
+        asked(1e-16, "maximal")
+    assert asked(1e-12, "maximal").motion.links == pytest.approx(asked(1e-12, "minimal").motion.links, abs=1e-8)
