@@ -20,7 +20,7 @@ from nonlinear.plant import Plant, plant_of
 from nonlinear.reduced import Reduced
 from nonlinear.requests import extent
 from nonlinear.state import Load, State, System
-from nonlinear.steppers import SciPyStepper, Stepper, first_step
+from nonlinear.steppers import SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.symmetries import Symmetry, symmetries
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import Run, Trajectory
@@ -155,9 +155,10 @@ def _stepper(
         cap = taylor.first_step(timescales(scene).swing)
         series = system.inner if isinstance(system, Reduced) else system
         return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, cap)
-    absolute = NEAR_ZERO * choice.tolerance * size * system.scale
-    tried = first_step(y, slope, absolute + choice.tolerance * np.abs(y), FIRST / system.plant.rate)
-    return SciPyStepper(choice.method, system.derivative, first, y, last, choice.tolerance, absolute, tried)
+    relative = choice.tolerance * sharpened(slope, system.scale)
+    absolute = NEAR_ZERO * relative * size * system.scale
+    tried = first_step(y, slope, absolute + relative * np.abs(y), FIRST / system.plant.rate)
+    return SciPyStepper(choice.method, system.derivative, first, y, last, relative, absolute, tried)
 
 
 def _slope(system: System, time: float, y: Floats) -> Floats:

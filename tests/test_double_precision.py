@@ -14,6 +14,7 @@ from nonlinear.short import Dense
 from nonlinear.simulation import simulate
 from nonlinear.small import Small
 from nonlinear.state import Push, State
+from nonlinear.steppers import sharpened
 from nonlinear.trajectory import Trajectory
 
 MINIMAL = Choice("minimal", "", compiled=False, reason="")
@@ -199,3 +200,31 @@ def test_maximal_coordinates_are_refused_where_they_lose_a_link() -> None:
     with pytest.raises(SceneError, match="form maximal: cannot tell the ends of a link 1e-16 times as long"):
         asked(1e-16, "maximal")
     assert asked(1e-12, "maximal").motion.links == pytest.approx(asked(1e-12, "minimal").motion.links, abs=1e-8)
+
+
+# ------------------------------------------------------------------------------------------- many at rest
+
+
+@pytest.mark.parametrize("count", [300, 3000])
+def test_pendula_at_rest_lend_no_tolerance_to_one_that_swings(count: int) -> None:
+    """The same pendulum alone, among unequal ones at rest, and where all swing, which costs no step more."""
+    pendula = [Pendulum(links=[Bob(mass=1.0, length=1.0 + 1e-9 * k)]) for k in range(count)]
+    options = {"output": 6, "method": "DOP853"}
+
+    def swung(pendula: list[Pendulum], angles: list[float]) -> Trajectory:
+        start = State(np.array(angles), np.zeros(len(angles)))
+        return simulate(Scene(gravity=9.81, pendulum=pendula), 5.0, start=start, **options)
+
+    right = swung(pendula[:1], [1.0])
+    idle, busy = swung(pendula, [1.0] + [0.0] * (count - 1)), swung(pendula, [1.0] * count)
+    assert idle.motion.links[:, 0] == pytest.approx(right.motion.links[:, 0], abs=4e-9)
+    assert busy.run.steps == right.run.steps
+
+
+def test_the_share_of_what_moves() -> None:
+    units = np.full(1000, 3.0)
+    assert sharpened(np.zeros(1000), units) == 1.0
+    assert sharpened(units * (np.arange(1000) % 2), units) == 1.0
+    assert sharpened(units * (np.arange(1000) < 40), units) == pytest.approx(0.4)
+    assert sharpened(units * (np.arange(1000) < 2), units) == pytest.approx(np.sqrt(0.032))
+    assert sharpened(units[:32] * (np.arange(32) < 1), units[:32]) == 1.0
