@@ -100,7 +100,7 @@ def _automatic(
     scene: Scene, plant: Plant, duration: float, tolerance: float, form: str, plain: bool
 ) -> tuple[str, str]:
     found = timescales(scene)
-    if found.decay > STIFF * max(found.swing, 1 / duration):
+    if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
         fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest swing"
         if form == "minimal":
             return "Radau", fast

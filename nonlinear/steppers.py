@@ -105,7 +105,7 @@ class SciPyStepper:
             self._solver = self._made(start, y, end, first)
 
     def _made(self, start: float, y: Floats, end: float, first: float | None) -> integrate.OdeSolver:
-        tried = None if first is None or self.method == "LSODA" else min(first, end - start)
+        tried = None if first is None or self.method == "LSODA" else min(first, end - start) or None
         options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
         return SCIPY[self.method](self.f, start, y, end, **options)
 
