@@ -37,14 +37,14 @@ from nonlinear.superposition import CORRECTED, LINEAR, Superposition, superposed
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import CLOSED, Run, Trajectory
 
-RATIO = 32.0  # of the first two tolerances
+RATIO, CLIMB = 32.0, 16.0  # of the first two tolerances, and of the next ones at least
 NEAREST, FARTHEST = (
     4.0,
     100.0,
 )  # ratios below which two runs may be one, beyond which none is trusted to be better still
 SAFETY = 8.0
 MODAL = "the motion is small enough"
-SOME, A_PERIOD = 2.0, 0.1  # of C over the motion's size: always, and for every period of the fastest swing
+SOME, A_PERIOD = 3.0, 0.15  # of C over the motion's size: always, and for every period of the fastest swing
 CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size
 LOST, LEAP = 0.3, 1e-4  # a difference (rad) that says nothing of C; the next tolerance over this one then
 AIM = 1.1 * SAFETY  # accuracy wished for over the error that is aimed at
@@ -227,4 +227,4 @@ def _next(task: Task, found: Found, before: Found) -> float:
     difference = float(_difference(found.trajectory, before.trajectory)[-1])
     if difference == inf:
         return LEAP * tolerance
-    return min(task.accuracy * before.attempt.tolerance / (AIM * difference), tolerance / NEAREST)
+    return min(task.accuracy * before.attempt.tolerance / (AIM * difference), tolerance / CLIMB)
