@@ -1,10 +1,7 @@
 """The dense route, for what breaks the chain's form: joint springs and dampers, small scenes only.
 
-Undamped: the symmetric pencil K φ = ω² M φ, also where links stand up and K is indefinite.  Damped: the state matrix
-of M q'' + D q' + K q = 0, whose eigenvalues −ζω ± iω√(1−ζ²) give the natural frequency |λ| and the damping ratio
-−Re λ/|λ|.  A free cart's position is taken out first, so that its rigid translation is exact and leaves no defective
-zero behind; so is its momentum where nothing damps it.  With dampers a singular mass matrix (a massless cart over
-bobs) is refused by name.
+Undamped: the symmetric pencil K φ = ω² M φ, also where links stand up and K is indefinite.  (`modal.damped` is for
+dampers.)  A free cart's position is taken out first, and its momentum with it, so that its rigid translation is exact.
 """
 
 from __future__ import annotations
@@ -21,8 +18,6 @@ Complexes = NDArray[np.complex128]
 LARGEST_DAMPED = 500
 LARGEST_UNDAMPED = 2000
 EPS = float(np.finfo(float).eps)
-LIGHT = 1e-6
-"""Damping ratio below which the real part of an eigenvalue comes from its shape."""
 SINGULAR = (
     "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
     "links that stand up this scene has no state-space form; give the cart or the links some inertia"
@@ -33,13 +28,14 @@ SINGULAR = (
 class Eigen:
     """Eigenvalues λ (R,), one of each conjugate pair, with shapes (size, R) and relative error bounds (R,).
 
-    `order` is that of the matrix which they are the eigenvalues of.
+    `order` is that of the matrix which they are the eigenvalues of, `number` how many such were solved.
     """
 
     eigenvalue: Complexes
     shape: NDArray[np.inexact]
     error: Floats
     order: int
+    number: int = 1
 
 
 def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
@@ -47,7 +43,7 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
 
     Where M is known to be `singular`, by one dimension, the mode at infinite frequency is left out.
     """
-    inertia, stiffness, _ = _without_cart(M, K) if free else (M, K, 1.0)
+    inertia, stiffness, _ = without_cart(M, K) if free else (M, K, 1.0)
     scale, L, sensitivity = _factored(stiffness)
     inverse_square, v = np.linalg.eigh(_in_factors(L, inertia * scale * scale[:, None]))
     inverse_square, v = inverse_square[singular:], v[:, singular:]
@@ -58,7 +54,7 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
     rounded = M[1:, 1:] if free else M
     largest = np.trace(_in_factors(L, rounded * scale * scale[:, None]))
     error = 2 * len(M) * EPS * (sensitivity + largest / inverse_square)
-    return Eigen(1j / np.sqrt(inverse_square), _with_cart(M, shape, free), error, len(L))
+    return Eigen(1j / np.sqrt(inverse_square), with_cart(M, shape, free), error, len(L))
 
 
 def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
@@ -68,8 +64,8 @@ def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
 
     The decaying mirror image −√−x of a growing mode has the same shape and is not listed.
     """
-    _refuse_singular(M)
-    inertia, stiffness, lost = _without_cart(M, K) if free else (M, K, 1.0)
+    refuse_singular(M)
+    inertia, stiffness, lost = without_cart(M, K) if free else (M, K, 1.0)
     scale, L, sensitivity = _factored(inertia)
     x, v = np.linalg.eigh(_in_factors(L, stiffness * scale * scale[:, None]))
     shape = scale[:, None] * np.linalg.solve(L.T, v)
@@ -77,23 +73,7 @@ def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
     largest = max(np.abs(x).max(initial=0.0), (terms[len(M) - len(inertia) :] * scale**2).max(initial=0.0))
     error = 2 * len(M) * EPS * sensitivity * lost * largest / np.abs(x)
     value = np.sqrt(np.abs(x)) * np.where(x < 0, 1.0, 1j)
-    return Eigen(value, _with_cart(M, shape, free), error, len(L))
-
-
-def damped(M: Floats, D: Floats, K: Floats, *, free: bool) -> Eigen:
-    """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it)."""
-    _refuse_singular(M)
-    if free and not D[0].any():
-        A, stiffness, lost = _without_cart(M, K)
-        values, vectors, error = _state_modes(A, D[1:, 1:], stiffness, keep=slice(None))
-        error, shape = lost * error, _with_cart(M, vectors, free)
-    else:
-        values, shape, error = _state_modes(M, D, K, keep=slice(1, None) if free else slice(None))
-    rounded_up = (values.imag != 0) & (values.real > 0) & (values.real <= error * np.abs(values))
-    values = np.where(rounded_up, 1j * values.imag, values)
-    chosen = np.flatnonzero(values.imag >= 0)
-    chosen = chosen[np.argsort(np.abs(values[chosen]), kind="stable")]
-    return Eigen(values[chosen], shape[:, chosen], error[chosen], len(values))
+    return Eigen(value, with_cart(M, shape, free), error, len(L))
 
 
 def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
@@ -102,40 +82,6 @@ def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
     leading = np.take_along_axis(entries, np.abs(entries).argmax(0)[None], 0)[0]
     size = np.abs(leading)
     return shape * np.where(size > 0, leading.conj() / np.where(size > 0, size, 1.0), 1.0)
-
-
-def _state_modes(M: Floats, D: Floats, K: Floats, keep: slice) -> tuple[Complexes, Complexes, Floats]:
-    """Eigenvalues, shapes and error bounds from the state matrix over positions `keep` and all rates.
-
-    The bound is the first-order one: condition number times a backward error of a few roundings of the matrix's norm,
-    and of M⁻¹'s sensitivity.
-    """
-    n, sensitivity = len(M), _factored(M)[2]
-    rates = np.eye(n)[keep]
-    held = len(rates)
-    state = np.zeros((held + n, held + n))
-    state[:held, held:] = rates
-    state[held:] = -np.linalg.solve(M, np.hstack([K[:, keep], D]))
-    values, right = np.linalg.eig(state)
-    left = np.linalg.pinv(right)
-    condition = np.linalg.norm(left, axis=1) * np.linalg.norm(right, axis=0)
-    if np.any(values == 0):
-        raise ComputationError(
-            "the dampers spread this scene's eigenvalues beyond double precision: some came out as 0"
-        )
-    backward = 4 * len(state) * EPS * sensitivity * np.linalg.norm(state, 2)
-    shape = right[held:] / values
-    return _lightly_damped(values, shape, M, D), shape, backward * condition / np.abs(values)
-
-
-def _lightly_damped(values: Complexes, shape: Complexes, M: Floats, D: Floats) -> Complexes:
-    """Eigenvalues whose real part is below the roundings of the state matrix, with Re λ = −φᴴDφ/(2 φᴴMφ) for it.
-
-    That holds exactly where λ is not real (λ² φᴴMφ + λ φᴴDφ + φᴴKφ = 0 has real coefficients), and D cancels nothing.
-    """
-    inertia, friction = (np.einsum("ir,ij,jr->r", shape.conj(), part, shape).real for part in (M, D))
-    light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
-    return np.where(light, -friction / (2 * inertia) + 1j * values.imag, values)
 
 
 def _factored(S: Floats) -> tuple[Floats, Floats, float]:
@@ -154,7 +100,7 @@ def _in_factors(L: Floats, S: Floats) -> Floats:
     return found
 
 
-def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
+def without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
     """The pendula with a free cart that keeps the total momentum zero, A − b bᵀ/M_tot, and what that lost in digits."""
     A = M[1:, 1:]
     reduced = A - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0]
@@ -162,7 +108,8 @@ def _without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
     return reduced, K[1:, 1:], lost
 
 
-def _with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> NDArray[np.inexact]:
+def with_cart(M: Floats, shape: NDArray[np.inexact], free: bool) -> NDArray[np.inexact]:
+    """The shapes with the displacement of a free cart that keeps the total momentum zero."""
     return np.vstack([-(M[0, 1:] @ shape) / M[0, 0], shape]) if free else shape
 
 
@@ -175,7 +122,8 @@ def is_singular(M: Floats) -> bool:
     return bool(spectrum[0] <= 4 * EPS * spectrum[-1])
 
 
-def _refuse_singular(M: Floats) -> None:
+def refuse_singular(M: Floats) -> None:
+    """ComputationError where `is_singular`."""
     if is_singular(M):
         raise ComputationError(SINGULAR)
 

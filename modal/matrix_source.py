@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal import dense
+from modal import damped, dense
 from modal.amplitude import coefficient, quartic
 from modal.built import Built, counted
 from modal.chain import joints, kinetic
@@ -51,7 +51,7 @@ class FromMatrices:
         links = counted(sum(block.mass.size for block in self.blocks), "link")
         what = f"cart and {links}" if self.cart else f"chain of {links}, support still"
         kind = "state" if self.is_damped else "symmetric"
-        return Built(what, 1, len(M), (*own, (kind, self.modes.order, 1)), self.is_damped)
+        return Built(what, 1, len(M), (*own, (kind, self.modes.order, self.modes.number)), self.is_damped)
 
     @cached_property
     def matrices(self) -> tuple[Floats, Floats]:
@@ -95,12 +95,26 @@ class FromMatrices:
             raise ComputationError(dense.SINGULAR)
         M, K = self.matrices
         if self.is_damped:
-            return dense.damped(M, self.D, K, free=self.is_free)
+            return damped.damped(M, K, self._terms, self._dampers, free=self.is_free)
         if self.stands:
-            falling = [((1 - block.sigma) * block.b).T.ravel() for block in self.blocks]
-            terms = np.diag(K) + np.concatenate([np.zeros(1 if self.cart else 0), *falling])
-            return dense.indefinite(M, K, free=self.is_free, terms=terms)
+            return dense.indefinite(M, K, free=self.is_free, terms=self._terms)
         return dense.undamped(M, K, free=self.is_free, singular=self.is_singular)
+
+    @property
+    def _terms(self) -> Floats:
+        """Sums of the sizes of what makes up K's diagonal."""
+        falling = [((1 - block.sigma) * block.b).T.ravel() for block in self.blocks]
+        terms: Floats = np.diag(self.matrices[1]) + np.concatenate([np.zeros(1 if self.cart else 0), *falling])
+        return terms
+
+    @property
+    def _dampers(self) -> damped.Dampers:
+        """Cart to ground, link to the link above."""
+        ground = [-1] if self.cart else []
+        above = np.array(ground + [-1 if i == 0 else 0 for block, _ in self._columns for i in range(block.n)])
+        above = np.where(above < 0, -1, np.arange(self.size) - 1)
+        dashpot = [[self.cart.damping]] if self.cart else []
+        return damped.Dampers(np.concatenate([*dashpot, *(b.damping[:, p] for b, p in self._columns)]), above)
 
     @property
     def is_free(self) -> bool:
@@ -158,7 +172,7 @@ class FromMatrices:
         """(size, R), real without dampers; a cart that moves no more than rounding makes it is still."""
         first = 1 if self.cart else 0
         shape = dense.in_phase(self.modes.shape[:, rows], first)
-        noise = len(shape) * dense.EPS * np.abs(shape).max(0)
+        noise = 4 * len(shape) * dense.EPS * np.abs(shape).max(0)
         shape[:first] = np.where(np.abs(shape[:first]) > noise, shape[:first], 0.0)
         return shape if self.is_damped else shape.real
 
