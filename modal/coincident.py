@@ -29,13 +29,15 @@ class Clusters:
     """The fixed-support modes of all kinds, gathered where their frequencies are equal.
 
     `order` (K,) sorts the modes, counted block by block, mode by mode, column by column; cluster c holds the `size[c]`
-    of them from `first[c]` on and has the square `square[c]`, that of its lowest member; all (C,).
+    of them from `first[c]` on and has the square `square[c]`, that of its lowest member; all (C,).  `rounded` says
+    whether the members of any differ in their last digits.
     """
 
     order: Ints
     first: Ints
     size: Ints
     square: Floats
+    rounded: bool
 
     @property
     def inside(self) -> Ints:
@@ -67,7 +69,9 @@ def clusters(squares: tuple[Floats, ...]) -> Clusters:
         while (first := int(np.searchsorted(ascending[:last], ascending[first] * (1 + TOLERANCE), "right"))) < last:
             far[first] = True
     starts = np.flatnonzero(far)
-    return Clusters(order, starts, np.diff(starts, append=len(flat)), ascending[starts])
+    sizes = np.diff(starts, append=len(flat))
+    rounded = bool(np.any(ascending[starts] != ascending[starts + sizes - 1]))
+    return Clusters(order, starts, sizes, ascending[starts], rounded)
 
 
 @dataclass(frozen=True, eq=False)

@@ -237,4 +237,5 @@ def natural_modes(scene: Scene) -> Modes:
     rig = rig_of(scene)
     with np.errstate(all="ignore"):
         natural, units = rig.natural()
-        return Modes(scene, rig, units, spectrum(natural), notes(natural))
+        found = spectrum(natural)
+        return Modes(scene, rig, units, found, notes(natural, found.sources))

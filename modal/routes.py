@@ -8,7 +8,7 @@ pendula.  In space the motion across the rail is that on a fixed support.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import repeat
 
@@ -151,11 +151,19 @@ def _moving(source: Source) -> Batch:
     return Batch(source, rows, np.ones_like(rows), np.zeros_like(rows))
 
 
-def notes(rig: Rig) -> tuple[str, ...]:
-    """What was left out, and why."""
-    if rig.cart and bare_mass(rig.blocks, rig.cart) == 0:
-        return (
-            "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
-            "so one mode has no finite frequency and is left out.",
-        )
-    return ()
+MASSLESS = (
+    "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
+    "so one mode has no finite frequency and is left out."
+)
+MERGED = (
+    "Different pendula whose own frequencies agree to 2e-15, but not to the last bit, are taken as equal: whether they "
+    "split by less, and which of them then swing, is beyond double precision."
+)
+
+
+def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
+    """What was left out or taken as equal by these `sources`, and why."""
+    massless = rig.cart is not None and bare_mass(rig.blocks, rig.cart) == 0
+    problems = [source.problem for source in sources if isinstance(source, Together)]
+    merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
+    return (MASSLESS,) * massless + (MERGED,) * merged

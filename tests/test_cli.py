@@ -152,9 +152,7 @@ def test_frequencies_without_a_certain_digit_are_marked() -> None:
 
 
 @pytest.mark.parametrize("damping", ["1e10", "1e30"])
-def test_stiff_dampers_keep_their_digits(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, damping: str
-) -> None:
+def test_stiff_dampers_keep_their_digits(capsys: pytest.CaptureFixture[str], tmp_path: Path, damping: str) -> None:
     from multipendula.cli import main
 
     path = tmp_path / "stiff.toml"

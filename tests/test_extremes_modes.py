@@ -13,7 +13,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "extremes"))
 
 from modes import case, judge_of
-from modes_families import FAMILIES, Family, crowd, damped_cart, damped_joints, equal, geometric, near_buckling
+from modes_families import FAMILIES, Family, crowd, damped_cart, damped_joints, detuned, equal, geometric, near_buckling
 from oracle import Counter, eigenvalues, pencil, squares, unlike
 from random_scenes import random_scene
 
@@ -52,6 +52,13 @@ def test_splittings_are_right_to_what_the_bounds_leave(name: str) -> None:
     for parameter in NAMED[name].parameters[1:]:
         found = case(NAMED[name], parameter)
         assert found.ours <= found.bound, found
+
+
+@pytest.mark.parametrize(("detuning", "told"), [(0.0, False), (4.5e-16, True), (1e-15, True), (1e-13, False)])
+def test_frequencies_that_are_taken_as_equal_are_told(detuning: float, told: bool) -> None:
+    modes = natural_modes(detuned(detuning))
+    assert any("taken as equal" in note for note in modes.notes) == told
+    assert (len(modes) < len(squares(detuned(detuning))) + 1) == (detuning < 1e-14)
 
 
 def test_where_float64_ends_the_row_is_marked() -> None:
