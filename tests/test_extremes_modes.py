@@ -12,9 +12,9 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks" / "extremes"))
 
+from many_digits import Counter, eigenvalues, pencil, squares, unlike
 from modes import case, judge_of
 from modes_families import FAMILIES, Family, crowd, damped_cart, damped_joints, detuned, equal, geometric, near_buckling
-from oracle import Counter, eigenvalues, pencil, squares, unlike
 from random_scenes import random_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes

@@ -2,8 +2,8 @@
 
     python benchmarks/extremes/modes.py [--quick] [--write]
 
-Every family sweeps one number; the truth is `oracle.py`.  An error of 1 means that no digit is right.  `--write` puts a
-line for each case into docs/extremes-modes.csv and the figure into docs/extremes-modes.png.
+Every family sweeps one number; the truth is `many_digits.py`.  An error of 1 means that no digit is right.  `--write`
+puts a line for each case into docs/extremes-modes.csv and the figure into docs/extremes-modes.png.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from typing import NamedTuple
 
 import mpmath as mp
 import numpy as np
+from many_digits import Counter, eigenvalues, relative_errors, squares, unlike
 from modes_families import FAMILIES, Family
 from numpy.typing import NDArray
-from oracle import Counter, eigenvalues, relative_errors, squares, unlike
 from scipy.linalg import LinAlgError, LinAlgWarning, eig, eigh
 
 from modal import ComputationError, Scene, matrices, natural_modes
