@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
+from modal.mode import UNCERTAIN
 from modal.modes import Modes
 from modal.routes import Part
 from modal.shapes import Shape, expanded
@@ -16,11 +17,14 @@ def all_shapes(modes: Modes) -> list[list[Shape]]:
     groups, rows = modes.spectrum.groups, _rows(modes)
     details = {source: modes.spectrum.details(source, list(own)) for source, own in rows.items()}
 
-    def shape(part: Part, copy: int) -> Shape:
+    def shape(part: Part, copy: int, uncertain: bool) -> Shape:
         row = _row(details[part.source], rows[part.source][part.row_of(copy)])
-        return expanded(modes.rig, modes.units, part, copy, row, "mass")
+        return expanded(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
 
-    return [[shape(part, copy) for part in parts for copy in range(part.along + part.across)] for parts in groups]
+    return [
+        [shape(part, copy, bool(error >= UNCERTAIN)) for part in parts for copy in range(part.along + part.across)]
+        for parts, error in zip(groups, modes.error, strict=True)
+    ]
 
 
 def _rows(modes: Modes) -> dict[int, dict[int, int]]:

@@ -132,7 +132,8 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: floa
         _swing(axis, modes, layout, shape, -amplitude, BACK, 0.55)
         _swing(axis, modes, layout, shape, amplitude, FRONT, 1.0)
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio > 0 else ""
-    rate = f"grows at {row.growth_rate:.5g} 1/s" if row.growth_rate else f"ω = {row.omega:.5g} rad/s{decay}"
+    omega = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
+    rate = f"grows at {row.growth_rate:.5g} 1/s" if row.growth_rate else omega
     frequency = "" if row.frequency is None else f":  {row.frequency:.4g} Hz"
     axis.set_title(
         f"mode {row.number}{frequency}\n{rate}\n{_wrapped(row.family, layout)}",

@@ -116,14 +116,16 @@ class Modes(Sequence[Mode]):
         `normalise` is "angle" (the largest angle is 1 rad; where there is none, the cart moves 1 m) or "mass"
         (φᵀMφ = 1).  The vectors of one row are orthogonal in M: equal pendula in antiphase are spanned by
         (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one pendulum at a time across it; different pendula
-        of equal frequency as in `modal.coincident`.  The sign makes the first of the largest angles positive.
+        of equal frequency as in `modal.coincident`.  The sign makes the first of the largest angles positive.  Where
+        no digit of the frequency is certain the shape says so, `Shape.uncertain`.
         Raises IndexError for a mode or copy that is not there, ValueError for another normalisation.
         """
         how, left = checked_normalisation(normalise), copy
         for part in self.spectrum.groups[number]:
             if 0 <= left < part.along + part.across:
                 details = self.spectrum.details(part.source, [part.row_of(left)])
-                return expanded(self.rig, self.units, part, left, details, how)
+                uncertain = bool(self.error[number] >= UNCERTAIN)
+                return expanded(self.rig, self.units, part, left, details, how, uncertain=uncertain)
             left -= part.along + part.across
         raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
 

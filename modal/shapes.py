@@ -25,6 +25,7 @@ class Shape:
     kinetic energy, `modal_mass` φᵀMφ (kg m²), `participation_factor` φᵀMe/φᵀMφ (1/m) for the unit translation e of
     everything along the rail, or across it where `across` says that the shape moves that way (scenes in space); their
     product Γ²φᵀMφ is the modal effective mass (Clough & Penzien, Dynamics of Structures, §26-4).  NaN for damped modes.
+    `uncertain` says that no digit of the mode's frequency is certain; then the shape may be any other mode's in part.
     """
 
     cart: complex
@@ -33,6 +34,7 @@ class Shape:
     modal_mass: float
     participation_factor: float
     across: bool
+    uncertain: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,12 +55,15 @@ def checked_normalisation(name: str) -> Normalisation:
     return name  # type: ignore[return-value]
 
 
-def expanded(rig: Rig, units: Units, part: Part, copy: int, details: Details, normalise: Normalisation) -> Shape:
+def expanded(
+    rig: Rig, units: Units, part: Part, copy: int, details: Details, normalise: Normalisation, *, uncertain: bool
+) -> Shape:
     """The copy-th vector of a part, `details` holding its one row."""
     vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
     if not np.all(np.isfinite(vector.angles)):
         raise ComputationError("a mode shape of this scene is beyond double precision")
-    return _scaled(vector, units, _scale(vector, units, normalise), across=copy >= part.along)
+    scale = _scale(vector, units, normalise)
+    return _scaled(vector, units, scale, across=copy >= part.along, uncertain=uncertain)
 
 
 def _of_all(rig: Rig, details: Details) -> _Vector:
@@ -111,7 +116,7 @@ def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
     return scale if np.iscomplexobj(vector.angles) else scale.real
 
 
-def _scaled(vector: _Vector, units: Units, scale: complex, across: bool) -> Shape:
+def _scaled(vector: _Vector, units: Units, scale: complex, *, across: bool, uncertain: bool) -> Shape:
     modal_mass = vector.modal_mass * abs(scale) ** 2 * units.mass * units.length**2
     undamped = np.isfinite(vector.momentum)
     momentum = vector.momentum * scale.real * units.mass * units.length
@@ -122,4 +127,5 @@ def _scaled(vector: _Vector, units: Units, scale: complex, across: bool) -> Shap
         modal_mass=float(modal_mass),
         participation_factor=float(momentum / modal_mass) if undamped else np.nan,
         across=across,
+        uncertain=uncertain,
     )

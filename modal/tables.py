@@ -152,6 +152,7 @@ def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
         "modal_mass_kg_m2": shape.modal_mass,
         "participation_factor_per_m": _finite(shape.participation_factor),
         "kinetic_energy_share": shape.kinetic_energy_share.tolist(),
+        "uncertain": shape.uncertain,
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -18,6 +19,8 @@ from modes_families import FAMILIES, Family, crowd, damped_cart, damped_joints, 
 from random_scenes import random_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
+from modal.all_shapes import all_shapes
+from modal.tables import table
 
 NAMED = {family.name: family for family in FAMILIES}
 STRUCTURED = [f for f in FAMILIES if not f.splitting and f.name.split()[0] not in {"joint", "near"}]
@@ -52,6 +55,17 @@ def test_splittings_are_right_to_what_the_bounds_leave(name: str) -> None:
     for parameter in NAMED[name].parameters[1:]:
         found = case(NAMED[name], parameter)
         assert found.ours <= found.bound, found
+
+
+@pytest.mark.parametrize(("above", "uncertain"), [(1e-2, False), (1e-14, True)])
+def test_shapes_of_marked_rows_say_so(above: float, uncertain: bool) -> None:
+    """Alone, all at once and in the table; the other rows' do not."""
+    modes = natural_modes(near_buckling(above))
+    expected = [uncertain, False, False]
+    assert [modes.shape(k).uncertain for k in range(3)] == expected
+    assert [each[0].uncertain for each in all_shapes(modes)] == expected
+    rows = json.loads(table(modes, list(modes), "json", shapes=True))["modes"]
+    assert [row["shapes"][0]["uncertain"] for row in rows] == expected
 
 
 @pytest.mark.parametrize(("detuning", "told"), [(0.0, False), (4.5e-16, True), (1e-15, True), (1e-13, False)])
