@@ -29,8 +29,8 @@ from modal.rig import Floats, Ints
 
 LIGHT = 1e-2
 """Damping ratio below which the real part of an eigenvalue comes from its shape."""
-SPAN = 1e4
-"""Rates this far apart are still solved together: two digits either way."""
+SPAN = 1e2
+"""Rates this far apart are still solved together: one digit either way."""
 MOVED = (1.0, 2.0, 0.5)
 """What a rate may be moved by."""
 WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
