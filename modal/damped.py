@@ -194,7 +194,7 @@ def _solved(problem: _Problem, rate: float) -> _Solution:
     theta, right = np.linalg.eig(state)
     theta = np.where(np.abs(theta * theta - 1) < EPS, theta * (1 - EPS), theta)
     condition = np.linalg.norm(np.linalg.pinv(right), axis=1) * np.linalg.norm(right, axis=0)
-    backward = 4 * len(state) * EPS * scaled.sensitivity * np.linalg.norm(state, 2)
+    backward = 16 * len(state) * EPS * scaled.sensitivity * np.linalg.norm(state, 2)
     error = 2 * backward * condition / np.abs(theta * theta - 1)
     value = _lightly_damped(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], M, scaled.friction)
     order = np.argsort(np.abs(value), kind="stable")
