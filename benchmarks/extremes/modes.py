@@ -103,7 +103,7 @@ def ours(scene: Scene, judge: Judge) -> tuple[float, float, str]:
         return (
             worst(found),
             float(error.max()),
-            _said(modes) + "; a splitting below the bounds, not marked" * bool(error.max() >= 1),
+            _said(modes) + "; a splitting below the bounds: a note" * bool(error.max() >= 1),
         )
     claims = error < UNCERTAIN
     return worst(found[claims]), float(error[claims].max(initial=0.0)), _said(modes)
