@@ -38,16 +38,16 @@ from nonlinear.timescales import timescales
 from nonlinear.trajectory import CLOSED, Run, Trajectory
 
 RATIO, CLIMB = 32.0, 16.0  # of the first two tolerances, and of the next ones at least
-NEAREST, FARTHEST = (
-    4.0,
-    100.0,
-)  # ratios below which two runs may be one, beyond which none is trusted to be better still
+NEAREST = 4.0  # ratio of tolerances below which two runs may be one
+FARTHEST = 100.0  # ratio beyond which none is trusted to be better still
 SAFETY = 8.0
 MODAL = "the motion is small enough"
 SOME, A_PERIOD = 3.0, 0.15  # of C over the motion's size: always, and for every period of the fastest swing
 CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size
+ROUNDING = 4 * float(np.finfo(float).eps)  # a tolerance below which errors do not follow it
 LOST, LEAP = 0.3, 1e-4  # a difference (rad) that says nothing of C; the next tolerance over this one then
 AIM = 1.1 * SAFETY  # accuracy wished for over the error that is aimed at
+TOGETHER = 2  # instants by which an event may end two runs apart
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # instants at which errors are looked for
 
 
@@ -76,12 +76,16 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """The trajectory for a wished accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last."""
+    """The trajectory for a wished accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
+
+    `horizon` is the time (s) up to which the accuracy is met, and one of the trajectory's.
+    """
 
     accuracy: float
     trajectory: Trajectory
     errors: Floats
     attempts: tuple[Attempt, ...]
+    horizon: float
 
     @property
     def met(self) -> bool:
@@ -89,9 +93,12 @@ class Advice:
         return bool(self.errors[-1] <= self.accuracy)
 
     @property
-    def horizon(self) -> float:
-        """Time (s) up to which it is met."""
-        return float(self.trajectory.times[max(int(np.sum(self.errors <= self.accuracy)) - 1, 0)])
+    def limit(self) -> str:
+        """What is to be said where it is not met."""
+        return (
+            f"{self.accuracy:g} rad can be met up to {self.horizon:.4g} s and no further: beyond it the digits of "
+            "double precision do not tell where the links are"
+        )
 
     @property
     def certain(self) -> Trajectory:
@@ -101,7 +108,8 @@ class Advice:
         kept = self.trajectory.times <= self.horizon
         stopped = f"{self.accuracy:g} rad cannot be met beyond {self.horizon:.9g} s"
         run = replace(self.trajectory.run, error=float(self.errors[kept][-1]), stopped=stopped)
-        return replace(self.trajectory.at(kept), run=run)
+        happenings = tuple(one for one in self.trajectory.happenings if one.time <= self.horizon)
+        return replace(self.trajectory.at(kept), run=run, happenings=happenings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +131,11 @@ class Task:
         return replace(self.request, times=np.union1d(times, np.linspace(times[0], times[-1], count + 1)))
 
     @property
+    def constant(self) -> float:
+        """A guess at C (rad)."""
+        return self.request.size * (SOME + (A_PERIOD + self.request.size**2) * self.periods)
+
+    @property
     def small(self) -> bool:
         """Whether modes in closed form may do."""
         asked = self.request
@@ -133,8 +146,8 @@ class Task:
 def advised(task: Task) -> Advice:
     """The cheapest way to the wished accuracy, or the finest there is where none meets it.
 
-    After Ctrl-C what was being computed is returned, of unknown error.  Raises SimulationError where an integrator
-    gives up.
+    After Ctrl-C what was being computed is returned, judged where a looser run has been.  Raises SimulationError where
+    an integrator gives up.
     """
     attempts: list[Attempt] = []
     for found in chain(_in_closed_form(task), _integrated(task)):
@@ -142,10 +155,11 @@ def advised(task: Task) -> Advice:
         if found.errors[-1] <= task.accuracy or found.trajectory.run.interrupted:
             break
     run = replace(found.trajectory.run, error=found.attempt.error)
-    kept = np.isin(found.trajectory.times, task.request.times)
-    kept[-1] = True
+    times, last = found.trajectory.times, max(int(np.sum(found.errors <= task.accuracy)) - 1, 0)
+    kept = np.isin(times, task.request.times)
+    kept[[last, -1]] = True
     trajectory = replace(found.trajectory, run=run).at(kept)
-    return Advice(task.accuracy, trajectory, found.errors[kept], tuple(attempts))
+    return Advice(task.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]))
 
 
 def _in_closed_form(task: Task) -> Iterator[Found]:
@@ -177,13 +191,12 @@ def _superposed(task: Task, kind: str, motion: Superposition, begun: float) -> F
 def _integrated(task: Task) -> Iterator[Found]:
     """Runs at tighter and tighter tolerances, each judged by the one before."""
     asked = task.looked_at
-    constant = asked.size * (SOME + (A_PERIOD + asked.size**2) * task.periods)
-    wished = task.accuracy / (AIM * constant)
+    wished = task.accuracy / (AIM * task.constant)
     choice = asked.choice(min(max(wished, SMALLEST), LOOSEST / RATIO))
     before = _run(asked, replace(choice, tolerance=RATIO * choice.tolerance))
     yield before
     while True:
-        found = _beside(_run(asked, choice), before)
+        found = _beside(_run(asked, choice), before, ROUNDING * task.constant)
         yield found
         tighter = asked.choice(max(_next(task, found, before), SMALLEST))
         if tighter.tolerance * NEAREST > 1.01 * choice.tolerance:
@@ -199,17 +212,19 @@ def _run(asked: Request, choice: Choice) -> Found:
     return Found(trajectory, np.full(len(trajectory.times), inf), attempt)
 
 
-def _beside(found: Found, before: Found) -> Found:
-    """A run with its errors, as a looser one tells them."""
+def _beside(found: Found, before: Found, rounding: float) -> Found:
+    """A run with its errors, as a looser one tells them, and what rounding (rad) adds where they differ at all."""
     ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
-    errors = SAFETY / ratio * _difference(found.trajectory, before.trajectory)
+    difference = _difference(found.trajectory, before.trajectory)
+    errors = SAFETY / ratio * difference + rounding * (difference > 0)
     return replace(found, errors=errors, attempt=replace(found.attempt, error=float(errors[-1])))
 
 
 def _difference(one: Trajectory, other: Trajectory) -> Floats:
     """The largest angle (rad) so far between two runs at the times of the first, (T,), as far as both go.
 
-    It is inf where it says nothing: where the runs have parted, or are one.
+    It is inf where it says nothing: where the runs have parted, or are one, or the other has ended long before.  Where
+    an event ends both, a little sooner or later, the last instants take the difference before them.
     """
     both = min(len(one.times), len(other.times))
     both = int(np.sum(one.times[:both] == other.times[:both]))
@@ -218,13 +233,15 @@ def _difference(one: Trajectory, other: Trajectory) -> Floats:
     gone[gone > LOST] = inf
     if not gone.any() and np.ptp(one.motion.links, axis=0).any():
         gone[:] = inf
-    return np.pad(gone, (0, len(one.times) - both), mode="edge")
+    beyond = len(one.times) - both
+    return np.pad(gone, (0, beyond), constant_values=inf if beyond > TOGETHER else gone[-1])
 
 
 def _next(task: Task, found: Found, before: Found) -> float:
-    """The tolerance that should meet the accuracy."""
+    """The tolerance that should meet the accuracy; the finest of all only after one that is near enough to judge it."""
     tolerance = found.attempt.tolerance
     difference = float(_difference(found.trajectory, before.trajectory)[-1])
     if difference == inf:
-        return LEAP * tolerance
+        near = FARTHEST * SMALLEST
+        return near if LEAP * tolerance < near < tolerance / NEAREST else LEAP * tolerance
     return min(task.accuracy * before.attempt.tolerance / (AIM * difference), tolerance / CLIMB)

@@ -36,14 +36,13 @@ def _cells(attempt: Attempt) -> list[str]:
 
 
 def _notes(advice: Advice) -> list[str]:
-    last, times = advice.attempts[-1], advice.trajectory.times
-    if advice.met:
+    last, times, run = advice.attempts[-1], advice.trajectory.times, advice.trajectory.run
+    if run.interrupted:
+        verdict = f"{run.stopped}: nothing is promised."
+    elif advice.met:
         verdict = f"{last.way}: no angle is off by more than {last.error:.1e} rad until {times[-1]:.9g} s."
     else:
-        verdict = (
-            f"{advice.accuracy:g} rad can be met up to {advice.horizon:.4g} s and no further: beyond it the digits of "
-            "double precision do not tell where the links are."
-        )
+        verdict = f"{advice.limit}."
     return [
         verdict,
         "error: of modes, what they leave of the equations of motion, propagated; of a run, from its difference to "
@@ -68,6 +67,7 @@ def _whole(advice: Advice, records: list[dict[str, Any]]) -> dict[str, Any]:
         "accuracy_rad": advice.accuracy,
         "met": advice.met,
         "horizon_s": advice.horizon,
+        "stopped": advice.trajectory.run.stopped,
         "duration_s": float(advice.trajectory.times[-1] - advice.trajectory.times[0]),
         "attempts": records,
     }

@@ -16,9 +16,11 @@ from nonlinear.plant import Plant
 from nonlinear.reduced import Reduced
 from nonlinear.short import Dense
 from nonlinear.small import Small
-from nonlinear.trajectory import CLOSED, Trajectory
+from nonlinear.steppers import EXPLICIT, SCIPY
+from nonlinear.trajectory import CLOSED, Run, Trajectory
 
 FEW = "truncated"  # the form of a run in a few mode shapes
+IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ def inventory(trajectory: Trajectory) -> Inventory:
         raise ComputationError("what a saved run was computed with is not saved with it")
     inner: Any = system.inner if isinstance(system, Reduced) else system
     form, numbers = trajectory.run.form, len(inner.scale)
-    matrices = tuple(_matrices(inner, form))
+    matrices = tuple(_matrices(inner, trajectory.run))
     integrated = numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == FEW else _freedom(inner.plant)
     left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices), *not_loaded())
     return Inventory(_freedom(plant), integrated, numbers, matrices, left_out, loaded())
@@ -75,16 +77,18 @@ def _freedom(plant: Plant) -> int:
     return plant.n_links * (2 if plant.spatial else 1) + (plant.cart is not None)
 
 
-def _matrices(inner: Any, form: str) -> Iterator[tuple[int, int]]:
-    """The dense matrices of one derivative."""
-    if form == FEW:
+def _matrices(inner: Any, run: Run) -> Iterator[tuple[int, int]]:
+    """The dense matrices of one derivative, and an implicit integrator's own; series have none."""
+    if run.method in IMPLICIT:
+        yield len(inner.scale), 1
+    if run.form == FEW:
         yield inner.shapes.shape[1], 1
-    elif form == "maximal":
+    elif run.form == "maximal":
         if inner.saddle.is_dense:
             yield inner.saddle.size, 1
-    elif isinstance(inner, Small):
+    elif isinstance(inner, Small) and run.method != "taylor":
         yield inner.layout.half, 1
-    else:
+    elif run.method != "taylor":
         for group, body in zip(inner.plant.groups, getattr(inner, "bodies", ()), strict=False):
             if isinstance(body, Dense):
                 yield group.n, group.index.shape[1]

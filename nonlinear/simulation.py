@@ -47,7 +47,8 @@ def simulate(
     `accuracy` is given in its place by who wants no angle to be off by more (rad): the cheapest way that meets it is
     found and judged (`nonlinear.advice`), `run.error` and `run.reason` say how.  `output` is a number of evenly spaced
     samples or their times after the start (s), ascending; `start` replaces the scene file's own, at `start_time` (s).
-    `load(t, state)` returns the `Push` from outside.  `report` hears of the seconds gone through after every step.
+    `load(t, state)` returns the `Push` from outside; one that acts for less than a step may be missed, and an accuracy
+    with it.  `report` hears of the seconds gone through after every step.
 
     On Ctrl-C what was computed is returned, `run.stopped` saying how far it goes.  Raises SceneError for arguments
     that cannot be, SimulationError (with the part that was computed) where the integrator gives up or an accuracy
@@ -108,11 +109,7 @@ def certain(advice: Advice) -> Trajectory:
     """The trajectory that meets its accuracy; SimulationError with the part that does where not all of it can."""
     if advice.met or advice.trajectory.run.interrupted:
         return advice.trajectory
-    raise SimulationError(
-        f"{advice.accuracy:g} rad can be met up to {advice.horizon:.4g} s and no further: beyond it the digits of "
-        "double precision do not tell where the links are",
-        advice.certain,
-    )
+    raise SimulationError(advice.limit, advice.certain)
 
 
 def resumed(

@@ -12,12 +12,13 @@ from math import inf, radians
 import numpy as np
 import pytest
 from motion_scenes import motion_scene
+from scipy.special import ellipj, ellipk
 
 from modal import Bob, Cart, Pendulum, Scene, SceneError, load, natural_modes
 from multipendula.cli import main
 from nonlinear import Push, crossing, plant_of, recordings, released, resumed, simulate, start_of
 from nonlinear import load as load_run
-from nonlinear.advice import RATIO, Attempt
+from nonlinear.advice import RATIO, Attempt, _difference
 from nonlinear.advice_tables import advice_table
 from nonlinear.modal_coordinates import start_in_mode
 from nonlinear.preparation import SimulationError
@@ -207,3 +208,50 @@ def test_the_command(tmp_path, capsys: pytest.CaptureFixture[str]) -> None:  # t
     assert main(["simulate", "paper-cart-2", "--duration", "2", "--accuracy", "1e-3", "--tolerance", "1e-6"]) == 2
     assert "goes without a tolerance" in capsys.readouterr().err
     assert main(["advise", "nowhere.toml", "--accuracy", "1e-3", "-o", "a.txt"]) == 2
+
+
+def test_the_horizon_does_not_depend_on_the_instants_kept() -> None:
+    scene = load("paper-cart-3")
+    every, few = advise(scene, 40.0, 1e-3), advise(scene, 40.0, 1e-3, output=[30.0, 40.0])
+    assert few.horizon == pytest.approx(every.horizon, abs=3.0)
+    assert list(few.certain.times) == [0.0, few.horizon]
+    assert few.certain.run.error <= 1e-3
+
+
+def test_what_happens_beyond_the_horizon_is_left_out() -> None:
+    scene = load("paper-cart-3")
+    advice = advise(scene, 40.0, 1e-3, events=[crossing(plant_of(scene), "x")])
+    assert advice.trajectory.happenings[-1].time > advice.horizon
+    assert 0 < len(advice.certain.happenings) < len(advice.trajectory.happenings)
+    assert advice.certain.happenings[-1].time <= advice.horizon
+
+
+def test_a_run_that_ended_early_says_nothing_of_what_follows() -> None:
+    start = start_in_mode(PAPER, natural_modes(PAPER), 1, 0, 0.3)
+    long, short = (simulate(PAPER, 4.0, start=start, tolerance=t, output=101) for t in (1e-9, 1e-6))
+    ended = _difference(long, short.at(slice(30)))
+    assert np.all(ended[:30] < 1e-3)
+    assert np.all(ended[30:] == inf)
+    assert _difference(long, short.at(slice(100)))[-1] < 1e-3
+
+
+def test_no_error_below_rounding_is_promised() -> None:
+    pytest.importorskip("heyoka")
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    start = released(scene, [60.0])
+    k, omega = np.sin(start.links[0] / 2), np.sqrt(9.81)
+    for duration in (1.0, 10.0):
+        found = advise(scene, duration, 1e-12, start=start, method="taylor", output=21)
+        sine = ellipj(ellipk(k * k) - omega * found.trajectory.times, k * k)[0]
+        true = np.abs(2 * np.arcsin(k * sine) - found.trajectory.motion.links[:, 0]).max()
+        assert max(true, 1e-15) < found.errors[-1]
+
+
+def test_what_was_interrupted_is_not_called_a_limit_of_the_digits() -> None:
+    def report(elapsed: float) -> None:
+        if elapsed > 3.0:
+            raise KeyboardInterrupt
+
+    told = advice_table(advise(load("paper-cart-3"), 10.0, 1e-6, report=report), "text")
+    assert "nothing is promised" in told
+    assert "digits" not in told

@@ -141,3 +141,9 @@ def test_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert "4×4" in told.err
     assert main(["simulate", "chain-3", "--keep-modes", "2", "--form", "maximal", "--accuracy", "0.1"]) == 2
     assert "--form: goes without --keep-modes" in capsys.readouterr().err
+
+
+def test_an_implicit_integrator_has_a_matrix_and_series_have_none() -> None:
+    assert inventory(run_of(scene_of(links=40), method="Radau")).matrices[0] == (80, 1)
+    pytest.importorskip("heyoka")
+    assert inventory(run_of(scene_of(), method="taylor")).matrices == ()
