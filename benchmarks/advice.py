@@ -13,6 +13,7 @@ process of its own: compilers and the loading of numba and heyoka, which is meas
 from __future__ import annotations
 
 import argparse
+import csv
 import json
 import random
 import subprocess
@@ -199,7 +200,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=300)
     parser.add_argument("--first", type=int, default=900_000)
-    parser.add_argument("--write", action="store_true")
+    parser.add_argument("--write", action="store_true", help="keep every scene in docs/advice.csv")
     options = parser.parse_args()
     judged(options.first - 1)
     cases = []
@@ -208,7 +209,10 @@ def main() -> None:
         print(json.dumps(asdict(cases[-1])), flush=True)
     print(report(cases))
     if options.write:
-        (DOCS / "advice.md").write_text(report(cases), encoding="utf-8")
+        with open(DOCS / "advice.csv", "w", encoding="utf-8", newline="") as stream:
+            writer = csv.DictWriter(stream, asdict(cases[0]), lineterminator="\n")
+            writer.writeheader()
+            writer.writerows(map(asdict, cases))
 
 
 if __name__ == "__main__":

@@ -95,10 +95,9 @@ class Advice:
     @property
     def limit(self) -> str:
         """What is to be said where it is not met."""
-        return (
-            f"{self.accuracy:g} rad can be met up to {self.horizon:.4g} s and no further: beyond it the digits of "
-            "double precision do not tell where the links are"
-        )
+        finest = self.attempts[-1].tolerance <= FARTHEST * SMALLEST
+        why = ": beyond it the digits of double precision do not tell where the links are" if finest else ""
+        return f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further{why}"
 
     @property
     def certain(self) -> Trajectory:

@@ -103,7 +103,7 @@ def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
     if run.form == FEW:
         yield f"every mode but {inner.shapes.shape[1]} shapes"
     if run.form != "maximal":
-        yield "no pivot forces: links in minimal coordinates need none"
+        yield "no pivot forces: only maximal coordinates need them"
     if len(inner.scale) % 2 == 0:
         yield "no work: nothing damps or drives"
 

@@ -125,7 +125,8 @@ def resumed(
     """The motion after a trajectory's last state, its times going on.
 
     Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given, or an
-    accuracy in their place; the work begins anew at 0.  Raises SceneError for a driven trajectory without its `load`.
+    accuracy in their place; the work begins anew at 0.  A run in a few modes or in closed form goes on as the whole
+    scene.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:
         raise SceneError(["load: this run was driven, and forces from outside are not kept with it"])
