@@ -3,6 +3,7 @@
 An error is the largest angle (rad) by which any link is off at any instant so far.  Ways are tried from cheap to dear:
 
     modes in closed form     their error from what they leave of the equations (`nonlinear.defect`)
+    a few modes              of long chains, their error from more modes (`nonlinear.truncation`)
     integration, twice       at tolerances Rτ and τ, then at tighter ones
 
 Errors of integration follow the tolerance, e ≈ Cτ.  Where little grows, C is a few times the motion's size, more over
@@ -18,60 +19,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
 from itertools import chain
-from math import ceil, inf, nan, pi
+from math import inf
 from time import perf_counter
 
 import numpy as np
 
-from modal.errors import ComputationError
 from modal.rig import Floats
-from nonlinear.defect import defect_error
+from nonlinear.attempts import AIM, SAFETY, Attempt, Found, Task
 from nonlinear.methods import Choice
 from nonlinear.preparation import Request
 from nonlinear.requests import LOOSEST
+from nonlinear.shortcuts import in_closed_form, in_few_modes
 from nonlinear.state import apart
 from nonlinear.steppers import SMALLEST
-from nonlinear.superposition import CORRECTED, LINEAR, Superposition, superposed
-from nonlinear.timescales import timescales
-from nonlinear.trajectory import CLOSED, Run, Trajectory
+from nonlinear.trajectory import Trajectory
 
 RATIO, CLIMB = 32.0, 16.0  # of the first two tolerances, and of the next ones at least
 NEAREST = 4.0  # ratio of tolerances below which two runs may be one
 FARTHEST = 100.0  # ratio beyond which none is trusted to be better still
-SAFETY = 8.0
-MODAL = "the motion is small enough"
-SOME, A_PERIOD = 3.0, 0.15  # of C over the motion's size: always, and for every period of the fastest swing
-CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size
 ROUNDING = 4 * float(np.finfo(float).eps)  # a tolerance below which errors do not follow it
 LOST, LEAP = 0.3, 1e-4  # a difference (rad) that says nothing of C; the next tolerance over this one then
-AIM = 1.1 * SAFETY  # accuracy wished for over the error that is aimed at
 TOGETHER = 2  # instants by which an event may end two runs apart
-PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # instants at which errors are looked for
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """A way that was tried: its tolerance (NaN for a closed form), what it cost (s; derivatives), its error (rad).
-
-    The error is an upper estimate, inf where nothing is known of it.
-    """
-
-    way: str
-    tolerance: float
-    seconds: float
-    calls: int
-    error: float
-
-
-@dataclass(frozen=True, eq=False)
-class Found:
-    """A trajectory, what its angles may be off by until every of its times (T,) in rad, and what it cost."""
-
-    trajectory: Trajectory
-    errors: Floats
-    attempt: Attempt
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,37 +80,6 @@ class Advice:
         return replace(self.trajectory.at(kept), run=run, happenings=happenings)
 
 
-@dataclass(frozen=True, eq=False)
-class Task:
-    """A motion that is asked for to an accuracy (rad)."""
-
-    request: Request
-    accuracy: float
-
-    @property
-    def periods(self) -> float:
-        """Of the fastest swing in all that time."""
-        return self.request.duration * timescales(self.request.scene).swing / (2 * pi)
-
-    @cached_property
-    def looked_at(self) -> Request:
-        """The request at the times when errors are looked for: the kept ones, and as often as the scene swings."""
-        times, count = self.request.times, min(max(ceil(self.periods * PER_PERIOD), FEWEST), MOST)
-        return replace(self.request, times=np.union1d(times, np.linspace(times[0], times[-1], count + 1)))
-
-    @property
-    def constant(self) -> float:
-        """A guess at C (rad)."""
-        return self.request.size * (SOME + (A_PERIOD + self.request.size**2) * self.periods)
-
-    @property
-    def small(self) -> bool:
-        """Whether modes in closed form may do."""
-        asked = self.request
-        free = asked.method == asked.form == "auto" and not (asked.load or asked.events)
-        return free and CURVED * asked.size**3 <= self.accuracy
-
-
 def advised(task: Task) -> Advice:
     """The cheapest way to the wished accuracy, or the finest there is where none meets it.
 
@@ -149,7 +87,7 @@ def advised(task: Task) -> Advice:
     an integrator gives up.
     """
     attempts: list[Attempt] = []
-    for found in chain(_in_closed_form(task), _integrated(task)):
+    for found in chain(in_closed_form(task), in_few_modes(task), _integrated(task)):
         attempts.append(found.attempt)
         if found.errors[-1] <= task.accuracy or found.trajectory.run.interrupted:
             break
@@ -161,37 +99,10 @@ def advised(task: Task) -> Advice:
     return Advice(task.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]))
 
 
-def _in_closed_form(task: Task) -> Iterator[Found]:
-    """Linear and corrected modes, where these can be judged."""
-    if not task.small:
-        return
-    begun = perf_counter()
-    try:
-        motion = superposed(task.request.scene, task.request.start, corrected=True)
-    except ComputationError:
-        return
-    for kind, each in ((LINEAR, motion.linear), (CORRECTED, motion)):
-        if found := _superposed(task, kind, each, begun):
-            yield found
-        begun = perf_counter()
-
-
-def _superposed(task: Task, kind: str, motion: Superposition, begun: float) -> Found | None:
-    asked = task.looked_at
-    estimate = defect_error(motion, asked.duration)
-    if estimate is None:
-        return None
-    elapsed = asked.times - asked.times[0]
-    errors = estimate.bounds[np.minimum(np.searchsorted(estimate.times, elapsed), len(estimate.at) - 1)]
-    trajectory = Trajectory(asked.scene, asked.plant, asked.times, motion(elapsed), Run(kind, CLOSED, MODAL, inf))
-    return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])))
-
-
 def _integrated(task: Task) -> Iterator[Found]:
     """Runs at tighter and tighter tolerances, each judged by the one before."""
     asked = task.looked_at
-    wished = task.accuracy / (AIM * task.constant)
-    choice = asked.choice(min(max(wished, SMALLEST), LOOSEST / RATIO))
+    choice = asked.choice(min(max(task.tolerance, SMALLEST), LOOSEST / RATIO))
     before = _run(asked, replace(choice, tolerance=RATIO * choice.tolerance))
     yield before
     while True:

@@ -7,7 +7,8 @@ from typing import Any
 
 from modal.scene import described
 from modal.tables import NOTHING
-from nonlinear.advice import Advice, Attempt
+from nonlinear.advice import Advice
+from nonlinear.attempts import Attempt
 from nonlinear.check_tables import as_csv, as_json, finite, grid, titled
 
 TRIED = ("way", "tolerance", "time (ms)", "derivatives", "error (rad)")

@@ -8,7 +8,8 @@ from typing import Any
 from modal.errors import SceneError
 from modal.rig import Floats
 from modal.scene import Scene
-from nonlinear.advice import Advice, Task, advised
+from nonlinear.advice import Advice, advised
+from nonlinear.attempts import Task
 from nonlinear.events import Event
 from nonlinear.methods import ASKED, FORMS, choose
 from nonlinear.plant import plant_of

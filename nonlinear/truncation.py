@@ -157,12 +157,25 @@ def truncated(
     survey = surveyed(scene, plant, state)
     if modes is not None and modes > len(survey.modes):
         raise SceneError([f"modes {modes}: this scene has {len(survey.modes)}"])
-    fewer = survey.columns(modes or survey.automatic())
+    return in_modes(survey, modes or survey.automatic(), times, method=method, tolerance=tolerance, report=report)
+
+
+def in_modes(
+    survey: Survey,
+    modes: int,
+    times: Floats,
+    *,
+    method: str = "DOP853",
+    tolerance: float,
+    report: Callable[[float], object] = lambda elapsed: None,
+) -> Truncation:
+    """The motion of a survey's start at these times (T,) in s, in so many of its lowest modes."""
+    fewer = survey.columns(modes)
     more = survey.columns(_next(survey, fewer))
     first = _run(survey, fewer, times, method, tolerance, report)
     second = _run(survey, more, first.times, method, tolerance / 10, report)
     apart = np.inf if second.run.stopped else float(np.abs(first.motion.links - second.motion.links).max())
-    error = SAFETY * apart + survey.missed(more, duration)
+    error = SAFETY * apart + survey.missed(more, float(times[-1] - times[0]))
     return Truncation(
         trajectory=replace(first, run=replace(first.run, error=error)),
         kept=survey.kept[:fewer],

@@ -82,6 +82,19 @@ def test_small_motions_are_not_integrated() -> None:
     assert integrated.attempts[-1].calls > 0
 
 
+def test_a_long_chain_in_its_lowest_mode_moves_in_a_few() -> None:
+    chain = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=0.01, count=240)])])
+    start = start_in_mode(chain, natural_modes(chain), 0, 0, radians(3.0))
+    advice = advise(chain, 1.0, 1e-4, start=start, output=11)
+    assert [attempt.way for attempt in advice.attempts] == ["5 mode shapes"]
+    sure = simulate(chain, 1.0, start=start, tolerance=1e-9, output=11)
+    true = apart(advice.trajectory.motion, sure.motion).max()
+    assert true < advice.errors[-1] <= 1e-4
+    assert advice.attempts[0].calls < sure.run.calls / 10
+    asked = advise(chain, 0.1, 1e-4, start=start, output=3, method="DOP853")
+    assert "mode shapes" not in asked.attempts[-1].way
+
+
 def test_beyond_the_horizon_nothing_is_promised() -> None:
     scene = load("paper-cart-3")
     advice = advise(scene, 60.0, 1e-3)

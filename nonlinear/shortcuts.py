@@ -1,0 +1,67 @@
+"""Ways to a motion that do not integrate the whole scene: modes in closed form, and long chains in a few modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import inf, nan
+from time import perf_counter
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from nonlinear.attempts import Attempt, Found, Task
+from nonlinear.defect import LARGEST, defect_error
+from nonlinear.requests import LOOSEST
+from nonlinear.superposition import CORRECTED, LINEAR, Superposition, superposed
+from nonlinear.trajectory import CLOSED, Run, Trajectory
+from nonlinear.truncation import in_modes, surveyed
+
+MODAL = "the motion is small enough"
+CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size
+LONG, SHARE = 200, 1 / 8  # links of a scene, and the share of its shapes, that make a few modes worth their while
+
+
+def in_closed_form(task: Task) -> Iterator[Found]:
+    """Linear and corrected modes, where these can be judged."""
+    if not task.free or CURVED * task.request.size**3 > task.accuracy or task.request.plant.n_links > LARGEST:
+        return
+    begun = perf_counter()
+    try:
+        motion = superposed(task.request.scene, task.request.start, corrected=True)
+    except ComputationError:
+        return
+    for kind, each in ((LINEAR, motion.linear), (CORRECTED, motion)):
+        if found := _superposed(task, kind, each, begun):
+            yield found
+        begun = perf_counter()
+
+
+def _superposed(task: Task, kind: str, motion: Superposition, begun: float) -> Found | None:
+    asked = task.looked_at
+    estimate = defect_error(motion, asked.duration)
+    if estimate is None:
+        return None
+    elapsed = asked.times - asked.times[0]
+    errors = estimate.bounds[np.minimum(np.searchsorted(estimate.times, elapsed), len(estimate.at) - 1)]
+    trajectory = Trajectory(asked.scene, asked.plant, asked.times, motion(elapsed), Run(kind, CLOSED, MODAL, inf))
+    return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])))
+
+
+def in_few_modes(task: Task) -> Iterator[Found]:
+    """The lowest modes of a long scene that starts in them."""
+    asked = task.looked_at
+    if not task.free or asked.plant.spatial or asked.plant.n_links < LONG:
+        return
+    begun = perf_counter()
+    try:
+        survey = surveyed(asked.scene, asked.plant, asked.start)
+    except (ComputationError, SceneError):
+        return
+    modes = survey.automatic()
+    if survey.columns(modes) > SHARE * asked.plant.n_links:
+        return
+    tolerance = min(task.tolerance, LOOSEST)
+    found = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
+    run, way = found.trajectory.run, f"{len(found.kept)} mode shapes"
+    errors = np.full(len(found.trajectory.times), found.error)
+    yield Found(found.trajectory, errors, Attempt(way, run.tolerance, perf_counter() - begun, run.calls, found.error))
