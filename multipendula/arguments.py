@@ -91,6 +91,11 @@ def _tables(command: Add) -> None:
         help="largest angle drawn (default 25)",
     )
 
+    add = command(commands.explain, "explain", "explain paper-cart-2 -o coupling.png")
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    add.add_argument("--format", choices=("text", "markdown", "json"), default="text")
+    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+
     add = command(commands.matrices, "matrices", "matrices chain-3")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--format", choices=("text", "json"), default="text")

@@ -117,6 +117,22 @@ def enclose(options: argparse.Namespace) -> None:
 # -------------------------------------------------------------------------------------------------- helpers
 
 
+def explain(options: argparse.Namespace) -> None:
+    """Say in words, and draw, how the cart couples the pendula."""
+    from modal.coupling import explained
+    from modal.coupling_words import words
+    from modal.files import load, whole_file
+
+    kind = picture(options.output) if options.output else ""
+    coupling = explained(load(options.scene))
+    if kind:
+        from modal.coupling_figures import draw_coupling
+
+        with whole_file(options.output) as stream:
+            draw_coupling(coupling, stream, kind)
+    sys.stdout.write(words(coupling, options.format))
+
+
 def listed(text: str | None) -> tuple[str, ...]:
     """The words of a list with commas."""
     return tuple(word.strip() for word in text.split(",")) if text else ()

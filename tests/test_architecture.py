@@ -18,6 +18,7 @@ SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
     "matplotlib": {"modal.pictures", "modal.figures", "modal.response_figures"}
+    | {f"modal.{name}" for name in ("mass_figures", "cart_mass_figures", "coupling_figures")}
     | {
         f"nonlinear.{name}"
         for name in ("figures", "check_figures", "chaos_figures", "tradeoff_figures", "scenery", "gauges", "film")

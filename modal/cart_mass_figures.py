@@ -1,0 +1,81 @@
+"""How the frequencies of the modes that move the cart change as its mass goes from 0 to ∞."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from modal.coupling import Coupling
+from modal.mass_figures import PLAIN, POLE, ZERO, crowded, name, span
+from modal.palette import INK
+from modal.rig import Floats, Ints
+
+MOST_LINES, MASSES = 12, 81
+CART_MASS = r"mass of the cart $m_c$ (kg)"
+
+
+def draw_limits(axis: Axes, coupling: Coupling) -> None:
+    """Frequencies of the modes that move the cart, as its mass goes from 0 to ∞."""
+    poles, here = coupling.dynamic.omega, coupling.dynamic.cart if coupling.on_cart else np.inf
+    low, high = _masses(coupling, here)
+    masses = np.geomspace(low, high, MASSES)
+    omega = coupling.swept(masses)
+    chosen, drawn = _some(omega.shape[1]), _some(len(poles))
+    crowd = crowded(coupling)
+    axis.hlines(poles[drawn], low, high, color=POLE, ls="--", lw=0.6 if crowd else 1.0, alpha=0.8)
+    axis.plot(masses, omega[:, chosen], color=ZERO, lw=0.9 if crowd else 1.6)
+    light = np.array([mode.light for mode in coupling.cart_modes])
+    now = np.array([mode.omega for mode in coupling.cart_modes]) if coupling.on_cart else poles
+    bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
+    axis.set(xscale="log", xlim=(low, high), yscale="log" if wide else "linear", xlabel=CART_MASS, ylabel="ω (rad/s)")
+    axis.set_ylim(bottom, top)
+    _here(axis, here, float(np.clip(here, low, high)), now[chosen[chosen < len(now)]], size=4 if crowd else 6)
+    if not crowd:
+        _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], ZERO, (4, 4))
+        _ends(axis, high, [(pole, name(k)) for k, pole in enumerate(poles.tolist(), 1)], POLE, (5, -3))
+    some = f"; {len(chosen)} of {omega.shape[1]} modes" if len(chosen) < omega.shape[1] else ""
+    axis.set_title(f"massless cart  ←  modes that move the cart, as its mass changes{some}  →  fixed support")
+    axis.title.set(fontsize=9.5, color=INK)
+
+
+def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], colour: str, offset: tuple[int, int]) -> None:
+    """Words where the lines end, those left out that would touch the last."""
+    last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
+    for y, word in marks:
+        at = float(to_share.transform((x, y))[1])
+        if at - last > 0.06:
+            last = at
+            axis.annotate(word, (x, y), offset, textcoords="offset points", fontsize=8.5, color=colour)
+
+
+def _masses(coupling: Coupling, here: float) -> tuple[float, float]:
+    """Carts (kg) from far lighter to far heavier than what hangs, the scene's own among them."""
+    hanging = coupling.dynamic.with_cart(0.0).at_rest
+    low, high = hanging * 1e-3, hanging * 1e3
+    return (min(low, here / 10), max(high, here * 10)) if 0 < here < np.inf else (low, high)
+
+
+def _some(count: int) -> Ints:
+    """At most MOST_LINES indices, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(MOST_LINES, count)).round().astype(np.int64))
+
+
+def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> None:
+    """The scene's own cart, and its frequencies as dots."""
+    where = "a massless cart" if here == 0 else "a fixed support" if np.isinf(here) else f"{here:.6g} kg"
+    late = spot > np.sqrt(np.prod(axis.get_xlim()))
+    axis.axvline(spot, color=INK, lw=1.2, ls=":")
+    if now.size:
+        spots = np.full(len(now), spot)
+        axis.plot(spots, now, "o", color=ZERO, ms=size, mec="white", mew=size / 8, zorder=4, clip_on=False)
+    axis.annotate(
+        f"this scene: {where}",
+        (spot, 0.0),
+        (-5 if late else 5, 6),
+        axis.get_xaxis_transform(),
+        textcoords="offset points",
+        ha="right" if late else "left",
+        fontsize=8.5,
+        color=INK,
+        bbox=PLAIN,
+    )

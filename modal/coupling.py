@@ -1,0 +1,202 @@
+"""How the cart couples the pendula: families of modes, their splitting and beats, and both limits of the cart's mass.
+
+Pendula whose modes agree in the fixed-support frequency ω_r form family r: their combinations that do not push the cart
+stay at ω_r, and one more moves it, at a zero of the dynamic mass (`modal.dynamic_mass`),
+
+    Δω = ω_zero − ω_r,    beat period 2π/Δω.
+
+With m_r the dynamic mass at ω_r of all but the family itself and μ_r the family's modal effective mass, the coupling
+strength ε_r = μ_r/m_r gives Δω ≈ ½ ε_r ω_r to first order; for N equal simple pendula on a free cart of mass m_c it is
+N m/m_c, and ω_zero = ω_r √(1 + ε_r) is exact.  A heavy cart leaves every mode at its pole, a light one lets the zeros
+of m_dyn − m_c take over.  In space all of this is the motion along the rail; across it nothing is coupled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf, pi
+
+import numpy as np
+
+from modal.chain import at_infinity
+from modal.coincident import clusters
+from modal.decay import Damped, damped_modes
+from modal.dynamic_mass import DynamicMass
+from modal.errors import ComputationError
+from modal.own_modes import OwnModes, own_modes
+from modal.rig import Floats, Ints, Rig, rig_of
+from modal.scene import Scene
+from modal.talk import Talk, talks
+
+MOST_POLES = 10_000
+STANDS = "the coupling is explained for pendula that hang: a link that stands up has no frequency of its own"
+
+
+@dataclass(frozen=True)
+class CartMode:
+    """A mode that moves the cart: `omega` (rad/s), and where it goes as the cart's mass does.
+
+    `light` is ω as m_c → 0, infinite where the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
+    the cart's velocity just after a push.  `family` counts from 0; None for the cart swinging on its own spring.
+    """
+
+    omega: float
+    participation: float
+    light: float
+    heavy: float
+    family: int | None
+
+
+@dataclass(frozen=True)
+class Family:
+    """Fixed-support modes of one frequency `omega` (rad/s): `members` are indices into `OwnModes`.
+
+    `fold` of them in all, so that fold − 1 combinations leave the cart still; `mass` is their modal effective mass
+    μ_r, `rest` the dynamic mass m_r of everything else at ω_r (kg), infinite on a fixed support.  `cart_mode` is the
+    index of the mode that moves the cart and `splitting` its Δω (rad/s); None where there is none.
+    """
+
+    omega: float
+    members: tuple[int, ...]
+    fold: int
+    mass: float
+    rest: float
+    cart_mode: int | None
+    splitting: float | None
+
+    @property
+    def strength(self) -> float:
+        """ε_r = μ_r/m_r, below 0 where the cart's spring holds it back, infinite where nothing else resists."""
+        return self.mass / self.rest if self.rest else inf
+
+    @property
+    def beat(self) -> float | None:
+        """2π/|Δω| (s), in which energy goes from one pendulum of the family to the others and back; None if never."""
+        return 2 * pi / abs(self.splitting) if self.splitting and self.fold > 1 else None
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """How a scene's cart couples its pendula; on a fixed support nothing does, and `dynamic` has a cart of mass 0."""
+
+    scene: Scene
+    rig: Rig
+    own: OwnModes
+    pole: Ints
+    dynamic: DynamicMass
+
+    @property
+    def on_cart(self) -> bool:
+        """Whether there is a cart."""
+        return self.rig.cart is not None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The kinds of pendula in words."""
+        return tuple(self.rig.names.values())
+
+    @cached_property
+    def families(self) -> tuple[Family, ...]:
+        """One for each distinct fixed-support frequency, ascending."""
+        fold = np.bincount(self.pole, weights=self.own.count).astype(int)
+        order = np.argsort(self.pole, kind="stable")
+        members = np.split(order, np.cumsum(np.bincount(self.pole))[:-1])
+        resting = self._rest()
+        moved = {mode.family: number for number, mode in enumerate(self.cart_modes) if mode.family is not None}
+        return tuple(
+            Family(
+                omega=float(omega),
+                members=tuple(members[r].tolist()),
+                fold=int(fold[r]),
+                mass=float(self.dynamic.mass[r]),
+                rest=float(resting[r]),
+                cart_mode=moved.get(r),
+                splitting=self.dynamic.zeros.above(moved[r], r + self._held) if r in moved else None,
+            )
+            for r, omega in enumerate(self.dynamic.omega)
+        )
+
+    @cached_property
+    def cart_modes(self) -> tuple[CartMode, ...]:
+        """The modes that move the cart, ascending, but for a free cart's rigid translation; none on a fixed support."""
+        if not self.on_cart:
+            return ()
+        zeros = self.dynamic.zeros
+        push = 1 / zeros.modal_mass
+        whole = float(push.sum()) + (0.0 if self._held else 1 / self.dynamic.at_rest)
+        light = self.dynamic.with_cart(0.0).zeros.omega.tolist()
+        heavy = np.sqrt(zeros.square).tolist()
+        own = int(push.argmax()) if self._held else -1
+        return tuple(
+            CartMode(
+                omega=float(omega),
+                participation=float(push[j]) / whole,
+                light=light[j] if j < len(light) else inf,
+                heavy=heavy[j],
+                family=None if j == own else j - (self._held and j > own),
+            )
+            for j, omega in enumerate(zeros.omega)
+        )
+
+    @cached_property
+    def talks(self) -> tuple[Talk, ...]:
+        """Pairs of modes of different pendula, those that share most energy first."""
+        return talks(self.own, self.dynamic, self.pole) if self.on_cart else ()
+
+    @cached_property
+    def damped(self) -> tuple[Damped, ...]:
+        """What dampers and drives give each mode."""
+        return damped_modes(self.rig)
+
+    def residual(self) -> float:
+        """How far modal effective and residual masses miss the total mass, over it: two independent routes to it."""
+        hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.rig.blocks)
+        return abs(self.dynamic.residual + float(self.dynamic.mass.sum()) - hanging) / hanging
+
+    def swept(self, masses: Floats) -> Floats:
+        """ω (len(masses), Z) in rad/s of the modes that move the cart, under carts of these masses (kg) above 0."""
+        return np.array([self.dynamic.with_cart(float(mass)).zeros.omega for mass in masses])
+
+    @property
+    def _held(self) -> int:
+        """1 if a spring holds the cart, which adds a pole at 0."""
+        return int(self.dynamic.spring > 0)
+
+    def _rest(self) -> Floats:
+        """m_r (C,)."""
+        if not self.on_cart:
+            return np.full(len(self.dynamic.omega), np.inf)
+        omega, index = self.dynamic.omega, np.arange(len(self.dynamic.omega))
+        parts = np.array_split(index, 1 + len(omega) ** 2 // 1_000_000)
+        return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
+
+
+def explained(scene: Scene) -> Coupling:
+    """What couples the pendula of a scene.
+
+    Raises ComputationError for links that stand up and beyond MOST_POLES distinct frequencies.
+    """
+    if scene.stands:
+        raise ComputationError(STANDS)
+    rig = rig_of(scene)
+    if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
+        raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
+    with np.errstate(all="ignore"):
+        own = own_modes(rig)
+        gathered = clusters((own.omega**2,))
+        pole = np.repeat(np.arange(len(gathered.first)), gathered.size)
+        dynamic = DynamicMass(
+            omega=own.omega[gathered.first],
+            mass=np.add.reduceat(own.mass * own.count, gathered.first),
+            cart=rig.cart.mass if rig.cart else 0.0,
+            residual=_residual(rig),
+            spring=rig.cart.stiffness if rig.cart else 0.0,
+        )
+        return Coupling(scene, rig, own, pole, dynamic)
+
+
+def _residual(rig: Rig) -> float:
+    """What inertia alone makes the pivots of all pendula feel (kg)."""
+    natural, units = rig.natural()
+    return units.mass * float(sum((at_infinity(block)[0] * block.count).sum() for block in natural.blocks))

@@ -1,0 +1,60 @@
+"""The coupling in one picture: the dynamic mass with its poles and zeros, each family close up, and the cart's mass."""
+
+from __future__ import annotations
+
+from typing import IO
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+
+from modal.cart_mass_figures import draw_limits
+from modal.coupling import Coupling
+from modal.mass_figures import CURVE, FELT, POLE, ZERO, close_families, draw_close, draw_mass
+from modal.palette import GRID, INK, MARK
+from modal.pictures import save
+
+
+def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
+    """The picture as png, svg or pdf; of many poles and lines it shows some and says so."""
+    close = close_families(coupling)
+    figure = Figure(
+        figsize=(9.0, 10.0 if close else 7.2),
+        dpi=150,
+        facecolor="white",
+        layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08),
+    )
+    FigureCanvasAgg(figure)
+    rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
+    draw_mass(figure.add_subplot(rows[0, :]), coupling)
+    for column, number in enumerate(close):
+        axis = figure.add_subplot(rows[1, column])
+        draw_close(axis, coupling, number)
+        axis.set_ylabel(FELT if column == 0 else "")
+    draw_limits(figure.add_subplot(rows[-1, :]), coupling)
+    _finish(figure, coupling)
+    save(figure, stream, kind)
+
+
+def _finish(figure: Figure, coupling: Coupling) -> None:
+    for axis in figure.axes:
+        axis.grid(color=GRID, lw=0.6)
+        axis.set_axisbelow(True)
+        axis.tick_params(labelsize=9, colors=INK)
+        axis.spines[["top", "right"]].set_visible(False)
+    what = "what a force on the cart feels" if coupling.on_cart else "what a cart here would feel"
+    title = coupling.scene.title
+    words = f"{title}: {what}" if title else what.capitalize()
+    figure.suptitle(words, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    entries = {
+        "dynamic mass": Line2D([], [], color=CURVE, lw=1.6),
+        "poles: the cart stands still": Line2D([], [], color=POLE, ls="--", lw=1.1),
+        "zeros: the cart moves": Line2D([], [], color=ZERO, marker="o", lw=1.6, mec="white"),
+        "felt by a fast push": Line2D([], [], color=MARK, ls=":", lw=0.9),
+    }
+    entries = entries if coupling.on_cart else dict(list(entries.items())[:3])
+    figure.legend(
+        list(entries.values()), list(entries), loc="outside lower center", ncols=len(entries), fontsize=9, frameon=False
+    )

@@ -1,0 +1,94 @@
+"""Every number of the coupling as plain mappings, units in the names."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from modal.coupling import CartMode, Coupling, Family
+from modal.decay import Damped
+from modal.scene import described
+from modal.talk import Talk
+
+
+def records(coupling: Coupling) -> dict[str, Any]:
+    """What `json` writes; null where a number is infinite or has no meaning; families and modes count from 1."""
+    dynamic = coupling.dynamic
+    return {
+        "scene": described(coupling.scene),
+        "total_mass_kg": dynamic.at_rest if coupling.on_cart else None,
+        "cart_mass_kg": dynamic.cart if coupling.on_cart else None,
+        "residual_mass_kg": dynamic.residual,
+        "cart_stiffness_n_per_m": dynamic.spring,
+        "sum_rule_residual": coupling.residual(),
+        "families": [_family(coupling, family) for family in coupling.families],
+        "cart_modes": [_cart_mode(mode) for mode in coupling.cart_modes],
+        "pairs": [_pair(coupling, talk) for talk in coupling.talks],
+        "damping": [_damped(mode) for mode in coupling.damped],
+    }
+
+
+def _family(coupling: Coupling, family: Family) -> dict[str, Any]:
+    return {
+        "omega_cart_still_rad_per_s": family.omega,
+        "members": [_member(coupling, k) for k in family.members],
+        "fold": family.fold,
+        "modal_effective_mass_kg": family.mass,
+        "dynamic_mass_of_the_rest_kg": _finite(family.rest),
+        "coupling_strength": _finite(family.strength),
+        "cart_mode": None if family.cart_mode is None else family.cart_mode + 1,
+        "splitting_rad_per_s": family.splitting,
+        "beat_period_s": family.beat,
+    }
+
+
+def _member(coupling: Coupling, k: int) -> dict[str, Any]:
+    own = coupling.own
+    return {
+        "pendulum": coupling.names[own.kind[k]],
+        "mode_of_the_pendulum": int(own.number[k]),
+        "copies": int(own.count[k]),
+        "modal_effective_mass_of_one_kg": float(own.mass[k]),
+    }
+
+
+def _cart_mode(mode: CartMode) -> dict[str, Any]:
+    return {
+        "omega_rad_per_s": mode.omega,
+        "cart_participation": mode.participation,
+        "omega_massless_cart_rad_per_s": _finite(mode.light),
+        "omega_immense_cart_rad_per_s": mode.heavy,
+        "family": None if mode.family is None else mode.family + 1,
+    }
+
+
+def _pair(coupling: Coupling, talk: Talk) -> dict[str, Any]:
+    return {
+        "first": _member(coupling, talk.first),
+        "second": _member(coupling, talk.second),
+        "detuning_rad_per_s": talk.detuning,
+        "coupling_rad_per_s": talk.coupling,
+        "dynamic_mass_between_kg": talk.cart_mass,
+        "energy_share": talk.share,
+        "beat_period_s": _finite(talk.period),
+    }
+
+
+def _damped(mode: Damped) -> dict[str, Any]:
+    return {
+        "omega_rad_per_s": mode.omega,
+        "fold": mode.fold,
+        "cart_still": mode.still,
+        "pendulum": mode.kind,
+        "rate_from_cart_per_s": mode.from_cart,
+        "rate_from_joints_per_s": mode.from_joints,
+        "damping_ratio_first_order": mode.ratio,
+        "exact_rate_per_s": None if mode.exact is None else mode.decay,
+        "exact_omega_rad_per_s": None if mode.exact is None else abs(mode.exact),
+        "drive_gain_per_kg_m2": mode.fed,
+        "drive_threshold_n_m_s_per_rad": _finite(mode.threshold),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None

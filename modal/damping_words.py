@@ -1,0 +1,80 @@
+"""What dampers drain from each mode and a drive would feed it, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+
+from modal.coupling import Coupling
+from modal.decay import Damped
+from modal.prose import capital, rad, short
+
+MOST_LISTED = 12
+NEGLIGIBLE = 1e-12
+OFF = 0.1
+"""Relative difference of the exact rate from first order that is worth a word."""
+
+
+def damping(coupling: Coupling) -> Iterator[str]:
+    """Sentences about every mode, about who survives, and about a drive."""
+    if not coupling.scene.has_damping:
+        yield "Nothing drains energy [D = 0]: every mode keeps its amplitude."
+        return
+    modes = coupling.damped
+    yield from (_mode(mode) for mode in modes[:MOST_LISTED])
+    if len(modes) > MOST_LISTED:
+        yield f"{len(modes) - MOST_LISTED} more modes are in the JSON form."
+    if not modes:
+        yield "No mode of finite frequency is left to be damped [m_dyn(∞) = 0]."
+        return
+    if all(mode.exact is None for mode in modes):
+        yield "The damped eigenvalues themselves are out of reach for this scene: all rates are those of first order."
+    yield from _survivors(modes)
+    yield from _drive(modes)
+
+
+def _named(mode: Damped) -> str:
+    """A mode by its frequency and by what moves."""
+    whose = f", {mode.kind}" if mode.kind else ""
+    return f"the mode at {rad(mode.omega)} (cart {'still' if mode.still else 'moves'}{whose})"
+
+
+def _mode(mode: Damped) -> str:
+    first = (
+        f"{capital(_named(mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
+        f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from the cart's damper [c_c φ_x²/2φᵀMφ] and "
+        f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
+    )
+    if mode.exact is None:
+        return first + "."
+    kind = f"damping ratio {short(mode.decay / abs(mode.exact))} [−Re λ/|λ|]" if mode.exact.imag else "overdamped"
+    off = "; first order no longer holds" if abs(mode.decay - mode.rate) > OFF * mode.rate else ""
+    return f"{first}; the damped scene itself: {kind}, rate {short(mode.decay)} 1/s [−Re λ]{off}."
+
+
+def _survivors(modes: tuple[Damped, ...]) -> Iterator[str]:
+    last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
+    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
+    if spared:
+        each = "; ".join(_named(mode) for mode in spared[:MOST_LISTED])
+        rest = f"; and {len(spared) - MOST_LISTED} more" if len(spared) > MOST_LISTED else ""
+        yield f"Not damped at all [σ = 0]: {each}{rest}. In the end nothing else swings."
+        if first.from_cart and all(mode.still for mode in spared):
+            yield "What leaves the cart still survives a damper on it: antiphase, as Huygens saw."
+    elif last.decay < first.decay:
+        yield (
+            f"Longest lives {_named(last)}: it falls to 1/e in {short(1 / last.decay)} s [1/σ], "
+            f"{short(first.decay / last.decay)} times as long as {_named(first)}, which goes first."
+        )
+
+
+def _drive(modes: tuple[Damped, ...]) -> Iterator[str]:
+    reached = [mode for mode in modes if isfinite(mode.threshold)]
+    if not reached:
+        return
+    first = min(reached, key=lambda mode: mode.threshold)
+    yield (
+        f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_named(first)} first, from "
+        f"e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.fed)} 1/(kg m²)]. Which mode "
+        "wins at large angles linear modes cannot tell."
+    )

@@ -1,0 +1,122 @@
+"""Families of modes, their splitting and beats, and both limits of the cart's mass, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isinf
+
+from modal.coupling import CartMode, Coupling, Family
+from modal.prose import counted, listed, percent, rad, short
+from modal.talk import MOST_MODES
+
+MOST_LISTED, FEW = 8, 3
+ROUGH = 0.1
+"""Coupling strength from which first order is only a guide."""
+STRONG = 0.5
+"""And from which it says nothing."""
+GUIDE = " (only a guide: the coupling is strong)"
+ELSEWHERE = "in the JSON form"
+
+
+def shown(coupling: Coupling) -> int:
+    """How many of a sort are written out: a few of a crowd."""
+    return MOST_LISTED if len(coupling.own.omega) <= MOST_MODES else FEW
+
+
+def families(coupling: Coupling) -> Iterator[str]:
+    """A sentence or more about each family."""
+    every, most = coupling.families, shown(coupling)
+    for number, family in enumerate(every[:most], 1):
+        yield _family(coupling, number, family)
+    if len(every) > most:
+        yield f"{len(every) - most} more families, up to {rad(every[-1].omega)}, are {ELSEWHERE}."
+
+
+def limits(coupling: Coupling) -> Iterator[str]:
+    """Where each mode that moves the cart goes as the cart's mass goes from 0 to ∞."""
+    if not coupling.on_cart:
+        yield "A fixed support is the limit of an immense cart: the poles above are its frequencies [m_c → ∞]."
+        return
+    modes, most = coupling.cart_modes, shown(coupling)
+    busiest = sorted(range(len(modes)), key=lambda number: -modes[number].participation)[:most]
+    yield from (_limit(number + 1, modes[number]) for number in sorted(busiest))
+    if len(modes) > most:
+        yield f"The {len(modes) - most} other modes that move the cart, all of them less, are {ELSEWHERE}."
+    if any(family.fold > 1 for family in coupling.families):
+        yield "The modes that leave the cart still do not feel its mass at all [ω = ω_r for every m_c]."
+    strongest = max(abs(family.strength) for family in coupling.families)
+    yield (
+        f"The strongest coupling is |ε| = {short(strongest)} [max |μ_r/m_r|]. It goes to 0 as m_c → ∞, where every "
+        "mode returns to its pole."
+    )
+
+
+def member(coupling: Coupling, k: int) -> str:
+    """A fixed-support mode by its place and its pendulum."""
+    return f"mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
+
+
+def _family(coupling: Coupling, r: int, family: Family) -> str:
+    who = listed([member(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
+    head = (
+        f"Family {r}, ω_{r} = {rad(family.omega)} [K φ = ω² A φ]: {who}, of modal effective mass {short(family.mass)} "
+        f"kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]."
+    )
+    if not coupling.on_cart:
+        return head
+    return " ".join((head, *_moved(coupling, r, family), *_exchange(family)))
+
+
+def _moved(coupling: Coupling, r: int, family: Family) -> Iterator[str]:
+    """Which of a family stay and which moves the cart, and how strongly it is coupled."""
+    several = family.fold > 1
+    if several:
+        many = counted(family.fold - 1, "combination stays", "combinations stay")
+        yield f"{many} at ω_{r} with the cart still, in antiphase [Σ φᵀb = 0];"
+    if family.cart_mode is None or family.splitting is None:
+        yield f"{'no' if several else 'No'} mode of finite frequency moves the cart with it [m_dyn(∞) = 0]."
+        return
+    moved = coupling.cart_modes[family.cart_mode]
+    yield (
+        f"{'one moves' if several else 'It moves'} the cart, at {rad(moved.omega)} [m_dyn(ω) = 0], "
+        f"Δω = {short(family.splitting)} rad/s away [ω_zero − ω_{r}]."
+    )
+    if isinf(family.strength):
+        yield f"Nothing else resists it [m_{r} = 0]."
+        return
+    guess = ", too strong for first order"
+    if abs(family.strength) <= STRONG:
+        first = short(family.strength * family.omega / 2)
+        guess = f", which to first order gives Δω ≈ {first} rad/s [½ ε_{r} ω_{r}]{_guide(family)}"
+    yield (
+        f"Coupling strength ε_{r} = {short(family.strength)} [μ_{r}/m_{r}; m_{r} = {short(family.rest)} kg is the "
+        f"dynamic mass of all else at ω_{r}]{guess}."
+    )
+
+
+def _guide(family: Family) -> str:
+    return GUIDE if abs(family.strength) > ROUGH else ""
+
+
+def _exchange(family: Family) -> Iterator[str]:
+    """Beats within a family."""
+    if family.beat is None:
+        return
+    share, n = "", family.fold
+    if len(family.members) == 1:
+        share = f", of which the others hold {percent(4 * (n - 1) / n**2)} halfway [4(N − 1)/N², N = {n}]"
+    yield (
+        f"One pendulum set swinging alone in this mode has its energy back after {short(family.beat)} s [2π/|Δω|]"
+        f"{share}; a run shorter than half of that shows only a part of the "
+        f"exchange{_guide(family)}."
+    )
+
+
+def _limit(number: int, mode: CartMode) -> str:
+    whose = f"of family {mode.family + 1}" if mode.family is not None else "of the cart on its spring"
+    heavy, why = (rad(mode.heavy), "the pole below") if mode.heavy else ("0", "√(k_c/m_c)")
+    return (
+        f"Cart-moving mode {number}, {whose}, now at {rad(mode.omega)} with {percent(mode.participation)} of the "
+        f"cart's velocity after a push [φ_x²/Σφ_x²], goes to {rad(mode.light)} with a massless cart [zero of "
+        f"m_dyn − m_c] and to {heavy} with an immense one [{why}]."
+    )

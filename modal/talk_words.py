@@ -1,0 +1,73 @@
+"""Which pendula exchange energy and which are kept apart, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from modal.coupling import Coupling
+from modal.family_words import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, STRONG, member
+from modal.prose import capital, percent, rad, short
+from modal.talk import MOST_MODES, Talk
+
+
+def exchanges(coupling: Coupling) -> Iterator[str]:
+    """A sentence about each pair of modes of different pendula, or about all of a crowd together."""
+    if len(coupling.names) == 1 or not coupling.on_cart:
+        return
+    if len(coupling.own.omega) > MOST_MODES:
+        yield from _crowd(coupling)
+        return
+    yield from (_pair(coupling, talk) for talk in coupling.talks[:MOST_LISTED])
+    if not coupling.talks:
+        yield "Nothing but the pendula resists them [m = 0]: they are tied together and exchange no energy in beats."
+    elif (left := len(coupling.talks) - MOST_LISTED) > 0:
+        most = percent(coupling.talks[MOST_LISTED].share)
+        yield f"{left} more pairs pass on at most {most} of their energy; they are {ELSEWHERE}."
+
+
+def _pair(coupling: Coupling, talk: Talk) -> str:
+    own = coupling.own
+    a, b = (member(coupling, k) for k in (talk.first, talk.second))
+    verdict = "they talk" if abs(talk.detuning) < 2 * talk.coupling else "detuning keeps them apart"
+    strength = max(float(own.mass[k] * own.count[k]) for k in (talk.first, talk.second)) / abs(talk.cart_mass)
+    if strength > STRONG:
+        return (
+            f"{capital(a)} and {b} are coupled too strongly for beats between two [μ/|m| = {short(strength)}, "
+            f"m = {short(talk.cart_mass)} kg]: their energy goes where the modes above carry it."
+        )
+    return (
+        f"{capital(a)} and {b}: detuning {short(abs(talk.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
+        f"ω_b(1 + μ_b/2m)] against coupling {short(talk.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "
+        f"{short(talk.cart_mass)} kg]: {verdict}. One passes at most {percent(talk.share)} of its energy to the other "
+        f"[4g²/(4g² + δ²)] in beats of {short(talk.period)} s [2π/√(4g² + δ²)]"
+        f"{GUIDE if strength > ROUGH else ''}."
+    )
+
+
+def _crowd(coupling: Coupling) -> Iterator[str]:
+    """The first modes of many different pendula: their spread against their collective coupling."""
+    own, dynamic = coupling.own, coupling.dynamic
+    first = own.number == 1
+    omega, mass = own.omega[first], float((own.mass * own.count)[first].sum())
+    middle, spread = float(np.median(omega)), float(np.ptp(omega))
+    left_out = np.isin(np.arange(len(dynamic.omega)), coupling.pole[first])
+    rest = float(dynamic([middle], left_out=left_out[None])[0])
+    shift = middle * mass / (2 * rest) if rest else float("inf")
+    yield (
+        f"{len(coupling.names)} kinds are too many to pair off. Their first modes spread over {short(spread)} rad/s "
+        f"[max ω_r − min ω_r] about {rad(middle)} [median], {short(spread / max(1, len(omega) - 1))} rad/s from one to "
+        f"the next in the mean; swinging alike they would be shifted by {short(shift)} rad/s [½ ω Σμ/m, "
+        f"m = {short(rest)} kg]."
+    )
+    yield (
+        "The shift is the larger: one mode in which they swing together stands out above the others."
+        if abs(shift) > spread
+        else "The spread is the larger: neighbours in frequency talk, those far apart do not."
+    )
+    top = max(coupling.cart_modes, key=lambda mode: mode.participation)
+    yield (
+        f"The mode that moves the cart most, at {rad(top.omega)}, has {percent(top.participation)} of its velocity "
+        "after a push [φ_x²/Σφ_x²]."
+    )
