@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable
 
-from multipendula import checks, commands, models, motions
+from multipendula import checks, commands, models, motions, sweeps
 
 EXPLAIN = "say what was built for this, and what the scene did not require"
 SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
@@ -230,4 +230,20 @@ def _motions(command: Add) -> None:
     add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
 
 
-GROUPS = (_tables, _derivations, _models, _motions)
+def _sweeps(command: Add) -> None:
+    example = "sweep paper-cart-2 --vary support.mass=1:1000:50log --measure beat -o beat.csv"
+    add = command(sweeps.sweep, "sweep", example)
+    add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
+    places = "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
+    add.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=places)
+    measures = "frequencies (default), damping, splitting, beat, amplitude or energy_drift; more than once for several"
+    add.add_argument("--measure", metavar="NAME[:N]", action="append", help=measures)
+    add.add_argument("--loci", action="store_true", help="follow all frequencies along one --vary by their shapes")
+    add.add_argument("--output", "-o", metavar="FILE", help="keep the numbers in a .npz or .csv file (loci: .csv)")
+    add.add_argument("--picture", metavar="FILE", help="a .png, .svg or .pdf file")
+    add.add_argument("--workers", metavar="N", type=_whole(1000), help="processes (default: one a core)")
+    add.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster instead, such as tcp://192.168.0.2:8786")
+    add.add_argument("--fresh", action="store_true", help="begin anew, whatever an interrupted sweep has kept")
+
+
+GROUPS = (_tables, _derivations, _models, _motions, _sweeps)

@@ -18,11 +18,12 @@ SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
     "matplotlib": {"modal.pictures", "modal.figures", "modal.response_figures"}
-    | {f"modal.{name}" for name in ("mass_figures", "cart_mass_figures", "coupling_figures")}
+    | {f"modal.{name}" for name in ("mass_figures", "cart_mass_figures", "coupling_figures", "loci_figures")}
     | {
         f"nonlinear.{name}"
-        for name in ("figures", "check_figures", "chaos_figures", "tradeoff_figures", "scenery", "gauges", "film")
+        for name in ("figures", "check_figures", "chaos_figures", "sweep_figures", "tradeoff_figures")
     }
+    | {f"nonlinear.{name}" for name in ("scenery", "gauges", "film")}
     | {"nonlinear.animation"},
     "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"}
     | {f"nonlinear.{name}" for name in ("banded", "integrate", "saddle", "spectra", "steppers")},
@@ -31,6 +32,7 @@ HEAVY = {
     "flint": {"modal.balls"},
     "numba": {"nonlinear.compiled"},
     "heyoka": {"nonlinear.taylor"},
+    "distributed": {"nonlinear.cluster"},
 }
 
 

@@ -1,0 +1,40 @@
+"""Frequency loci in print: where they meet, and all of them as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+
+from tabulate import tabulate
+
+from modal.loci import Loci
+
+
+def loci_text(found: Loci) -> str:
+    """One line a meeting of two loci, counted from 1: the gap of a crossing is what rounding leaves."""
+    values = found.variation.values
+    where = f"{found.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {found.variation.unit}".rstrip()
+    head = f"{found.omega.shape[1]} loci over {where}, {len(found.values)} values"
+    rows = [
+        (
+            meeting.kind,
+            " · ".join(str(number + 1) for number in meeting.loci),
+            f"{meeting.value:.10g}",
+            f"{meeting.omega:.8g}",
+            f"{meeting.gap:.6g}",
+            f"{meeting.exchange:.2f}",
+        )
+        for meeting in found.encounters
+    ]
+    headers = ("meeting", "loci", f"at {found.variation.unit}".strip(), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
+    return f"{head}\n{tabulate(rows, headers=headers, disable_numparse=True) if rows else 'none meet'}\n"
+
+
+def loci_csv(found: Loci) -> str:
+    """One row a value: the parameter, then ω of every locus."""
+    stream = io.StringIO()
+    written = csv.writer(stream, lineterminator="\n")
+    written.writerow([found.variation.column, *(f"locus_{k}_rad_per_s" for k in range(1, found.omega.shape[1] + 1))])
+    for value, omega in zip(found.values.tolist(), found.omega.tolist(), strict=True):
+        written.writerow(map(repr, (value, *omega)))
+    return stream.getvalue()

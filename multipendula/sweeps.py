@@ -1,0 +1,114 @@
+"""The command sweep: maps over parameters, and frequency loci over one."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from multipendula.commands import picture
+from multipendula.runs import bar, in_a_folder
+
+if TYPE_CHECKING:
+    from nonlinear.crews import Crew
+    from nonlinear.journals import Journal
+    from nonlinear.studies import Study
+
+
+def sweep(options: argparse.Namespace) -> None:
+    """Measure a scene over a grid of its parameters, or follow its frequencies along one."""
+    kind = picture(options.picture) if options.picture else ""
+    for path in (options.picture, options.output):
+        in_a_folder(path)
+    (_loci if options.loci else _map)(options, kind)
+
+
+def _map(options: argparse.Namespace, kind: str) -> None:
+    from modal.errors import ComputationError
+    from modal.files import load, whole_file
+    from modal.variations import parsed
+    from nonlinear.journals import remove
+    from nonlinear.measures import asked
+    from nonlinear.requests import gathered
+    from nonlinear.studies import Study
+    from nonlinear.sweep_files import checked_kind, save
+    from nonlinear.sweep_tables import sweep_text
+    from nonlinear.sweeps import sweep as swept
+
+    _, scene, axes, measures = gathered(
+        lambda: checked_kind(options.output) if options.output else "",
+        lambda: load(options.scene),
+        lambda: parsed(options.vary),
+        lambda: asked(options.measure or ["frequencies"]),
+    )
+    study = Study(scene, axes, measures)
+    with _journal(options, study) as kept, _crew(options) as crew, bar(study.size, "point") as report:
+        found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
+    sys.stdout.write(sweep_text(found))
+    if found.interrupted:
+        if options.output:
+            print(f"the same command goes on from {options.output}.journal", file=sys.stderr)
+        raise KeyboardInterrupt
+    if len(found.failures) == study.size:
+        raise ComputationError("no point could be measured")
+    if options.output:
+        save(found, options.output)
+        remove(f"{options.output}.journal")
+    if options.picture:
+        from nonlinear.sweep_figures import draw_sweep
+
+        with whole_file(options.picture) as stream:
+            draw_sweep(found, stream, kind)
+
+
+@contextmanager
+def _journal(options: argparse.Namespace, study: Study) -> Iterator[Journal | None]:
+    from nonlinear.journals import journal
+
+    if not options.output:
+        yield None
+        return
+    with journal(f"{options.output}.journal", study, fresh=options.fresh) as kept:
+        yield kept
+
+
+@contextmanager
+def _crew(options: argparse.Namespace) -> Iterator[Crew | None]:
+    if not options.scheduler:
+        yield None
+        return
+    from nonlinear.cluster import cluster
+
+    with cluster(options.scheduler) as crew:
+        yield crew
+
+
+def _loci(options: argparse.Namespace, kind: str) -> None:
+    from modal.errors import SceneError
+    from modal.files import load, whole_file
+    from modal.loci import loci
+    from modal.loci_tables import loci_csv, loci_text
+    from modal.variations import parsed
+
+    asked = [name for name in ("measure", "workers", "scheduler", "fresh") if getattr(options, name)]
+    problems = [f"--{name}: goes without --loci" for name in asked]
+    if len(options.vary) != 1:
+        problems.append("--loci: follows frequencies over one --vary")
+    if options.output and not options.output.lower().endswith(".csv"):
+        problems.append(f"-o {options.output}: loci are kept in a .csv file")
+    if problems:
+        raise SceneError(problems)
+    scene, (variation,) = load(options.scene), parsed(options.vary)
+    with bar(len(variation.values), "value") as report:
+        found = loci(scene, variation, report)
+    sys.stdout.write(loci_text(found))
+    if options.output:
+        with whole_file(options.output) as stream:
+            stream.write(loci_csv(found).encode())
+    if options.picture:
+        from modal.loci_figures import draw_loci
+
+        with whole_file(options.picture) as stream:
+            draw_loci(found, stream, kind)

@@ -1,0 +1,49 @@
+"""All measures by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from difflib import get_close_matches
+
+from modal.errors import SceneError
+from nonlinear.measure import Asked, Measure
+from nonlinear.modal_measures import MODAL
+from nonlinear.run_measures import RUNS
+
+MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS)}
+
+
+def asked(texts: Sequence[str]) -> tuple[Asked, ...]:
+    """The measures in texts such as "frequencies" or "frequencies:6"; SceneError names every mistake.
+
+    >>> [one.text for one in asked(["frequencies:6", "beat"])]
+    ['frequencies:6', 'beat:1']
+    """
+    found: dict[str, Asked] = {}
+    problems: list[str] = []
+    for text in texts:
+        try:
+            one = _asked(text)
+            if one.text in found:
+                raise SceneError([f"{text}: is asked for twice"])
+            found[one.text] = one
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(problems)
+    return tuple(found.values())
+
+
+def _asked(text: str) -> Asked:
+    name, colon, number = text.partition(":")
+    if name not in MEASURES:
+        near = get_close_matches(name, MEASURES, n=1)
+        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(MEASURES)}"
+        raise SceneError([f"{text}: no such measure ({hint})"])
+    measure = MEASURES[name]
+    try:
+        return Asked(measure, float(number) if colon else measure.usual)
+    except ValueError as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError([f'{text}: "{number}" is not a number']) from None

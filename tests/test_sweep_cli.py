@@ -1,0 +1,87 @@
+"""The command sweep: from its options to files, and on from where Ctrl-C cut it."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import sweep_measures as own
+
+from modal import ComputationError, SceneError
+from multipendula.sweeps import sweep
+from nonlinear import sweep_files
+from nonlinear.measures import MEASURES
+
+
+def options(*places: str, **given: Any) -> Namespace:
+    usual = dict.fromkeys(("measure", "output", "picture", "scheduler"))
+    return Namespace(
+        **{"scene": "paper-cart-2", "vary": list(places), "loci": False, "workers": 1, "fresh": False} | usual | given
+    )
+
+
+def test_a_map_is_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept, drawn = tmp_path / "m.npz", tmp_path / "m.png"
+    sweep(options("support.mass=1:100:3log", "gravity=5:10:3", measure=["beat"], output=str(kept), picture=str(drawn)))
+    assert capsys.readouterr().out.startswith("9 of 9 points, 0 failed")
+    assert sweep_files.load(kept).values("beat_1_s").shape == (3, 3)
+    assert drawn.read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["m.npz", "m.png"]
+
+
+def test_ctrl_c_leaves_a_journal_that_the_same_command_goes_on_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
+    monkeypatch.setitem(MEASURES, "interrupted", own.INTERRUPTED)
+    kept = tmp_path / "m.csv"
+    asked = options("support.mass=1,2,3", measure=["interrupted:3"], output=str(kept))
+    monkeypatch.setenv("SWEEP_INTERRUPTS", "1")
+    with pytest.raises(KeyboardInterrupt):
+        sweep(asked)
+    assert not kept.exists()
+    assert "goes on from" in capsys.readouterr().err
+    monkeypatch.delenv("SWEEP_INTERRUPTS")
+    sweep(asked)
+    assert own.logged() == ["1", "2", "3"]
+    assert np.array_equal(sweep_files.load(kept).values("product_kg"), [1, 2, 3])
+    assert not (tmp_path / "m.csv.journal").exists()
+
+
+def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept, drawn = tmp_path / "l.csv", tmp_path / "l.svg"
+    place = "pendulum[0].links[0].length=5:20:4"
+    sweep(options(place, scene="crane-two-loads", loci=True, workers=None, output=str(kept), picture=str(drawn)))
+    assert "veering    2 · 3   10.0833" in capsys.readouterr().out
+    rows = np.loadtxt(kept, delimiter=",", skiprows=1)
+    assert rows[0, 0] == 5.0
+    assert rows.shape[1] == 4
+    assert b"<svg" in drawn.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"output": "m.txt"}, "must end in .npz or .csv"),
+        ({"picture": "m.bmp"}, "must end in .png"),
+        ({"output": "/nowhere/m.npz"}, "there is no folder"),
+        ({"measure": ["beet"], "output": "m.txt"}, "must end in .npz or .csv\nbeet: no such measure"),
+        ({"loci": True, "measure": ["beat"]}, "--measure: goes without --loci"),
+        ({"loci": True, "workers": None, "output": "l.npz"}, "kept in a .csv file"),
+        ({"loci": True, "workers": None, "vary": ["gravity=1:2:3"] * 2}, "over one --vary"),
+    ],
+)
+def test_bad_options_are_refused(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        sweep(options(**{"vary": ["support.mass=1:2:3"]} | given))
+
+
+def test_a_sweep_without_a_number_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept = tmp_path / "m.npz"
+    with pytest.raises(ComputationError, match="no point could be measured"):
+        sweep(options("support.mass=1:2:3", measure=["beat:9"], output=str(kept)))
+    assert "3 × 4 modes swing" in capsys.readouterr().out
+    assert not kept.exists()
