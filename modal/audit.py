@@ -18,7 +18,7 @@ from modal.rig import Rig
 from modal.sources import Rigid
 from modal.spectrum import Spectrum
 
-PACKAGES = ("numpy", "scipy", "sympy", "control", "matplotlib", "numba", "heyoka", "flint")
+PACKAGES = ("numpy", "scipy", "sympy", "control", "matplotlib", "numba", "heyoka", "flint", "distributed")
 MOST_SHOWN = 6
 
 

@@ -197,7 +197,8 @@ def peak(job: Callable[[], object]) -> int:
 def test_a_thousand_equal_pendula_take_the_memory_of_two() -> None:
     two, thousand = (scene(rods(3, count), cart=CART) for count in (2, 1000))
     list(natural_modes(two))
-    assert peak(lambda: list(natural_modes(thousand))) < 1.2 * peak(lambda: list(natural_modes(two)))
+    few, many = (min(peak(lambda: list(natural_modes(one))) for _ in range(5)) for one in (two, thousand))  # noqa: B023
+    assert many < 1.2 * few
     different = scene(*(rods(3, length=1.0 + k / 1000) for k in range(1000)), cart=CART)
     assert peak(lambda: natural_modes(different)) > 10 * peak(lambda: natural_modes(two))
 
