@@ -14,7 +14,9 @@ def loci_text(found: Loci) -> str:
     """One line a meeting of two loci, counted from 1: the gap of a crossing is what rounding leaves."""
     values = found.variation.values
     where = f"{found.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {found.variation.unit}".rstrip()
-    head = f"{found.omega.shape[1]} loci over {where}, {len(found.values)} values"
+    added = len(found.values) - len(values)
+    between = f" and {added} between" if added else ""
+    head = f"{found.omega.shape[1]} loci over {where}, {len(values)} values{between}"
     rows = [
         (
             meeting.kind,

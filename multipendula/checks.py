@@ -167,12 +167,13 @@ def advise(options: argparse.Namespace) -> None:
     from nonlinear import recordings
     from nonlinear.advice_tables import advice_table
     from nonlinear.requests import gathered
+    from nonlinear.saved_files import checked_kind
     from nonlinear.simulation import advise as advised
     from nonlinear.simulation import certain
 
     scene = load(_scene(options))
     *_, start = gathered(
-        lambda: options.output and recordings.checked_kind(options.output),
+        lambda: options.output and checked_kind(options.output),
         lambda: in_a_folder(options.output),
         lambda: start_of(scene, options.start),
     )

@@ -17,10 +17,11 @@ def simulate(options: argparse.Namespace) -> None:
     """Simulate the motion at large angles, with its certificates."""
     from nonlinear import recordings, summary
     from nonlinear.preparation import SimulationError
+    from nonlinear.saved_files import checked_kind
 
     begun, run = perf_counter(), in_few_modes if options.keep_modes else run_of
     try:
-        trajectory = run(options, lambda: options.output and recordings.checked_kind(options.output))
+        trajectory = run(options, lambda: options.output and checked_kind(options.output))
     except SimulationError as error:
         if options.output:
             recordings.save(error.trajectory, options.output)

@@ -32,8 +32,9 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     from nonlinear.journals import remove
     from nonlinear.measures import asked
     from nonlinear.requests import gathered
+    from nonlinear.saved_files import checked_kind
     from nonlinear.studies import Study
-    from nonlinear.sweep_files import checked_kind, save
+    from nonlinear.sweep_files import save
     from nonlinear.sweep_tables import sweep_text
     from nonlinear.sweeps import sweep as swept
 

@@ -26,7 +26,7 @@ from time import perf_counter
 import numpy as np
 
 from modal.rig import Floats
-from nonlinear.attempts import AIM, SAFETY, Attempt, Found, Task
+from nonlinear.attempts import AIM, SAFETY, Attempt, Found, Goal
 from nonlinear.methods import Choice
 from nonlinear.preparation import Request
 from nonlinear.requests import LOOSEST
@@ -80,35 +80,35 @@ class Advice:
         return replace(self.trajectory.at(kept), run=run, happenings=happenings)
 
 
-def advised(task: Task) -> Advice:
+def advised(goal: Goal) -> Advice:
     """The cheapest way to the wished accuracy, or the finest there is where none meets it.
 
     After Ctrl-C what was being computed is returned, judged where a looser run has been.  Raises SimulationError where
     an integrator gives up.
     """
     attempts: list[Attempt] = []
-    for found in chain(in_closed_form(task), in_few_modes(task), _integrated(task)):
+    for found in chain(in_closed_form(goal), in_few_modes(goal), _integrated(goal)):
         attempts.append(found.attempt)
-        if found.errors[-1] <= task.accuracy or found.trajectory.run.interrupted:
+        if found.errors[-1] <= goal.accuracy or found.trajectory.run.interrupted:
             break
     run = replace(found.trajectory.run, error=found.attempt.error)
-    times, last = found.trajectory.times, max(int(np.sum(found.errors <= task.accuracy)) - 1, 0)
-    kept = np.isin(times, task.request.times)
+    times, last = found.trajectory.times, max(int(np.sum(found.errors <= goal.accuracy)) - 1, 0)
+    kept = np.isin(times, goal.request.times)
     kept[[last, -1]] = True
     trajectory = replace(found.trajectory, run=run).at(kept)
-    return Advice(task.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]))
+    return Advice(goal.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]))
 
 
-def _integrated(task: Task) -> Iterator[Found]:
+def _integrated(goal: Goal) -> Iterator[Found]:
     """Runs at tighter and tighter tolerances, each judged by the one before."""
-    asked = task.looked_at
-    choice = asked.choice(min(max(task.tolerance, SMALLEST), LOOSEST / RATIO))
+    asked = goal.looked_at
+    choice = asked.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
     before = _run(asked, replace(choice, tolerance=RATIO * choice.tolerance))
     yield before
     while True:
-        found = _beside(_run(asked, choice), before, ROUNDING * task.constant)
+        found = _beside(_run(asked, choice), before, ROUNDING * goal.constant)
         yield found
-        tighter = asked.choice(max(_next(task, found, before), SMALLEST))
+        tighter = asked.choice(max(_next(goal, found, before), SMALLEST))
         if tighter.tolerance * NEAREST > 1.01 * choice.tolerance:
             return
         before, choice = found, tighter
@@ -147,11 +147,11 @@ def _difference(one: Trajectory, other: Trajectory) -> Floats:
     return np.pad(gone, (0, beyond), constant_values=inf if beyond > TOGETHER else gone[-1])
 
 
-def _next(task: Task, found: Found, before: Found) -> float:
+def _next(goal: Goal, found: Found, before: Found) -> float:
     """The tolerance that should meet the accuracy; the finest of all only after one that is near enough to judge it."""
     tolerance = found.attempt.tolerance
     difference = float(_difference(found.trajectory, before.trajectory)[-1])
     if difference == inf:
         near = FARTHEST * SMALLEST
         return near if LEAP * tolerance < near < tolerance / NEAREST else LEAP * tolerance
-    return min(task.accuracy * before.attempt.tolerance / (AIM * difference), tolerance / CLIMB)
+    return min(goal.accuracy * before.attempt.tolerance / (AIM * difference), tolerance / CLIMB)

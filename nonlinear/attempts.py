@@ -43,7 +43,7 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class Goal:
     """A motion that is asked for to an accuracy (rad)."""
 
     request: Request

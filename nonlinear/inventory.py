@@ -17,9 +17,8 @@ from nonlinear.reduced import Reduced
 from nonlinear.short import Dense
 from nonlinear.small import Small
 from nonlinear.steppers import EXPLICIT, SCIPY
-from nonlinear.trajectory import CLOSED, Run, Trajectory
+from nonlinear.trajectory import CLOSED, TRUNCATED, Run, Trajectory
 
-FEW = "truncated"  # the form of a run in a few mode shapes
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 
@@ -68,7 +67,9 @@ def inventory(trajectory: Trajectory) -> Inventory:
     inner: Any = system.inner if isinstance(system, Reduced) else system
     form, numbers = trajectory.run.form, len(inner.scale)
     matrices = tuple(_matrices(inner, trajectory.run))
-    integrated = numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == FEW else _freedom(inner.plant)
+    integrated = (
+        numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.plant)
+    )
     left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices), *not_loaded())
     return Inventory(_freedom(plant), integrated, numbers, matrices, left_out, loaded())
 
@@ -81,7 +82,7 @@ def _matrices(inner: Any, run: Run) -> Iterator[tuple[int, int]]:
     """The dense matrices of one derivative, and an implicit integrator's own; series have none."""
     if run.method in IMPLICIT:
         yield len(inner.scale), 1
-    if run.form == FEW:
+    if run.form == TRUNCATED:
         yield inner.shapes.shape[1], 1
     elif run.form == "maximal":
         if inner.saddle.is_dense:
@@ -100,7 +101,7 @@ def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
         yield "no cart coordinate: the support is fixed"
     if run.reduced:
         yield f"all but {run.reduced}"
-    if run.form == FEW:
+    if run.form == TRUNCATED:
         yield f"every mode but {inner.shapes.shape[1]} shapes"
     if run.form != "maximal":
         yield "no pivot forces: only maximal coordinates need them"

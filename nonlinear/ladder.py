@@ -92,8 +92,7 @@ class Rung:
         run = Run(self.kind, CLOSED, "a rung of the ladder", inf)
 
         def task() -> Trajectory:
-            with np.errstate(all="ignore"):
-                found = motion(times)
+            found = motion(times)
             if not np.all(np.isfinite(found.links)):
                 raise ComputationError("the modes leave the finite numbers")
             return Trajectory(scene, plant, times, found, run)

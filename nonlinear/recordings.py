@@ -10,7 +10,6 @@ import io
 import json
 import os
 import warnings
-import zipfile
 from collections.abc import Iterator
 from dataclasses import asdict, fields, replace
 from pathlib import Path
@@ -18,21 +17,21 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError
 from modal.files import whole_file
 from modal.rig import Floats
 from modal.scene import described, scene_from
 from nonlinear.events import Happening
 from nonlinear.methods import FORMS, choose
 from nonlinear.plant import Plant, plant_of
+from nonlinear.saved_files import checked_kind, reading
 from nonlinear.state import Motion, State
-from nonlinear.trajectory import Run, Trajectory
+from nonlinear.superposition import CORRECTED, LINEAR
+from nonlinear.trajectory import TRUNCATED, Run, Trajectory
 
 VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 AXES = ("x", "y", "z")
-KINDS = (".npz", ".csv")
-REDUCED = ("truncated", "linear modes", "corrected modes")
+REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
@@ -48,23 +47,9 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     Applied forces are code and are not saved: a driven run can be read, but not its reaction forces.
     """
     name, kind = os.fspath(path), checked_kind(path)
-    try:
+    with reading(name, "a trajectory"):
         header, times, parts = _read_npz(name) if kind == ".npz" else _read_csv(name)
         return _trajectory(header, times, parts)
-    except SceneError as error:
-        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-    except OSError as error:
-        raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, zipfile.BadZipFile):
-        raise SceneError([f"{name}: is not a trajectory that multipendula has saved"]) from None
-
-
-def checked_kind(path: str | os.PathLike[str]) -> str:
-    """The ending of a trajectory's file name; SceneError for any other."""
-    kind = os.path.splitext(os.fspath(path))[1].lower()
-    if kind not in KINDS:
-        raise SceneError([f"{os.fspath(path)}: the name must end in {' or '.join(KINDS)}"])
-    return kind
 
 
 # ------------------------------------------------------------------------------------------------------- header

@@ -9,7 +9,7 @@ from time import perf_counter
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from nonlinear.attempts import Attempt, Found, Task
+from nonlinear.attempts import Attempt, Found, Goal
 from nonlinear.defect import LARGEST, defect_error
 from nonlinear.requests import LOOSEST
 from nonlinear.superposition import CORRECTED, LINEAR, Superposition, superposed
@@ -21,23 +21,23 @@ CURVED = 1 / 200  # least error of any closed form, times the cube of the motion
 LONG, SHARE = 200, 1 / 8  # links of a scene, and the share of its shapes, that make a few modes worth their while
 
 
-def in_closed_form(task: Task) -> Iterator[Found]:
+def in_closed_form(goal: Goal) -> Iterator[Found]:
     """Linear and corrected modes, where these can be judged."""
-    if not task.free or CURVED * task.request.size**3 > task.accuracy or task.request.plant.n_links > LARGEST:
+    if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.plant.n_links > LARGEST:
         return
     begun = perf_counter()
     try:
-        motion = superposed(task.request.scene, task.request.start, corrected=True)
+        motion = superposed(goal.request.scene, goal.request.start, corrected=True)
     except ComputationError:
         return
     for kind, each in ((LINEAR, motion.linear), (CORRECTED, motion)):
-        if found := _superposed(task, kind, each, begun):
+        if found := _superposed(goal, kind, each, begun):
             yield found
         begun = perf_counter()
 
 
-def _superposed(task: Task, kind: str, motion: Superposition, begun: float) -> Found | None:
-    asked = task.looked_at
+def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> Found | None:
+    asked = goal.looked_at
     estimate = defect_error(motion, asked.duration)
     if estimate is None:
         return None
@@ -47,10 +47,10 @@ def _superposed(task: Task, kind: str, motion: Superposition, begun: float) -> F
     return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])))
 
 
-def in_few_modes(task: Task) -> Iterator[Found]:
+def in_few_modes(goal: Goal) -> Iterator[Found]:
     """The lowest modes of a long scene that starts in them."""
-    asked = task.looked_at
-    if not task.free or asked.plant.spatial or asked.plant.n_links < LONG:
+    asked = goal.looked_at
+    if not goal.free or asked.plant.spatial or asked.plant.n_links < LONG:
         return
     begun = perf_counter()
     try:
@@ -60,7 +60,7 @@ def in_few_modes(task: Task) -> Iterator[Found]:
     modes = survey.automatic()
     if survey.columns(modes) > SHARE * asked.plant.n_links:
         return
-    tolerance = min(task.tolerance, LOOSEST)
+    tolerance = min(goal.tolerance, LOOSEST)
     found = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
     run, way = found.trajectory.run, f"{len(found.kept)} mode shapes"
     errors = np.full(len(found.trajectory.times), found.error)

@@ -9,7 +9,7 @@ from modal.errors import SceneError
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.advice import Advice, advised
-from nonlinear.attempts import Task
+from nonlinear.attempts import Goal
 from nonlinear.events import Event
 from nonlinear.methods import ASKED, FORMS, choose
 from nonlinear.plant import plant_of
@@ -61,7 +61,7 @@ def simulate(
     more = {"method": method, "form": form, "load": load, "events": events, "report": report}
     request = _request(scene, duration, used, accuracy, output, start, start_time, more)
     if accuracy is not None:
-        return certain(advised(Task(request, float(accuracy))))
+        return certain(advised(Goal(request, float(accuracy))))
     return request.run(request.choice(float(used)))
 
 
@@ -80,7 +80,7 @@ def advise(
     The other arguments are those of `simulate`.  Raises SceneError for arguments that cannot be, SimulationError where
     an integrator gives up.
     """
-    return advised(Task(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy)))
+    return advised(Goal(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy)))
 
 
 def _request(

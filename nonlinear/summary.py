@@ -7,16 +7,17 @@ from math import isfinite
 
 import numpy as np
 
-from nonlinear.trajectory import CLOSED, Trajectory
+from nonlinear.superposition import CORRECTED, LINEAR
+from nonlinear.trajectory import CLOSED, TRUNCATED, Trajectory
 
 FORMS = {
     "minimal": "minimal coordinates",
     "maximal": "maximal coordinates and pivot forces",
     "hamiltonian": "Hamilton's equations",
     "spatial": "unit vectors",
-    "truncated": "a few mode shapes",
-    "linear modes": "modes in closed form",
-    "corrected modes": "modes in closed form, each with the frequency of its amplitude",
+    TRUNCATED: "a few mode shapes",
+    LINEAR: "modes in closed form",
+    CORRECTED: "modes in closed form, each with the frequency of its amplitude",
 }
 MOST_EVENTS = 10
 

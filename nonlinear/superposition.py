@@ -123,7 +123,8 @@ class Superposition:
 
     def __call__(self, times: Floats) -> Motion:
         """The motion at these times."""
-        parts = [plane.motion(times) for plane in self.planes]
+        with np.errstate(all="ignore"):
+            parts = [plane.motion(times) for plane in self.planes]
         return parts[0] if self.scene.space == "plane" else joined(self.scene, *parts)
 
     @property

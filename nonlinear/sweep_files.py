@@ -10,19 +10,17 @@ import csv
 import io
 import json
 import os
-import zipfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError
 from modal.files import whole_file
 from modal.rig import Floats
+from nonlinear.saved_files import checked_kind, reading
 from nonlinear.studies import Row, Study, study_from
 from nonlinear.sweeps import Sweep
 
-KINDS = (".npz", ".csv")
 HEADER, REASON = "header", "reason"
 
 
@@ -36,22 +34,8 @@ def save(sweep: Sweep, path: str | os.PathLike[str]) -> None:
 def load(path: str | os.PathLike[str]) -> Sweep:
     """The sweep in a file that `save` wrote; SceneError says what is wrong with any other."""
     name, kind = os.fspath(path), checked_kind(path)
-    try:
+    with reading(name, "a sweep"):
         return _read_npz(name) if kind == ".npz" else _read_csv(name)
-    except SceneError as error:
-        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-    except OSError as error:
-        raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, zipfile.BadZipFile):
-        raise SceneError([f"{name}: is not a sweep that multipendula has saved"]) from None
-
-
-def checked_kind(path: str | os.PathLike[str]) -> str:
-    """The ending of a sweep's file name; SceneError for any other."""
-    kind = os.path.splitext(os.fspath(path))[1].lower()
-    if kind not in KINDS:
-        raise SceneError([f"{os.fspath(path)}: the name must end in {' or '.join(KINDS)}"])
-    return kind
 
 
 def _header(sweep: Sweep) -> str:

@@ -18,6 +18,7 @@ from nonlinear.state import Motion, State, System
 
 NOISE = 1e-7
 CLOSED = "closed form"  # the method where nothing is integrated
+TRUNCATED = "truncated"  # the form in a few mode shapes
 
 
 @dataclass(frozen=True)

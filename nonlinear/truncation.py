@@ -38,7 +38,7 @@ from nonlinear.requests import extent, gathered, insist_numbers, sampled
 from nonlinear.starts import checked, start_of
 from nonlinear.state import State
 from nonlinear.steppers import SCIPY, SMALLEST
-from nonlinear.trajectory import Trajectory
+from nonlinear.trajectory import TRUNCATED, Trajectory
 from nonlinear.truncated import Truncated
 
 SAFETY = 2.0
@@ -229,6 +229,6 @@ def _run(
     survey: Survey, count: int, times: Floats, method: str, tolerance: float, report: Callable[[float], object]
 ) -> Trajectory:
     system, size = survey.system(count), extent(survey.start, survey.plant)
-    choice = Choice("truncated", method, False, f"{count} of {len(survey.kept)} shapes", max(tolerance, SMALLEST))
+    choice = Choice(TRUNCATED, method, False, f"{count} of {len(survey.kept)} shapes", max(tolerance, SMALLEST))
     ready = prepared(survey.scene, system, choice, survey.start, times, size)
     return ready.go(report=report)
