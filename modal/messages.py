@@ -8,10 +8,11 @@ from typing import Any
 
 from pydantic import ValidationError
 
-TAGS = frozenset({"bob", "rod", "body", "fixed", "cart"})
+TAGS = frozenset({"bob", "rod", "body", "fixed", "cart", "van-der-pol", "escapement"})
 KEYS = (
     *("title", "gravity", "space", "support", "pendulum", "links", "start"),
     *("kind", "mass", "length", "centre", "inertia", "damping", "stiffness", "count"),
+    *("drive", "strength", "impulse", "angle_deg"),
     *("equilibrium", "angles_deg", "rates_deg", "azimuths_deg"),
 )
 
@@ -55,7 +56,7 @@ def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     parts = []
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
-        behind = before[-1:] == ("support",) or (before[:1] == ("links",) and isinstance(before[-1], int))
+        behind = before[-1:] in {("support",), ("drive",)} or (before[:1] == ("links",) and isinstance(before[-1], int))
         added = part in TAGS and behind and not (is_key and position == len(location) - 1)
         if not added:
             parts.append(f"[{part}]" if isinstance(part, int) else f".{part}")

@@ -23,6 +23,8 @@ from modal.shapes import Shape, checked_normalisation, expanded
 from modal.sources import Details
 from modal.spectrum import Spectrum, spectrum
 
+UNDRIVEN = "Self-excitation is left out: these are the modes that drives feed."
+
 CHUNK = 400_000
 
 
@@ -240,4 +242,5 @@ def natural_modes(scene: Scene) -> Modes:
     with np.errstate(all="ignore"):
         natural, units = rig.natural()
         found = spectrum(natural)
-        return Modes(scene, rig, units, found, notes(natural, found.sources))
+        left_out = (UNDRIVEN,) * scene.is_driven
+        return Modes(scene, rig, units, found, (*notes(natural, found.sources), *left_out))

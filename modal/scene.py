@@ -15,6 +15,7 @@ from unicodedata import category
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from modal import pair
+from modal.drives import Drive
 from modal.errors import SceneError
 from modal.messages import problems_of
 from modal.validation import Checked, NonNegative, Positive, Real, insist
@@ -28,12 +29,13 @@ Way = Literal["down", "up"]
 
 
 class Link(Checked):
-    """Mass (kg) and length (m) of a link, and the damper (N m s/rad) and spring (N m/rad) at its upper joint."""
+    """Mass (kg) and length (m) of a link, and the damper (N m s/rad), spring (N m/rad) and drive at its upper joint."""
 
     mass: Positive
     length: Positive
     damping: NonNegative = 0.0
     stiffness: NonNegative = 0.0
+    drive: Drive | None = None
     count: Count = 1
 
 
@@ -171,6 +173,21 @@ class Scene(Checked):
         )
 
     @property
+    def is_driven(self) -> bool:
+        """Whether any joint excites itself."""
+        return any(link.drive for link in self.links())
+
+    @property
+    def undriven(self) -> Scene:
+        """The same without self-excitation."""
+
+        def still(pendulum: Pendulum) -> Pendulum:
+            links = tuple(link.model_copy(update={"drive": None}) for link in pendulum.links)
+            return pendulum.model_copy(update={"links": links})
+
+        return self.model_copy(update={"pendulum": tuple(map(still, self.pendulum))}) if self.is_driven else self
+
+    @property
     def stands(self) -> bool:
         """Whether any link points up at rest."""
         return any("up" in pendulum.ways for pendulum in self.pendulum)
@@ -193,9 +210,12 @@ class Scene(Checked):
     def _problems(self) -> Iterator[str]:
         if self.n_links > MAX_LINKS:
             yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
-        for index, pendulum in enumerate(self.pendulum if self.space == "plane" else ()):
-            if pendulum.start and pendulum.start.azimuths_deg:
+        for index, pendulum in enumerate(self.pendulum):
+            if self.space == "plane" and pendulum.start and pendulum.start.azimuths_deg:
                 yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'
+            for number, link in enumerate(pendulum.links if self.space == "space" else ()):
+                if link.drive:
+                    yield f'.pendulum[{index}].links[{number}].drive: needs space = "plane"'
 
 
 def scene_from(data: object) -> Scene:

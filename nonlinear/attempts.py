@@ -74,4 +74,4 @@ class Goal:
     def free(self) -> bool:
         """Whether anything may stand in for the integration of the whole scene."""
         asked = self.request
-        return asked.method == asked.form == "auto" and not (asked.load or asked.events)
+        return asked.method == asked.form == "auto" and not (asked.load or asked.events or asked.plant.excites)

@@ -78,10 +78,11 @@ def check(
 ) -> Check:
     """Set the modes with these indices (from 0; left out, all) swinging at these largest angles over so many periods.
 
-    Of a scene in space, the modes along the rail.  `method` is that of `simulate`; `report` hears
+    Of a scene in space, the modes along the rail; drives are left out.  `method` is that of `simulate`; `report` hears
     how many modes are done.  Modes that do not oscillate for long are skipped with a reason; after Ctrl-C, those that
     were not done.
     """
+    scene = scene.undriven
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}

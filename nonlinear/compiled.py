@@ -25,7 +25,7 @@ try:
 except ImportError:
     njit = None
 
-CONSTANTS = 10
+CONSTANTS = 12
 LOOSE = np.empty(0)
 
 
@@ -76,17 +76,19 @@ def _passed(links, i, below, s, c, w, Q):  # type: ignore[no-untyped-def]
 
 @_compiled
 def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
-    """Moment (N m) of the spring and damper above link i on that link, and the power (W) of the damper."""
-    stiffness, damping, bent = links[i, 7], links[i, 8], links[i, 9]
+    """Moment (N m) of spring, damper and drive above link i on that link, and the power (W) of these two."""
+    stiffness, damping, bent, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
     turned, speed = angles[i], rates[i]
     if not top:
         turned, speed = turned - angles[i - 1], speed - rates[i - 1]
-    return -stiffness * (turned - bent) - damping * speed, -damping * speed * speed
+    gamma = turned - bent
+    torque = (strength - curb * gamma * gamma - damping) * speed
+    return torque - stiffness * gamma, torque * speed
 
 
 @_compiled
 def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[no-untyped-def]
-    """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); what its first joint feels, and the dampers' power."""
+    """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); what its first joint feels, and the joints' power."""
     below, carried, power = (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0
     for i in range(stop - 1, start - 1, -1):
         s, c = np.sin(angles[i]), np.cos(angles[i])
@@ -164,9 +166,11 @@ class Compiled(Minimal):
 
 
 def _rows(plant: Plant) -> Floats:
-    """The constants of every link in the order of the file, (L, 10)."""
+    """The constants of every link in the order of the file, (L, 12)."""
     found = np.empty((plant.n_links, CONSTANTS))
     for group in plant.groups:
-        joints = group.block.stiffness, group.block.damping, group.bent
+        none = np.zeros_like(group.bent)
+        drive = (group.excitation.strength, group.excitation.curb) if group.excitation else (none, none)
+        joints = group.block.stiffness, group.block.damping, group.bent, *drive
         found[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)
     return found

@@ -1,6 +1,6 @@
-"""What acts on a plane scene besides gravity and the pivots: springs, dampers and loads, in the order of the file.
+"""What acts on a plane scene besides gravity and the pivots: joints and loads, in the order of the file.
 
-A load is a force on the cart and a moment on every link; dampers and loads do work, springs keep it as energy.
+A load is a force on the cart and a moment on every link; dampers, drives and loads do work, springs keep it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ def on_links(plant: Plant, state: State, push: Push) -> Floats:
     """Generalized forces (N m) on the absolute angles, (L,)."""
     found = state.links * 0.0
     for group in plant.groups:
-        if group.sprung or group.damped:
+        if group.hinged:
             found[group.index] = joints.moments(group, state.links[group.index], state.link_rates[group.index])
     return found if push.moments is None else found + push.moments
 
@@ -27,8 +27,10 @@ def on_cart(plant: Plant, state: State, push: Push) -> float:
 
 
 def power(plant: Plant, state: State, push: Push) -> float:
-    """Power (W) of the dampers and of the load."""
-    found = float(sum(joints.damper_power(group, state.link_rates[group.index]) for group in plant.groups))
+    """Power (W) of dampers, drives and the load."""
+    found = 0.0
+    for group in plant.groups:
+        found += float(joints.power(group, state.links[group.index], state.link_rates[group.index]))
     if plant.cart:
         found += state.cart_rate * (push.cart - plant.cart.damping * state.cart_rate)
     return found if push.moments is None else found + float(push.moments @ state.link_rates)

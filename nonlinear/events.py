@@ -1,4 +1,4 @@
-"""Things that happen while a scene moves: a quantity crosses a level, a link turns back."""
+"""Things that happen while a scene moves: a quantity crosses a level, a link turns back, an escapement kicks."""
 
 from __future__ import annotations
 
@@ -6,7 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
+
 from modal.errors import SceneError
+from modal.rig import Floats, Ints
 from nonlinear.plant import Plant
 from nonlinear.state import State
 
@@ -36,6 +39,17 @@ class Happening(NamedTuple):
     name: str
     time: float
     state: State
+
+
+class Kicks(NamedTuple):
+    """K kicks of escapements in the order they came: `time` (s), `link` whose upper joint it was, counted from 0, `energy` (J) fed."""
+
+    time: Floats
+    link: Ints
+    energy: Floats
+
+
+NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0))
 
 
 def crossing(plant: Plant, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False) -> Event:

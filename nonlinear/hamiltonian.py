@@ -99,7 +99,7 @@ class Hamiltonian:
     @cached_property
     def layout(self) -> Layout:
         """The parts of y, momenta in the place of velocities."""
-        plant, works = self.plant, self.plant.dissipates or self.load is not None
+        plant, works = self.plant, self.plant.works or self.load is not None
         return Layout(plant.n_links, 1, plant.cart is not None, works)
 
     def derivative(self, time: float, y: Floats) -> Floats:

@@ -13,7 +13,8 @@ from scipy.optimize import brentq
 
 from modal.errors import ComputationError
 from modal.rig import Floats
-from nonlinear.events import Event, Happening
+from nonlinear.escapements import Escapements
+from nonlinear.events import NO_KICKS, Event, Happening, Kicks
 from nonlinear.state import State, System
 from nonlinear.steppers import Stepper
 
@@ -31,6 +32,7 @@ class Record:
     last: tuple[float, Floats] | None = None  # where it stopped, if between samples
     happenings: list[Happening] = field(default_factory=list)
     drift: float = 0.0
+    kicks: Kicks = NO_KICKS
     steps: int = 0
     stopped: str = ""  # why, where it did not reach its end
     interrupted: bool = False
@@ -53,7 +55,7 @@ class Record:
 class Drive:
     """A stepper, the system it integrates, the sampled times (ascending, first where it starts) and the events.
 
-    `report` hears of the seconds gone through.
+    `escapements` kick on the way, `report` hears of the seconds gone through.
     """
 
     stepper: Stepper
@@ -61,6 +63,7 @@ class Drive:
     times: Floats
     events: Sequence[Event] = ()
     report: Callable[[float], object] = lambda time: None
+    escapements: Escapements | None = None
 
     def run(self) -> Record:
         """Go to the last sampled time, or as far as can be gone."""
@@ -74,6 +77,8 @@ class Drive:
         except ComputationError as error:
             record.stopped, record.failed = str(error), True
         record.close()
+        if self.escapements:
+            record.kicks = self.escapements.kicks
         return record
 
     def _on(self, record: Record) -> None:
@@ -83,6 +88,9 @@ class Drive:
             self.stepper.step()
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
+        kick = self.escapements.next(self.stepper, before) if self.escapements else None
+        if kick:
+            now, y = kick.time, self.stepper.exact(kick.time)
         for happening, stop in sorted(self._happenings(before, now), key=lambda found: found[0].time):
             record.happenings.append(happening)
             if stop:
@@ -91,10 +99,14 @@ class Drive:
                 break
         self._sample(record, now)
         record.last = now, self.system.project(y)[0]
-        mended, drift = self.system.project(self.stepper.y)
-        record.drift = max(record.drift, drift)
-        if drift:
-            self.stepper.restart(mended)
+        if self.escapements and kick:
+            if not record.stopped:
+                self.stepper.restart(self.escapements.kicked(kick, y), now)
+        else:
+            mended, drift = self.system.project(self.stepper.y)
+            record.drift = max(record.drift, drift)
+            if drift:
+                self.stepper.restart(mended)
         self.report(now - self.times[0])
 
     def _sample(self, record: Record, now: float) -> None:

@@ -1,6 +1,7 @@
-"""Springs and dampers at the joints of chains in the plane: moments, energy and power, all (n, P) or summed.
+"""Springs, dampers and drives at the joints of chains in the plane: moments, energy, power, all (n, P) or summed.
 
-A spring acts on the angle between two neighbouring links less the one at which it is relaxed, a damper on its rate.
+A spring acts on the angle γ between two neighbouring links less the one at which it is relaxed, a damper on its rate,
+a van der Pol torque (e − curb γ²) γ' on both.
 """
 
 from __future__ import annotations
@@ -18,26 +19,42 @@ def relative(values: Any) -> Any:
     return np.diff(values, axis=0, prepend=0.0)
 
 
+def bend(group: Group, angles: Any) -> Any:
+    """The angle (rad) of every link to the one above less that at rest, (n, P, ...)."""
+    return relative(angles) - _spread(group.bent, angles)
+
+
 def moments(group: Group, angles: Any, rates: Any) -> Any:
-    """Generalized forces (N m) of springs and dampers on the absolute angles, (n, P, ...) as the angles are."""
+    """Generalized forces (N m) on the absolute angles, (n, P, ...) as the angles are."""
     hinge = np.zeros_like(angles)
     if group.sprung:
-        hinge -= _spread(group.block.stiffness, angles) * (relative(angles) - _spread(group.bent, angles))
+        hinge -= _spread(group.block.stiffness, angles) * bend(group, angles)
     if group.damped:
         hinge -= _spread(group.block.damping, rates) * relative(rates)
+    if group.excited:
+        hinge += _gain(group, angles) * relative(rates)
     hinge[:-1] -= hinge[1:].copy()
     return hinge
 
 
-def damper_power(group: Group, rates: Any) -> Any:
-    """Power (W) of the joint dampers, never positive, (...)."""
-    return -np.sum(_spread(group.block.damping, rates) * relative(rates) ** 2, axis=(0, 1))
+def power(group: Group, angles: Any, rates: Any) -> Any:
+    """Power (W) of the joint dampers, never positive, and of the van der Pol torques, (...)."""
+    gain = -_spread(group.block.damping, rates)
+    if group.excited:
+        gain = gain + _gain(group, angles)
+    return np.sum(gain * relative(rates) ** 2, axis=(0, 1))
 
 
 def spring_energy(group: Group, angles: Floats) -> Floats:
     """Energy (J) of every joint spring, (n, P, ...)."""
-    bend = relative(angles) - _spread(group.bent, angles)
-    return np.asarray(_spread(group.block.stiffness, angles) * bend**2 / 2)
+    return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles) ** 2 / 2)
+
+
+def _gain(group: Group, angles: Any) -> Any:
+    """What the van der Pol torques multiply γ' by (N m s/rad)."""
+    excitation = group.excitation
+    assert excitation is not None
+    return _spread(excitation.strength, angles) - _spread(excitation.curb, angles) * bend(group, angles) ** 2
 
 
 def _spread(constant: Floats, like: Any) -> Floats:

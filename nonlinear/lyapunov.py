@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.drives import Escapement
 from modal.errors import SceneError
 from modal.rig import Floats
 from modal.scene import Scene
@@ -199,6 +200,8 @@ def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator)
 
 def _check(scene: Scene, duration: float, least: float, ensemble: int) -> None:
     problems = ['space = "space": Lyapunov exponents are computed in the plane'] if scene.space == "space" else []
+    if any(isinstance(link.drive, Escapement) for link in scene.links()):
+        problems.append("drive: Lyapunov exponents are of smooth motion, without the kicks of escapements")
     if not least <= duration < float("inf"):
         problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
     if ensemble < 1:
@@ -241,7 +244,7 @@ def _grown(
 
 def _energy_drift(tangent: Tangent, first: Floats, last: Floats) -> float:
     plant = tangent.plant
-    if plant.dissipates:
+    if plant.works:
         return float("nan")
     before, after = (Mechanics(plant, tangent.system.read(y.T)).energy for y in (first, last))
     return float(np.max(np.abs(after - before)) / (plant.gravity * sum(float(g.block.b.sum()) for g in plant.groups)))

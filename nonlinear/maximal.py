@@ -64,7 +64,7 @@ class Maximal:
     @property
     def works(self) -> bool:
         """Whether the work comes last in y."""
-        return self.plant.dissipates or self.load is not None
+        return self.plant.works or self.load is not None
 
     def unknowns(self, time: float, y: Floats) -> Floats:
         """The paper's u: q'' (m/s², rad/s²), then `normal` on a cart, then the force from above on every link (N)."""

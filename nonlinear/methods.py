@@ -35,6 +35,7 @@ ROOM = 1e140  # largest moment of inertia, and one over the smallest, whose squa
 FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain anything
+PER_KICK = 2.0  # steps: one that is cut short, one to land on it
 PER_PERIOD = 14.0  # steps of DOP853 a period at tolerance 1e-6 and large angles
 
 
@@ -73,6 +74,8 @@ def choose(
         problems.append(f"form {form}: is for the plane, and this scene is in space")
     elif not space and form == "spatial":
         problems.append("form spatial: is for space, and this scene is in the plane")
+    if plant.kicked and form not in {"auto", "minimal"}:
+        problems.append(f"form {form}: cannot take the kicks of escapements; minimal can")
     if form == "maximal" and (least := float(np.min(plant.by_link("length"))) / plant.length) < SHORTEST:
         problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
     if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
@@ -122,7 +125,8 @@ def _taylor_takes(plant: Plant) -> bool:
 def _costs(scene: Scene, plant: Plant, duration: float, tolerance: float) -> dict[str, float]:
     """Roughly how many seconds each way takes, compilers included, as benchmarks/simulation.py finds them."""
     links, longest = plant.n_links, max(group.n for group in plant.groups)
-    steps = PER_PERIOD * duration * timescales(scene).swing / (2 * pi) * (1e-6 / tolerance) ** (1 / 8)
+    periods = duration * timescales(scene).swing / (2 * pi)
+    steps = periods * (PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + PER_KICK * plant.kicks_a_period)
     return {
         "DOP853": steps * (3e-4 + 1e-6 * links),
         "compiled": 0.4 + steps * (1.2e-4 + 1e-6 * links) if find_spec("numba") else inf,

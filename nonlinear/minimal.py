@@ -43,13 +43,13 @@ class Minimal(Suspended):
         return tuple(group.index for group in self.plant.groups)
 
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
-        """Torques (n, P, ...) on the absolute angles, and the power of dampers and moments."""
+        """Torques (n, P, ...) on the absolute angles, and the power of joints and moments."""
         torques, power = moments, 0.0
         if moments is not None:
             power = np.sum(moments * rates)
-        if group.sprung or group.damped:
+        if group.hinged:
             hinges = joints.moments(group, links, rates)
             torques = hinges if torques is None else torques + hinges
-        if group.damped:
-            power = power + joints.damper_power(group, rates)
+        if group.damped or group.excited:
+            power = power + joints.power(group, links, rates)
         return np.zeros_like(links) if torques is None else torques, power

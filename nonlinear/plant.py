@@ -14,15 +14,20 @@ import numpy as np
 from modal.linear import coordinate_labels
 from modal.rig import Block, CartNumbers, Floats, Ints, rig_of
 from modal.scene import Scene
+from nonlinear.excitation import Excitation, excitation_of
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """P pendula of n links: their arrays (n, P), the place of every link in the file (n, P), the pendula (P,)."""
+    """P pendula of n links: their arrays (n, P), the place of every link in the file (n, P), the pendula (P,).
+
+    `excitation` is what drives their joints, None where nothing does.
+    """
 
     block: Block
     index: Ints
     pendula: Ints
+    excitation: Excitation | None = None
 
     @property
     def n(self) -> int:
@@ -54,6 +59,21 @@ class Group:
     def damped(self) -> bool:
         """Whether any joint has a damper."""
         return bool(self.block.damping.any())
+
+    @property
+    def excited(self) -> bool:
+        """Whether any joint has a van der Pol torque."""
+        return self.excitation is not None and self.excitation.steady
+
+    @property
+    def kicked(self) -> bool:
+        """Whether any joint has an escapement."""
+        return self.excitation is not None and self.excitation.kicks
+
+    @property
+    def hinged(self) -> bool:
+        """Whether joints do more than hold the links together between kicks."""
+        return self.sprung or self.damped or self.excited
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,6 +134,26 @@ class Plant:
         """Whether any damper is at work."""
         return bool(self.cart and self.cart.damping) or any(group.damped for group in self.groups)
 
+    @property
+    def excites(self) -> bool:
+        """Whether any joint excites itself."""
+        return self.kicked or any(group.excited for group in self.groups)
+
+    @property
+    def kicked(self) -> bool:
+        """Whether any joint has an escapement."""
+        return any(group.kicked for group in self.groups)
+
+    @property
+    def kicks_a_period(self) -> int:
+        """Of all escapements."""
+        return sum(2 * int(np.count_nonzero(group.excitation.impulse)) for group in self.groups if group.excitation)
+
+    @property
+    def works(self) -> bool:
+        """Whether energy goes in or out."""
+        return self.dissipates or self.excites
+
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
         found = np.empty(self.n_links)
@@ -125,6 +165,7 @@ class Plant:
 def plant_of(scene: Scene) -> Plant:
     """The arrays of a scene, copies counted out."""
     rig = rig_of(scene)
+    hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
     hung = np.array([(block, column) for block, column, copies in rig.members for _ in range(copies)])
     first = np.concatenate(([0], np.cumsum(sizes)[:-1]))
@@ -132,5 +173,6 @@ def plant_of(scene: Scene) -> Plant:
     for number, block in enumerate(rig.blocks):
         pendula = np.flatnonzero(hung[:, 0] == number)
         index = first[pendula] + np.arange(block.n)[:, None]
-        groups.append(Group(block.take(hung[pendula, 1]), index, pendula))
+        excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
+        groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
     return Plant(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig))

@@ -12,6 +12,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.rig import Floats
 from modal.scene import Scene
+from nonlinear.escapements import escapements
 from nonlinear.events import Event
 from nonlinear.integrate import Drive, Record
 from nonlinear.methods import Choice, choose, system_of
@@ -49,7 +50,9 @@ class Prepared:
 
     def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = lambda elapsed: None) -> Trajectory:
         """Once, to the end or as far as can be gone; SimulationError where the integrator gives up."""
-        record = Drive(self.stepper, self.system, self.times, events, report).run()
+        plant, y = self.system.plant, self.stepper.y
+        kicking = escapements(plant, cast("Minimal", self.system).layout, y) if plant.kicked else None
+        record = Drive(self.stepper, self.system, self.times, events, report, kicking).run()
         trajectory = self._trajectory(record)
         if record.failed:
             raise SimulationError(f"{record.stopped}{_hint(self.system.plant)}", trajectory)
@@ -71,7 +74,9 @@ class Prepared:
         )
         motion, events = system.read(record.rows), tuple(record.happenings)
         driven = system.load is not None
-        return Trajectory(self.scene, system.plant, record.times, motion, run, events, driven=driven, system=system)
+        return Trajectory(
+            self.scene, system.plant, record.times, motion, run, events, record.kicks, driven=driven, system=system
+        )
 
 
 def prepared(scene: Scene, system: System, choice: Choice, start: State, times: Floats, size: float) -> Prepared:
@@ -109,7 +114,7 @@ class Request:
     def smaller(self) -> tuple[Symmetry, ...]:
         """What symmetry leaves out."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
-        return () if self.load else symmetries(self.plant, self.start, planar=flat)
+        return () if self.load or self.plant.kicked else symmetries(self.plant, self.start, planar=flat)
 
     @cached_property
     def size(self) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 from modal.files import whole_file
 from modal.rig import Floats
 from modal.scene import described, scene_from
-from nonlinear.events import Happening
+from nonlinear.events import NO_KICKS, Happening, Kicks
 from nonlinear.methods import FORMS, choose
 from nonlinear.plant import Plant, plant_of
 from nonlinear.saved_files import checked_kind, reading
@@ -66,6 +66,7 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         "run": asdict(trajectory.run),
         "driven": trajectory.driven,
         "events": events,
+        "kicks": {name: part.tolist() for name, part in trajectory.kicks._asdict().items()},
     }
 
 
@@ -87,7 +88,9 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
         choose(scene, 1.0, run.tolerance, run.method, run.form, plant=integrated)
     elif run.form not in REDUCED:
         raise ValueError
-    return Trajectory(scene, plant, times, Motion(**parts), run, events, driven=bool(header["driven"]))
+    kept = header.get("kicks", NO_KICKS._asdict())
+    kicks = Kicks(*(np.array(kept[name], dtype=own.dtype) for name, own in NO_KICKS._asdict().items()))
+    return Trajectory(scene, plant, times, Motion(**parts), run, events, kicks, driven=bool(header["driven"]))
 
 
 def _state(event: dict[str, Any]) -> State:

@@ -5,7 +5,7 @@ With the direction u of every link and its tangents t = ∂u/∂q, a the acceler
     ρ_i = t_i·(A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'') − Q_i,     a_i = x'' e_x − g e_z + Σ_{j<i} l_j u_j'',
     ρ_x = M x'' + c_c x' + k_c x + e_x·Σ b_j u_j'',
 
-Q_i of the springs and dampers at the joints; sums run down and up each chain, so O(links) operations an instant.
+Q_i of springs, dampers and drives at the joints; sums run down and up each chain, so O(links) operations an instant.
 The coordinates are those of `nonlinear.two_planes`: θ in the plane, in space p = θ (cos φ, sin φ) from the rest with
 
     u = σ (s p, cos θ),    ∂u/∂p_k = σ (s e_k + r p_k p, −s p_k),    h = p·p',    k = −(s + 3 r)/θ²,
@@ -59,7 +59,7 @@ def _planar(group: Group, own: Floats, felt: Floats) -> tuple[Floats, Any]:
     u, tangent = np.array([sine, cosine]), np.array([cosine, -sine])
     second = turn * tangent - rate**2 * u
     forces = _along(tangent, _inertial(group, second, felt))
-    if group.sprung or group.damped:
+    if group.hinged:
         forces -= joints.moments(group, theta, rate)
     return second, forces[None]
 

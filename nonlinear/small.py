@@ -46,7 +46,7 @@ class Small(Minimal):
         """Whether anything acts besides gravity."""
         cart, groups = self.plant.cart, self.plant.groups
         held = cart is not None and (cart.stiffness or cart.damping)
-        return bool(held or self.load or any(group.sprung or group.damped for group in groups))
+        return bool(held or self.load or any(group.hinged for group in groups))
 
     @cached_property
     def _total(self) -> float:

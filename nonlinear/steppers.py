@@ -75,8 +75,8 @@ class Stepper(Protocol):
         """The y at one time within the last step, as accurate as the step itself."""
         ...
 
-    def restart(self, y: Floats) -> None:
-        """Go on from another y at the present time."""
+    def restart(self, y: Floats, time: float | None = None) -> None:
+        """Go on from another y at the present time, or at one within the last step."""
         ...
 
 
@@ -101,6 +101,7 @@ class SciPyStepper:
         self.method, self.f, self.end, self.tolerance, self.absolute = method, f, end, tolerance, absolute
         self._done = 0
         self.before, self.y_before = start, y
+        self._within: integrate.DenseOutput | None = None
         with np.errstate(all="ignore"):
             self._solver = self._made(start, y, end, first)
 
@@ -126,14 +127,16 @@ class SciPyStepper:
 
     def step(self) -> None:
         """Go one step on."""
-        self.before, self.y_before = self.time, self.y
+        self.before, self.y_before, self._within = self.time, self.y, None
         message = self._solver.step()
         if self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
             raise ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message or 'not finite'}")
 
     def inside(self, times: Floats) -> Floats:
         """By the method's own interpolation."""
-        return np.asarray(self._solver.dense_output()(times)).T
+        if self._within is None:
+            self._within = self._solver.dense_output()
+        return np.asarray(self._within(times)).T
 
     def exact(self, time: float) -> Floats:
         """By integrating anew from the beginning of the step."""
@@ -145,10 +148,10 @@ class SciPyStepper:
         self._done += solver.nfev
         return np.asarray(solver.y)
 
-    def restart(self, y: Floats) -> None:
-        """Go on from another y; an explicit method keeps its length of step."""
-        if self.method in EXPLICIT:
+    def restart(self, y: Floats, time: float | None = None) -> None:
+        """Go on from another y; an explicit method that stays where it is keeps its length of step."""
+        if time is None and self.method in EXPLICIT:
             self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
             return
         self._done += self._solver.nfev
-        self._solver = self._made(self.time, y, self.end, self.time - self.before)
+        self._solver = self._made(self.time if time is None else time, y, self.end, self.time - self.before)

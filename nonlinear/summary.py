@@ -46,7 +46,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if isfinite(run.error):
         yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
     yield from _ranges(trajectory)
-    if run.method == CLOSED and trajectory.plant.dissipates:
+    if run.method == CLOSED and trajectory.plant.works:
         yield "energy", "what dampers take is not counted in closed form"
     else:
         yield "energy", f"drift {trajectory.energy_drift():.2g} of what its energies range over"

@@ -48,7 +48,7 @@ class Suspended(ABC):
     @cached_property
     def layout(self) -> Layout:
         """The parts of y."""
-        works = self.plant.dissipates or self.load is not None
+        works = self.plant.works or self.load is not None
         return Layout(self.plant.n_links, self.width, self.plant.cart is not None, works)
 
     @cached_property

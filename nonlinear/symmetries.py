@@ -80,7 +80,8 @@ def synchronous(plant: Plant, start: State) -> Symmetry | None:
         first, place, count = _kinds(group, start)
         index = len(kept) + np.arange(group.n * len(first)).reshape(len(first), group.n).T
         pendula = sum(other.index.shape[1] for other in groups) + np.arange(len(first))
-        groups.append(Group(group.block.take(first).heavier(count), index, pendula))
+        excitation = group.excitation and group.excitation.take(first).times(count)
+        groups.append(Group(group.block.take(first).heavier(count), index, pendula, excitation))
         whole[group.index] = index[:, place]
         kept = np.concatenate((kept, group.index[:, first].T.ravel()))
     if len(kept) == plant.n_links:
@@ -94,6 +95,8 @@ def _kinds(group: Group, start: State) -> tuple[Ints, Ints, Ints]:
     """The first pendulum (by column) of each kind, every pendulum's kind, and how many there are of each."""
     columns = [getattr(group.block, name) for name in ARRAYS]
     columns += [part[group.index].reshape(group.n, -1, part[0].size) for part in (start.links, start.link_rates)]
+    if group.excitation:
+        columns += list(group.excitation.table)
     table = np.hstack([np.moveaxis(column, 1, 0).reshape(group.index.shape[1], -1) for column in columns])
     _, first, place, count = np.unique(table, axis=0, return_index=True, return_inverse=True, return_counts=True)
     order = np.argsort(first)
@@ -123,15 +126,18 @@ def near(plant: Plant, start: State) -> Symmetry | None:
 
 
 def _unwound(plant: Plant, links: Floats) -> Floats:
-    """Angles within half a turn of the hanging rest, but at a joint with a spring as bent as ever."""
+    """Angles within half a turn of the hanging rest, but at a joint with a spring or a drive as bent as ever."""
     found = links.copy()
     for group in plant.groups:
         angles = links[group.index]
         within = np.where(np.abs(angles) > np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
         bend = np.diff(angles, axis=0, prepend=0.0)
         above = np.zeros_like(within[0])
-        for own, bent, sprung in zip(within, bend, group.block.stiffness > 0, strict=True):
-            own[sprung] = (above + bent)[sprung]
+        held = group.block.stiffness > 0
+        if group.excitation:
+            held = held | (group.excitation.curb > 0)
+        for own, bent, kept in zip(within, bend, held, strict=True):
+            own[kept] = (above + bent)[kept]
             above = own
         found[group.index] = within
     return found
@@ -145,7 +151,8 @@ def natural(plant: Plant, start: State) -> Symmetry | None:
     mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
     units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
     cart = plant.cart and CartNumbers(*(number / mass for number in plant.cart))
-    groups = tuple(_counted(group, {name: units.get(name, moment) for name in ARRAYS}) for group in plant.groups)
+    numbers = {name: units.get(name, moment) for name in ARRAYS}
+    groups = tuple(_counted(group, numbers, moment) for group in plant.groups)
     small = replace(plant, gravity=plant.gravity / length, cart=cart, groups=groups)
     return Symmetry(
         small,
@@ -157,6 +164,7 @@ def natural(plant: Plant, start: State) -> Symmetry | None:
     )
 
 
-def _counted(group: Group, units: dict[str, float]) -> Group:
+def _counted(group: Group, units: dict[str, float], moment: float) -> Group:
     numbers = {name: getattr(group.block, name) / unit for name, unit in units.items()}
-    return replace(group, block=replace(group.block, **numbers))
+    excitation = group.excitation and group.excitation.times(1 / moment)
+    return replace(group, block=replace(group.block, **numbers), excitation=excitation)

@@ -79,9 +79,10 @@ class TaylorStepper:
         """The y at one time within the last step."""
         return np.asarray(self.inside(np.array([time]))[0])
 
-    def restart(self, y: Floats) -> None:
-        """Go on from another y at the present time."""
+    def restart(self, y: Floats, time: float | None = None) -> None:
+        """Go on from another y at the present time, or at one within the last step."""
         self.integrator.state[:] = y
+        self.integrator.time = self.time if time is None else time
         self._coefficients, self._from = np.array(y)[None], self.time
 
 

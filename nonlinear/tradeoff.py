@@ -108,6 +108,8 @@ def tradeoff(
     insist_numbers(duration, 1e-9, 0.0)
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: the whole ladder is run for at most {MOST_LINKS}"])
+    if scene.is_driven:
+        raise SceneError(["drive: the ladder is for scenes that do not excite themselves"])
     state = checked(start if start is not None else start_of(scene), plant_of(scene))
     asked = ladder(scene) if rungs is None else tuple(rungs)
     reference = _reference(scene, state, duration)
@@ -176,7 +178,7 @@ def measured(rung: Rung, question: Question, reference: Reference) -> Row:
         calls=found.run.calls,
         error=error,
         shift=late(found.motion, finest) if error > reference.floor else nan,
-        drift=nan if rung.modal and found.plant.dissipates else found.energy_drift(),
+        drift=nan if rung.modal and found.plant.works else found.energy_drift(),
     )
 
 

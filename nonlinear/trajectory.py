@@ -11,7 +11,7 @@ import numpy as np
 
 from modal.rig import Floats
 from modal.scene import Scene
-from nonlinear.events import Happening
+from nonlinear.events import NO_KICKS, Happening, Kicks
 from nonlinear.mechanics import Mechanics
 from nonlinear.plant import Plant
 from nonlinear.state import Motion, State, System
@@ -47,7 +47,8 @@ class Run:
 class Trajectory:
     """A scene's motion at `times` (T,) in s, what happened on the way, and how it was computed.
 
-    `driven` says whether anything acted from outside, `system` holds the equations of a run made in this process.
+    `kicks` are those of escapements; `driven` says whether anything acted from outside, `system` holds the equations
+    of a run made in this process.
     """
 
     scene: Scene
@@ -56,6 +57,7 @@ class Trajectory:
     motion: Motion
     run: Run
     happenings: tuple[Happening, ...] = ()
+    kicks: Kicks = NO_KICKS
     driven: bool = False
     system: System | None = field(default=None, repr=False)
 
@@ -117,8 +119,7 @@ class Trajectory:
     @property
     def keeps_spin(self) -> bool:
         """Whether angular momentum about the vertical is conserved: in space, each pendulum on a fixed support."""
-        damped = any(group.damped for group in self.plant.groups)
-        return self.plant.spatial and self.plant.cart is None and not (damped or self.driven)
+        return self.plant.spatial and self.plant.cart is None and not (self.plant.works or self.driven)
 
     def momentum_drift(self) -> float:
         """The largest change of a conserved momentum over Σ m |v|, coasting left out, or Σ m r |v|; else NaN."""

@@ -113,7 +113,7 @@ class Truncated:
     @cached_property
     def works(self) -> bool:
         """Whether the work comes last in y."""
-        return self.plant.dissipates or self.load is not None
+        return self.plant.works or self.load is not None
 
     @cached_property
     def turnings(self) -> tuple[Turning, ...]:

@@ -190,6 +190,8 @@ def _insist(scene: Scene, modes: int | None, method: str) -> None:
     whole = isinstance(modes, Integral) and not isinstance(modes, bool)
     if modes is not None and not (whole and modes >= 1):
         problems.append(f"modes {modes!r}: must be a whole number from 1")
+    if scene.is_driven:
+        problems.append("drive: motion that excites itself is not kept to a few modes")
     if method not in SCIPY:
         problems.append(f"method {method}: must be one of {', '.join(SCIPY)}")
     if problems:
