@@ -42,7 +42,7 @@ class Happening(NamedTuple):
 
 
 class Kicks(NamedTuple):
-    """K kicks of escapements in the order they came: `time` (s), `link` whose upper joint it was, counted from 0, `energy` (J) fed."""
+    """K kicks of escapements as they came: `time` (s), `link` whose upper joint it was (from 0), `energy` (J) fed."""
 
     time: Floats
     link: Ints
