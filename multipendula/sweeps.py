@@ -45,6 +45,10 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         lambda: asked(options.measure or ["frequencies"]),
     )
     study = Study(scene, axes, measures)
+    if options.picture:
+        from nonlinear.sweep_figures import draw_sweep, insist
+
+        insist(axes)
     with _journal(options, study) as kept, _crew(options) as crew, bar(study.size, "point") as report:
         found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
     sys.stdout.write(sweep_text(found))
@@ -58,8 +62,6 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         save(found, options.output)
         remove(f"{options.output}.journal")
     if options.picture:
-        from nonlinear.sweep_figures import draw_sweep
-
         with whole_file(options.picture) as stream:
             draw_sweep(found, stream, kind)
 

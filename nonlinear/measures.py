@@ -24,9 +24,10 @@ def asked(texts: Sequence[str]) -> tuple[Asked, ...]:
     for text in texts:
         try:
             one = _asked(text)
-            if one.text in found:
-                raise SceneError([f"{text}: is asked for twice"])
-            found[one.text] = one
+            name = one.text if one.measure.whole else one.measure.name
+            if name in found:
+                raise SceneError([f"{text}: {name} is asked for twice"])
+            found[name] = one
         except SceneError as error:
             problems += error.problems
     if problems:

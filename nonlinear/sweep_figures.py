@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import IO, Any
 
 import numpy as np
@@ -48,18 +49,23 @@ def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
     Points that failed are hatched.  Raises ComputationError where nothing is known, for three parameters, and for
     more than a picture holds.
     """
+    insist(sweep.study.variations)
     known = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
     if not known:
         raise ComputationError("no point has a number: there is nothing to draw")
     axes = sweep.study.variations
-    if len(axes) > 2 or any(len(variation.values) < 2 for variation in axes):
-        raise ComputationError("a picture is of one parameter or two, each with two values or more")
     most = MOST_CURVES if len(axes) == 1 else MOST_MAPS
     if len(known) > most:
         raise ComputationError(f"{len(known)} numbers do not fit a picture: measure at most {most}")
     figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
     headline(figure, sweep.study.scene, "sweep")
     save(figure, stream, form)
+
+
+def insist(axes: Sequence[Variation]) -> None:
+    """ComputationError where a sweep over these cannot be drawn."""
+    if len(axes) > 2 or any(len(variation.values) < 2 for variation in axes):
+        raise ComputationError("a picture is of one parameter or two, each with two values or more")
 
 
 def words(column: str) -> tuple[str, str]:

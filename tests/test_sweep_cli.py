@@ -79,6 +79,13 @@ def test_bad_options_are_refused(given: dict[str, Any], words: str) -> None:
         sweep(options(**{"vary": ["support.mass=1:2:3"]} | given))
 
 
+def test_a_picture_that_cannot_be_drawn_is_refused_at_once(capsys: pytest.CaptureFixture[str]) -> None:
+    for places in (["gravity=1"], ["gravity=1,2", "support.mass=1,2", "pendulum[0].links[0].mass=1,2"]):
+        with pytest.raises(ComputationError, match="a picture is of one parameter or two"):
+            sweep(options(*places, picture="m.png"))
+    assert not capsys.readouterr().out
+
+
 def test_a_sweep_without_a_number_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = tmp_path / "m.npz"
     with pytest.raises(ComputationError, match="no point could be measured"):

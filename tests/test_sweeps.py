@@ -196,6 +196,8 @@ def test_every_measure_has_words_and_a_usual_number() -> None:
     assert all(measure.words for measure in MEASURES.values())
     with pytest.raises(SceneError, match="asked for twice"):
         asked(["beat", "beat:1"])
+    with pytest.raises(SceneError, match="amplitude is asked for twice"):
+        asked(["amplitude:1", "amplitude:2"])
 
 
 # ------------------------------------------------------------------------------------------------------- sweeps
