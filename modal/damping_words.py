@@ -48,13 +48,18 @@ def _mode(mode: Damped) -> str:
     if mode.exact is None:
         return first + "."
     kind = f"damping ratio {short(mode.decay / abs(mode.exact))} [−Re λ/|λ|]" if mode.exact.imag else "overdamped"
-    off = "; first order no longer holds" if abs(mode.decay - mode.rate) > OFF * mode.rate else ""
+    off = "" if _is_first_order(mode) else "; first order no longer holds"
     return f"{first}; the damped scene itself: {kind}, rate {short(mode.decay)} 1/s [−Re λ]{off}."
+
+
+def _is_first_order(mode: Damped) -> bool:
+    return abs(mode.decay - mode.rate) <= OFF * mode.rate
 
 
 def _survivors(modes: tuple[Damped, ...]) -> Iterator[str]:
     last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
-    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay]
+    most = NEGLIGIBLE * max(mode.rate for mode in modes)
+    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= most]
     if spared:
         each = "; ".join(_named(mode) for mode in spared[:MOST_LISTED])
         rest = f"; and {len(spared) - MOST_LISTED} more" if len(spared) > MOST_LISTED else ""
@@ -62,15 +67,16 @@ def _survivors(modes: tuple[Damped, ...]) -> Iterator[str]:
         if first.from_cart and all(mode.still for mode in spared):
             yield "What leaves the cart still survives a damper on it: antiphase, as Huygens saw."
     elif last.decay < first.decay:
+        formula = "1/σ" if last.exact is None else "−1/Re λ"
         yield (
-            f"Longest lives {_named(last)}: it falls to 1/e in {short(1 / last.decay)} s [1/σ], "
+            f"Longest lives {_named(last)}: it falls to 1/e in {short(1 / last.decay)} s [{formula}], "
             f"{short(first.decay / last.decay)} times as long as {_named(first)}, which goes first."
         )
 
 
 def _drive(modes: tuple[Damped, ...]) -> Iterator[str]:
     reached = [mode for mode in modes if isfinite(mode.threshold)]
-    if not reached:
+    if not reached or not all(map(_is_first_order, modes)):
         return
     first = min(reached, key=lambda mode: mode.threshold)
     yield (

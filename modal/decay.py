@@ -172,7 +172,7 @@ def _tops(n: int, count: Floats) -> Floats:
 
 
 def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
-    """The damped eigenvalue of every vector, the one nearest to its −σ + iω among those of the same pendula."""
+    """The damped eigenvalue of every vector: of the same pendula's, that which least misses λ² + 2σλ + ω² = 0."""
     if not (rig.cart and rig.cart.damping) and not any(block.damping.any() for block in rig.blocks):
         return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
     unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
@@ -188,16 +188,23 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
     for m, mode in enumerate(modes):
         wanted.setdefault(mode.part.kind, []).extend((m, k) for k in range(len(mode.cart)))
     for kind, places in wanted.items():
-        guess = np.array([complex(-modes[m].cart[k] - modes[m].joints[k], modes[m].omega) for m, k in places])
-        for (m, k), value in zip(places, _nearest(guess, np.array(values.get(kind, []))), strict=True):
+        first = [(modes[m].cart[k] + modes[m].joints[k], modes[m].omega) for m, k in places]
+        slow = _slow(np.array(values.get(kind, [])), len(places))
+        for (m, k), value in zip(places, _nearest(np.array(first), slow), strict=True):
             unknown[m][k] = value
     return unknown
 
 
-def _nearest(guess: NDArray[np.complex128], values: NDArray[np.complex128]) -> list[complex | None]:
-    """A value for each guess, none twice, the closest pairs first."""
-    chosen: list[complex | None] = [None] * len(guess)
-    distance = np.abs(guess[:, None] - values)
+def _slow(values: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
+    """Those that swing and of those that creep the slowest, `count` in all: as its slow root a mode ends."""
+    order = np.argsort(np.where(values.imag != 0, -np.inf, -values.real), kind="stable")
+    return values[order[:count]]
+
+
+def _nearest(first: Floats, values: NDArray[np.complex128]) -> list[complex | None]:
+    """A value λ for each (σ, ω) of `first` (d, 2), none twice, those of smallest |λ + 2σ + ω²/λ| first."""
+    chosen: list[complex | None] = [None] * len(first)
+    distance = np.abs(values + 2 * first[:, :1] + (first[:, 1:] / values) * first[:, 1:])
     free = np.ones(len(values), dtype=np.bool_)
     for flat in np.argsort(distance, axis=None).tolist():
         row, column = divmod(flat, len(values))
