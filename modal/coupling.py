@@ -30,6 +30,8 @@ from modal.scene import Scene
 from modal.talk import Talk, talks
 
 MOST_POLES = 10_000
+MISSED = 1e-6
+"""How far the sum rule may be missed, relative."""
 STANDS = "the coupling is explained for pendula that hang: a link that stands up has no frequency of its own"
 
 
@@ -67,8 +69,13 @@ class Family:
 
     @property
     def strength(self) -> float:
-        """ε_r = μ_r/m_r, below 0 where the cart's spring holds it back, infinite where nothing else resists."""
+        """ε_r = μ_r/m_r, below 0 next above another pole or the cart's spring, infinite where nothing else resists."""
         return self.mass / self.rest if self.rest else inf
+
+    @property
+    def first_order(self) -> float:
+        """Δω (rad/s) where m_r changes little from ω_r to the zero, ½ ε_r ω_r."""
+        return self.strength * self.omega / 2
 
     @property
     def beat(self) -> float | None:
@@ -175,7 +182,8 @@ class Coupling:
 def explained(scene: Scene) -> Coupling:
     """What couples the pendula of a scene.
 
-    Raises ComputationError for links that stand up and beyond MOST_POLES distinct frequencies.
+    Raises ComputationError for links that stand up, beyond MOST_POLES distinct frequencies, and where double precision
+    misses the modal effective masses.
     """
     if scene.stands:
         raise ComputationError(STANDS)
@@ -193,7 +201,10 @@ def explained(scene: Scene) -> Coupling:
             residual=_residual(rig),
             spring=rig.cart.stiffness if rig.cart else 0.0,
         )
-        return Coupling(scene, rig, own, pole, dynamic)
+        found = Coupling(scene, rig, own, pole, dynamic)
+    if not (missed := found.residual()) <= MISSED:
+        raise ComputationError(f"modal effective masses are beyond double precision: their sum is off by {missed:.1e}")
+    return found
 
 
 def _residual(rig: Rig) -> float:

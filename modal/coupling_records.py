@@ -68,9 +68,9 @@ def _pair(coupling: Coupling, talk: Talk) -> dict[str, Any]:
         "second": _member(coupling, talk.second),
         "detuning_rad_per_s": talk.detuning,
         "coupling_rad_per_s": talk.coupling,
-        "dynamic_mass_between_kg": talk.cart_mass,
-        "energy_share": talk.share,
-        "beat_period_s": _finite(talk.period),
+        "dynamic_mass_between_kg": _finite(talk.cart_mass),
+        "energy_share": talk.share if talk.alone else None,
+        "beat_period_s": _finite(talk.period) if talk.alone else None,
     }
 
 

@@ -14,6 +14,8 @@ ROUGH = 0.1
 """Coupling strength from which first order is only a guide."""
 STRONG = 0.5
 """And from which it says nothing."""
+FAR = 0.25
+"""Relative difference of first order from the splitting that only a change of m_r explains."""
 GUIDE = " (only a guide: the coupling is strong)"
 ELSEWHERE = "in the JSON form"
 
@@ -44,11 +46,8 @@ def limits(coupling: Coupling) -> Iterator[str]:
         yield f"The {len(modes) - most} other modes that move the cart, all of them less, are {ELSEWHERE}."
     if any(family.fold > 1 for family in coupling.families):
         yield "The modes that leave the cart still do not feel its mass at all [ω = ω_r for every m_c]."
-    strongest = max(abs(family.strength) for family in coupling.families)
-    yield (
-        f"The strongest coupling is |ε| = {short(strongest)} [max |μ_r/m_r|]. It goes to 0 as m_c → ∞, where every "
-        "mode returns to its pole."
-    )
+    held = ", one to 0 with the cart's spring" if coupling.dynamic.spring else ""
+    yield f"As m_c → ∞ every coupling strength goes to 0 [ε_r = μ_r/m_r] and every mode to its pole{held}."
 
 
 def member(coupling: Coupling, k: int) -> str:
@@ -74,7 +73,7 @@ def _moved(coupling: Coupling, r: int, family: Family) -> Iterator[str]:
         many = counted(family.fold - 1, "combination stays", "combinations stay")
         yield f"{many} at ω_{r} with the cart still, in antiphase [Σ φᵀb = 0];"
     if family.cart_mode is None or family.splitting is None:
-        yield f"{'no' if several else 'No'} mode of finite frequency moves the cart with it [m_dyn(∞) = 0]."
+        yield f"{'the' if several else 'The'} one that moves the cart is lost to infinity [m_dyn(∞) = 0]."
         return
     moved = coupling.cart_modes[family.cart_mode]
     yield (
@@ -84,14 +83,21 @@ def _moved(coupling: Coupling, r: int, family: Family) -> Iterator[str]:
     if isinf(family.strength):
         yield f"Nothing else resists it [m_{r} = 0]."
         return
-    guess = ", too strong for first order"
-    if abs(family.strength) <= STRONG:
-        first = short(family.strength * family.omega / 2)
-        guess = f", which to first order gives Δω ≈ {first} rad/s [½ ε_{r} ω_{r}]{_guide(family)}"
+    guess = f", which to first order gives Δω ≈ {short(family.first_order)} rad/s [½ ε_{r} ω_{r}]{_guide(family)}"
+    if abs(family.strength) > STRONG:
+        guess = ", too strong for first order"
+    elif not _is_first_order(family):
+        guess = f"; m_{r} changes too much up to the zero for first order"
     yield (
         f"Coupling strength ε_{r} = {short(family.strength)} [μ_{r}/m_{r}; m_{r} = {short(family.rest)} kg is the "
         f"dynamic mass of all else at ω_{r}]{guess}."
     )
+
+
+def _is_first_order(family: Family) -> bool:
+    """Whether m_r is as good as constant from the pole to the zero."""
+    split = family.splitting or 0.0
+    return abs(family.strength) <= STRONG and abs(family.first_order - split) <= FAR * abs(split)
 
 
 def _guide(family: Family) -> str:
@@ -101,6 +107,9 @@ def _guide(family: Family) -> str:
 def _exchange(family: Family) -> Iterator[str]:
     """Beats within a family."""
     if family.beat is None:
+        return
+    if not _is_first_order(family):
+        yield "The coupling is too strong, or another family too near, for beats within this one."
         return
     share, n = "", family.fold
     if len(family.members) == 1:

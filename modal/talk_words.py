@@ -23,8 +23,7 @@ def exchanges(coupling: Coupling) -> Iterator[str]:
     if not coupling.talks:
         yield "Nothing but the pendula resists them [m = 0]: they are tied together and exchange no energy in beats."
     elif (left := len(coupling.talks) - MOST_LISTED) > 0:
-        most = percent(coupling.talks[MOST_LISTED].share)
-        yield f"{left} more pairs pass on at most {most} of their energy; they are {ELSEWHERE}."
+        yield f"{left} more pairs are {ELSEWHERE}."
 
 
 def _pair(coupling: Coupling, talk: Talk) -> str:
@@ -37,6 +36,11 @@ def _pair(coupling: Coupling, talk: Talk) -> str:
             f"{capital(a)} and {b} are coupled too strongly for beats between two [μ/|m| = {short(strength)}, "
             f"m = {short(talk.cart_mass)} kg]: their energy goes where the modes above carry it."
         )
+    if not talk.alone:
+        return (
+            f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
+            "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
+        )
     return (
         f"{capital(a)} and {b}: detuning {short(abs(talk.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
         f"ω_b(1 + μ_b/2m)] against coupling {short(talk.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "
@@ -47,7 +51,7 @@ def _pair(coupling: Coupling, talk: Talk) -> str:
 
 
 def _crowd(coupling: Coupling) -> Iterator[str]:
-    """The first modes of many different pendula: their spread against their collective coupling."""
+    """The first modes of different pendula with many: their spread against their collective coupling."""
     own, dynamic = coupling.own, coupling.dynamic
     first = own.number == 1
     omega, mass = own.omega[first], float((own.mass * own.count)[first].sum())
@@ -56,9 +60,9 @@ def _crowd(coupling: Coupling) -> Iterator[str]:
     rest = float(dynamic([middle], left_out=left_out[None])[0])
     shift = middle * mass / (2 * rest) if rest else float("inf")
     yield (
-        f"{len(coupling.names)} kinds are too many to pair off. Their first modes spread over {short(spread)} rad/s "
-        f"[max ω_r − min ω_r] about {rad(middle)} [median], {short(spread / max(1, len(omega) - 1))} rad/s from one to "
-        f"the next in the mean; swinging alike they would be shifted by {short(shift)} rad/s [½ ω Σμ/m, "
+        f"{len(own.omega)} modes of {len(coupling.names)} kinds are too many to pair off. Their first modes spread "
+        f"over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
+        f"{short(spread / max(1, len(omega) - 1))} rad/s from one to the next in the mean; swinging alike they would be shifted by {short(shift)} rad/s [½ ω Σμ/m, "
         f"m = {short(rest)} kg]."
     )
     yield (

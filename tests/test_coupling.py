@@ -201,6 +201,58 @@ def test_equal_lengths_share_by_mass() -> None:
     assert explained(scene(Cart(mass=0.0), bob(1, 1), bob(1, 0.8))).talks == ()
 
 
+CROWDED = scene(Cart(mass=50.0), bob(1, 0.99), bob(1, 1), bob(1, 1.01))
+OCTAVES = scene(Cart(mass=10.0), bob(1, 16), bob(1, 4), bob(1, 1))
+NEAR = scene(Cart(mass=1.0), bob(1, 1), bob(1, 1.000001))
+
+
+def most_passed(one: Scene) -> np.ndarray:
+    """The most energy, over its own, that each simple pendulum under a heavy cart passes to each: (Σ |w_aj w_bj|)²."""
+    written = matrices(one)
+    shapes = scipy.linalg.eigh(written.K, written.M)[1]
+    size = np.abs(shapes[1:]) * np.sqrt(np.diag(written.M)[1:])[:, None]
+    return (size @ size.T) ** 2
+
+
+def test_pairs_say_nothing_where_others_take_part() -> None:
+    rng = np.random.default_rng(3)
+    seen = []
+    for _ in range(60):
+        lengths = 1 + 10 ** rng.uniform(-4, -0.5) * rng.normal(size=rng.integers(3, 5))
+        spring = float(rng.choice([0.0, 10 ** rng.uniform(1, 6)]))
+        cart = Cart(mass=float(10 ** rng.uniform(2, 4)), stiffness=spring)
+        one = scene(cart, *(bob(rng.uniform(0.3, 3), l) for l in lengths.tolist()))
+        found, most = explained(one), most_passed(one)
+        for talk in found.talks:
+            a, b = (int(found.names[found.own.kind[k]].split()[-1]) - 1 for k in (talk.first, talk.second))
+            seen.append(talk.alone)
+            if talk.alone and max(found.own.mass) < 0.1 * abs(talk.cart_mass):
+                assert most[a, b] == pytest.approx(talk.share, rel=0.2, abs=0.03)
+    assert 0.2 < np.mean(seen) < 0.8
+    assert not any(talk.alone for talk in explained(CROWDED).talks)
+    assert most_passed(CROWDED)[0, 2] > 0.4
+    assert "not alone" in words(explained(CROWDED))
+    assert not any(talk.alone for talk in explained(scene(Cart(mass=500.0), *(bob(m, 1) for m in (1, 2, 3)))).talks)
+
+
+def test_a_pair_astride_a_third_pole_has_no_mass_between() -> None:
+    pairs = json.loads(words(explained(OCTAVES), "json"))["pairs"]
+    (astride,) = (pair for pair in pairs if pair["dynamic_mass_between_kg"] is None)
+    assert astride["energy_share"] is astride["beat_period_s"] is None
+    assert sum(pair["energy_share"] is not None for pair in pairs) == 2
+
+
+@pytest.mark.parametrize(
+    "one", [NEAR, CROWDED, scene(Cart(mass=0.01), bob(1, 1), bob(0.1, 0.5)), load("metronomes"), HELD, COINCIDENT]
+)
+def test_first_order_is_told_where_it_is_near(one: Scene) -> None:
+    found = explained(one)
+    for family, told in zip(found.families, page(found)["Families of modes"], strict=True):
+        near = abs(family.strength) <= 0.5 and family.first_order == pytest.approx(family.splitting, rel=0.25)
+        assert ("to first order gives" in told) is near
+        assert ("has its energy back" in told) is (near and family.fold > 1)
+
+
 # --------------------------------------------------------------------------------------------------- damping
 
 
@@ -267,6 +319,21 @@ def test_what_has_no_damped_eigenvalues_keeps_first_order() -> None:
     assert "first order no longer holds" in overdamped
 
 
+@pytest.mark.parametrize("d", [50.0, 1e3, 1e14])
+def test_an_overdamped_mode_ends_as_its_slow_root(d: float) -> None:
+    slow = 2 * 9.81 / (d + np.sqrt(d * d - 4 * 9.81))
+    one = explained(scene(Fixed(), bob(1, 1, damping=d), bob(1, 1.1, damping=0.8)))
+    assert [mode.decay for mode in one.damped] == pytest.approx([0.8 / 1.21 / 2, slow], rel=1e-9)
+    told = " ".join(page(one)["Damping by family"])
+    assert "Longest lives the mode at 3.13209195 rad/s (cart still, pendulum 1)" in told
+    assert "A drive" not in told
+    both = explained(scene(Cart(mass=10.0), bob(1, 1, 2, damping=d)))
+    written = matrices(both.scene)
+    state = np.block([[0 * written.M, np.eye(3)], [-np.linalg.solve(written.M, m) for m in (written.K, written.D)]])
+    creeping = np.sort(np.linalg.eigvals(state).real)[-4:-2] if d < 1e4 else [-slow, -slow]
+    assert sorted(-mode.decay for mode in both.damped) == pytest.approx(creeping, rel=1e-6)
+
+
 # -------------------------------------------------------------------------------------------- page and picture
 
 
@@ -329,6 +396,17 @@ def test_what_is_said_of_special_scenes() -> None:
     assert "It has no zeros" in told["massless"]
     assert "too many to pair off" in told["thousand"]
     assert all("makes pendula lock" in told[name] for name in ("space", "one"))
+    chains = [Pendulum(links=[Bob(mass=1, length=l)] * 25) for l in (1.0, 1.1)]
+    assert "50 modes of 2 kinds are too many" in " ".join(words(explained(scene(Cart(mass=5.0), *chains))).split())
+
+
+def test_masses_that_miss_their_sum_are_refused() -> None:
+    one, other = (
+        scene(Cart(mass=10.0), Pendulum(links=[Bob(mass=1, length=1), Bob(mass=m, length=1)])) for m in (1e-16, 1e-32)
+    )
+    assert explained(one).residual() < 1e-8
+    with pytest.raises(ComputationError, match="beyond double precision"):
+        explained(other)
 
 
 def test_standing_links_and_too_many_are_refused() -> None:
