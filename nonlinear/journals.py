@@ -43,7 +43,7 @@ def journal(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) 
     """
     name = os.fspath(path)
     first = json.dumps({"multipendula_journal": VERSION, "sweep": study.fingerprint}).encode() + b"\n"
-    with open(name, "ab+") as stream:
+    with _named(name), open(name, "ab+") as stream:
         stream.seek(0)
         content = stream.read()
         if fresh and content.startswith(KNOWN):
@@ -56,6 +56,16 @@ def journal(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) 
         if not whole:
             stream.write(first)
         yield Journal(stream, [row for row in rows.values() if not row.reason])
+
+
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    """Says which file it is that cannot be written, which a full disk does not."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or name
+        raise
 
 
 def _rows(name: str, content: bytes, first: bytes, study: Study) -> dict[int, Row]:

@@ -302,6 +302,18 @@ def test_a_torn_line_is_dropped_and_failures_are_tried_again(tmp_path: Path) -> 
     assert len(own.logged()) == 11
 
 
+def test_a_full_disk_is_named(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource")
+    path, before = tmp_path / "j", resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (256, before[1]))
+    try:
+        with pytest.raises(OSError, match="File too large") as caught:
+            run_with_journal(path, study("support.mass=1:2:100", measure=own.PRODUCT))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert caught.value.filename == str(path)
+
+
 def test_numbers_survive_the_journal_bit_for_bit(tmp_path: Path) -> None:
     asking = Study(PAPER, parsed(["support.mass=1:7:3"]), asked(["frequencies", "beat"]))
     first = run_with_journal(tmp_path / "j", asking)
