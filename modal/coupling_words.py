@@ -110,8 +110,8 @@ def _felt(coupling: Coupling) -> Iterator[str]:
 def _unsaid(coupling: Coupling) -> Iterator[str]:
     if coupling.on_cart:
         yield (
-            "Conservative modes exchange energy and do nothing else: each keeps its own amplitude for ever, so no "
-            "detuning, however small, makes pendula lock."
+            "Conservative modes let pendula exchange energy and do nothing else: each mode keeps its own amplitude for "
+            "ever, so no detuning, however small, makes pendula lock."
         )
         yield (
             "To fall into step they need something that drains some modes and something that feeds others; which "

@@ -43,6 +43,7 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     low, high, wide = span(np.concatenate([poles, zeros]))
     axis.set(xlim=(low, high), ylim=(-1.2 * whole, 2.2 * whole), xscale="log" if wide else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel=FELT)
+    axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=INK, lw=0.8)
     if coupling.on_cart:
         axis.axhline(dynamic.at_infinity, color=MARK, lw=0.9, ls=":")
@@ -147,6 +148,7 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
     axis.set(xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number + 1)} (rad/s)")
     axis.set_title(f"close to {name(number + 1)}: coupling ε = {family.strength:.3g}", fontsize=9.5, color=INK)
     axis.locator_params(axis="x", nbins=4)
+    axis.yaxis.set_major_formatter("{x:g}")
 
 
 def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:

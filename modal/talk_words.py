@@ -62,8 +62,8 @@ def _crowd(coupling: Coupling) -> Iterator[str]:
     yield (
         f"{len(own.omega)} modes of {len(coupling.names)} kinds are too many to pair off. Their first modes spread "
         f"over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
-        f"{short(spread / max(1, len(omega) - 1))} rad/s from one to the next in the mean; swinging alike they would be shifted by {short(shift)} rad/s [½ ω Σμ/m, "
-        f"m = {short(rest)} kg]."
+        f"{short(spread / max(1, len(omega) - 1))} rad/s from one to the next in the mean; swinging alike they would "
+        f"be shifted by {short(shift)} rad/s [½ ω Σμ/m, m = {short(rest)} kg]."
     )
     yield (
         "The shift is the larger: one mode in which they swing together stands out above the others."

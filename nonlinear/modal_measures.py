@@ -47,7 +47,7 @@ def splitting(scene: Scene, number: float) -> dict[str, float]:
 
 
 def beat(scene: Scene, number: float) -> dict[str, float]:
-    """The time 2π/(ω_{k+1} − ω_k) in which two modes exchange their energy and take it back."""
+    """The time 2π/(ω_{k+1} − ω_k) from one beat of two modes to the next."""
     gap = _gap(scene, int(number))
     return {f"beat_{int(number)}_s": 2 * pi / gap if gap else inf}
 
@@ -63,5 +63,5 @@ MODAL = (
     Measure("frequencies", frequencies, 4, "the N lowest natural frequencies"),
     Measure("damping", damping, 4, "the damping ratios of the N slowest modes"),
     Measure("splitting", splitting, 1, "the gap between frequencies N and N+1"),
-    Measure("beat", beat, 1, "the time in which modes N and N+1 exchange energy and take it back"),
+    Measure("beat", beat, 1, "the time from one beat of modes N and N+1 to the next"),
 )

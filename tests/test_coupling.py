@@ -385,6 +385,13 @@ def test_pictures_are_drawn(name: str) -> None:
     assert len(stream.getvalue()) > 30_000
 
 
+def test_the_axis_of_an_immense_mass_has_no_factor_aside() -> None:
+    stream = io.BytesIO()
+    draw_coupling(explained(scene(Cart(mass=1e12), bob(1, 1))), stream, "svg")
+    assert b"<!-- 2e+12 -->" in stream.getvalue()
+    assert b"<!-- 1e12 -->" not in stream.getvalue()
+
+
 def test_what_is_said_of_special_scenes() -> None:
     told = {
         name: " ".join(words(explained(EVERY[name])).split())
