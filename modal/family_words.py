@@ -14,7 +14,7 @@ ROUGH = 0.1
 """Coupling strength from which first order is only a guide."""
 STRONG = 0.5
 """And from which it says nothing."""
-FAR = 0.25
+FAR = 0.2
 """Relative difference of first order from the splitting that only a change of m_r explains."""
 GUIDE = " (only a guide: the coupling is strong)"
 ELSEWHERE = "in the JSON form"
