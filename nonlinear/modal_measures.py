@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from modal.errors import ComputationError
 from modal.mode import UNCERTAIN
 from modal.modes import natural_modes
+from modal.prose import counted
 from modal.scene import Scene
 from nonlinear.measure import Measure
 
@@ -55,7 +56,9 @@ def beat(scene: Scene, number: float) -> dict[str, float]:
 def _gap(scene: Scene, number: int) -> float:
     omega = np.abs(eigenvalues(scene))
     if number >= omega.size:
-        raise ComputationError(f"{omega.size} modes swing: there is none after mode {number}")
+        raise ComputationError(
+            f"{counted(omega.size, 'mode swings', 'modes swing')}: there is none after mode {number}"
+        )
     return float(omega[number] - omega[number - 1])
 
 

@@ -158,6 +158,8 @@ def test_equal_frequencies_count_each() -> None:
     assert len(asked(["frequencies:9"])[0].of(twins)) == 2
     with pytest.raises(ComputationError, match="2 modes swing"):
         asked(["splitting:2"])[0].of(twins)
+    with pytest.raises(ComputationError, match="1 mode swings"):
+        asked(["beat"])[0].of(load("chain-1"))
 
 
 def test_damping_of_one_pendulum() -> None:
