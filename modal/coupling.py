@@ -27,11 +27,13 @@ from modal.errors import ComputationError
 from modal.own_modes import OwnModes, own_modes
 from modal.rig import Floats, Ints, Rig, rig_of
 from modal.scene import Scene
-from modal.talk import Talk, talks
+from modal.talk import STRONG, Talk, talks
 
 MOST_POLES = 10_000
 MISSED = 1e-6
 """How far the sum rule may be missed, relative."""
+FAR = 0.2
+"""Relative difference of first order from the splitting that only a change of m_r explains."""
 STANDS = "the coupling is explained for pendula that hang: a link that stands up has no frequency of its own"
 
 
@@ -78,9 +80,15 @@ class Family:
         return self.strength * self.omega / 2
 
     @property
+    def is_first_order(self) -> bool:
+        """Whether the coupling is weak enough and m_r as good as constant from the pole to the zero."""
+        split = self.splitting or 0.0
+        return abs(self.strength) <= STRONG and abs(self.first_order - split) <= FAR * abs(split)
+
+    @property
     def beat(self) -> float | None:
-        """2π/|Δω| (s), in which energy goes from one pendulum of the family to the others and back; None if never."""
-        return 2 * pi / abs(self.splitting) if self.splitting and self.fold > 1 else None
+        """2π/|Δω| (s), in which energy goes from one pendulum of the family to the others and back; None if not."""
+        return 2 * pi / abs(self.splitting) if self.splitting and self.fold > 1 and self.is_first_order else None
 
 
 @dataclass(frozen=True, eq=False)

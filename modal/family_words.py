@@ -7,15 +7,11 @@ from math import isinf
 
 from modal.coupling import CartMode, Coupling, Family
 from modal.prose import counted, listed, percent, rad, short
-from modal.talk import MOST_MODES
+from modal.talk import MOST_MODES, STRONG
 
 MOST_LISTED, FEW = 8, 3
 ROUGH = 0.1
 """Coupling strength from which first order is only a guide."""
-STRONG = 0.5
-"""And from which it says nothing."""
-FAR = 0.2
-"""Relative difference of first order from the splitting that only a change of m_r explains."""
 GUIDE = " (only a guide: the coupling is strong)"
 ELSEWHERE = "in the JSON form"
 
@@ -86,18 +82,12 @@ def _moved(coupling: Coupling, r: int, family: Family) -> Iterator[str]:
     guess = f", which to first order gives Δω ≈ {short(family.first_order)} rad/s [½ ε_{r} ω_{r}]{_guide(family)}"
     if abs(family.strength) > STRONG:
         guess = ", too strong for first order"
-    elif not _is_first_order(family):
+    elif not family.is_first_order:
         guess = f"; m_{r} changes too much up to the zero for first order"
     yield (
         f"Coupling strength ε_{r} = {short(family.strength)} [μ_{r}/m_{r}; m_{r} = {short(family.rest)} kg is the "
         f"dynamic mass of all else at ω_{r}]{guess}."
     )
-
-
-def _is_first_order(family: Family) -> bool:
-    """Whether m_r is as good as constant from the pole to the zero."""
-    split = family.splitting or 0.0
-    return abs(family.strength) <= STRONG and abs(family.first_order - split) <= FAR * abs(split)
 
 
 def _guide(family: Family) -> str:
@@ -106,9 +96,9 @@ def _guide(family: Family) -> str:
 
 def _exchange(family: Family) -> Iterator[str]:
     """Beats within a family."""
-    if family.beat is None:
+    if family.fold == 1 or family.splitting is None:
         return
-    if not _is_first_order(family):
+    if family.beat is None:
         yield "The coupling is too strong, or another family too near, for beats within this one."
         return
     share, n = "", family.fold

@@ -16,6 +16,8 @@ POLE, CURVE, ZERO = COLOURS[0], COLOURS[2], COLOURS[4]
 MOST_CLOSE, MANY, POINTS = 3, 24, 1200
 CLOSEST = 0.02
 """Share of an axis that a pole's line needs."""
+TOP = 2.2
+"""How much of all mass the axis of masses shows."""
 WIDE = 30.0
 """Ratio of frequencies from which they stand on a logarithmic axis."""
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
@@ -41,7 +43,9 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     dynamic, poles, whole = coupling.dynamic, coupling.dynamic.omega, coupling.dynamic.at_rest
     zeros = np.array([mode.omega for mode in coupling.cart_modes])
     low, high, wide = span(np.concatenate([poles, zeros]))
-    axis.set(xlim=(low, high), ylim=(-1.2 * whole, 2.2 * whole), xscale="log" if wide else "linear")
+    if not wide and dynamic(low)[0] > TOP * whole:
+        low, high = 0.0, 1.5 * high
+    axis.set(xlim=(low, high), ylim=(-1.2 * whole, TOP * whole), xscale="log" if wide else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel=FELT)
     axis.yaxis.set_major_formatter("{x:g}")
     axis.axhline(0.0, color=INK, lw=0.8)

@@ -25,6 +25,8 @@ from modal.rig import Booleans, Floats, Ints
 
 MOST_MODES = 40
 """Modes up to which pairs say anything: among more, so many lie within reach of each other that no two are alone."""
+STRONG = 0.5
+"""Coupling strength μ/m from which first order says nothing."""
 STEADY = 0.2
 """The share of m that may change over the frequencies of a pair that is alone."""
 
@@ -33,7 +35,8 @@ STEADY = 0.2
 class Talk:
     """Modes `first` and `second`, indices into `OwnModes`, all copies of each kind swinging alike.
 
-    `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them; `alone` if no other mode takes part.
+    `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them; `alone` if no other mode takes
+    part and g is small enough for all this.
     """
 
     first: int
@@ -87,15 +90,16 @@ def _without(dynamic: DynamicMass, poles: Ints, omega: Floats) -> Floats:
 
 
 def _alone(own: OwnModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
-    """Whether no other mode stands in a pair's poles and m is steady from the lowest to the highest ω of the pair."""
+    """Whether a pair has its poles for itself, is not coupled strongly, and m is steady over all frequencies of its."""
+    mass = (own.mass * own.count)[pairs]
     omega, company = own.omega[pairs], np.bincount(pole)[pole[pairs]]
     with np.errstate(all="ignore"):
-        shift = omega * (own.mass * own.count)[pairs] / (2 * m[:, None])
+        shift = omega * mass / (2 * m[:, None])
         middle, detuning = (omega + shift).mean(1), np.diff(omega + shift)[:, 0]
         swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod(1))))
         ends = np.column_stack((omega, middle - swing, middle + swing))
         found = [_without(dynamic, pole[pairs], np.maximum(end, 0.0)) for end in (ends.min(1), ends.max(1))]
-        steady = np.all(np.abs(found - m) <= STEADY * np.abs(m), axis=0)
+        steady = np.all(np.abs(found - m) <= STEADY * np.abs(m), axis=0) & (mass.max(1) <= STRONG * np.abs(m))
     alone: Booleans = np.isfinite(m) & steady & (company.sum(1) == np.where(np.ptp(pole[pairs], axis=1), 2, 4))
     return alone
 

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from modal.coupling import Coupling
-from modal.family_words import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, STRONG, member
+from modal.family_words import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, member
 from modal.prose import capital, percent, rad, short
-from modal.talk import MOST_MODES, Talk
+from modal.talk import MOST_MODES, STRONG, Talk
 
 
 def exchanges(coupling: Coupling) -> Iterator[str]:
