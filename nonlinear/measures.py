@@ -9,8 +9,9 @@ from modal.errors import SceneError
 from nonlinear.measure import Asked, Measure
 from nonlinear.modal_measures import MODAL
 from nonlinear.run_measures import RUNS
+from nonlinear.sync_measures import SYNC
 
-MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS)}
+MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC)}
 
 
 def asked(texts: Sequence[str]) -> tuple[Asked, ...]:
