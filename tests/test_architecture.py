@@ -21,7 +21,7 @@ HEAVY = {
     | {f"modal.{name}" for name in ("mass_figures", "cart_mass_figures", "coupling_figures", "loci_figures")}
     | {
         f"nonlinear.{name}"
-        for name in ("figures", "check_figures", "chaos_figures", "sweep_figures", "tradeoff_figures")
+        for name in ("figures", "check_figures", "chaos_figures", "sweep_figures", "sync_figures", "tradeoff_figures")
     }
     | {f"nonlinear.{name}" for name in ("scenery", "gauges", "film")}
     | {"nonlinear.animation"},

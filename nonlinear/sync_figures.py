@@ -1,0 +1,211 @@
+"""Who keeps time with whom in one picture: swings, order, modes, energies and phases."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from modal.errors import ComputationError
+from modal.mode import Mode
+from modal.palette import COLOURS, GRID, INK, MARK, REST
+from modal.pictures import save
+from modal.rig import Floats, Ints
+from nonlinear.frames import picked, resampled
+from nonlinear.phases import Phases
+from nonlinear.smoothing import smoothed
+from nonlinear.survival import Survival, survival
+from nonlinear.trajectory import Trajectory
+
+MOST_LINES = len(COLOURS)
+PERIODS, POINTS = 4, 600  # of each window of swings, and points drawn in it
+UNSEEN = 1e-3  # share of the energy that a row must reach to be drawn by itself
+
+
+def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture as png, svg or pdf; ComputationError for a run of a single instant.
+
+    Of many pendula some swings are drawn, their energies as a band; where energies cannot be told apart by modes the
+    picture says why.
+    """
+    save(sync_figure(trajectory, phases), stream, kind)
+
+
+def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
+    """The same as a figure."""
+    if len(trajectory.times) < 2:
+        raise ComputationError("a run of a single instant has nothing to draw")
+    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08)
+    figure = Figure(figsize=(11.0, 9.6), dpi=120, facecolor="white", layout=layout)
+    FigureCanvasAgg(figure)
+    grid = figure.add_gridspec(3, 2)
+    shown = _shown(trajectory.plant.n_pendula)
+    begin = figure.add_subplot(grid[0, 0])
+    _swings(begin, figure.add_subplot(grid[0, 1], sharey=begin), trajectory, _period(phases), shown)
+    order = figure.add_subplot(grid[1, 0])
+    _order(order, phases)
+    _shares(figure.add_subplot(grid[1, 1]), trajectory)
+    _energies(figure.add_subplot(grid[2, 0], sharex=order), phases, shown)
+    _circle(figure.add_subplot(grid[2, 1], projection="polar"), phases, shown)
+    _finish(figure, trajectory, shown)
+    return figure
+
+
+def _shown(pendula: int) -> Ints:
+    """The pendula that are drawn one by one, spread over all."""
+    return np.unique(np.linspace(0, pendula - 1, min(pendula, MOST_LINES)).round().astype(np.int64))
+
+
+def _period(phases: Phases) -> float:
+    """A middling period of the pendula in the leading own mode (s)."""
+    return float(2 * pi / np.median(phases.omega[:, phases.leading]))
+
+
+def _framed(axis: Axes, across: str, up: str, title: str) -> None:
+    axis.set_xlabel(across)
+    axis.set_ylabel(up)
+    axis.set_title(title, fontsize=10, loc="left", color=INK)
+    axis.grid(color=GRID, lw=0.8)
+    axis.set_axisbelow(True)
+    axis.tick_params(labelsize=9, colors=INK)
+    axis.spines[["top", "right"]].set_visible(False)
+
+
+def _legend(axis: Axes) -> None:
+    """Two columns, in room made for them above the curves."""
+    entries = len(axis.get_legend_handles_labels()[1])
+    low, high = axis.get_ylim()
+    axis.set_ylim(low, high + (high - low) * 0.13 * ((entries + 1) // 2))
+    axis.legend(fontsize=8, loc="upper right", ncols=2, framealpha=0.85)
+
+
+def _line(axis: Axes, x: Floats, y: Floats, k: int, **look: Any) -> None:
+    """A curve; later ones are thinner, so that of two that coincide both show."""
+    axis.plot(x, y, color=COLOURS[k % MOST_LINES], lw=2.4 - 0.3 * k, **look)
+
+
+# ------------------------------------------------------------------------------------------------------- swings
+
+
+def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown: Ints) -> None:
+    """Angles of top links in the first and the last few periods, half of the run each at most."""
+    times = trajectory.times
+    width = min(PERIODS * period, float(times[-1] - times[0]) / 2)
+    tops = _tops(trajectory)[shown]
+    for axis, start, words in ((begin, times[0], "at first"), (end, times[-1] - width, "at the end")):
+        x, angles = _close(trajectory, tops, float(start), width)
+        for k, angle in enumerate(angles.T):
+            _line(axis, x, np.rad2deg(angle), k)
+        axis.set_xlim(x[0], x[-1])
+        _framed(axis, "time (s)", "angle (°)", f"Top links {words}")
+    end.set_ylabel("")
+    end.tick_params(labelleft=False)
+
+
+def _tops(trajectory: Trajectory) -> Ints:
+    """The place of every pendulum's top link, (N,)."""
+    found = np.empty(trajectory.plant.n_pendula, dtype=np.int64)
+    for group in trajectory.plant.groups:
+        found[group.pendula] = group.index[0]
+    return found
+
+
+def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
+    """Times and angles (rad) of these links over a window, with points between the samples where these allow it."""
+    motion, fine = picked(trajectory.motion, links), np.linspace(start, start + width, POINTS)
+    try:
+        return fine, resampled(trajectory.times, motion, fine).links
+    except ComputationError:
+        within = (trajectory.times >= start) & (trajectory.times <= start + width)
+        return trajectory.times[within], motion.links[within]
+
+
+# --------------------------------------------------------------------------------------------- order and modes
+
+
+def _order(axis: Axes, phases: Phases) -> None:
+    axis.plot(phases.times, phases.order[:, phases.leading], color=INK, lw=1.4)
+    axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
+    which = f" (own mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
+    _framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 in balance")
+
+
+def _shares(axis: Axes, trajectory: Trajectory) -> None:
+    _framed(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
+    axis.set(xlim=(trajectory.times[0], trajectory.times[-1]), ylim=(-0.03, 1.03))
+    try:
+        found = survival(trajectory)
+    except ComputationError as error:
+        style: dict[str, Any] = {"ha": "center", "fontsize": 9, "color": MARK, "wrap": True}
+        axis.text(0.5, 0.5, str(error), transform=axis.transAxes, **style)
+        return
+    rows, rest = _largest(found)
+    modes = found.modes.rows([int(found.row[row]) - 1 for row in rows])
+    for k, (row, mode) in enumerate(zip(rows, modes, strict=True)):
+        _line(axis, found.times, found.share[:, row], k, label=mode_words(mode))
+    if rest.size:
+        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=MARK, lw=1.2, label=f"{rest.size} others")
+    axis.set_yticks(np.linspace(0, 1, 6))
+    _legend(axis)
+
+
+def _largest(found: Survival) -> tuple[list[int], Ints]:
+    """The rows that are drawn by themselves, in the table's order, and the others."""
+    peaks = np.nan_to_num(found.share).max(axis=0)
+    strongest = np.argsort(-peaks, kind="stable")[: MOST_LINES - 1]
+    rows = sorted(int(row) for row in strongest if peaks[row] >= UNSEEN)
+    return rows, np.setdiff1d(np.arange(peaks.size), rows)
+
+
+def mode_words(mode: Mode) -> str:
+    """A row in a few words: cart still 2.680 rad/s."""
+    support = mode.family.partition(":")[0].partition(",")[0]
+    return f"{support} {mode.omega:#.4g}".rstrip(".") + " rad/s"
+
+
+# -------------------------------------------------------------------------------------------- energies, phases
+
+
+def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
+    """Means over a period: of each pendulum, or from least to most with the median between."""
+    times, energy = phases.times, smoothed(phases.times, phases.energy, _period(phases))
+    if len(shown) == energy.shape[1]:
+        for k, one in enumerate(energy.T):
+            _line(axis, times, one, k)
+    else:
+        axis.fill_between(times, energy.min(1), energy.max(1), color=REST, lw=0, label="least to most")
+        axis.plot(times, np.median(energy, axis=1), color=INK, lw=1.4, label="median")
+        _legend(axis)
+    axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
+    _framed(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
+
+
+def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
+    """Every pendulum at the end, its phase counted from that of the first, its amplitude as the radius."""
+    z = phases.z[-1, :, phases.leading]
+    angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
+    axis.scatter(angle, size, s=14, color=MARK, alpha=0.5, lw=0)
+    for k, pendulum in enumerate(shown):
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=COLOURS[k], lw=2.4 - 0.3 * k)
+        axis.plot(angle[pendulum], size[pendulum], "o", color=COLOURS[k], ms=10 - k, mec="white", zorder=4 + k)
+    axis.set_ylim(0, 1.1 * float(size.max()) or 1.0)
+    axis.yaxis.set_major_locator(MaxNLocator(4))
+    axis.grid(color=GRID, lw=0.8)
+    axis.tick_params(labelsize=8, colors=INK)
+    axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)", fontsize=10, color=INK)
+
+
+def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
+    title = trajectory.scene.title
+    words = f"{title}: who keeps time with whom" if title else "Who keeps time with whom"
+    figure.suptitle(words, fontsize=13, fontweight="bold", color=INK, parse_math=False)
+    lines = [Line2D([], [], color=COLOURS[k], lw=2.4 - 0.3 * k) for k in range(len(shown))]
+    names = [f"pendulum {number + 1}" for number in shown]
+    figure.legend(lines, names, loc="outside lower center", ncols=len(lines), fontsize=9, frameon=False)
