@@ -26,7 +26,10 @@ HEAVY = {
     | {f"nonlinear.{name}" for name in ("scenery", "gauges", "film")}
     | {"nonlinear.animation"},
     "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"}
-    | {f"nonlinear.{name}" for name in ("banded", "escapements", "integrate", "saddle", "spectra", "steppers")},
+    | {
+        f"nonlinear.{name}"
+        for name in ("banded", "escapements", "integrate", "saddle", "slow_motion", "spectra", "steppers")
+    },
     "sympy": {f"modal.{name}" for name in SYMPY.split()},
     "control": {"modal.exports.control_"},
     "flint": {"modal.balls"},

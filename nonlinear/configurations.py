@@ -1,0 +1,198 @@
+"""How a self-excited scene can keep swinging: relative equilibria of its averaged equations, and which of them last.
+
+Where every band turns at its own constant rate, z_r(t) = z_r exp(iΩ_b t), shapes and amplitudes stay:
+
+    F(z) = iΩ_b z.
+
+In phase, in antiphase and whatever lies between are such states.  Neighbouring motions grow like exp(μt), μ the
+eigenvalues of the derivative of F − iΩ; one of them is 0 for every band that swings, for nobody sets its clock.  A
+state lasts if all others lie to the left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from modal.rig import Booleans, Floats
+from nonlinear.averaged import Averaged, Complexes
+from nonlinear.slow_motion import settled
+
+FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
+STEP = 1e-6
+NEWTON, DONE = 20, 1e-10
+FLAT = 1e-4  # of the fastest rate: an eigenvalue below it is taken for 0
+SAME = 1e-3
+FIRST = 0.1  # largest angle (rad) of a start
+SEED = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A motion that keeps its shape: amplitudes z (C,), the turning rate Ω (rad/s) of every band, growth rates (1/s).
+
+    `rates` are the eigenvalues μ but the neutral ones, the slowest first.
+    """
+
+    averaged: Averaged
+    z: Complexes
+    turning: Floats
+    rates: Complexes
+
+    @cached_property
+    def share(self) -> Floats:
+        """Share of the energy in every row of the table, (R,)."""
+        energy = self.averaged.energies(self.z)
+        return np.asarray(energy / energy.sum())
+
+    @property
+    def row(self) -> int:
+        """The row of the table that holds most, from 0."""
+        return int(self.share.argmax())
+
+    @property
+    def growth(self) -> float:
+        """The rate (1/s) at which neighbouring motions leave, or come back where it is negative."""
+        return float(self.rates.real.max(initial=-np.inf))
+
+    @property
+    def lasts(self) -> bool | None:
+        """Whether all neighbours come back; None where some do neither."""
+        flat = FLAT * float(np.abs(self.rates.real).max(initial=0.0))
+        return None if abs(self.growth) <= flat else self.growth < 0
+
+    @property
+    def margin(self) -> float:
+        """How slowly the slowest neighbours come back beside the fastest, 0 to 1; 1 where there are none."""
+        fast = float(np.abs(self.rates.real).max(initial=0.0))
+        return max(-self.growth, 0.0) / fast if fast else 1.0
+
+    @property
+    def relaxation(self) -> float:
+        """1/|growth| (s): in which a disturbance falls, or grows, by e."""
+        return 1 / abs(self.growth) if self.growth else np.inf
+
+    @property
+    def omega(self) -> float:
+        """Frequency (rad/s) of the band that holds most, at this amplitude."""
+        band = self.averaged.band[int((self.averaged.omega * np.abs(self.z)).argmax())]
+        return float(self.averaged.centre[band] + self.turning[band])
+
+
+def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
+    """Those that are reached from every row of the table by itself and from pendula in phase and in antiphase."""
+    found: list[Configuration] = []
+    for start in _starts(averaged):
+        one = configuration(averaged, start)
+        if one and not any(_same(one, other) for other in found):
+            found.append(one)
+    return tuple(sorted(found, key=lambda one: (one.row, one.omega)))
+
+
+def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
+    """The relative equilibrium next to these amplitudes, None where Newton's method finds no motion."""
+    bands = np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())
+    if not len(bands):
+        return None
+    active = np.isin(averaged.band, bands)
+    z = np.where(active, z, 0.0)
+    turning = np.zeros(len(averaged.centre))
+    for _ in range(NEWTON):
+        turning = _turning(averaged, z)
+        left = np.where(active, averaged.flow(z) - 1j * turning[averaged.band] * z, 0.0)
+        if not np.all(np.isfinite(left)):
+            return None
+        if np.abs(left).max() <= DONE * np.abs(averaged.omega * z).max():
+            return Configuration(averaged, z, turning, _rates(averaged, z, turning, len(bands)))
+        z = z + np.where(active, _step(averaged, z, turning, left, active), 0.0)
+        if np.any(_sizes(averaged, z)[bands] <= 0):
+            return None
+    return None
+
+
+def _starts(averaged: Averaged) -> Iterator[Complexes]:
+    """Amplitudes at the end of the slow motion that begins in a row, and keeps to it, or in a pattern of pendula."""
+    random = np.random.default_rng(SEED)
+    for row in np.unique(averaged.row):
+        own = averaged.row == row
+        z: Complexes = np.where(own, random.standard_normal(len(own)) + 1j * random.standard_normal(len(own)), 0.0)
+        yield _end(_only(averaged, own), z)
+    for z in _patterns(averaged):
+        yield _end(averaged, z)
+
+
+def _end(averaged: Averaged, z: Complexes) -> Complexes:
+    (motion,) = settled(averaged, (FIRST * z / averaged.largest(z))[:, None])
+    return motion.z[:, -1]
+
+
+def _patterns(averaged: Averaged) -> Iterator[Complexes]:
+    """All pendula in phase and every other one in antiphase, in every band by itself."""
+    pendulum = averaged.plant.pendulum
+    first = int(averaged.plant.cart is not None)
+    for band in range(len(averaged.centre)):
+        own = averaged.band == band
+        busiest = np.abs(averaged.shapes[first:, own]).max(axis=1)
+        for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
+            z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
+            if np.any(z):
+                yield z
+
+
+def _only(averaged: Averaged, own: Booleans) -> Averaged:
+    """The same as if there were no other modes than these."""
+    return replace(averaged, shapes=averaged.shapes * own, dual=averaged.dual * own)
+
+
+def _sizes(averaged: Averaged, z: Complexes) -> Floats:
+    """The largest amplitude in every band, (B,)."""
+    found = np.zeros(len(averaged.centre))
+    np.maximum.at(found, averaged.band, np.abs(z))
+    return found
+
+
+def _turning(averaged: Averaged, z: Complexes) -> Floats:
+    """The Ω (B,) that fits z' = iΩz best; 0 of a band at rest."""
+    spin = np.imag(averaged.flow(z) * z.conj())
+    sizes = np.bincount(averaged.band, weights=np.abs(z) ** 2)
+    return np.bincount(averaged.band, weights=spin) / np.where(sizes > 0, sizes, 1.0)
+
+
+def _step(averaged: Averaged, z: Complexes, turning: Floats, left: Complexes, active: Booleans) -> Complexes:
+    """Newton's step, the shortest one: phases stay where they are."""
+    count, both = len(z), np.concatenate((active, active))
+    jacobian = _jacobian(averaged, z, turning)
+    turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in range(len(turning))]).T
+    columns = np.vstack((turns.real, turns.imag))
+    system = np.hstack((jacobian, -columns))[both][:, np.concatenate((both, np.ones(len(turning), dtype=bool)))]
+    right = -np.concatenate((left.real, left.imag))[both]
+    step = np.zeros(2 * count)
+    step[both] = np.linalg.lstsq(system, right, rcond=1e-9)[0][: int(both.sum())]
+    return np.asarray(step[:count] + 1j * step[count:])
+
+
+def _jacobian(averaged: Averaged, z: Complexes, turning: Floats) -> Floats:
+    """Of F(z) − iΩz by its real and imaginary parts, (2C, 2C), by central differences."""
+    count, width = len(z), STEP * float(np.abs(z).max())
+    ways = width * np.hstack((np.eye(count), 1j * np.eye(count)))
+    slope = (averaged.flow(z[:, None] + ways) - averaged.flow(z[:, None] - ways)) / (2 * width)
+    slope -= 1j * turning[averaged.band][:, None] * ways / width
+    return np.vstack((slope.real, slope.imag))
+
+
+def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> Complexes:
+    """All μ but the `neutral` ones next to 0, the slowest first."""
+    found = np.linalg.eigvals(_jacobian(averaged, z, turning)).astype(complex)
+    kept = found[np.argsort(np.abs(found))][neutral:]
+    return kept[np.argsort(-kept.real)]
+
+
+def _same(one: Configuration, other: Configuration) -> bool:
+    """Whether two have the same energies and the same fate; turned copies of one do."""
+    energies = [state.averaged.energies(state.z) for state in (one, other)]
+    near = np.abs(energies[0] - energies[1]).max() <= SAME * energies[0].sum()
+    scale = max(np.abs(one.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))
+    return bool(near and abs(one.growth - other.growth) <= 10 * SAME * scale)

@@ -1,0 +1,150 @@
+"""Which mode survives, and when it has won: what the averaged equations say of a start, and how far to believe them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from math import degrees
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.rig import Floats
+from modal.scene import Scene
+from nonlinear.averaged import Averaged, Complexes, averaged
+from nonlinear.configurations import Configuration, configuration
+from nonlinear.plant import plant_of
+from nonlinear.slow_motion import SlowMotion, settled
+from nonlinear.starts import checked, start_of
+from nonlinear.state import State
+
+WEAK = 0.05  # largest rate of growth or decay over the frequency
+WIDE = 0.7  # largest angle (rad)
+NEAR = 0.1  # largest sum of resonant frequencies, over the lowest
+CLEAR = 0.9  # least share of the energy that a survivor holds
+MARGIN = 0.02  # least rate at which its neighbours come back, over the fastest
+TIMED = 0.2  # of the locking time, between neighbours
+LOOSE = 0.03  # largest splitting over the frequency at which times are certain
+SLOW = 0.1  # least of the rates over the fastest at which times are certain
+OTHERS, ASIDE, SEED = 6, 0.1, 11  # neighbouring starts, and how far from the start they are
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The slow `motion` from a start, those of its neighbours, and the configuration it ends in, if it does."""
+
+    averaged: Averaged
+    motion: SlowMotion
+    neighbours: tuple[SlowMotion, ...]
+    ending: Configuration | None
+
+    @property
+    def row(self) -> int:
+        """The row of the table that survives, from 0."""
+        return self.motion.survivor
+
+    @property
+    def share(self) -> float:
+        """Its share of the energy at the end."""
+        return float(self.motion.share[self.row, -1])
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the survivor is not certain; nothing where it is."""
+        return tuple(self._doubts())
+
+    @property
+    def certain(self) -> bool:
+        """Whether nothing speaks against the survivor."""
+        return not self.doubts
+
+    def locking_time(self) -> float | None:
+        """When (s) all other rows hold less than 1 % of the energy for good; None where that does not come."""
+        return None if self.motion.dies else self.motion.locking_time()
+
+    @cached_property
+    def timing_doubts(self) -> tuple[str, ...]:
+        """Why the locking time is not certain to TIMED; nothing where it is."""
+        return tuple(self._timing_doubts())
+
+    def _timing_doubts(self) -> Iterator[str]:
+        yield from self.doubts
+        own = self.locking_time()
+        if own is None:
+            yield "one mode never holds all but 1 % of the energy"
+            return
+        times = [other.locking_time() for other in self.neighbours]
+        if any(time is None or abs(time - own) > TIMED * own for time in times):
+            yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
+        width = max(np.ptp(self.averaged.omega[self.averaged.band == band]) for band in self.averaged.band)
+        if width > LOOSE * self.averaged.omega.min():
+            yield "the cart couples the pendula too strongly for first order"
+        if self.ending and self.ending.margin < SLOW:
+            yield "the last rate is a small difference of large ones"
+
+    def _doubts(self) -> Iterator[str]:
+        if self.motion.dies:
+            yield "the swing dies out: no drive keeps it up"
+            return
+        if not self.motion.settled:
+            yield f"nothing has settled after {self.motion.times[-1]:.3g} s"
+        elif self.share < CLEAR:
+            yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
+        if self.ending is None or not self.ending.lasts or self.ending.margin < MARGIN:
+            yield "where it ends hardly draws its neighbours"
+        if any(other.survivor != self.row or other.dies for other in self.neighbours):
+            yield f"starts {100 * ASIDE:.0f} % beside this one end elsewhere"
+        yield from self._limits()
+
+    def _limits(self) -> Iterator[str]:
+        """Where averaging itself is in doubt."""
+        found = self.averaged
+        if (fast := fastest(found)) > WEAK:
+            yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
+        if (angle := found.largest(self.motion.z[:, -1])) > WIDE:
+            yield f"links reach {degrees(angle):.3g} deg, more than first order bears"
+        if found.plant.kicked and len(found.centre) > 1:
+            yield "what an escapement does to several frequencies at once is not averaged"
+        if resonant(found.centre):
+            yield "frequencies of different bands are in resonance"
+
+
+def predicted(scene: Scene, start: State | None = None) -> Prediction:
+    """Of a scene that excites itself, from its own start or another.
+
+    Raises ComputationError where nothing excites it or `nonlinear.averaged` cannot take it, and for a start at rest.
+    """
+    if not scene.is_driven:
+        raise ComputationError("nothing excites this scene: no mode survives another for ever")
+    state = checked(start if start is not None else start_of(scene), plant_of(scene))
+    found = averaged(scene)
+    z = found.amplitudes(state)
+    if not np.abs(z).max():
+        raise ComputationError("the scene starts at rest, where nothing says which mode grows")
+    motion, *others = settled(found, np.array([z, *_beside(z)]).T)
+    return Prediction(found, motion, tuple(others), None if motion.dies else configuration(found, motion.z[:, -1]))
+
+
+def _beside(z: Complexes) -> Iterator[Complexes]:
+    """Starts next to one: every amplitude a little off, and a little of those that are not there."""
+    random = np.random.default_rng(SEED)
+    for _ in range(OTHERS):
+        off = random.standard_normal(len(z)) + 1j * random.standard_normal(len(z))
+        yield z + ASIDE * off * (np.abs(z) + ASIDE * np.abs(z).max())
+
+
+def resonant(omega: Floats) -> bool:
+    """Whether up to four of these frequencies (B,) add up to almost nothing, as ω and three times ω do."""
+    for turns in product(range(-3, 4), repeat=len(omega)):
+        if 0 < sum(map(abs, turns)) <= 4 and abs(np.dot(turns, omega)) < NEAR * omega.min():
+            return True
+    return False
+
+
+def fastest(found: Averaged) -> float:
+    """The largest rate at which a small swing grows or decays, over its frequency."""
+    count, tiny = len(found.omega), 1e-6
+    linear = found.smooth((tiny * np.eye(count)).astype(complex)) / tiny
+    return float(np.abs(np.linalg.eigvals(linear).real).max() / found.omega.min())
