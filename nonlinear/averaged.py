@@ -93,9 +93,9 @@ class Averaged:
     def flow(self, z: Complexes) -> Complexes:
         """The rates z' (C, ...) of amplitudes (C, ...)."""
         found = self.smooth(z)
-        if self._joints:
-            found += self._kicks(z.reshape(len(z), -1)).reshape(z.shape)
-        return np.asarray(found)
+        if not self._joints:
+            return found
+        return np.asarray(found + self._kicks(z.reshape(len(z), -1)).reshape(z.shape))
 
     def smooth(self, z: Complexes) -> Complexes:
         """The same without escapements."""
@@ -139,7 +139,7 @@ class Averaged:
         count = len(self.centre)
         steps = (ORDER + 1) ** np.arange(count)
         points = 1 + ORDER * int(steps[-1]) + (count > 1)
-        return np.exp(2j * np.pi * np.outer(steps, np.arange(points)) / points)
+        return np.asarray(np.exp(2j * np.pi * np.outer(steps, np.arange(points)) / points))
 
     @cached_property
     def _joints(self) -> Escaping | None:

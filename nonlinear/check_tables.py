@@ -48,9 +48,12 @@ def titled(scene: Scene, what: str, parts: Sequence[str], form: str) -> str:
     return "\n\n".join([head, *(part for part in parts if part)]) + "\n"
 
 
+LEFT = {"family", "lines", "pendula", "neighbours"}
+
+
 def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str) -> str:
     """Cells under headings, words to the left and numbers to the right; nothing where there are no cells."""
-    align = ["left" if heading in {"family", "lines"} else "right" for heading in headings]
+    align = ["left" if heading in LEFT else "right" for heading in headings]
     return tabulate(cells, headings, tablefmt=FORMATS[form], colalign=align, disable_numparse=True) if cells else ""
 
 

@@ -1,0 +1,138 @@
+"""The synchronization of a scene in words: what was predicted, what was seen, and what the theory does not cover."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import degrees, isfinite
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.prose import capital, counted, listed, percent, rad, short
+from nonlinear.check_tables import grid
+from nonlinear.configurations import Configuration
+from nonlinear.patterns import pattern, swings
+from nonlinear.phases import ENDING
+from nonlinear.prediction import Prediction
+from nonlinear.smoothing import last
+from nonlinear.survival import Survival
+from nonlinear.synchrony import Synchrony, Theory
+
+HEAD = ("mode", "family", "pendula", "largest angle (deg)", "frequency (rad/s)", "neighbours")
+NOT_COVERED = (
+    "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles. They "
+    "leave out: what happens within a swing, dry friction and play, motion across the rail, links that stand, noise."
+)
+MOST_FREQUENCIES = 6
+
+
+def sync_text(found: Synchrony) -> str:
+    """For a terminal."""
+    parts = [found.scene.title or "untitled scene", *_sections(found)]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _sections(found: Synchrony) -> Iterator[str]:
+    if found.theory is None:
+        yield f"No prediction: {found.silent}."
+    else:
+        yield "Ways to keep swinging, by the averaged equations\n" + _table(found.theory)
+        yield _paragraph("Predicted from this start", _prediction(found.theory.prediction))
+    yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s", _simulation(found))
+    if found.theory is not None:
+        yield NOT_COVERED
+
+
+def _paragraph(title: str, sentences: Iterator[str]) -> str:
+    return "\n".join([title, *(f"  {sentence}" for sentence in sentences)])
+
+
+def _table(theory: Theory) -> str:
+    if not theory.configurations:
+        return "none: every swing dies out"
+    return grid([_cells(one) for one in theory.configurations], HEAD, "text")
+
+
+def _cells(one: Configuration) -> list[str]:
+    modes = one.averaged.modes
+    mode = modes[one.row]
+    angle = degrees(float(np.abs(swings(one)).max()))
+    return [str(one.row + 1), mode.family, pattern(one), f"{angle:.4g}", f"{one.omega:.6g}", _fate(one)]
+
+
+def _fate(one: Configuration) -> str:
+    if one.lasts is None:
+        return "stay beside it"
+    return f"{'come back' if one.lasts else 'leave'} by e in {one.relaxation:.4g} s"
+
+
+def _prediction(prediction: Prediction) -> Iterator[str]:
+    if prediction.motion.dies:
+        yield "The swing dies out: no drive keeps it up."
+        return
+    mode = prediction.averaged.modes[prediction.row]
+    share = percent(prediction.share)
+    yield f"Mode {mode.number} survives ({mode.family}; {rad(mode.omega)}), with {share} of the energy."
+    if prediction.certain:
+        yield "This is certain as far as the averaged equations reach."
+    else:
+        yield f"This is not certain: {'; '.join(prediction.doubts)}."
+    locking = prediction.locking_time()
+    if locking is None:
+        return
+    yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
+    if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
+        yield f"That time is a guide: {'; '.join(doubts)}."
+
+
+def _simulation(found: Synchrony) -> Iterator[str]:
+    yield from _survivor(found.survival) if found.survival else [f"No energies by modes: {found.unmeasured}."]
+    if found.agrees is not None:
+        yield "As predicted." if found.agrees else "This is not what was predicted."
+    yield from _phases(found)
+    yield from _energies(found)
+
+
+def _survivor(survival: Survival) -> Iterator[str]:
+    try:
+        mode = survival.mode
+    except ComputationError as error:
+        yield f"{capital(str(error))}."
+        return
+    yield f"Mode {mode.number} holds {percent(survival.survivor_share)} of the energy at the end ({mode.family})."
+    time = survival.locking_time()
+    if time is None:
+        yield "The others have not fallen below 1 % for good."
+    else:
+        yield f"All others hold less than 1 % after {short(time)} s."
+
+
+def _phases(found: Synchrony) -> Iterator[str]:
+    phases, late = found.phases, last(found.trajectory.times, ENDING)
+    order = float(phases.order[late, phases.leading].mean())
+    which = f"in own mode {phases.leading + 1}, mean of the last tenth"
+    yield f"Order parameter R = {order:.4f} [|Σ exp(i phase)|/N {which}]."
+    try:
+        frequencies = phases.frequency
+    except ComputationError as error:
+        yield f"{capital(str(error))}."
+        return
+    shown = [f"{omega:.6g}" for omega in frequencies[:MOST_FREQUENCIES]]
+    words = listed(shown, len(frequencies))
+    fate = "locked" if phases.locked else "not locked"
+    yield f"Mean frequencies {words} rad/s: {fate} within {phases.resolution:.2g} rad/s."
+
+
+def _energies(found: Synchrony) -> Iterator[str]:
+    trajectory = found.trajectory
+    late = last(trajectory.times, ENDING)
+    pendula, cart = found.phases.energy[late].sum(axis=1).mean(), trajectory.mechanics.cart_kinetic[late].mean()
+    yield f"Energy at the end: pendula {pendula:.4g} J" + (f", cart {cart:.3g} J." if trajectory.plant.cart else ".")
+    kicks, work = trajectory.kicks, float(trajectory.motion.work[-1])
+    if len(kicks.time):
+        fed = float(kicks.energy.sum())
+        yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {fed:.6g} J, dampers took {fed - work:.6g} J."
+    elif trajectory.plant.works:
+        yield f"Drives and dampers together did {work:.6g} J of work."
+    if isfinite(drift := trajectory.energy_drift()):
+        yield f"The books close to {drift:.1g} of what the energies range over."
