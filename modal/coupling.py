@@ -24,6 +24,7 @@ from modal.coincident import clusters
 from modal.decay import Damped, damped_modes
 from modal.dynamic_mass import DynamicMass
 from modal.errors import ComputationError
+from modal.feeding import strengths
 from modal.own_modes import OwnModes, own_modes
 from modal.rig import Floats, Ints, Rig, rig_of
 from modal.scene import Scene
@@ -162,7 +163,7 @@ class Coupling:
     @cached_property
     def damped(self) -> tuple[Damped, ...]:
         """What dampers and drives give each mode."""
-        return damped_modes(self.rig)
+        return damped_modes(self.rig, strengths(self.scene, self.rig))
 
     def residual(self) -> float:
         """How far modal effective and residual masses miss the total mass, over it: two independent routes to it."""

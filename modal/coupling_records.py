@@ -82,6 +82,7 @@ def _damped(mode: Damped) -> dict[str, Any]:
         "pendulum": mode.kind,
         "rate_from_cart_per_s": mode.from_cart,
         "rate_from_joints_per_s": mode.from_joints,
+        "rate_fed_by_drives_per_s": mode.from_drives,
         "damping_ratio_first_order": mode.ratio,
         "exact_rate_per_s": None if mode.exact is None else mode.decay,
         "exact_omega_rad_per_s": None if mode.exact is None else abs(mode.exact),

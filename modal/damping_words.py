@@ -17,11 +17,11 @@ OFF = 0.1
 
 def damping(coupling: Coupling) -> Iterator[str]:
     """Sentences about every mode, about who survives, and about a drive."""
-    if not coupling.scene.has_damping:
+    if not (coupling.scene.has_damping or coupling.scene.is_driven):
         yield "Nothing drains energy [D = 0]: every mode keeps its amplitude."
         return
     modes = coupling.damped
-    yield from (_mode(mode) for mode in modes[:MOST_LISTED])
+    yield from (_mode(mode) for mode in modes[:MOST_LISTED] if coupling.scene.has_damping)
     if len(modes) > MOST_LISTED:
         yield f"{len(modes) - MOST_LISTED} more modes are in the JSON form."
     if not modes:
@@ -29,6 +29,9 @@ def damping(coupling: Coupling) -> Iterator[str]:
         return
     if all(mode.exact is None for mode in modes):
         yield "The damped eigenvalues themselves are out of reach for this scene: all rates are those of first order."
+    if coupling.scene.is_driven:
+        yield from _own_drives(modes)
+        return
     yield from _survivors(modes)
     yield from _drive(modes)
 
@@ -72,6 +75,17 @@ def _survivors(modes: tuple[Damped, ...]) -> Iterator[str]:
             f"Longest lives {_named(last)}: it falls to 1/e in {short(1 / last.decay)} s [{formula}], "
             f"{short(first.decay / last.decay)} times as long as {_named(first)}, which goes first."
         )
+
+
+def _own_drives(modes: tuple[Damped, ...]) -> Iterator[str]:
+    """What van der Pol torques in the scene do; the kicks of escapements have no rate at rest."""
+    fed = [mode for mode in modes if mode.from_drives]
+    for mode in fed[:MOST_LISTED]:
+        net = mode.from_drives - mode.decay
+        fate = "it grows from rest" if net > 0 else "it dies out all the same"
+        feed = "[Σ e_i(θ_i − θ_i−1)²/2φᵀMφ]"
+        yield f"The drives feed {_named(mode)} with {short(mode.from_drives)} 1/s {feed}: {fate}, net {short(net)} 1/s."
+    yield "Which mode wins at large angles linear modes cannot tell; `sync` can."
 
 
 def _drive(modes: tuple[Damped, ...]) -> Iterator[str]:

@@ -6,7 +6,8 @@ To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E,
 
 (Rayleigh, Theory of Sound, §102); modes of equal frequency turn until D is diagonal among them.  A drive that pushes
 every pendulum's top link with the torque e θ_1' gives back e F, F = Σ θ_1²/2E: in the linear scene a mode grows once e
-exceeds σ/F.  Beside σ stands the eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
+exceeds σ/F.  The van der Pol torques of the scene itself feed Σ e_i (θ_i − θ_{i−1})²/2E at rest.  Beside σ stands the
+eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
 """
 
 from __future__ import annotations
@@ -34,8 +35,9 @@ CHUNK = 400_000
 class Damped:
     """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
 
-    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart` and `from_joints` add up to σ;
-    `fed` is F in 1/(kg m²); `exact` is the damped eigenvalue (rad/s), None where there is none to be had.
+    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart` and `from_joints` add up to σ,
+    `from_drives` is what the scene's own drives feed.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue (rad/s),
+    None where there is none to be had.
     """
 
     omega: float
@@ -44,6 +46,7 @@ class Damped:
     kind: str | None
     from_cart: float
     from_joints: float
+    from_drives: float
     fed: float
     exact: complex | None
 
@@ -76,17 +79,21 @@ class _Mode(NamedTuple):
     still: bool
     cart: Floats
     joints: Floats
+    drives: Floats
     fed: Floats
 
 
-def damped_modes(rig: Rig) -> tuple[Damped, ...]:
-    """All modes of a rig in SI units that swing along the rail, ascending; all links hanging."""
+def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
+    """All modes of a rig in SI units that swing along the rail, ascending; all links hanging.
+
+    `strengths` are those of `modal.feeding`.
+    """
     natural, units = replace(rig, spatial=False).natural()
-    names = rig.names
+    names, moment = rig.names, units.mass * units.length**2
+    driven = tuple(strength / (moment * units.rate) for strength in strengths)
     with np.errstate(all="ignore"):
-        modes = _modes(natural, spectrum(conservative(natural)))
+        modes = _modes(natural, spectrum(conservative(natural)), driven)
         values = _exact(natural, modes)
-    moment = units.mass * units.length**2
     return tuple(
         Damped(
             omega=mode.omega * units.rate,
@@ -95,6 +102,7 @@ def damped_modes(rig: Rig) -> tuple[Damped, ...]:
             kind=names[mode.part.kind] if mode.part.kind else None,
             from_cart=float(mode.cart[k]) * units.rate,
             from_joints=float(mode.joints[k]) * units.rate,
+            from_drives=float(mode.drives[k]) * units.rate,
             fed=float(mode.fed[k]) / moment,
             exact=None if value is None else complex(value * units.rate),
         )
@@ -111,7 +119,7 @@ class _Shapes(NamedTuple):
     angles: tuple[Floats, ...]
 
 
-def _modes(rig: Rig, found: Spectrum) -> list[_Mode]:
+def _modes(rig: Rig, found: Spectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
     """Every mode that swings, ascending."""
     swinging = [number for number, value in enumerate(found.eigenvalue) if value]
     parts = [(number, part) for number in swinging for part in found.groups[number]]
@@ -120,7 +128,7 @@ def _modes(rig: Rig, found: Spectrum) -> list[_Mode]:
     for source, members in groupby(parts, key=lambda entry: entry[1].source):
         owned = list(members)
         for (number, part), shapes in zip(owned, _shapes(rig, found, source, [part for _, part in owned]), strict=True):
-            modes.append((number, _mode(rig, part, float(abs(found.eigenvalue[number])), shapes)))
+            modes.append((number, _mode(rig, part, float(abs(found.eigenvalue[number])), shapes, driven)))
     return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
 
 
@@ -139,14 +147,15 @@ def _shapes(rig: Rig, found: Spectrum, source: int, parts: list[Part]) -> Iterat
             yield _Shapes(details.cart[here].real, details.modal_mass[here], angles)
 
 
-def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes) -> _Mode:
-    """φᵀDφ/2E by its sources and φᵀFφ/2E, in the vectors that make D diagonal."""
-    turns, damping, top = _relative(rig, part, shapes)
+def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes, driven: tuple[Floats, ...]) -> _Mode:
+    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal."""
+    turns, damping, drive, top = _relative(rig, part, shapes, driven)
     scale = 1 / np.sqrt(2 * shapes.modal_mass)
     turns, cart = turns * scale, shapes.cart * scale
     parts = (
         np.outer(cart, cart) * (rig.cart.damping if rig.cart else 0.0),
         (turns.T * damping) @ turns,
+        (turns.T * drive) @ turns,
         (turns.T * top) @ turns,
     )
     vectors = np.linalg.eigh(parts[0] + parts[1])[1]
@@ -154,17 +163,20 @@ def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes) -> _Mode:
     return _Mode(part, omega, part.still or not shapes.cart.any(), *rates)
 
 
-def _relative(rig: Rig, part: Part, shapes: _Shapes) -> tuple[Floats, Floats, Floats]:
-    """Relative angles (J, d) at all joints that move, their dampers (J,), and 1 for top joints (J,), copies folded."""
+def _relative(
+    rig: Rig, part: Part, shapes: _Shapes, driven: tuple[Floats, ...]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Relative angles (J, d) at all joints that move, their dampers and drives (J,), and 1 for top joints, folded."""
     if part.kind:
         index, column = part.kind
         block = rig.blocks[index]
         own = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
-        return own, block.damping[:, column], _tops(block.n, np.ones(1))
+        return own, block.damping[:, column], driven[index][:, column], _tops(block.n, np.ones(1))
     turns = [np.diff(angle, axis=0, prepend=0.0).reshape(-1, angle.shape[-1]) for angle in shapes.angles]
     damping = [(block.damping * block.count).ravel() for block in rig.blocks]
+    drive = [(strength * block.count).ravel() for strength, block in zip(driven, rig.blocks, strict=True)]
     tops = [_tops(block.n, block.count.astype(np.float64)) for block in rig.blocks]
-    return np.concatenate(turns), np.concatenate(damping), np.concatenate(tops)
+    return np.concatenate(turns), np.concatenate(damping), np.concatenate(drive), np.concatenate(tops)
 
 
 def _tops(n: int, count: Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import replace
+from typing import Any
 
 import mpmath as mp
 import numpy as np
@@ -19,10 +20,11 @@ from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load
 from modal.coupling import Coupling, explained
 from modal.coupling_figures import draw_coupling
 from modal.coupling_words import sections, words
+from modal.drives import VanDerPol
 from modal.mass_figures import draw_mass
 
 
-def bob(m: float, l: float, count: int = 1, **link: float) -> Pendulum:
+def bob(m: float, l: float, count: int = 1, **link: Any) -> Pendulum:
     return Pendulum(links=[Bob(mass=m, length=l, **link)], count=count)
 
 
@@ -457,3 +459,22 @@ def test_standing_links_and_too_many_are_refused() -> None:
         explained(load("cart-upright"))
     with pytest.raises(ComputationError, match="at most 10000"):
         explained(scene(Fixed(), Pendulum(links=[Bob(mass=1.0, length=1.0, count=10_001)])))
+
+
+DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
+
+
+def test_the_scenes_own_drives_feed_what_their_torques_give_small_swings() -> None:
+    driven = scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE), bob(1, 1))
+    still, moves = explained(driven).damped
+    found = matrices(driven)
+    phi = scipy.linalg.eigh(found.K, found.M)[1][:, -1]
+    assert moves.from_drives == pytest.approx(0.05 * (phi[1] ** 2 + phi[2] ** 2) / 2, rel=1e-12)
+    assert still.from_drives == pytest.approx(0.05 * 2 / 3 / 2, rel=1e-12)
+
+
+def test_words_of_a_scene_that_drives_itself() -> None:
+    said = words(explained(scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE))))
+    assert "with 0.025 1/s" in said
+    assert "it grows from rest" in said
+    assert "nothing else swings" not in said

@@ -1,0 +1,216 @@
+"""Who keeps time with whom: prediction and simulation side by side, in words, numbers, a picture and a film."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from modal.errors import ComputationError
+from modal.scene import Scene, scene_from
+from multipendula.cli import main
+from nonlinear.averaged import averaged
+from nonlinear.configurations import Configuration, configurations
+from nonlinear.patterns import pattern, phases_deg, swings
+from nonlinear.phases import phases_of
+from nonlinear.prediction import predicted
+from nonlinear.simulation import simulate
+from nonlinear.strobe import APART, SECONDS, strobed
+from nonlinear.sync_records import records
+from nonlinear.sync_words import sync_text
+from nonlinear.synchrony import MOST, Synchrony, synchrony, usual_duration
+
+VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
+ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}
+FILE = """
+title = "Two clocks"
+gravity = 9.81
+support = {{ kind = "cart", mass = 50.0, damping = 1.0 }}
+[[pendulum]]
+links = [{{ kind = "bob", mass = 1.0, length = 1.0, damping = 0.01, drive = {drive} }}]
+start = {{ angles_deg = [10.0] }}
+[[pendulum]]
+links = [{{ kind = "bob", mass = 1.0, length = 1.0, damping = 0.01, drive = {drive} }}]
+start = {{ angles_deg = [4.0] }}
+"""
+
+
+def clocks(*angles: float, drive: Any = VAN_DER_POL, mass: float = 50.0, damping: float = 1.0) -> Scene:
+    """Equal bobs of 1 kg and 1 m on a cart."""
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 0.01, "drive": drive}
+    return scene_from(
+        {
+            "gravity": 9.81,
+            "support": {"kind": "cart", "mass": mass, "damping": damping},
+            "pendulum": [{"links": [link], "start": {"angles_deg": [angle]}} for angle in angles],
+        }
+    )
+
+
+@cache
+def pair() -> Synchrony:
+    return synchrony(clocks(10.0, 4.0))
+
+
+def states(scene: Scene) -> dict[str, Configuration]:
+    return {pattern(one): one for one in configurations(averaged(scene))}
+
+
+def test_the_predicted_survivor_is_the_simulated_one() -> None:
+    found = pair()
+    assert found.theory
+    assert found.survival
+    assert found.agrees is True
+    assert found.theory.prediction.row + 1 == found.survival.survivor == 3
+
+
+def test_the_predicted_locking_time_is_the_simulated_one() -> None:
+    found = pair()
+    assert found.theory
+    assert found.survival
+    measured = found.survival.locking_time()
+    assert measured
+    assert found.theory.prediction.locking_time() == pytest.approx(measured, rel=0.1)
+
+
+def test_the_words_hold_the_numbers() -> None:
+    found = pair()
+    assert found.survival
+    text = sync_text(found)
+    assert "cart still: antiphase" in text
+    assert "cart moves: in phase" in text
+    assert f"{found.survival.locking_time():.6g} s" in text
+    assert "As predicted." in text
+    assert "They leave out" in text
+
+
+def test_the_records_hold_the_same_numbers() -> None:
+    found = pair()
+    told = json.loads(json.dumps(records(found), allow_nan=False))
+    assert found.survival
+    assert told["simulation"]["survivor"] == told["prediction"]["survivor"] == found.survival.survivor
+    assert told["simulation"]["order_parameter"] == pytest.approx(1.0, abs=1e-3)
+    assert [one["mode"] for one in told["configurations"]] == [2, 3]
+    assert all(one["lasts"] for one in told["configurations"])
+
+
+def test_what_does_not_excite_itself_has_no_prediction() -> None:
+    found = synchrony(clocks(10.0, 4.0, drive=None), 60.0)
+    assert found.theory is None
+    assert found.agrees is None
+    assert "No prediction: nothing excites this scene" in sync_text(found)
+    assert records(found)["prediction"] is None
+
+
+def test_a_swing_that_dies_out_is_said_to() -> None:
+    weak = {"kind": "van-der-pol", "strength": 0.002, "angle_deg": 5.0}
+    found = synchrony(clocks(10.0, 4.0, drive=weak), 100.0)
+    assert found.theory
+    assert found.theory.prediction.motion.dies
+    assert found.agrees is None
+    assert "The swing dies out" in sync_text(found)
+    assert "none: every swing dies out" in sync_text(found)
+
+
+def test_a_start_at_rest_has_no_prediction() -> None:
+    with pytest.raises(ComputationError, match="starts at rest"):
+        predicted(clocks(0.0, 0.0))
+
+
+def test_escapements_keep_their_books() -> None:
+    found = synchrony(clocks(10.0, -8.0, drive=ESCAPEMENT), 200.0, tolerance=1e-12)
+    kicks = found.trajectory.kicks
+    assert len(kicks.time) > 200
+    assert found.trajectory.energy_drift() < 1e-9
+    assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(found)
+
+
+def test_a_thousand_driven_pendula() -> None:
+    rng = np.random.default_rng(3)
+    found = synchrony(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 20.0)
+    assert found.theory is None
+    assert "at most" in found.silent
+    assert found.phases.order[-1, 0] < 1.0
+    assert found.trajectory.energy_drift() < 1e-7
+
+
+def test_patterns_of_two_and_three() -> None:
+    two, three = states(clocks(10.0, 4.0)), states(clocks(10.0, 4.0, 1.0))
+    assert set(two) == {"in phase", "antiphase"}
+    assert phases_deg(two["antiphase"]) == pytest.approx([0.0, 180.0], abs=1e-6)
+    assert np.abs(swings(two["in phase"])) == pytest.approx(np.abs(swings(two["in phase"]))[::-1])
+    splay = next(one for words, one in three.items() if words != "in phase")
+    assert abs(np.sum(swings(splay))) < 1e-6
+
+
+def test_the_amplitudes_of_configurations_are_those_of_a_simulation() -> None:
+    found = states(clocks(10.0, 4.0))
+    for words, angles in {"in phase": (9.0, 9.0), "antiphase": (9.0, -9.0)}.items():
+        run = simulate(clocks(*angles), 400.0)
+        late = run.motion.links[len(run.times) // 2 :]
+        assert np.abs(swings(found[words])).max() == pytest.approx(np.abs(late).max(), rel=5e-3)
+
+
+def test_the_usual_run_is_as_long_as_the_prediction_needs_and_no_longer_than_most() -> None:
+    theory = pair().theory
+    assert theory
+    locking = theory.prediction.locking_time()
+    assert locking
+    period = 2 * pi / theory.prediction.averaged.omega.min()
+    assert 1.5 * locking < usual_duration(pair().scene, theory) < min(1.5 * locking + 31 * period, MOST * period)
+
+
+def test_a_film_is_lit_a_little_later_in_every_swing() -> None:
+    run = simulate(clocks(10.0, 4.0), 2000.0)
+    phases = phases_of(run)
+    lit = strobed(phases, "gif")
+    swings_apart = lit["speed"] / lit["fps"] * phases.omega[0, 0] / (2 * pi)
+    assert swings_apart % 1 == pytest.approx(1 / APART)
+    assert 2000.0 / lit["speed"] == pytest.approx(SECONDS, rel=0.5)
+
+
+def test_a_short_run_is_shown_at_its_own_speed() -> None:
+    assert strobed(phases_of(simulate(clocks(10.0, 4.0), 10.0)), "gif")["speed"] == pytest.approx(1.0)
+
+
+def written(folder: Path, drive: str = '{ kind = "van-der-pol", strength = 0.05, angle_deg = 5.0 }') -> str:
+    path = folder / "clocks.toml"
+    path.write_text(FILE.format(drive=drive))
+    return str(path)
+
+
+def test_the_command_draws_and_films(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture, film = tmp_path / "sync.png", tmp_path / "sync.gif"
+    code = main(["sync", written(tmp_path), "--duration", "8", "-o", str(picture), "--film", str(film)])
+    assert code == 0
+    assert "Order parameter" in capsys.readouterr().out
+    with Image.open(picture) as image, Image.open(film) as moving:
+        assert np.asarray(image.convert("L")).std() > 5
+        assert getattr(moving, "n_frames", 1) > 100
+
+
+def test_the_command_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sync", written(tmp_path), "--duration", "30", "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["simulation"]["duration_s"] == pytest.approx(30.0)
+
+
+def test_every_mistake_of_a_call_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = written(tmp_path, '{ kind = "escapement", impulse = -1.0 }')
+    code = main(["sync", bad, "-o", "sync.txt", "--film", str(tmp_path / "none" / "sync.avi")])
+    said = capsys.readouterr().err
+    assert code == 2
+    assert "pendulum[0].links[0].drive.impulse = -1.0: must be positive" in said
+    assert "sync.txt: the name must end in" in said
+    assert "sync.avi: the name must end in" in said
+    assert "there is no folder" in said
+
+
+def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sync", "chain-spatial", "--duration", "5"]) == 1
+    assert "only of motion in the plane" in capsys.readouterr().err
