@@ -82,7 +82,7 @@ def check(
     how many modes are done.  Modes that do not oscillate for long are skipped with a reason; after Ctrl-C, those that
     were not done.
     """
-    scene = scene.undriven
+    given, scene = scene, scene.undriven
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}
@@ -97,7 +97,7 @@ def check(
     except KeyboardInterrupt:
         reasons |= dict.fromkeys(left, INTERRUPTED)
     skipped = tuple((number + 1, reasons[number]) for number in chosen if reasons[number])
-    return Check(scene, tuple(rows), skipped)
+    return Check(given, tuple(rows), skipped)
 
 
 def _reason(modes: Modes, mode: Mode) -> str:

@@ -117,6 +117,8 @@ def _notes(found: Check) -> list[str]:
         notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own.")
     if found.scene.has_damping:
         notes.append("dampers: κa² and ω(a) belong to the mean amplitude of a run, less than the angle released.")
+    if found.scene.is_driven:
+        notes.append("drives: left out, as they are of the table.")
     notes.append("outside: the largest share of the energy that was seen in other modes.")
     return notes
 

@@ -10,11 +10,14 @@ M⁻¹J is what the recursion along the chains answers to the moments J where no
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from modal.rig import CartNumbers, Floats, Ints
@@ -24,9 +27,11 @@ from nonlinear.plant import Group, Plant
 from nonlinear.state import Layout, Push
 from nonlinear.steppers import Stepper
 
+Bools = NDArray[np.bool_]
+
 LOOKS = 6  # within every step
 TOGETHER = 1e-12  # rad by which a kick may come early to come with another
-NEAR = 1e-3  # of the time between two looks, within which estimates do not tell which kick is first
+BUMP = 0.25  # of its change of slope, by which a curve that bends one way may rise above both its ends
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +114,16 @@ class Escapements:
         """The first kick within the last step, None where there is none."""
         looks = np.linspace(before, stepper.time, LOOKS + 1)
         over, speed = self._out(np.vstack((stepper.inside(looks[:-1]), stepper.y)))
-        width = (stepper.time - before) / LOOKS
-        for k, start in enumerate(looks[:-1].tolist()):
-            guess = _passages(over[:, k], over[:, k + 1], speed[:, k] * width, speed[:, k + 1] * width)
-            if np.isfinite(least := guess.min()):
-                places = zip(*np.nonzero(guess <= least + NEAR), strict=True)
-                return min(self._refined(stepper, start, width, guess, (int(s), int(j))) for s, j in places)
+        for k, (start, end) in enumerate(pairwise(looks.tolist())):
+            low, high, rise, fall = over[:, k], over[:, k + 1], speed[:, k], speed[:, k + 1]
+            leaving = (low >= 0) & ((rise > 0) | ((rise == 0) & (high > 0)))
+            if leaving.any():
+                return Due(start, _largest(leaving))
+            bump = np.maximum(low, high) + BUMP * (end - start) * (rise - fall)
+            back = (low < 0) & (high < 0) & (rise > 0) & (fall < 0) & (bump >= 0)
+            beyond = [*self._peaks(stepper, start, end, back), *[end] * bool(np.any((low < 0) & (high >= 0)))]
+            if beyond:
+                return self._first(stepper, start, min(beyond), low < 0)
         return None
 
     def kicked(self, due: Due, y: Floats) -> Floats:
@@ -148,18 +157,26 @@ class Escapements:
         over = np.where(self.side * sides < 0, -np.inf, sides * gamma - self.joints.angle)
         return over, sides * self.joints.gamma(rows[:, self._rates])
 
-    def _refined(self, stepper: Stepper, start: float, width: float, guess: Floats, place: tuple[int, int]) -> Due:
-        """The passage that was guessed, on the integrator's own interpolant."""
+    def _at(self, stepper: Stepper, time: float) -> tuple[Floats, Floats]:
+        """Both of `_out` at one time within the last step, (2, J)."""
+        over, speed = self._out(stepper.inside(np.array([time])))
+        return over[:, 0], speed[:, 0]
 
-        def over(time: float) -> float:
-            side, joint = place
-            return float(self._out(stepper.inside(np.array([time])))[0][side, 0, joint])
+    def _peaks(self, stepper: Stepper, start: float, end: float, back: Bools) -> Iterator[float]:
+        """When those joints and sides turn back that do so beyond their angle, each once between start and end."""
+        for s, j in zip(*np.nonzero(back), strict=True):
+            time = _root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
+            if self._at(stepper, time)[0][s, j] >= 0:
+                yield time
 
-        tried = start + float(guess[place]) * width
-        end = next((time for time in (tried, start + width) if over(time) > 0), None)
-        if end is None or over(start) >= 0:
-            return Due(tried, place)
-        return Due(float(brentq(over, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15)), place)
+    def _first(self, stepper: Stepper, start: float, end: float, among: Bools) -> Due:
+        """Of those joints and sides, all within their angles at the start and one beyond at the end, the first out."""
+
+        def over(time: float) -> Floats:
+            return np.where(among, self._at(stepper, time)[0], -np.inf)
+
+        time = _root(lambda time: float(over(time).max()), start, end)
+        return Due(time, _largest(over(time)))
 
 
 def escapements(plant: Plant, layout: Layout, y: Floats) -> Escapements:
@@ -169,24 +186,10 @@ def escapements(plant: Plant, layout: Layout, y: Floats) -> Escapements:
     return Escapements(joints, layout, np.where(np.abs(gamma) > joints.angle, -np.sign(gamma), 0.0))
 
 
-def _passages(low: Floats, high: Floats, rise: Floats, fall: Floats) -> Floats:
-    """Where between two looks (0 to 1) joints pass outward through zero, inf where they do not, (2, J).
-
-    `low` and `high` are the values at the looks, `rise` and `fall` their slopes.
-    """
-    found = np.full(low.shape, np.inf)
-    found[(low >= 0) & (rise > 0)] = 0.0
-    crossing = (low < 0) & (high >= 0) & np.isfinite(low)
-    found[crossing] = low[crossing] / (low[crossing] - high[crossing])
-    bump = np.maximum(low, high) + 4 / 27 * (rise - fall)
-    for place in zip(*np.nonzero((low < 0) & (high < 0) & (rise > 0) & (fall < 0) & (bump >= 0)), strict=True):
-        found[place] = _grazing(low[place], high[place], rise[place], fall[place])
-    return found
+def _root(value: Callable[[float], float], start: float, end: float) -> float:
+    return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
 
 
-def _grazing(low: float, high: float, rise: float, fall: float) -> float:
-    """The first zero between 0 and 1 of the cubic with these values and slopes at its ends, inf without one."""
-    cubic = [2 * (low - high) + rise + fall, 3 * (high - low) - 2 * rise - fall, rise, low]
-    roots = np.roots(cubic)
-    within = roots.real[(np.abs(roots.imag) < TOGETHER) & (roots.real > 0) & (roots.real < 1)]
-    return float(within.min(initial=np.inf))
+def _largest(values: Floats | Bools) -> tuple[int, int]:
+    side, joint = np.unravel_index(np.argmax(values), values.shape)
+    return int(side), int(joint)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
@@ -91,17 +91,17 @@ class Drive:
         kick = self.escapements.next(self.stepper, before) if self.escapements else None
         if kick:
             now, y = kick.time, self.stepper.exact(kick.time)
-        for happening, stop in sorted(self._happenings(before, now), key=lambda found: found[0].time):
-            record.happenings.append(happening)
-            if stop:
-                now = happening.time
-                y, record.stopped = self.stepper.exact(now), f"{happening.name} at {now:.9g} s"
-                break
+        stop = _first_stop(record, sorted(self._happenings(before, now), key=lambda found: found[0].time))
+        if stop is not None:
+            now, y = stop, self.stepper.exact(stop)
         self._sample(record, now)
         record.last = now, self.system.project(y)[0]
         if self.escapements and kick:
             if not record.stopped:
-                self.stepper.restart(self.escapements.kicked(kick, y), now)
+                kicked = self.escapements.kicked(kick, y)
+                _first_stop(record, self._jumps(now, y, kicked))
+                record.last = now, kicked
+                self.stepper.restart(kicked, now)
         else:
             mended, drift = self.system.project(self.stepper.y)
             record.drift = max(record.drift, drift)
@@ -127,10 +127,15 @@ class Drive:
             if before == self.times[0] and abs(values[0]) < SILENT * max(map(abs, values)):
                 values[0] = values[1]
             for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
-                rises = low < 0 <= high
-                if (rises and event.direction >= 0) or (low > 0 >= high and event.direction <= 0):
+                if _passes(event, low, high):
                     time = self._refined(event, start, end)
                     yield Happening(event.name, time, self._state(self.stepper.exact(time))), event.stop
+
+    def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[Happening, bool]]:
+        """The events that a kick brings about in an instant."""
+        for event in self.events:
+            if _passes(event, *(event.value(self._state(row)) for row in (before, after))):
+                yield Happening(event.name, time, self._state(after)), event.stop
 
     def _refined(self, event: Event, start: float, end: float) -> float:
         """The root on the interpolant, then one secant step with what the integrator itself gives there."""
@@ -149,3 +154,18 @@ class Drive:
 
     def _state(self, row: Floats) -> State:
         return self.system.read(row[None])[0]
+
+
+def _passes(event: Event, low: float, high: float) -> bool:
+    """Whether an event comes about between these two values."""
+    return (low < 0 <= high and event.direction >= 0) or (low > 0 >= high and event.direction <= 0)
+
+
+def _first_stop(record: Record, found: Iterable[tuple[Happening, bool]]) -> float | None:
+    """Keep what happened, up to the first event that stops the run; when that is (s)."""
+    for happening, stop in found:
+        record.happenings.append(happening)
+        if stop:
+            record.stopped = f"{happening.name} at {happening.time:.9g} s"
+            return happening.time
+    return None

@@ -59,7 +59,7 @@ class Small(Minimal):
         angles, squared = y[first:half], y[half + first : 2 * half] ** 2
         sin, cos = np.sin(angles), np.cos(angles)
         turned = sin[:, None] * cos
-        M, force, found = np.empty((half, half)), np.empty(half), np.empty_like(y)
+        M, force, found = np.empty((half, half)), np.empty(half), np.zeros_like(y)
         M[first:, first:] = A * (cos[:, None] * cos + sin[:, None] * sin)
         force[first:] = -self.plant.gravity * b * sin - (A * (turned - turned.T)) @ squared
         if first:

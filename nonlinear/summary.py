@@ -46,6 +46,8 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if isfinite(run.error):
         yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
     yield from _ranges(trajectory)
+    if trajectory.plant.kicked:
+        yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
     if run.method == CLOSED and trajectory.plant.works:
         yield "energy", "what dampers take is not counted in closed form"
     else:

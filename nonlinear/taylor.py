@@ -99,7 +99,7 @@ def equations(system: Minimal) -> list[tuple[Any, Any]]:
     sine, cosine = (np.frompyfunc(function, 1, 1) for function in (heyoka.sin, heyoka.cos))
     written = Minimal(plant, tuple(Recursion(group, sine=sine, cosine=cosine) for group in plant.groups))
     y = np.array([heyoka.expression(f"y{i}") for i in range(system.layout.size)], dtype=object)
-    return list(zip(y, written.derivative(0.0, y), strict=True))
+    return list(zip(y, written.derivative(0.0, y) + heyoka.expression(0.0), strict=True))
 
 
 def _admitted(system: Minimal) -> Any:
