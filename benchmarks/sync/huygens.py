@@ -15,7 +15,8 @@ damper above P/πγ₀ lets it go.  In phase the damper c of the beam adds to th
     d_in − d = 2 c (m l/(M + 2m))²/(1 + η²),      η = c/((M + 2m) ω),
 
 wherefore both clocks stop on beams lighter than where d_in = P/πγ₀ (our derivation, small angles, ω of a clock alone;
-kicks that come before the extreme speed a clock up a little, which is left out).
+kicks that come before the extreme speed a clock up a little, which is left out).  That death is one of both clocks;
+one alone stops here on heavy beams, in beats that begin between the phases.
 """
 
 from __future__ import annotations

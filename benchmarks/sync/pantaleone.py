@@ -17,6 +17,8 @@ Disturbances of antiphase, |z| = 2γ₀, in the difference of amplitudes and in 
 
     antiphase is stable where γ₀² < 2 (β + μ η);        without a damper in phase is always stable.
 
+The smaller β and μ together, the nearer the simulator comes (−4 % at 0.01 and 0.02, −0.7 % at 0.002 and 0.004).
+
 In the simulator the largest multiplier over one period of the antiphase cycle is computed from small disturbances that
 move the base, and γ₀ is bisected until it is 1.
 """
@@ -118,6 +120,7 @@ def settled(base: Base, limit_deg: float, start: tuple[float, float], seconds: f
 QUICK = (Base(0.01), Base(0.01, damping=0.4))
 ALL = (
     *QUICK,
+    Base(0.002, 0.004),
     Base(0.002),
     Base(0.005),
     Base(0.02),
