@@ -140,7 +140,7 @@ class Escapements:
         fed = kick * joints.gamma((y + found)[self._rates]) / 2
         found[-1] += fed.sum()
         which = np.flatnonzero(side)
-        self.found.append(Kicks(np.full(len(which), due.time), joints.below[which], fed[which]))
+        self.found.append(Kicks(np.full(len(which), due.time), joints.below[which], kick[which], fed[which]))
         return found
 
     @property
@@ -179,11 +179,17 @@ class Escapements:
         return Due(time, _largest(over(time)))
 
 
-def escapements(plant: Plant, layout: Layout, y: Floats) -> Escapements:
-    """The escapements of a run that begins at y; a joint out of its angle there has had its kick on that side."""
+def escapements(plant: Plant, layout: Layout, y: Floats, before: Kicks = NO_KICKS) -> Escapements:
+    """The escapements of a run that begins at y, after the kicks `before`.
+
+    A joint out of its angle, and one that was kicked before, have had their kick on that side.
+    """
     joints = escaping(plant)
     gamma = joints.gamma(y[layout.on_cart : layout.half], joints.bent)
-    return Escapements(joints, layout, np.where(np.abs(gamma) > joints.angle, -np.sign(gamma), 0.0))
+    last = np.zeros(plant.n_links)
+    last[before.link] = before.impulse
+    aside = np.where(np.abs(gamma) > joints.angle, gamma, last[joints.below])
+    return Escapements(joints, layout, -np.sign(aside))
 
 
 def _root(value: Callable[[float], float], start: float, end: float) -> float:

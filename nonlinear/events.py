@@ -42,14 +42,18 @@ class Happening(NamedTuple):
 
 
 class Kicks(NamedTuple):
-    """K kicks of escapements as they came: `time` (s), `link` whose upper joint it was (from 0), `energy` (J) fed."""
+    """K kicks of escapements as they came: `time` (s), `link` whose upper joint it was (from 0), `energy` (J) fed.
+
+    `impulse` (N m s) is positive where the joint swung to the right.
+    """
 
     time: Floats
     link: Ints
+    impulse: Floats
     energy: Floats
 
 
-NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0))
+NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
 
 
 def crossing(plant: Plant, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False) -> Event:

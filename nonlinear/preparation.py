@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import cast
 
@@ -13,7 +13,7 @@ from modal.errors import ComputationError
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.escapements import escapements
-from nonlinear.events import Event
+from nonlinear.events import NO_KICKS, Event, Kicks
 from nonlinear.integrate import Drive, Record
 from nonlinear.methods import Choice, choose, system_of
 from nonlinear.minimal import Minimal
@@ -40,18 +40,19 @@ class SimulationError(ComputationError):
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A run of a scene, sampled at `times` (s), which begins where its stepper stands."""
+    """A run of a scene, sampled at `times` (s), which begins where its stepper stands, after the kicks `before`."""
 
     scene: Scene
     choice: Choice
     system: System
     stepper: Stepper
     times: Floats
+    before: Kicks = NO_KICKS
 
     def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = lambda elapsed: None) -> Trajectory:
         """Once, to the end or as far as can be gone; SimulationError where the integrator gives up."""
         plant, y = self.system.plant, self.stepper.y
-        kicking = escapements(plant, cast("Minimal", self.system).layout, y) if plant.kicked else None
+        kicking = escapements(plant, cast("Minimal", self.system).layout, y, self.before) if plant.kicked else None
         record = Drive(self.stepper, self.system, self.times, events, report, kicking).run()
         trajectory = self._trajectory(record)
         if record.failed:
@@ -93,7 +94,8 @@ def prepared(scene: Scene, system: System, choice: Choice, start: State, times: 
 class Request:
     """What is asked: the motion of a scene from a start on, kept at these times (T,) in s.
 
-    Method and form are chosen where they are "auto".  `report` hears of the seconds gone through after every step.
+    Method and form are chosen where they are "auto".  `before` are the kicks of escapements until then.  `report`
+    hears of the seconds gone through after every step.
     """
 
     scene: Scene
@@ -103,6 +105,7 @@ class Request:
     form: str = "auto"
     load: Load | None = None
     events: Sequence[Event] = ()
+    before: Kicks = NO_KICKS
     report: Callable[[float], object] = lambda elapsed: None
 
     @cached_property
@@ -142,7 +145,8 @@ class Request:
     def prepared(self, choice: Choice) -> Prepared:
         """Ready to go in this way."""
         system = system_of(self.plant, choice, self.load, self.smaller)
-        return prepared(self.scene, system, choice, self.start, self.times, self.size)
+        ready = prepared(self.scene, system, choice, self.start, self.times, self.size)
+        return replace(ready, before=self.before)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion in this way; SimulationError where the integrator gives up."""

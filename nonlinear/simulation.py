@@ -10,7 +10,7 @@ from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.advice import Advice, advised
 from nonlinear.attempts import Goal
-from nonlinear.events import Event
+from nonlinear.events import NO_KICKS, Event, Kicks
 from nonlinear.methods import ASKED, FORMS, choose
 from nonlinear.plant import plant_of
 from nonlinear.preparation import Request, SimulationError
@@ -38,6 +38,7 @@ def simulate(
     start_time: float = 0.0,
     load: Load | None = None,
     events: Sequence[Event] = (),
+    before: Kicks = NO_KICKS,
     report: Report = lambda elapsed: None,
 ) -> Trajectory:
     """The motion of a scene over `duration` seconds at large angles.
@@ -49,7 +50,8 @@ def simulate(
     found and judged (`nonlinear.advice`), `run.error` and `run.reason` say how.  `output` is a number of evenly spaced
     samples or their times after the start (s), ascending; `start` replaces the scene file's own, at `start_time` (s).
     `load(t, state)` returns the `Push` from outside; one that acts for less than a step may be missed, and an accuracy
-    with it.  `report` hears of the seconds gone through after every step.
+    with it.  `before` are the kicks of escapements until the start, which say on which side the next ones come.
+    `report` hears of the seconds gone through after every step.
 
     On Ctrl-C what was computed is returned, `run.stopped` saying how far it goes.  Raises SceneError for arguments
     that cannot be, SimulationError (with the part that was computed) where the integrator gives up or an accuracy
@@ -58,7 +60,7 @@ def simulate(
     if accuracy is not None and tolerance is not None:
         raise SceneError(["accuracy: goes without a tolerance, which it chooses"])
     used = USUAL if tolerance is None else tolerance
-    more = {"method": method, "form": form, "load": load, "events": events, "report": report}
+    more = {"method": method, "form": form, "load": load, "events": events, "before": before, "report": report}
     request = _request(scene, duration, used, accuracy, output, start, start_time, more)
     if accuracy is not None:
         return certain(advised(Goal(request, float(accuracy))))
@@ -137,4 +139,5 @@ def resumed(
         form = form or (None if trajectory.plant.spatial else run.form)
         tolerance = run.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
+    options.setdefault("before", trajectory.kicks)
     return simulate(trajectory.scene, duration, start=trajectory.final, start_time=last, **options)

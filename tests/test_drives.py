@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import signal
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -33,6 +34,7 @@ from nonlinear.plant import plant_of
 from nonlinear.short import Dense
 from nonlinear.simulation import resumed, simulate
 from nonlinear.small import Small
+from nonlinear.state import Motion, State
 from nonlinear.tradeoff import tradeoff
 from nonlinear.trajectory import Trajectory
 from nonlinear.truncation import truncated
@@ -497,6 +499,23 @@ def test_kicks_on_disk(tmp_path: Path, kind: str) -> None:
         np.testing.assert_array_equal(one, other)
     assert back.scene == run.scene
     assert len(back.kicks.time) > 8
+
+
+def test_a_run_that_goes_on_knows_which_side_has_had_its_kick() -> None:
+    pendulum = clock(1e-3, 8.0, -10.0, damping=0.1)
+    first = simulate(Scene(gravity=G, pendulum=(pendulum,)), 1.6)
+    assert first.kicks.impulse.tolist() == [1e-3]
+    pushed = replace(first.final, links=np.radians([6.0]), link_rates=np.array([1.0]))
+    again = resumed(replace(first, motion=_ending(first, pushed)), 0.5)
+    assert np.degrees(again.motion.links.max()) > 8.0
+    assert again.kicks.time.size == 0
+    assert simulate(first.scene, 0.5, start=pushed).kicks.time.size == 1
+
+
+def _ending(run: Trajectory, state: State) -> Motion:
+    links, rates = run.motion.links.copy(), run.motion.link_rates.copy()
+    links[-1], rates[-1] = state.links, state.link_rates
+    return replace(run.motion, links=links, link_rates=rates)
 
 
 def test_ctrl_c_keeps_the_kicks_so_far() -> None:
