@@ -23,7 +23,7 @@ from modal.shapes import Shape, checked_normalisation, expanded
 from modal.sources import Details
 from modal.spectrum import Spectrum, spectrum
 
-UNDRIVEN = "Self-excitation is left out: these are the modes that drives feed."
+UNDRIVEN = "Self-excitation is left out: drives feed small swings, they do not shape them."
 
 CHUNK = 400_000
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from modal.mode import Mode
     from modal.modes import Modes
+    from modal.scene import Scene
 
 LONG_TABLE = 2000
 
@@ -78,7 +79,7 @@ def matrices(options: argparse.Namespace) -> None:
     from modal.linear import matrices as matrices_of
     from modal.matrix_tables import matrices_table
 
-    scene = load(options.scene)
+    scene = small_swings(load(options.scene))
     with _output(options.output) as write:
         write(matrices_table(scene, matrices_of(scene), options.format))
 
@@ -98,7 +99,7 @@ def derive(options: argparse.Namespace) -> None:
     else:
         system, scene = targets.target(options.target, options.links, symbols, ways)
         title = system.title
-        sections = list(derivation.derivation(system, show or derivation.SECTIONS, scene))
+        sections = list(derivation.derivation(system, show or derivation.SECTIONS, scene and small_swings(scene)))
     with _output(options.output) as write:
         write(typeset.typeset(title, sections, options.format))
 
@@ -109,12 +110,9 @@ def enclose(options: argparse.Namespace) -> None:
     from modal.files import load
 
     with _output(options.output) as write:
-        for row in enclosures(load(options.scene), options.digits):
+        for row in enclosures(small_swings(load(options.scene)), options.digits):
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
             write(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}\n")
-
-
-# -------------------------------------------------------------------------------------------------- helpers
 
 
 def explain(options: argparse.Namespace) -> None:
@@ -131,6 +129,18 @@ def explain(options: argparse.Namespace) -> None:
         with whole_file(options.output) as stream:
             draw_coupling(coupling, stream, kind)
     sys.stdout.write(words(coupling, options.format))
+
+
+# -------------------------------------------------------------------------------------------------- helpers
+
+
+def small_swings(scene: Scene) -> Scene:
+    """The scene itself, with a word on what its small swings leave out."""
+    from modal.modes import UNDRIVEN
+
+    if scene.is_driven:
+        print(f"multipendula: {UNDRIVEN}", file=sys.stderr)
+    return scene
 
 
 def listed(text: str | None) -> tuple[str, ...]:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from multipendula.commands import listed, picture
+from multipendula.commands import listed, picture, small_swings
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -67,7 +67,7 @@ def shaper(options: argparse.Namespace) -> None:
     from modal.files import load
     from modal.shapers import shaper_for, swings_of
 
-    scene = load(options.scene)
+    scene = small_swings(load(options.scene))
     found = shaper_for(scene, options.count, options.kind, options.drive)
     for number, swing in enumerate(swings_of(scene, options.drive)[: options.count], 1):
         print(f"mode {number}: {swing.omega:.9g} rad/s, damping ratio {swing.zeta:.4g}")
@@ -79,7 +79,7 @@ def shaper(options: argparse.Namespace) -> None:
 def _scene(options: argparse.Namespace) -> Scene:
     from modal.files import load
 
-    return load(options.scene)
+    return small_swings(load(options.scene))
 
 
 def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
