@@ -9,9 +9,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.scene import described
+from nonlinear.agreement import agreement, own_amplitudes
 from nonlinear.check_tables import finite
 from nonlinear.configurations import Configuration
-from nonlinear.patterns import pattern, phases_deg, swings
 from nonlinear.phases import ENDING
 from nonlinear.prediction import Prediction
 from nonlinear.smoothing import last
@@ -33,12 +33,13 @@ def records(found: Synchrony) -> dict[str, Any]:
 
 
 def _configuration(one: Configuration) -> dict[str, Any]:
+    eta = own_amplitudes(one)
     return {
         "mode": one.row + 1,
         "family": one.averaged.modes[one.row].family,
-        "pendula": pattern(one),
-        "amplitudes_deg": np.rad2deg(np.abs(swings(one))).tolist(),
-        "phases_deg": phases_deg(one).tolist(),
+        "pendula": agreement(one),
+        "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
+        "phases_deg": (np.rad2deg(np.angle(eta / eta[np.abs(eta).argmax()])) % 360).tolist(),
         "omega_rad_per_s": one.omega,
         "lasts": one.lasts,
         "growth_rate_per_s": finite(one.growth),

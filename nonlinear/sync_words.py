@@ -9,9 +9,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.prose import capital, counted, listed, percent, rad, short
+from nonlinear.agreement import agreement, own_amplitudes
 from nonlinear.check_tables import grid
 from nonlinear.configurations import Configuration
-from nonlinear.patterns import pattern, swings
 from nonlinear.phases import ENDING
 from nonlinear.prediction import Prediction
 from nonlinear.smoothing import last
@@ -56,8 +56,8 @@ def _table(theory: Theory) -> str:
 def _cells(one: Configuration) -> list[str]:
     modes = one.averaged.modes
     mode = modes[one.row]
-    angle = degrees(float(np.abs(swings(one)).max()))
-    return [str(one.row + 1), mode.family, pattern(one), f"{angle:.4g}", f"{one.omega:.6g}", _fate(one)]
+    angle = degrees(float(np.abs(own_amplitudes(one)).max()))
+    return [str(one.row + 1), mode.family, agreement(one), f"{angle:.4g}", f"{one.omega:.6g}", _fate(one)]
 
 
 def _fate(one: Configuration) -> str:

@@ -15,9 +15,9 @@ from PIL import Image
 from modal.errors import ComputationError
 from modal.scene import Scene, scene_from
 from multipendula.cli import main
+from nonlinear.agreement import agreement, own_amplitudes
 from nonlinear.averaged import averaged
 from nonlinear.configurations import Configuration, configurations
-from nonlinear.patterns import pattern, phases_deg, swings
 from nonlinear.phases import phases_of
 from nonlinear.prediction import predicted
 from nonlinear.simulation import simulate
@@ -59,7 +59,7 @@ def pair() -> Synchrony:
 
 
 def states(scene: Scene) -> dict[str, Configuration]:
-    return {pattern(one): one for one in configurations(averaged(scene))}
+    return {agreement(one): one for one in configurations(averaged(scene))}
 
 
 def test_the_predicted_survivor_is_the_simulated_one() -> None:
@@ -143,10 +143,10 @@ def test_a_thousand_driven_pendula() -> None:
 def test_patterns_of_two_and_three() -> None:
     two, three = states(clocks(10.0, 4.0)), states(clocks(10.0, 4.0, 1.0))
     assert set(two) == {"in phase", "antiphase"}
-    assert phases_deg(two["antiphase"]) == pytest.approx([0.0, 180.0], abs=1e-6)
-    assert np.abs(swings(two["in phase"])) == pytest.approx(np.abs(swings(two["in phase"]))[::-1])
+    assert own_amplitudes(two["antiphase"]).sum() == pytest.approx(0.0, abs=1e-9)
+    assert np.ptp(own_amplitudes(two["in phase"])) == pytest.approx(0.0, abs=1e-9)
     splay = next(one for words, one in three.items() if words != "in phase")
-    assert abs(np.sum(swings(splay))) < 1e-6
+    assert abs(np.sum(own_amplitudes(splay))) < 1e-6
 
 
 def test_the_amplitudes_of_configurations_are_those_of_a_simulation() -> None:
@@ -154,7 +154,7 @@ def test_the_amplitudes_of_configurations_are_those_of_a_simulation() -> None:
     for words, angles in {"in phase": (9.0, 9.0), "antiphase": (9.0, -9.0)}.items():
         run = simulate(clocks(*angles), 400.0)
         late = run.motion.links[len(run.times) // 2 :]
-        assert np.abs(swings(found[words])).max() == pytest.approx(np.abs(late).max(), rel=5e-3)
+        assert np.abs(own_amplitudes(found[words])).max() == pytest.approx(np.abs(late).max(), rel=5e-3)
 
 
 def test_the_usual_run_is_as_long_as_the_prediction_needs_and_no_longer_than_most() -> None:
