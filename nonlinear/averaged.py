@@ -15,17 +15,24 @@ Modes of nearly equal frequencies form a band b with one fast phase χ_b and mea
 The phases of different bands are taken as unrelated, and the mean ⟨ ⟩ runs over all of them: over K points of a lattice
 on which no product of up to ORDER factors e^{±iχ_b} but those that truly are constant has a mean.
 
+A free cart has no frequency of its own, so a damper c may well stop it within a swing: its motion in φ_r is divided by
+1 − i c/(M ω_r), M all masses together, as M x'' + c x' = −(b·q)'' has it.
+
 A kick P of an escapement at the angle a of a joint that swings with the complex amplitude Γ, |Γ| > a, has the mean
 
-    (2 P ω_b/π) e^{iα} Γ/|Γ|,     cos α = a/|Γ|,
+    (2 P ω/π) e^{iα} Γ/|Γ|,     cos α = a/|Γ|,     Γ = Σ γ_r z_r,     ω = Re(Σ ω_r γ_r z_r/Γ),
 
-the first harmonic of two kicks a period; of several bands the one that swings the joint most is taken.
+the first harmonic of two kicks a period, ω being the rate at which the phase of the joint turns.  Of several bands
+the one that swings the joint most has this Γ; the others shift a, and with it α, and add their speed to |Γ| ω sin α.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
+from itertools import count as counted
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,10 +51,12 @@ from nonlinear.state import State
 from nonlinear.truncation import undamped
 
 Complexes = NDArray[np.complex128]
-BAND = 1.2  # ratio of neighbouring frequencies above which they belong to different bands
+BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
 ORDER = 6
 MOST, MOST_BANDS = 400, 4
 CHUNK = 2_000_000
+STEP = 1e-6
+GRAZING = 0.1  # least sin α
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,29 +99,37 @@ class Averaged:
         first = int(self.plant.cart is not None)
         return float((np.abs(self.shapes[first:]) @ np.abs(z)).max())
 
+    @cached_property
+    def detuning(self) -> Floats:
+        """ω_r − ω_b (rad/s) of every shape, (C,)."""
+        return np.asarray(self.omega - self.centre[self.band])
+
     def flow(self, z: Complexes) -> Complexes:
         """The rates z' (C, ...) of amplitudes (C, ...)."""
+        return np.asarray((self.forced(z).T + 1j * self.detuning * z.T).T)
+
+    def forced(self, z: Complexes) -> Complexes:
+        """The same without the detuning."""
         found = self.smooth(z)
-        if not self._joints:
-            return found
-        return np.asarray(found + self._kicks(z.reshape(len(z), -1)).reshape(z.shape))
+        if self._joints:
+            found += self._kicks(z.reshape(len(z), -1)).reshape(z.shape)
+        return found
 
     def smooth(self, z: Complexes) -> Complexes:
-        """The same without escapements."""
+        """And without escapements."""
         wide = z.reshape(len(z), -1)
         step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
-        parts = [self._forced(wide[:, start : start + step]) for start in range(0, wide.shape[1], step)]
-        detuned = 1j * (self.omega - self.centre[self.band])[:, None] * wide
-        return np.asarray((np.hstack(parts) + detuned).reshape(z.shape))
+        parts = [self._left(wide[:, start : start + step]) for start in range(0, wide.shape[1], step)]
+        return np.asarray(np.hstack(parts).reshape(z.shape))
 
-    def _forced(self, z: Complexes) -> Complexes:
+    def _left(self, z: Complexes) -> Complexes:
         """What the forces that are left do to z (C, S)."""
         turn = self._phases[self.band]
         moving = z[:, :, None] * turn[:, None, :]
         first = 1j * self.omega[:, None, None]
         shape = (len(self.shapes), -1)
         q, v, a = (
-            np.tensordot(self.shapes, part.real, axes=1).reshape(shape)
+            np.tensordot(self._braked, part, axes=1).real.reshape(shape)
             for part in (moving, first * moving, first**2 * moving)
         )
         left = residual(self.plant, [np.array([q, v, a])])[0]
@@ -120,25 +137,41 @@ class Averaged:
         return np.asarray(1j / self.omega[:, None] * np.mean(along * turn.conj()[:, None, :], axis=2))
 
     def _kicks(self, z: Complexes) -> Complexes:
+        """What escapements do to z (C, S)."""
+        parts = np.where((self.band == np.arange(len(self.centre))[:, None])[..., None], z, 0.0).astype(complex)
+        swing, speed = (np.asarray(self._turns.T @ each) for each in (parts, self.omega[:, None] * parts))
+        torque = self._pulls(swing, speed)[self.band]
+        return np.asarray(np.einsum("cj,cjs->cs", self._turns, torque) / (2j * self.omega[:, None]))
+
+    def _pulls(self, swing: Complexes, speed: Complexes) -> Complexes:
+        """First harmonics of kicks (B, J, S) on joints that swing with Σ γ_r z_r and speeds i Σ ω_r γ_r z_r."""
         joints = self._joints
         assert joints is not None
-        bands = np.arange(len(self.centre))
-        swing = np.array([self._turns.T @ np.where((self.band == band)[:, None], z, 0.0) for band in bands])
-        leading = np.abs(swing).argmax(axis=0)
-        own = np.take_along_axis(swing, leading[None], axis=0)[0]
-        size = np.abs(own)
-        reach = np.divide(joints.angle[:, None], size, out=np.full_like(size, np.inf), where=size > 0)
-        lead = np.where(reach < 1, np.exp(1j * np.arccos(np.minimum(reach, 1.0))), 0.0)
-        torque = 2 / np.pi * joints.impulse[:, None] * self.centre[leading] * lead * own / np.maximum(size, 1e-300)
-        acting = np.where(leading[None] == self.band[:, None, None], torque[None], 0.0)
-        return np.asarray(np.einsum("cj,cjs->cs", self._turns, acting) / (2j * self.omega[:, None]))
+        first = np.arange(len(swing))[:, None, None] == np.abs(swing).argmax(axis=0)
+        own, fast = (np.where(first, values, 0.0).sum(axis=0) for values in (swing, speed))
+        size = np.maximum(np.abs(own), 1e-100)[..., None]
+        turn = self._phases[:, None, None]
+        aside, speeding = ((np.where(first, 0.0, v)[..., None] * turn).sum(axis=0) for v in (swing, 1j * speed))
+        cosine = (joints.angle[:, None, None] - aside.real) / size
+        sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
+        rate = np.real(fast * own.conj())[..., None] / size**2 + speeding.real / (size * sine)
+        often = np.where(np.abs(cosine) < 1, np.maximum(rate, 0.0), 0.0)
+        lead = np.mean(often * (cosine + 1j * sine), axis=-1) * own / size[..., 0]
+        rest = np.mean(often * turn.conj(), axis=-1)
+        return np.asarray(2 / np.pi * joints.impulse[:, None] * np.where(first, lead, rest))
+
+    @cached_property
+    def _braked(self) -> Complexes:
+        """The shapes as the damper of a free cart bends them, (half, C)."""
+        found, cart = self.shapes.astype(complex), self.plant.cart
+        if cart and not cart.stiffness:
+            found[0] /= 1 - 1j * cart.damping / (self.plant.total_mass * self.omega)
+        return found
 
     @cached_property
     def _phases(self) -> Complexes:
         """e^{iχ_b} (B, K) of every band at the points of the lattice."""
-        count = len(self.centre)
-        steps = (ORDER + 1) ** np.arange(count)
-        points = 1 + ORDER * int(steps[-1]) + (count > 1)
+        points, steps = lattice(len(self.centre))
         return np.asarray(np.exp(2j * np.pi * np.outer(steps, np.arange(points)) / points))
 
     @cached_property
@@ -150,6 +183,30 @@ class Averaged:
         """How far the joints with escapements turn in every shape, (C, J)."""
         assert self._joints is not None
         return self._joints.gamma(self.shapes[int(self.plant.cart is not None) :].T)
+
+
+def derivative(rate: Callable[[Complexes], Complexes], z: Complexes) -> Floats:
+    """Of a rate by the real and the imaginary parts of z (C,), (2C, 2C), by central differences."""
+    width = STEP * (float(np.abs(z).max()) or 1.0)
+    ways = width * np.hstack((np.eye(len(z)), 1j * np.eye(len(z))))
+    slope = (rate(z[:, None] + ways) - rate(z[:, None] - ways)) / (2 * width)
+    return np.vstack((slope.real, slope.imag))
+
+
+@cache
+def lattice(count: int) -> tuple[int, tuple[int, ...]]:
+    """The fewest points K, and the steps s (count,) of the phases 2π s k/K, that average products of ORDER factors.
+
+    Products of an odd number of factors have no mean to be found: the forces are odd in the motion.
+    """
+    words = [word for word in product(range(-ORDER, ORDER + 1), repeat=count) if 0 < sum(map(abs, word)) <= ORDER]
+    even = np.array([word for word in words if sum(word) % 2 == 0])
+    for points in counted(2):
+        for base in range(1, points):
+            steps = tuple(pow(base, power, points) for power in range(count))
+            if np.all(even @ steps % points):
+                return points, steps
+    raise AssertionError("unreachable")
 
 
 def averaged(scene: Scene) -> Averaged:

@@ -18,13 +18,13 @@ from functools import cached_property
 import numpy as np
 
 from modal.rig import Booleans, Floats
-from nonlinear.averaged import Averaged, Complexes
+from nonlinear.averaged import Averaged, Complexes, derivative
 from nonlinear.slow_motion import settled
 
 FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
-STEP = 1e-6
 NEWTON, DONE = 20, 1e-10
 FLAT = 1e-4  # of the fastest rate: an eigenvalue below it is taken for 0
+WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but for rounding
 SAME = 1e-3
 FIRST = 0.1  # largest angle (rad) of a start
 SEED = 5
@@ -34,13 +34,15 @@ SEED = 5
 class Configuration:
     """A motion that keeps its shape: amplitudes z (C,), the turning rate Ω (rad/s) of every band, growth rates (1/s).
 
-    `rates` are the eigenvalues μ but the neutral ones, the slowest first.
+    `rates` are the eigenvalues μ but the neutral ones, the slowest first, and `leaving` the share of the energy of
+    each eigenvector that is not in the row that holds most: many pendula in antiphase may share it in many ways.
     """
 
     averaged: Averaged
     z: Complexes
     turning: Floats
     rates: Complexes
+    leaving: Floats
 
     @cached_property
     def share(self) -> Floats:
@@ -65,10 +67,10 @@ class Configuration:
         return None if abs(self.growth) <= flat else self.growth < 0
 
     @property
-    def margin(self) -> float:
-        """How slowly the slowest neighbours come back beside the fastest, 0 to 1; 1 where there are none."""
-        fast = float(np.abs(self.rates.real).max(initial=0.0))
-        return max(-self.growth, 0.0) / fast if fast else 1.0
+    def hold(self) -> float:
+        """The rate (1/s) at which what other rows hold falls, negative where it grows; infinite without other rows."""
+        others = self.rates.real[self.leaving > WITHIN]
+        return -float(others.max(initial=-np.inf))
 
     @property
     def relaxation(self) -> float:
@@ -106,7 +108,7 @@ def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
         if not np.all(np.isfinite(left)):
             return None
         if np.abs(left).max() <= DONE * np.abs(averaged.omega * z).max():
-            return Configuration(averaged, z, turning, _rates(averaged, z, turning, len(bands)))
+            return Configuration(averaged, z, turning, *_rates(averaged, z, turning, len(bands)))
         z = z + np.where(active, _step(averaged, z, turning, left, active), 0.0)
         if np.any(_sizes(averaged, z)[bands] <= 0):
             return None
@@ -175,19 +177,18 @@ def _step(averaged: Averaged, z: Complexes, turning: Floats, left: Complexes, ac
 
 
 def _jacobian(averaged: Averaged, z: Complexes, turning: Floats) -> Floats:
-    """Of F(z) − iΩz by its real and imaginary parts, (2C, 2C), by central differences."""
-    count, width = len(z), STEP * float(np.abs(z).max())
-    ways = width * np.hstack((np.eye(count), 1j * np.eye(count)))
-    slope = (averaged.flow(z[:, None] + ways) - averaged.flow(z[:, None] - ways)) / (2 * width)
-    slope -= 1j * turning[averaged.band][:, None] * ways / width
-    return np.vstack((slope.real, slope.imag))
+    """Of F(z) − iΩz by its real and imaginary parts, (2C, 2C)."""
+    return derivative(lambda near: averaged.flow(near) - 1j * turning[averaged.band][:, None] * near, z)
 
 
-def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> Complexes:
-    """All μ but the `neutral` ones next to 0, the slowest first."""
-    found = np.linalg.eigvals(_jacobian(averaged, z, turning)).astype(complex)
-    kept = found[np.argsort(np.abs(found))][neutral:]
-    return kept[np.argsort(-kept.real)]
+def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats]:
+    """All μ but the `neutral` ones next to 0, the slowest first, and how much of each leaves the row of z."""
+    values, vectors = np.linalg.eig(_jacobian(averaged, z, turning))
+    energy = np.sum([averaged.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
+    leaving = 1 - energy[int(averaged.energies(z).argmax())] / energy.sum(axis=0)
+    kept = np.argsort(np.abs(values))[neutral:]
+    kept = kept[np.argsort(-values[kept].real)]
+    return values[kept].astype(complex), leaving[kept]
 
 
 def _same(one: Configuration, other: Configuration) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
-from math import degrees
+from math import degrees, pi
 
 import numpy as np
 
@@ -20,15 +20,16 @@ from nonlinear.slow_motion import SlowMotion, settled
 from nonlinear.starts import checked, start_of
 from nonlinear.state import State
 
-WEAK = 0.05  # largest rate of growth or decay over the frequency
+WEAK = 0.2  # largest rate of growth or decay over the frequency
 WIDE = 0.7  # largest angle (rad)
 NEAR = 0.1  # largest sum of resonant frequencies, over the lowest
+FORCED = 0.3  # the same where times are certain
 CLEAR = 0.9  # least share of the energy that a survivor holds
-MARGIN = 0.02  # least rate at which its neighbours come back, over the fastest
+MARGIN = 2.0  # least rate at which other modes are driven out, over its error
 TIMED = 0.2  # of the locking time, between neighbours
-LOOSE = 0.03  # largest splitting over the frequency at which times are certain
-SLOW = 0.1  # least of the rates over the fastest at which times are certain
-OTHERS, ASIDE, SEED = 6, 0.1, 11  # neighbouring starts, and how far from the start they are
+SLOW = 5.0  # the same where times are certain
+SWINGS = 10
+OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, and how far from the start they are
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +76,14 @@ class Prediction:
         if own is None:
             yield "one mode never holds all but 1 % of the energy"
             return
+        if own < SWINGS * 2 * pi / self.averaged.omega.min():
+            yield f"it comes within {SWINGS} swings, and averages tell no finer"
         times = [other.locking_time() for other in self.neighbours]
         if any(time is None or abs(time - own) > TIMED * own for time in times):
             yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
-        width = max(np.ptp(self.averaged.omega[self.averaged.band == band]) for band in self.averaged.band)
-        if width > LOOSE * self.averaged.omega.min():
-            yield "the cart couples the pendula too strongly for first order"
-        if self.ending and self.ending.margin < SLOW:
+        if resonant(self.averaged.centre, FORCED):
+            yield "another mode follows the survivor as its third harmonic, or as another combination"
+        if self.ending and self.ending.hold < SLOW * self._error:
             yield "the last rate is a small difference of large ones"
 
     def _doubts(self) -> Iterator[str]:
@@ -92,11 +94,22 @@ class Prediction:
             yield f"nothing has settled after {self.motion.times[-1]:.3g} s"
         elif self.share < CLEAR:
             yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
-        if self.ending is None or not self.ending.lasts or self.ending.margin < MARGIN:
+        if self.ending is None or self.ending.hold < MARGIN * self._error:
             yield "where it ends hardly draws its neighbours"
         if any(other.survivor != self.row or other.dies for other in self.neighbours):
             yield f"starts {100 * ASIDE:.0f} % beside this one end elsewhere"
         yield from self._limits()
+
+    @cached_property
+    def _error(self) -> float:
+        """How far off (1/s) the rates at the end may be, as a share of the fastest, whose differences they are.
+
+        By (fastest/ω)², as damping shifts frequencies, and by a²/16, as a pendulum is slower at large angles.
+        """
+        found, ending = self.averaged, self.ending
+        assert ending is not None
+        fast, lowest = float(np.abs(ending.rates.real).max(initial=0.0)), float(found.omega.min())
+        return fast * ((fast / lowest) ** 2 + found.largest(ending.z) ** 2 / 16)
 
     def _limits(self) -> Iterator[str]:
         """Where averaging itself is in doubt."""
@@ -105,9 +118,7 @@ class Prediction:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
         if (angle := found.largest(self.motion.z[:, -1])) > WIDE:
             yield f"links reach {degrees(angle):.3g} deg, more than first order bears"
-        if found.plant.kicked and len(found.centre) > 1:
-            yield "what an escapement does to several frequencies at once is not averaged"
-        if resonant(found.centre):
+        if resonant(found.centre, NEAR):
             yield "frequencies of different bands are in resonance"
 
 
@@ -135,10 +146,10 @@ def _beside(z: Complexes) -> Iterator[Complexes]:
         yield z + ASIDE * off * (np.abs(z) + ASIDE * np.abs(z).max())
 
 
-def resonant(omega: Floats) -> bool:
+def resonant(omega: Floats, near: float) -> bool:
     """Whether up to four of these frequencies (B,) add up to almost nothing, as ω and three times ω do."""
     for turns in product(range(-3, 4), repeat=len(omega)):
-        if 0 < sum(map(abs, turns)) <= 4 and abs(np.dot(turns, omega)) < NEAR * omega.min():
+        if 0 < sum(map(abs, turns)) <= 4 and abs(np.dot(turns, omega)) < near * omega.min():
             return True
     return False
 
