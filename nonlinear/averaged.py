@@ -138,10 +138,26 @@ class Averaged:
 
     def _kicks(self, z: Complexes) -> Complexes:
         """What escapements do to z (C, S)."""
-        parts = np.where((self.band == np.arange(len(self.centre))[:, None])[..., None], z, 0.0).astype(complex)
-        swing, speed = (np.asarray(self._turns.T @ each) for each in (parts, self.omega[:, None] * parts))
-        torque = self._pulls(swing, speed)[self.band]
+        torque = self._pulls(*self._swings(z))[self.band]
         return np.asarray(np.einsum("cj,cjs->cs", self._turns, torque) / (2j * self.omega[:, None]))
+
+    def _swings(self, z: Complexes) -> tuple[Complexes, Complexes]:
+        """Of z (C, S): Σ γ_r z_r and Σ ω_r γ_r z_r over every band at the joints with escapements, (B, J, S)."""
+        parts = np.where((self.band == np.arange(len(self.centre))[:, None])[..., None], z, 0.0).astype(complex)
+        return np.asarray(self._turns.T @ parts), np.asarray(self._turns.T @ (self.omega[:, None] * parts))
+
+    def mixed(self, z: Complexes) -> float:
+        """The largest speed of other bands beside the leading one's where it kicks, of all instants of z (C, S).
+
+        From 1 on a joint may come by twice on one side, and is kicked but once; 0 without escapements.
+        """
+        if self._joints is None:
+            return 0.0
+        swing, speed = map(np.abs, self._swings(z))
+        first = np.arange(len(swing))[:, None, None] == swing.argmax(axis=0)
+        room = 1 - (self._joints.angle[:, None] / np.maximum(swing.max(axis=0), 1e-100)) ** 2
+        own, rest = (np.where(chosen, speed, 0.0).sum(axis=0) for chosen in (first, ~first))
+        return float(np.max(rest[room > 0] / (own * np.sqrt(np.maximum(room, 0)))[room > 0], initial=0.0))
 
     def _pulls(self, swing: Complexes, speed: Complexes) -> Complexes:
         """First harmonics of kicks (B, J, S) on joints that swing with Σ γ_r z_r and speeds i Σ ω_r γ_r z_r."""

@@ -22,13 +22,11 @@ from nonlinear.state import State
 
 WEAK = 0.2  # largest rate of growth or decay over the frequency
 WIDE = 0.7  # largest angle (rad)
-NEAR = 0.1  # largest sum of resonant frequencies, over the lowest
-FORCED = 0.3  # the same where times are certain
+MIXED = 0.5  # largest speed of other frequencies at an escapement, over the leading one's
 CLEAR = 0.9  # least share of the energy that a survivor holds
-MARGIN = 2.0  # least rate at which other modes are driven out, over its error
-TIMED = 0.2  # of the locking time, between neighbours
-SLOW = 5.0  # the same where times are certain
-SWINGS = 10
+NEAR, FORCED = 0.1, 0.3  # largest sum of resonant frequencies over the lowest: for the survivor, for its time
+MARGIN, SLOW = 2.0, 5.0  # least rate at which other modes are driven out, over its error: the same two
+SWINGS, TIMED = 10, 0.2  # the shortest locking time in periods; how far those of neighbours may lie off
 OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, and how far from the start they are
 
 
@@ -118,6 +116,8 @@ class Prediction:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
         if (angle := found.largest(self.motion.z[:, -1])) > WIDE:
             yield f"links reach {degrees(angle):.3g} deg, more than first order bears"
+        if found.mixed(self.motion.z) > MIXED:
+            yield "an escapement is swung by several frequencies at once, and may kick out of turn"
         if resonant(found.centre, NEAR):
             yield "frequencies of different bands are in resonance"
 

@@ -1,0 +1,283 @@
+"""Averaged equations, the configurations they keep and the survivors they predict, against closed forms and runs."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import replace
+from itertools import product
+from math import pi, radians, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
+from modal.decay import damped_modes
+from modal.drives import Drive, Escapement, VanDerPol
+from modal.errors import ComputationError
+from modal.linear import matrices
+from modal.rig import rig_of
+from modal.scene import Start
+from nonlinear.averaged import MOST_BANDS, ORDER, averaged, derivative, lattice
+from nonlinear.configurations import configuration, configurations
+from nonlinear.prediction import predicted, resonant
+from nonlinear.simulation import simulate
+from nonlinear.slow_motion import below_for_good, settled
+from nonlinear.starts import start_of
+from nonlinear.state import State
+from nonlinear.survival import survival
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
+
+import survivors
+
+G = 9.81
+
+
+def bobs(*angles: float, drive: Drive | None = None, joint: float = 0.0, **cart: float) -> Scene:
+    """Bobs of 1 kg and 1 m at these angles (deg)."""
+    link = Bob(mass=1.0, length=1.0, damping=joint, drive=drive)
+    pendula = tuple(Pendulum(links=(link,), start=Start(angles_deg=(angle,))) for angle in angles)
+    return Scene(gravity=G, support=Cart(**cart) if cart else Fixed(), pendulum=pendula)
+
+
+def double(drive: Drive | None = None) -> Scene:
+    links = (Rod(mass=1.0, length=1.0, drive=drive), Rod(mass=0.7, length=0.6))
+    return Scene(gravity=G, support=Fixed(), pendulum=(Pendulum(links=links),))
+
+
+# ------------------------------------------------------------------------------------------------------ the flow
+
+
+@pytest.mark.parametrize("angle", [0.01, 0.05])
+def test_one_van_der_pol_pendulum(angle: float) -> None:
+    e, d, gamma = 0.03, 0.01, radians(2.0)
+    flow = averaged(bobs(1.0, drive=VanDerPol(strength=e, angle_deg=2.0), joint=d)).flow
+    rate = flow(np.array([angle + 0j]))[0] / angle
+    assert rate.real == pytest.approx(e / 2 * (1 - angle**2 / (4 * gamma**2)) - d / 2, rel=1e-9)
+    assert rate.imag == pytest.approx(-sqrt(G) * angle**2 / 16, rel=2 * angle**2)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 300.0])
+def test_small_swings_decay_as_damped_modes_do(stiffness: float) -> None:
+    link = Bob(mass=1.0, length=1.0, damping=0.01)
+    pendula = (Pendulum(links=(link,), count=2), Pendulum(links=(Rod(mass=1.0, length=1.1, damping=0.02),)))
+    scene = Scene(gravity=G, support=Cart(mass=5.0, damping=0.1, stiffness=stiffness), pendulum=pendula)
+    found = averaged(scene)
+    values = np.linalg.eigvals(derivative(found.flow, np.zeros(len(found.omega), dtype=complex)))
+    values = values[values.imag != 0] if np.any(values.imag) else values
+    known = [(mode.rate, mode.exact) for mode in damped_modes(rig_of(scene))]
+    for rate, exact in known:
+        assert exact is not None
+        near = min(abs(value + 1j * centre - exact) for value in values for centre in found.centre)
+        assert near < 0.02 * rate
+
+
+def test_a_braked_cart_slows_no_more_than_it_moves() -> None:
+    scene = bobs(1.0, 1.0, mass=50.0, damping=150.0)
+    found = averaged(scene)
+    values = np.linalg.eigvals(derivative(found.flow, np.zeros(2, dtype=complex)))
+    still, moving = damped_modes(rig_of(scene))
+    assert moving.exact is not None
+    first, own = -moving.rate, values[np.argmin(values.real)]
+    assert own.real == pytest.approx(moving.exact.real, rel=0.02)
+    assert abs(first / moving.exact.real - 1) > 0.5
+    assert still.rate == 0
+
+
+def test_an_escapement_feeds_what_the_damper_takes() -> None:
+    P, d, a = 0.015, 0.05, radians(4.0)
+    scene = bobs(9.0, drive=Escapement(impulse=P, angle_deg=4.0), joint=d)
+    one = configuration(averaged(scene), np.array([0.17 + 0j]))
+    assert one is not None
+    assert one.lasts
+    k = 2 * P / (pi * d)
+    balance = sqrt((k**2 + sqrt(k**4 - 4 * k**2 * a**2)) / 2)
+    assert abs(one.z[0]) == pytest.approx(balance, rel=1e-6)
+    run = simulate(scene, 300.0, tolerance=1e-9, output=6001)
+    assert np.abs(run.motion.links[-400:]).max() == pytest.approx(balance, rel=0.02)
+
+
+def test_kicks_follow_two_frequencies() -> None:
+    """Against kicks counted one by one on a motion of two unrelated frequencies."""
+    found = averaged(double(Escapement(impulse=0.01, angle_deg=1.0)))
+    z = np.array([0.08, 0.01j])
+    gamma = found.shapes[0] * z
+    times = np.linspace(0.0, 4000.0, 4_000_001)
+    waves = np.exp(1j * np.outer(found.omega, times))
+    angle, rate = (gamma @ waves).real, (1j * found.omega * gamma @ waves).real
+    out = np.abs(angle) > radians(1.0)
+    at = np.flatnonzero(~out[:-1] & out[1:] & (angle[1:] * rate[1:] > 0))
+    at = at[np.diff(np.sign(angle[at]), prepend=0) != 0]
+    pull = (np.sign(angle[at]) * 0.01 * waves[:, at].conj()).sum(axis=1) / times[-1]
+    expected = found.shapes[0] * pull / (1j * found.omega)
+    np.testing.assert_allclose(
+        (found.forced(z) - found.smooth(z)), expected, rtol=0.05, atol=0.03 * abs(expected).max()
+    )
+
+
+def test_a_strong_band_starves_a_weak_one_twice_as_much_as_itself() -> None:
+    """γ = Σ|Γ_b| cos χ_b gives (γ²γ')_b = iωΓ_b (|Γ_b|² + 2|Γ_c|²)/4."""
+    e, limit = 0.02, 1e-3
+    found = averaged(double(VanDerPol(strength=e, angle_deg=float(np.degrees(limit)))))
+    turns, z = found.shapes[0], np.array([2e-3, 1e-3j])
+    sizes = np.abs(turns * z) ** 2
+    expected = e / 2 * turns**2 * (1 - (sizes + 2 * sizes[::-1]) / (4 * limit**2))
+    np.testing.assert_allclose((found.flow(z) / z).real, expected, rtol=1e-4)
+
+
+def test_frequencies_fall_as_kappa_says() -> None:
+    for scene in (bobs(1.0, 1.0, mass=3.0), double()):
+        found, modes = averaged(scene), natural_modes(scene)
+        for place, row in enumerate(found.row):
+            z = np.where(np.arange(len(found.omega)) == place, 0.02 + 0j, 0.0)
+            rate = found.forced(z)[place] / z[place]
+            kappa = modes[int(row)].kappa
+            assert abs(rate.real) < 1e-12
+            assert rate.imag == pytest.approx(found.omega[place] * kappa * found.largest(z) ** 2, rel=0.01)
+
+
+@pytest.mark.parametrize("count", range(1, MOST_BANDS + 1))
+def test_no_product_of_phases_has_a_mean(count: int) -> None:
+    points, steps = lattice(count)
+    phases = 2 * pi * np.outer(steps, np.arange(points)) / points
+    for word in product(range(-ORDER, ORDER + 1), repeat=count):
+        if 0 < sum(map(abs, word)) <= ORDER and sum(word) % 2 == 0:
+            assert abs(np.mean(np.exp(1j * np.array(word) @ phases))) < 1e-9
+
+
+def test_few_phases_do_as_well_as_many() -> None:
+    few = averaged(double(VanDerPol(strength=0.02, angle_deg=5.0)))
+    many = replace(few)
+    grid = 2 * pi * np.array(list(product(range(24), repeat=2))).T / 24
+    many.__dict__["_phases"] = np.exp(1j * grid)
+    z = np.array([0.15 + 0.05j, 0.02 - 0.01j])
+    np.testing.assert_allclose(few.flow(z), many.flow(z), rtol=1e-5)
+
+
+def test_amplitudes_give_the_motion_and_its_energy_back() -> None:
+    scene, rng = double(), np.random.default_rng(4)
+    found, (q, v) = averaged(scene), rng.standard_normal((2, 2)) * 1e-3
+    z, system = found.amplitudes(State(q, v)), matrices(scene)
+    np.testing.assert_allclose((found.shapes @ z).real, q)
+    np.testing.assert_allclose((found.shapes @ (1j * found.omega * z)).real, v)
+    assert found.energies(z).sum() == pytest.approx((v @ system.M @ v + q @ system.K @ q) / 2)
+    assert found.largest(z) >= np.abs(q).max()
+
+
+# -------------------------------------------------------------------------------------- configurations, slow motion
+
+
+def clocks(*angles: float, damping: float = 16.0) -> Scene:
+    return bobs(*angles, drive=VanDerPol(strength=0.05, angle_deg=4.0), mass=30.0, damping=damping)
+
+
+def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
+    found = averaged(clocks(5.0, -6.0))
+    states = configurations(found)
+    angles = [(found.shapes[1:] @ one.z) for one in states if one.share.max() > 0.999]
+    ratios = sorted(float((left / right).real) for left, right in angles)
+    np.testing.assert_allclose(ratios, [-1.0, 1.0], atol=1e-6)
+    assert [one.lasts for one in states if one.share.max() > 0.999] == [True, False]
+    apart = next(one for one in states if one.row == 1)
+    assert apart.omega == pytest.approx(sqrt(G) * (1 - radians(8.0) ** 2 / 16), rel=1e-4)
+
+
+def test_a_disturbance_falls_at_the_rate_of_its_configuration() -> None:
+    found = averaged(clocks(5.0, -6.0))
+    one = next(one for one in configurations(found) if one.row == 1)
+    angles = np.degrees((found.shapes[1:] @ one.z).real)
+    size = 8.0 / max(abs(angles))
+    scene = clocks(*(size * angles + 0.5))
+    run = survival(simulate(scene, 4 / one.hold, tolerance=1e-9, output=4001))
+    other = np.log(1 - run.share.max(axis=1))
+    inside = (run.times > 0.5 / one.hold) & (run.times < 3.5 / one.hold)
+    slope = np.polyfit(run.times[inside], other[inside], 1)[0]
+    assert slope == pytest.approx(-2 * one.hold, rel=0.1)
+    assert one.relaxation == 1 / abs(one.growth)
+
+
+def test_slow_motion_is_that_of_the_run() -> None:
+    scene = clocks(6.0, 4.0)
+    said = predicted(scene)
+    run = simulate(scene, float(said.motion.times[100]), tolerance=1e-9, output=20001)
+    measured = survival(run)
+    mine = np.array([np.interp(run.times, said.motion.times, row) for row in said.motion.share[measured.row - 1]]).T
+    inside = slice(400, -400)
+    assert np.abs(mine[inside] - measured.share[inside]).max() < 0.02
+    assert np.ptp(measured.share[:, 0]) > 0.2
+
+
+def test_the_last_passage_counts() -> None:
+    values = np.array([1.0, 0.4, 0.8, 0.2, 0.0])
+    assert below_for_good(np.arange(5.0), values, 0.5) == pytest.approx(2.5)
+    assert below_for_good(np.arange(5.0), values[::-1], 0.5) is None
+    assert below_for_good(np.arange(5.0), values, 2.0) == 0.0
+
+
+def test_steps_are_short_enough() -> None:
+    """Eight times as many steps change nothing that is asked."""
+    import nonlinear.slow_motion as slow
+
+    found = averaged(clocks(6.0, 4.0))
+    z = found.amplitudes(start_of(found.scene))[:, None]
+    (usual,) = settled(found, z)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(slow, "GAIN", slow.GAIN / 8)
+        patch.setattr(slow, "TURN", slow.TURN / 8)
+        patch.setattr(slow, "MOST_STEPS", slow.MOST_STEPS * 8)
+        (fine,) = settled(found, z)
+    assert usual.locking_time() == pytest.approx(fine.locking_time(), rel=1e-3)
+
+
+# ----------------------------------------------------------------------------------------------------- predictions
+
+
+def test_what_dies_out_is_said() -> None:
+    said = predicted(bobs(5.0, 2.0, drive=VanDerPol(strength=0.01, angle_deg=4.0), joint=0.05, mass=10.0))
+    assert said.doubts == ("the swing dies out: no drive keeps it up",)
+    assert said.locking_time() is None
+    assert not said.certain
+
+
+@pytest.mark.parametrize(
+    ("scene", "start", "message"),
+    [
+        (bobs(5.0, 2.0, mass=10.0), None, "nothing excites this scene"),
+        (clocks(5.0, 2.0), State(np.zeros(2), np.zeros(2)), "starts at rest"),
+    ],
+)
+def test_what_cannot_be_predicted_is_refused(scene: Scene, start: State | None, message: str) -> None:
+    with pytest.raises(ComputationError, match=message):
+        predicted(scene, start)
+
+
+def test_what_cannot_be_averaged_is_refused() -> None:
+    space = bobs(1.0).model_copy(update={"space": "space"})
+    alone = [Pendulum(links=(Bob(mass=1.0, length=0.2**power),)) for power in range(5)]
+    wide = Scene(gravity=G, support=Fixed(), pendulum=tuple(alone))
+    many = Scene(gravity=G, support=Fixed(), pendulum=(Pendulum(links=alone[0].links, count=401),))
+    up = Pendulum(links=(Bob(mass=1.0, length=1.0, stiffness=30.0),), equilibrium=("up",))
+    standing = Scene(gravity=G, support=Fixed(), pendulum=(up,))
+    for scene, message in ((space, "plane"), (standing, "hanging"), (many, "400 links, not 401"), (wide, "not 5")):
+        with pytest.raises(ComputationError, match=message):
+            averaged(scene)
+
+
+def test_resonances_are_of_up_to_four_frequencies() -> None:
+    for omega in ([1.0, 3.05], [1.0, 2.4, 3.8]):
+        assert resonant(np.array(omega), 0.1)
+    for omega in ([1.0, 3.2], [1.0, 5.0]):
+        assert not resonant(np.array(omega), 0.1)
+
+
+SAMPLE = (2104, 2112, 2115, 2118, 2119, 2127, 2006, 2010, 2011, 2015, 2016)
+
+
+def test_certain_survivors_survive() -> None:
+    cases = [survivors.judged(seed) for seed in SAMPLE]
+    assert sum(case.certain for case in cases) >= 10
+    assert sum(case.timed for case in cases) >= 6
+    for case in cases:
+        assert case.right or not case.certain, case
+        assert case.close or not case.timed, case
