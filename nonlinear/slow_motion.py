@@ -16,7 +16,7 @@ PERIODS = 64  # fast periods of the first part
 MOST_STEPS = 6000
 PER_PART = 50
 CALM = 1e-3  # share of the energy that changes rows within half of the time where the motion has settled
-ALONE = 1e-6  # share of the energy of all rows but one, falling, where that one has won
+ALONE = 3e-4  # share of the energy of all rows but one where that one has won
 DEAD = 1e-4  # of the first amplitude, where swinging dies out
 LOCKED = 0.01  # share of the energy that all modes but one may hold
 
@@ -107,6 +107,6 @@ def _going(averaged: Averaged, z: Complexes, starts: Complexes) -> Booleans:
     changing = np.ptp(energy, axis=-1).max(axis=0) > CALM * whole.max(axis=-1)
     others = 1 - energy.max(axis=0) / np.where(whole > 0, whole, 1.0)
     falling = whole[:, -1] < (1 - CALM) * whole[:, 0]
-    open_yet = falling | (others[:, -1] > ALONE) | (others[:, -1] > others[:, 0])
+    open_yet = falling | (others.max(axis=-1) > ALONE)
     alive = np.abs(z[..., -1]).max(axis=0) > DEAD * np.abs(starts).max(axis=0)
     return np.asarray(changing & open_yet & alive)

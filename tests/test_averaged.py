@@ -103,6 +103,10 @@ def test_kicks_follow_two_frequencies() -> None:
     found = averaged(double(Escapement(impulse=0.01, angle_deg=1.0)))
     z = np.array([0.08, 0.01j])
     gamma = found.shapes[0] * z
+    size, speed = np.abs(found.shapes[0] * z), np.abs(found.omega * found.shapes[0] * z)
+    assert size[0] > size[1]
+    assert found.mixed(z[:, None]) == pytest.approx(speed[1] / speed[0] / sqrt(1 - (radians(1.0) / size[0]) ** 2))
+    assert found.mixed(z[:, None]) < 1
     times = np.linspace(0.0, 4000.0, 4_000_001)
     waves = np.exp(1j * np.outer(found.omega, times))
     angle, rate = (gamma @ waves).real, (1j * found.omega * gamma @ waves).real
@@ -181,6 +185,13 @@ def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
     assert [one.lasts for one in states if one.share.max() > 0.999] == [True, False]
     apart = next(one for one in states if one.row == 1)
     assert apart.omega == pytest.approx(sqrt(G) * (1 - radians(8.0) ** 2 / 16), rel=1e-4)
+
+
+def test_many_pendula_in_antiphase_share_the_swing_in_many_ways_and_hold_it_all_the_same() -> None:
+    found = averaged(clocks(5.0, -6.0, 4.0, -7.0))
+    one = next(one for one in configurations(found) if one.row == 1 and one.share.max() > 0.999)
+    assert one.lasts is None
+    assert one.hold > 0.1 * np.abs(one.rates.real).max()
 
 
 def test_a_disturbance_falls_at_the_rate_of_its_configuration() -> None:
