@@ -18,12 +18,7 @@ on which no product of up to ORDER factors e^{±iχ_b} but those that truly are 
 A free cart has no frequency of its own, so a damper c may well stop it within a swing: its motion in φ_r is divided by
 1 − i c/(M ω_r), M all masses together, as M x'' + c x' = −(b·q)'' has it.
 
-A kick P of an escapement at the angle a of a joint that swings with the complex amplitude Γ, |Γ| > a, has the mean
-
-    (2 P ω/π) e^{iα} Γ/|Γ|,     cos α = a/|Γ|,     Γ = Σ γ_r z_r,     ω = Re(Σ ω_r γ_r z_r/Γ),
-
-the first harmonic of two kicks a period, ω being the rate at which the phase of the joint turns.  Of several bands
-the one that swings the joint most has this Γ; the others shift a, and with it α, and add their speed to |Γ| ω sin α.
+Escapements act by the first harmonics of their kicks (`nonlinear.describing`).
 """
 
 from __future__ import annotations
@@ -43,6 +38,7 @@ from modal.linear import matrices
 from modal.modes import Modes, natural_modes
 from modal.rig import Floats, Ints
 from modal.scene import Scene
+from nonlinear.describing import mixed, pulls
 from nonlinear.escapements import Escaping, escaping
 from nonlinear.modal_coordinates import rest_angles
 from nonlinear.plant import Plant, plant_of
@@ -56,7 +52,6 @@ ORDER = 6
 MOST, MOST_BANDS = 400, 4
 CHUNK = 2_000_000
 STEP = 1e-6
-GRAZING = 0.1  # least sin α
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +133,9 @@ class Averaged:
 
     def _kicks(self, z: Complexes) -> Complexes:
         """What escapements do to z (C, S)."""
-        torque = self._pulls(*self._swings(z))[self.band]
+        joints = self._joints
+        assert joints is not None
+        torque = pulls(joints.impulse, joints.angle, *self._swings(z), self._phases)[self.band]
         return np.asarray(np.einsum("cj,cjs->cs", self._turns, torque) / (2j * self.omega[:, None]))
 
     def _swings(self, z: Complexes) -> tuple[Complexes, Complexes]:
@@ -147,34 +144,8 @@ class Averaged:
         return np.asarray(self._turns.T @ parts), np.asarray(self._turns.T @ (self.omega[:, None] * parts))
 
     def mixed(self, z: Complexes) -> float:
-        """The largest speed of other bands beside the leading one's where it kicks, of all instants of z (C, S).
-
-        From 1 on a joint may come by twice on one side, and is kicked but once; 0 without escapements.
-        """
-        if self._joints is None:
-            return 0.0
-        swing, speed = map(np.abs, self._swings(z))
-        first = np.arange(len(swing))[:, None, None] == swing.argmax(axis=0)
-        room = 1 - (self._joints.angle[:, None] / np.maximum(swing.max(axis=0), 1e-100)) ** 2
-        own, rest = (np.where(chosen, speed, 0.0).sum(axis=0) for chosen in (first, ~first))
-        return float(np.max(rest[room > 0] / (own * np.sqrt(np.maximum(room, 0)))[room > 0], initial=0.0))
-
-    def _pulls(self, swing: Complexes, speed: Complexes) -> Complexes:
-        """First harmonics of kicks (B, J, S) on joints that swing with Σ γ_r z_r and speeds i Σ ω_r γ_r z_r."""
-        joints = self._joints
-        assert joints is not None
-        first = np.arange(len(swing))[:, None, None] == np.abs(swing).argmax(axis=0)
-        own, fast = (np.where(first, values, 0.0).sum(axis=0) for values in (swing, speed))
-        size = np.maximum(np.abs(own), 1e-100)[..., None]
-        turn = self._phases[:, None, None]
-        aside, speeding = ((np.where(first, 0.0, v)[..., None] * turn).sum(axis=0) for v in (swing, 1j * speed))
-        cosine = (joints.angle[:, None, None] - aside.real) / size
-        sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
-        rate = np.real(fast * own.conj())[..., None] / size**2 + speeding.real / (size * sine)
-        often = np.where(np.abs(cosine) < 1, np.maximum(rate, 0.0), 0.0)
-        lead = np.mean(often * (cosine + 1j * sine), axis=-1) * own / size[..., 0]
-        rest = np.mean(often * turn.conj(), axis=-1)
-        return np.asarray(2 / np.pi * joints.impulse[:, None] * np.where(first, lead, rest))
+        """How much several bands swing an escapement at once in z (C, S), see `nonlinear.describing`; 0 without."""
+        return mixed(self._joints.angle, *self._swings(z)) if self._joints else 0.0
 
     @cached_property
     def _braked(self) -> Complexes:
