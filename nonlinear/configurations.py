@@ -28,6 +28,7 @@ WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but 
 SAME = 1e-3
 FIRST = 0.1  # largest angle (rad) of a start
 SEED = 5
+EFFORT = 5_000  # evaluations of the rates after which a start that has not settled is left to Newton's method
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +90,7 @@ def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
     found: list[Configuration] = []
     for start in _starts(averaged):
         one = configuration(averaged, start)
-        if one and not any(_same(one, other) for other in found):
+        if one and not any(same(one, other) for other in found):
             found.append(one)
     return tuple(sorted(found, key=lambda one: (one.row, one.omega)))
 
@@ -127,7 +128,7 @@ def _starts(averaged: Averaged) -> Iterator[Complexes]:
 
 
 def _end(averaged: Averaged, z: Complexes) -> Complexes:
-    (motion,) = settled(averaged, (FIRST * z / averaged.largest(z))[:, None])
+    (motion,) = settled(averaged, (FIRST * z / averaged.largest(z))[:, None], EFFORT)
     return motion.z[:, -1]
 
 
@@ -191,7 +192,7 @@ def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> t
     return values[kept].astype(complex), leaving[kept]
 
 
-def _same(one: Configuration, other: Configuration) -> bool:
+def same(one: Configuration, other: Configuration) -> bool:
     """Whether two have the same energies and the same fate; turned copies of one do."""
     energies = [state.averaged.energies(state.z) for state in (one, other)]
     near = np.abs(energies[0] - energies[1]).max() <= SAME * energies[0].sum()

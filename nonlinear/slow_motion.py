@@ -64,12 +64,15 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
     return float(times[last] + (times[last + 1] - times[last]) * (high - threshold) / (high - low))
 
 
-def settled(averaged: Averaged, starts: Complexes) -> tuple[SlowMotion, ...]:
-    """From each of these amplitudes (C, S) until nothing changes anywhere, or for MOST_STEPS steps."""
+def settled(averaged: Averaged, starts: Complexes, most: int = MOST_STEPS) -> tuple[SlowMotion, ...]:
+    """From each of these amplitudes (C, S) until nothing changes anywhere, or for so many steps.
+
+    Pendula that drift past each other never settle.
+    """
     period = 2 * pi / float(averaged.omega.min())
     times, z = _part(averaged, starts, 0.0, PERIODS * period)
     going = _going(averaged, z, starts)
-    while going.any() and times[-1] * _pace(averaged, z[..., -1]) < MOST_STEPS / 2:
+    while going.any() and times[-1] * _pace(averaged, z[..., -1]) < most / 2:
         more, further = _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)

@@ -23,6 +23,7 @@ HEAVY = {
         f"nonlinear.{name}"
         for name in ("figures", "check_figures", "chaos_figures", "sweep_figures", "sync_figures", "tradeoff_figures")
     }
+    | {"nonlinear.branch_figures"}
     | {f"nonlinear.{name}" for name in ("scenery", "gauges", "film")}
     | {"nonlinear.animation"},
     "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"}
