@@ -165,16 +165,17 @@ def _turning(averaged: Averaged, z: Complexes) -> Floats:
 
 
 def _step(averaged: Averaged, z: Complexes, turning: Floats, left: Complexes, active: Booleans) -> Complexes:
-    """Newton's step, the shortest one: phases stay where they are."""
-    count, both = len(z), np.concatenate((active, active))
-    jacobian = _jacobian(averaged, z, turning)
-    turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in range(len(turning))]).T
+    """Newton's step, the shortest one that leaves the phase of every band where it is."""
+    count, bands = len(z), len(turning)
+    turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in range(bands)]).T
+    turns /= np.maximum(np.linalg.norm(turns, axis=0), np.finfo(float).tiny)
     columns = np.vstack((turns.real, turns.imag))
-    system = np.hstack((jacobian, -columns))[both][:, np.concatenate((both, np.ones(len(turning), dtype=bool)))]
-    right = -np.concatenate((left.real, left.imag))[both]
-    step = np.zeros(2 * count)
-    step[both] = np.linalg.lstsq(system, right, rcond=1e-9)[0][: int(both.sum())]
-    return np.asarray(step[:count] + 1j * step[count:])
+    system = np.block([[_jacobian(averaged, z, turning), -columns], [columns.T, np.zeros((bands, bands))]])
+    kept = np.concatenate((active, active, np.ones(bands, dtype=bool)))
+    right = -np.concatenate((left.real, left.imag, np.zeros(bands)))
+    step = np.zeros(len(kept))
+    step[kept] = np.linalg.lstsq(system[np.ix_(kept, kept)], right[kept], rcond=1e-9)[0]
+    return np.asarray(step[:count] + 1j * step[count : 2 * count])
 
 
 def _jacobian(averaged: Averaged, z: Complexes, turning: Floats) -> Floats:

@@ -1,0 +1,60 @@
+"""Branches of configurations in print: where each lasts, the critical values, and all of them as CSV."""
+
+from __future__ import annotations
+
+import csv
+import io
+from math import degrees
+
+import numpy as np
+from tabulate import tabulate
+
+from modal.rig import Floats
+from nonlinear.agreement import agreement
+from nonlinear.branches import Branch, Branches, Change
+
+
+def branches_text(found: Branches) -> str:
+    """One line a branch, counted from 1, then one a critical value."""
+    variation = found.variation
+    values, unit = variation.values, variation.unit
+    where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
+    head = f"{len(found.branches)} configurations over {where}"
+    rows = [_row(number, one) for number, one in enumerate(found.branches, start=1)]
+    headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", f"exists {unit}".strip(), f"lasts {unit}".strip())
+    parts = [head, tabulate(rows, headers=headers, disable_numparse=True) if rows else "nothing keeps swinging"]
+    if found.changes:
+        turns = [(f"{change.value:.7g}", str(number + 1), change_words(change)) for change, number in found.changes]
+        parts += ["", tabulate(turns, headers=(f"at {unit}".strip(), "", "what happens there"), disable_numparse=True)]
+    return "\n".join(parts) + "\n"
+
+
+def branches_csv(found: Branches) -> str:
+    """One row a branch and value: does it last, frequency, largest angle, growth rate, and how pendula agree."""
+    stream = io.StringIO()
+    written = csv.writer(stream, lineterminator="\n")
+    head = ("branch", found.variation.column, "lasts", "omega_rad_per_s", "angle_deg", "growth_per_s", "pendula")
+    written.writerow(head)
+    for number, one in enumerate(found.branches, start=1):
+        numbers = zip(one.values.tolist(), one.lasts, one.omega.tolist(), one.angle.tolist(), one.states, strict=True)
+        for value, lasts, omega, angle, state in numbers:
+            figures = (repr(value), int(lasts), repr(omega), repr(degrees(angle)), repr(state.growth))
+            written.writerow((number, *figures, agreement(state)))
+    return stream.getvalue()
+
+
+def change_words(change: Change) -> str:
+    """What happens at a critical value: stops lasting (neighbours beat at 0.063 rad/s)."""
+    return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
+
+
+def _row(number: int, one: Branch) -> tuple[str, ...]:
+    lasting = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in one.intervals) or "nowhere"
+    exists = f"{one.values[0]:.7g} to {one.values[-1]:.7g}"
+    return str(number), one.words, _range(one.omega), _range(np.rad2deg(one.angle)), exists, lasting
+
+
+def _range(values: Floats) -> str:
+    """From the first value to the last."""
+    ends = dict.fromkeys(f"{value:#.4g}".rstrip(".") for value in (values[0], values[-1]))
+    return " → ".join(ends)
