@@ -45,7 +45,7 @@ def branches_figure(found: Branches) -> Figure:
         _curve(upper, one, np.rad2deg(one.angle), number)
         _curve(lower, one, one.omega, number)
     upper.set(ylabel="largest angle (°)", xlim=(values[0], values[-1]))
-    upper.set_ylim(bottom=0)
+    upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
     lower.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", found.variation)
     dress(upper)
