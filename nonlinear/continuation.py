@@ -58,7 +58,7 @@ class Walk:
 
     def _between(self, here: Step, target: float) -> list[Step]:
         """What follows up to a value, that included if it is reached."""
-        if state := self._moved(here[1], target):
+        if state := self.moved(here[1], target):
             return [(target, state)]
         if self._close(here[0], target):
             return []
@@ -72,12 +72,12 @@ class Walk:
         if (before[1].lasts is True) == (after[1].lasts is True) or self._close(before[0], after[0]):
             return [after]
         middle = self._middle(before[0], after[0])
-        state = self._moved(before[1], middle) or self._moved(after[1], middle)
+        state = self.moved(before[1], middle) or self.moved(after[1], middle)
         if state is None:
             return [after]
         return self._sharpened(before, (middle, state)) + self._sharpened((middle, state), after)
 
-    def _moved(self, state: Configuration, value: float) -> Configuration | None:
+    def moved(self, state: Configuration, value: float) -> Configuration | None:
         """The same configuration at another value, None where there is none nearby."""
         z = _carried(state, self.at(value))
         found = configuration(self.at(value), z)

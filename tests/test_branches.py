@@ -60,7 +60,7 @@ def critical(one: Branch, *kinds: str) -> float:
 def near(one: Branch, scene: Scene, value: float) -> Configuration:
     """The configuration there, or the last one before it is lost."""
     at = int(np.abs(one.values - value).argmin())
-    moved = Walk(scene, one.variation)._moved(one.states[at], value)
+    moved = Walk(scene, one.variation).moved(one.states[at], value)
     return moved or one.states[at]
 
 
