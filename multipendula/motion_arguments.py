@@ -93,7 +93,9 @@ def synchrony(command: Add) -> None:
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), help="default: as predicted")
     add.add_argument("--start", metavar="WORDS", help="as in simulate")
-    add.add_argument("--format", choices=("text", "json"), default="text")
+    ways = "follow every way to keep swinging along one number instead, such as support.mass=1:100:30log"
+    add.add_argument("--vary", metavar="PLACE=VALUES", help=ways)
+    add.add_argument("--format", choices=("text", "json", "csv"), default="text", help="csv with --vary only")
     add.add_argument("--picture", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
     add.add_argument("--film", metavar="FILE", help="a .gif, .mp4 or .html file, lit like a stroboscope")
 

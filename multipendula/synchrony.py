@@ -1,9 +1,10 @@
-"""The command sync: who keeps time with whom, predicted and simulated."""
+"""The command sync: who keeps time with whom, predicted and simulated, and where along a parameter that changes."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from multipendula.commands import picture
@@ -11,26 +12,51 @@ from multipendula.motions import film_form
 from multipendula.runs import bar, in_a_folder, start_of
 
 if TYPE_CHECKING:
+    from modal.scene import Scene
     from nonlinear.synchrony import Synchrony
 
 
 def sync(options: argparse.Namespace) -> None:
     """Predict which mode survives in a scene that excites itself, simulate it, and measure who keeps time with whom."""
     from modal.files import load
+    from modal.variations import parsed
     from nonlinear.requests import gathered
-    from nonlinear.synchrony import synchrony
 
     scene, *_ = gathered(
         lambda: load(options.scene),
+        lambda: options.vary and parsed([options.vary]),
+        lambda: _fitting(options),
         lambda: options.picture and picture(options.picture),
         lambda: options.film and film_form(options.film),
-        *(lambda path=path: in_a_folder(path) for path in (options.picture, options.film)),
+        lambda: in_a_folder(options.picture),
+        lambda: in_a_folder(options.film),
     )
+    (_branches if options.vary else _run)(scene, options)
+
+
+def _fitting(options: argparse.Namespace) -> None:
+    from modal.errors import SceneError
+
+    if problems := list(_misfits(options)):
+        raise SceneError(problems)
+
+
+def _misfits(options: argparse.Namespace) -> Iterator[str]:
+    if options.vary:
+        asked = [name for name in ("duration", "start", "film") if getattr(options, name)]
+        yield from (f"--{name}: goes without --vary" for name in asked)
+        if options.format == "json":
+            yield "--format json: goes without --vary"
+    elif options.format == "csv":
+        yield "--format csv: needs --vary"
+
+
+def _run(scene: Scene, options: argparse.Namespace) -> None:
+    from nonlinear.synchrony import synchrony
+
     start = start_of(scene, options.start)
     with bar(1.0, "run") as report:
-        found = synchrony(
-            scene, options.duration, start=start, report=lambda elapsed, duration: report(elapsed / duration)
-        )
+        found = synchrony(scene, options.duration, start=start, report=lambda now, end: report(now / end))
     sys.stdout.write(_told(found, options.format))
     if options.picture:
         _draw(found, options.picture)
@@ -57,9 +83,26 @@ def _draw(found: Synchrony, name: str) -> None:
 def _film(found: Synchrony, name: str) -> None:
     from modal.files import whole_file
     from nonlinear.animation import animate
-    from nonlinear.strobe import strobed
+    from nonlinear.strobe import SECONDS, strobed
 
     form = film_form(name)
-    with whole_file(name) as stream, bar(20.0) as report:
+    with whole_file(name) as stream, bar(SECONDS) as report:
         shown = animate(found.trajectory, stream, form, **strobed(found.phases, form), report=report)
-    print(f"{shown.frames} frames, one every {shown.motion / shown.frames:.4g} s", file=sys.stderr)
+    print(f"multipendula: {shown.frames} frames, one every {shown.motion / shown.frames:.4g} s", file=sys.stderr)
+
+
+def _branches(scene: Scene, options: argparse.Namespace) -> None:
+    from modal.files import whole_file
+    from modal.variations import parsed
+    from nonlinear.branch_tables import branches_csv, branches_text
+    from nonlinear.branches import branches
+
+    (variation,) = parsed([options.vary])
+    with bar(0, "branch") as report:
+        found = branches(scene, variation, report)
+    sys.stdout.write(branches_csv(found) if options.format == "csv" else branches_text(found))
+    if options.picture:
+        from nonlinear.branch_figures import draw_branches
+
+        with whole_file(options.picture) as stream:
+            draw_branches(found, stream, picture(options.picture))

@@ -28,7 +28,7 @@ WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but 
 SAME = 1e-3
 FIRST = 0.1  # largest angle (rad) of a start
 SEED = 5
-EFFORT = 5_000  # evaluations of the rates after which a start that has not settled is left to Newton's method
+EFFORT = 1_500  # steps after which a start that has not settled is left to Newton's method
 
 
 @dataclass(frozen=True, eq=False)

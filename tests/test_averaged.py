@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import sys
 from dataclasses import replace
 from itertools import product
 from math import pi, radians, sqrt
-from pathlib import Path
 
 import numpy as np
 import pytest
+import survivors
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
-from modal.decay import damped_modes
+from modal.coupling import explained
 from modal.drives import Drive, Escapement, VanDerPol
 from modal.errors import ComputationError
 from modal.linear import matrices
-from modal.rig import rig_of
 from modal.scene import Start
 from nonlinear.averaged import MOST_BANDS, ORDER, averaged, derivative, lattice
 from nonlinear.configurations import configuration, configurations
@@ -26,10 +24,6 @@ from nonlinear.slow_motion import below_for_good, settled
 from nonlinear.starts import start_of
 from nonlinear.state import State
 from nonlinear.survival import survival
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks"))
-
-import survivors
 
 G = 9.81
 
@@ -66,7 +60,7 @@ def test_small_swings_decay_as_damped_modes_do(stiffness: float) -> None:
     found = averaged(scene)
     values = np.linalg.eigvals(derivative(found.flow, np.zeros(len(found.omega), dtype=complex)))
     values = values[values.imag != 0] if np.any(values.imag) else values
-    known = [(mode.rate, mode.exact) for mode in damped_modes(rig_of(scene))]
+    known = [(mode.rate, mode.exact) for mode in explained(scene).damped]
     for rate, exact in known:
         assert exact is not None
         near = min(abs(value + 1j * centre - exact) for value in values for centre in found.centre)
@@ -77,7 +71,7 @@ def test_a_braked_cart_slows_no_more_than_it_moves() -> None:
     scene = bobs(1.0, 1.0, mass=50.0, damping=150.0)
     found = averaged(scene)
     values = np.linalg.eigvals(derivative(found.flow, np.zeros(2, dtype=complex)))
-    still, moving = damped_modes(rig_of(scene))
+    still, moving = explained(scene).damped
     assert moving.exact is not None
     first, own = -moving.rate, values[np.argmin(values.real)]
     assert own.real == pytest.approx(moving.exact.real, rel=0.02)

@@ -189,7 +189,7 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     scene = metronomes(VanDerPol(strength=4e-6, angle_deg=10.0))
     one = named(followed(scene, "support.damping=0.01:0.2:4log"), "in phase")
     value = critical(one, "stops lasting")
-    assert critical(one, "dies out") == pytest.approx(2 * value, rel=2e-3)
+    assert critical(one, "dies out") == pytest.approx(2 * value, rel=5e-3)
     for part, survivor in ((0.85, 3), (1.15, 2)):
         phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 600.0, 0.9)
         assert survival(phases.trajectory).survivor == survivor

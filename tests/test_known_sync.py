@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
-from pathlib import Path
-from types import ModuleType
 
+import exchange
+import huygens
+import koluda
 import numpy as np
+import pantaleone
 import pytest
 
 from modal import load
 from nonlinear.simulation import simulate
-
-FOLDER = Path(__file__).parent.parent / "benchmarks" / "sync"
-
-
-def script(name: str) -> ModuleType:
-    """One of the scripts in benchmarks/sync."""
-    found = importlib.util.spec_from_file_location(f"sync_{name}", FOLDER / f"{name}.py")
-    assert found is not None
-    assert found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    sys.modules[found.name] = module
-    found.loader.exec_module(module)
-    return module
-
-
-huygens, pantaleone, koluda, exchange = map(script, ("huygens", "pantaleone", "koluda", "exchange"))
 
 
 def test_the_shipped_clocks_end_as_their_titles_say() -> None:

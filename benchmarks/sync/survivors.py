@@ -1,6 +1,6 @@
 """Whether the survivor that is predicted is the one that survives, and when: a held set of driven scenes, simulated.
 
-    OPENBLAS_NUM_THREADS=1 python benchmarks/survivors.py [--quick] [--csv FILE]
+    OPENBLAS_NUM_THREADS=1 python benchmarks/sync/survivors.py [--quick] [--csv FILE]
 
 Random scenes of two to six equal pendula of one or two links on one cart, light to heavy, with and without damper and
 spring, kept going by van der Pol torques or escapements, released at random angles; no constant of the code was fitted
