@@ -23,6 +23,7 @@ from nonlinear.sweeps import Sweep
 
 MOST_CURVES, MOST_MAPS = len(COLOURS) * len(STYLES), 6
 SHADES = "viridis"  # even in lightness, and told apart by colour-blind readers
+MOST_TICKS = 12  # of a map whose values are whole numbers
 DECADES = 30.0
 """The ratio of largest to smallest from which colours and curves go by ratios."""
 STILL, WINDOW = 1e-6, 0.01
@@ -49,6 +50,11 @@ def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
     Points that failed are hatched.  Raises ComputationError where nothing is known, for three parameters, and for
     more than a picture holds.
     """
+    save(sweep_figure(sweep), stream, form)
+
+
+def sweep_figure(sweep: Sweep) -> Figure:
+    """The same as a figure."""
     insist(sweep.study.variations)
     known = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
     if not known:
@@ -59,7 +65,7 @@ def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
         raise ComputationError(f"{len(known)} numbers do not fit a picture: measure at most {most}")
     figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
     headline(figure, sweep.study.scene, "sweep")
-    save(figure, stream, form)
+    return figure
 
 
 def insist(axes: Sequence[Variation]) -> None:
@@ -139,10 +145,13 @@ def _maps(sweep: Sweep, known: list[str]) -> Figure:
     figure = _figure(1.4 + 5.0 * columns, 0.8 + 4.0 * rows)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
     y, x = sweep.study.variations
-    for axis, name in zip(panels, known, strict=False):
+    for place, (axis, name) in enumerate(zip(panels, known, strict=False)):
         _map(figure, axis, sweep, name)
         axis.set(xlabel=axis_words(x), ylabel=axis_words(y))
         axis.label_outer()
+        if place + columns >= len(known):
+            axis.set_xlabel(axis_words(x))
+            axis.tick_params(which="both", labelbottom=True)
     for axis in panels[len(known) :]:
         axis.remove()
     return figure
@@ -165,6 +174,8 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     bar.ax.tick_params(which="both", labelsize=9, colors=INK)
     if by_ratio:
         log_ticks(bar.ax.yaxis, known.max() / known.min())
+    elif np.all(known == np.round(known)) and len(rows := np.unique(known)) <= MOST_TICKS:
+        bar.set_ticks(rows.tolist(), labels=[f"{row:g}" for row in rows])
     bar.outline.set_visible(False)
 
 

@@ -27,8 +27,8 @@ from nonlinear.journals import journal
 from nonlinear.measure import Asked, Measure
 from nonlinear.measures import MEASURES, asked
 from nonlinear.simulation import simulate
-from nonlinear.studies import MOST_POINTS, Study
-from nonlinear.sweep_figures import draw_sweep, label
+from nonlinear.studies import MOST_POINTS, Row, Study
+from nonlinear.sweep_figures import draw_sweep, label, sweep_figure
 from nonlinear.sweeps import DIED, Sweep, sweep
 
 PAPER = load("paper-cart-2")
@@ -484,6 +484,17 @@ def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     for bad, words in [(nothing, "nothing to draw"), (cube, "one parameter or two")]:
         with pytest.raises(ComputationError, match=words):
             draw_sweep(bad, io.BytesIO())
+
+
+def test_every_column_of_maps_has_its_axis_and_whole_numbers_have_ticks_of_their_own() -> None:
+    asking = study("support.mass=1,2", "gravity=1,2")
+    rows = tuple(Row(k, {"first": k + 0.5, "second": 1.0 + k, "row": 2.0 + k % 2}) for k in range(4))
+    figure = sweep_figure(Sweep(asking, rows))
+    figure.canvas.draw()
+    maps, bars = figure.axes[:3], figure.axes[3:]
+    assert [bool(axis.get_xlabel()) for axis in maps] == [False, True, True]
+    assert all(any(text.get_text() for text in axis.get_xticklabels()) for axis in maps[1:])
+    assert [text.get_text() for text in bars[2].get_yticklabels()] == ["2", "3"]
 
 
 # ------------------------------------------------------------------------------------------------------ cluster
