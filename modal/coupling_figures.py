@@ -14,7 +14,7 @@ from modal.cart_mass_figures import draw_limits
 from modal.coupling import Coupling
 from modal.mass_figures import CURVE, FELT, POLE, ZERO, close_families, draw_close, draw_mass
 from modal.palette import GRID, INK, MARK
-from modal.pictures import save
+from modal.pictures import entitle, save
 
 
 def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
@@ -47,7 +47,7 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
     what = "what a force on the cart feels" if coupling.on_cart else "what a cart here would feel"
     title = coupling.scene.title
     words = f"{title}: {what}" if title else what.capitalize()
-    figure.suptitle(words, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, words)
     entries = {
         "dynamic mass": Line2D([], [], color=CURVE, lw=1.6),
         "poles: the cart stands still": Line2D([], [], color=POLE, ls="--", lw=1.1),

@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.modes import Modes
 from modal.palette import COLOURS, INK, MARK, REST
-from modal.pictures import save
+from modal.pictures import entitle, save
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from modal.shapes import Shape
@@ -75,7 +75,7 @@ def draw_shapes(
     size = (max(width * columns, 4.6), height * lines + 0.75)
     figure = Figure(figsize=size, dpi=150, facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
-    figure.suptitle(modes.scene.title or "Mode shapes", fontsize=14, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, modes.scene.title or "Mode shapes")
     axes = figure.subplots(lines, columns, squeeze=False)
     for axis in axes.flat:
         axis.set_axis_off()

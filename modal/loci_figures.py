@@ -18,7 +18,7 @@ from modal.encounters import Encounter
 from modal.errors import ComputationError
 from modal.loci import Loci
 from modal.palette import COLOURS, GRID, INK, STYLES
-from modal.pictures import save
+from modal.pictures import entitle, save
 from modal.scene import Scene
 from modal.variations import Variation
 
@@ -106,7 +106,7 @@ def dress(axis: Axes) -> None:
 def headline(figure: Figure, scene: Scene, title: str) -> None:
     """The scene's title and what is shown of it."""
     whole = f"{scene.title}: {title}" if scene.title else title.capitalize()
-    figure.suptitle(whole, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, whole)
 
 
 def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:

@@ -3,9 +3,20 @@
 from __future__ import annotations
 
 import warnings
+from textwrap import fill
 from typing import IO
 
 from matplotlib.figure import Figure
+
+from modal.palette import INK
+
+LETTER = 0.115  # inches that a bold letter of a title takes
+
+
+def entitle(figure: Figure, words: str) -> None:
+    """A title over the whole figure, on as many lines as it needs; nothing in it is read as mathematics."""
+    lines = fill(words, max(20, int(figure.get_figwidth() / LETTER)))
+    figure.suptitle(lines, fontsize=12, fontweight="bold", color=INK, parse_math=False)
 
 
 def save(figure: Figure, stream: IO[bytes], form: str) -> None:

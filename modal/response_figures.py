@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.modal_form import Complexes, ModalForm
 from modal.mode import UNCERTAIN
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import save
+from modal.pictures import entitle, save
 from modal.response import frequency_response, impulse_response
 from modal.rig import Floats
 from modal.signals import Signal
@@ -189,7 +189,7 @@ def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str, strea
         axis.tick_params(labelsize=9, colors=INK)
         axis.spines[["top", "right"]].set_visible(False)
     whole = f"{form.model.title}: {title}" if form.model.title else title.capitalize()
-    figure.suptitle(whole, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, whole)
     handles = [
         Line2D([], [], color=COLOURS[k % len(COLOURS)], ls=STYLES[k // len(COLOURS)], lw=1.6) for k in range(len(shown))
     ]

@@ -13,7 +13,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
 from modal.palette import COLOURS, GRID, INK, MARK
-from modal.pictures import save
+from modal.pictures import entitle, save
 from modal.scene import Scene
 from nonlinear.chaos_studies import Case, Finding
 from nonlinear.lyapunov import COVERAGE, Exponent
@@ -122,5 +122,5 @@ def _finish(figure: Figure, title: str, stream: IO[bytes], kind: str) -> None:
         axis.set_axisbelow(True)
         axis.tick_params(labelsize=9, colors=INK)
         axis.spines[["top", "right"]].set_visible(False)
-    figure.suptitle(title, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, title)
     save(figure, stream, kind)

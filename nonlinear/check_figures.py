@@ -16,7 +16,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from modal.errors import ComputationError
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import save
+from modal.pictures import entitle, save
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.check import ONE_PERCENT, Check, ModeCheck
@@ -179,5 +179,5 @@ def _finish(
         axis.tick_params(which="both", labelsize=9, colors=INK)
         axis.spines[["top", "right"]].set_visible(False)
     whole = f"{scene.title}: {title}" if scene.title else title.capitalize()
-    figure.suptitle(whole, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, whole)
     figure.legend(handles, names, loc="outside lower center", ncols=columns, fontsize=9, frameon=False)

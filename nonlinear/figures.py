@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import save
+from modal.pictures import entitle, save
 from modal.rig import Floats
 from nonlinear.frames import resampled
 from nonlinear.spectra import power_spectrum
@@ -50,7 +50,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     _portrait(figure.add_subplot(grid[:3, 1]), smooth, shown[:MOST_PORTRAITS])
     _spectrum(figure.add_subplot(grid[3:, 1]), trajectory, shown)
     title = trajectory.scene.title or "Motion of a scene"
-    figure.suptitle(title, fontsize=14, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, title)
     figure.supxlabel(_caption(trajectory, shown), fontsize=8, color=MARK)
     return figure
 

@@ -16,7 +16,7 @@ from matplotlib.ticker import MaxNLocator
 from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.palette import COLOURS, GRID, INK, MARK, REST
-from modal.pictures import save
+from modal.pictures import entitle, save
 from modal.rig import Floats, Ints
 from nonlinear.frames import picked, resampled
 from nonlinear.phases import Phases
@@ -205,7 +205,7 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
 def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
     title = trajectory.scene.title
     words = f"{title}: who keeps time with whom" if title else "Who keeps time with whom"
-    figure.suptitle(words, fontsize=13, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, words)
     lines = [Line2D([], [], color=COLOURS[k], lw=2.4 - 0.3 * k) for k in range(len(shown))]
     names = [f"pendulum {number + 1}" for number in shown]
     figure.legend(lines, names, loc="outside lower center", ncols=len(lines), fontsize=9, frameon=False)

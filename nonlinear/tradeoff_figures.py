@@ -12,7 +12,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from modal.errors import ComputationError
 from modal.palette import COLOURS, GRID, INK, REST
-from modal.pictures import save
+from modal.pictures import entitle, save
 from nonlinear.ladder import Rung
 from nonlinear.superposition import CORRECTED, LINEAR
 from nonlinear.tradeoff import Row, Tradeoff
@@ -88,5 +88,5 @@ def _dress(figure: Figure, axis: Axes, found: Tradeoff) -> None:
     axis.tick_params(which="both", labelsize=9, colors=INK)
     axis.spines[["top", "right"]].set_visible(False)
     title = f"{found.scene.title}: time against accuracy" if found.scene.title else "Time against accuracy"
-    figure.suptitle(title, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+    entitle(figure, title)
     figure.legend(loc="outside lower center", ncols=4, fontsize=9, frameon=False)

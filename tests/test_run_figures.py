@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 import modal
 from modal import Bob, Cart, Pendulum, Scene
 from modal.errors import ComputationError
+from modal.pictures import entitle
 from nonlinear.figures import draw_run, run_figure
 from nonlinear.simulation import simulate
 from nonlinear.spectra import power_spectrum
@@ -92,3 +94,17 @@ def test_a_single_instant_is_refused() -> None:
     one = simulate(scene, 1.0, output=[0])
     with pytest.raises(ComputationError, match="single instant"):
         run_figure(one)
+
+
+@pytest.mark.parametrize("words", ["W" * 30 + " " + "word " * 30, "$a$ and $b"])
+def test_a_title_stays_within_its_figure(words: str) -> None:
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    FigureCanvasAgg(figure)
+    figure.subplots()
+    entitle(figure, words)
+    figure.canvas.draw()
+    (title,) = figure.texts
+    box = title.get_window_extent()
+    assert box.x0 >= 0
+    assert box.x1 <= figure.bbox.width
+    assert title.get_text().split() == words.split()
