@@ -8,6 +8,7 @@ from math import ceil, pi
 
 import numpy as np
 
+from modal.errors import ComputationError
 from modal.rig import Booleans, Floats
 from nonlinear.averaged import Averaged, Complexes, derivative
 
@@ -15,6 +16,8 @@ GAIN, TURN = 0.4, 1.0  # largest growth and turn (rad) within a step
 PERIODS = 64  # fast periods of the first part
 MOST_STEPS = 6000
 PER_PART = 50
+ALIKE, HASTE = 0.1, 1.5  # change of sizes that leaves the pace, and of the pace that leaves the steps
+FAR = 20.0  # rad: amplitudes beyond it come of steps that are too long
 CALM = 1e-3  # share of the energy that changes rows within half of the time where the motion has settled
 ALONE = 3e-4  # share of the energy of all rows but one where that one has won
 DEAD = 1e-4  # of the first amplitude, where swinging dies out
@@ -80,21 +83,38 @@ def settled(averaged: Averaged, starts: Complexes, most: int = MOST_STEPS) -> tu
 
 
 def _part(averaged: Averaged, starts: Complexes, begin: float, duration: float) -> tuple[Floats, Complexes]:
+    """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every stretch between."""
+    span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
+    while len(found) <= PER_PART:
+        z = _moved(averaged, found[-1], span, ceil(span * pace))
+        if _alike(found[-1], z):
+            found.append(z)
+            continue
+        used, pace = pace, _pace(averaged, z) if averaged.largest(z) < FAR else 2 * pace
+        if pace <= HASTE * used:
+            found.append(z)
+        elif span * pace > MOST_STEPS:
+            raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
+    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1)
+
+
+def _alike(one: Complexes, other: Complexes) -> bool:
+    """Whether sizes are the same within ALIKE of the largest, so that their pace need not be found anew."""
+    return bool(np.abs(np.abs(one) - np.abs(other)).max() <= ALIKE * np.abs(one).max())
+
+
+def _moved(averaged: Averaged, z: Complexes, duration: float, steps: int) -> Complexes:
     """By Lawson's form of the classical Runge–Kutta method: the detuning turns exactly."""
-    z, forced = starts, averaged.forced
-    kept = max(1, ceil(duration * _pace(averaged, z) / PER_PART))
-    h = duration / (PER_PART * kept)
+    forced, h = averaged.forced, duration / max(1, steps)
     turn = np.exp(0.5j * h * averaged.detuning)[:, None]
-    found = [z]
-    for _ in range(PER_PART):
-        for _ in range(kept):
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(max(1, steps)):
             a = forced(z)
             b = forced(turn * (z + h / 2 * a))
             c = forced(turn * z + h / 2 * b)
             d = forced(turn**2 * z + h * turn * c)
             z = turn**2 * (z + h / 6 * a) + h / 3 * turn * (b + c) + h / 6 * d
-        found.append(z)
-    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1)
+    return z
 
 
 def _pace(averaged: Averaged, z: Complexes) -> float:
