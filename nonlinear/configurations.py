@@ -23,7 +23,7 @@ from nonlinear.slow_motion import settled
 
 FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
 NEWTON, DONE = 20, 1e-10
-FLAT = 1e-4  # of the fastest rate: an eigenvalue below it is taken for 0
+FLAT = 1e-4  # of the recovery: an eigenvalue below it is taken for 0
 WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but for rounding
 SAME = 1e-3
 FIRST = 0.1  # largest angle (rad) of a start
@@ -37,6 +37,7 @@ class Configuration:
 
     `rates` are the eigenvalues μ but the neutral ones, the slowest first, and `leaving` the share of the energy of
     each eigenvector that is not in the row that holds most: many pendula in antiphase may share it in many ways.
+    `recovery` is the size of Re z*ᵀJz/|z|² (1/s), the pace at which the size of the whole swing changes by itself.
     """
 
     averaged: Averaged
@@ -44,6 +45,7 @@ class Configuration:
     turning: Floats
     rates: Complexes
     leaving: Floats
+    recovery: float
 
     @cached_property
     def share(self) -> Floats:
@@ -64,8 +66,7 @@ class Configuration:
     @property
     def lasts(self) -> bool | None:
         """Whether all neighbours come back; None where some do neither."""
-        flat = FLAT * float(np.abs(self.rates.real).max(initial=0.0))
-        return None if abs(self.growth) <= flat else self.growth < 0
+        return None if abs(self.growth) <= FLAT * self.recovery else self.growth < 0
 
     @property
     def hold(self) -> float:
@@ -183,19 +184,20 @@ def _jacobian(averaged: Averaged, z: Complexes, turning: Floats) -> Floats:
     return derivative(lambda near: averaged.flow(near) - 1j * turning[averaged.band][:, None] * near, z)
 
 
-def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats]:
-    """All μ but the `neutral` ones next to 0, the slowest first, and how much of each leaves the row of z."""
-    values, vectors = np.linalg.eig(_jacobian(averaged, z, turning))
+def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats, float]:
+    """All μ but the `neutral` ones next to 0, the slowest first, how much of each leaves the row of z, the recovery."""
+    jacobian, parts = _jacobian(averaged, z, turning), np.concatenate((z.real, z.imag))
+    values, vectors = np.linalg.eig(jacobian)
     energy = np.sum([averaged.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
     leaving = 1 - energy[int(averaged.energies(z).argmax())] / energy.sum(axis=0)
     kept = np.argsort(np.abs(values))[neutral:]
     kept = kept[np.argsort(-values[kept].real)]
-    return values[kept].astype(complex), leaving[kept]
+    return values[kept].astype(complex), leaving[kept], abs(float(parts @ jacobian @ parts / (parts @ parts)))
 
 
-def same(one: Configuration, other: Configuration) -> bool:
-    """Whether two have the same energies and the same fate; turned copies of one do."""
+def same(one: Configuration, other: Configuration, within: float = SAME) -> bool:
+    """Whether two have the same energies and the same fate, within this share of them; turned copies of one do."""
     energies = [state.averaged.energies(state.z) for state in (one, other)]
-    near = np.abs(energies[0] - energies[1]).max() <= SAME * energies[0].sum()
+    near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
     scale = max(np.abs(one.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))
-    return bool(near and abs(one.growth - other.growth) <= 10 * SAME * scale)
+    return bool(near and abs(one.growth - other.growth) <= 10 * within * scale)

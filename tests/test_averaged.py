@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 import survivors
 
-from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
+from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
 from modal.coupling import explained
 from modal.drives import Drive, Escapement, VanDerPol
 from modal.errors import ComputationError
 from modal.linear import matrices
+from modal.places import varied
 from modal.scene import Start
 from nonlinear.averaged import MOST_BANDS, ORDER, averaged, derivative, lattice
-from nonlinear.configurations import configuration, configurations
+from nonlinear.configurations import FIRST, configuration, configurations
 from nonlinear.prediction import predicted, resonant
 from nonlinear.simulation import simulate
 from nonlinear.slow_motion import below_for_good, settled
@@ -233,6 +234,31 @@ def test_steps_are_short_enough() -> None:
         patch.setattr(slow, "MOST_STEPS", slow.MOST_STEPS * 8)
         (fine,) = settled(found, z)
     assert usual.locking_time() == pytest.approx(fine.locking_time(), rel=1e-3)
+
+
+def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
+    """The beam of this scene swings slowly and decays: steps that fit it are far too long for the clocks it feeds."""
+    found = averaged(varied(load("clocks-double"), {"support.mass": 50.0}))
+    start = np.where(found.row == 0, FIRST / np.abs(found.shapes[1:, 0]).max(), 1e-12).astype(complex)
+    (motion,) = settled(found, start[:, None])
+    ending = configuration(found, motion.z[:, -1])
+    assert ending is not None
+    assert ending.lasts
+    np.testing.assert_allclose(found.energies(motion.z[:, -1]).max(), found.energies(ending.z).max(), rtol=0.02)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("nonlinear.slow_motion.MOST_STEPS", 1)
+        with pytest.raises(ComputationError, match="more than 1 steps"):
+            settled(found, start[:, None], 10**6)
+
+
+def test_a_cart_that_is_stopped_at_once_makes_no_doubt_of_who_comes_back() -> None:
+    """The damper takes its own mode, of a spring, at a rate of more than 10⁴ times that of a clock."""
+    scene = bobs(5.0, -6.0, drive=VanDerPol(strength=1e-4, angle_deg=4.0), mass=8.0, stiffness=900.0, damping=40.0)
+    one = next(one for one in configurations(averaged(scene)) if one.row == 1)
+    assert np.abs(one.rates.real).max() > 1e4 * abs(one.growth)
+    assert one.growth == pytest.approx(-1e-4, rel=0.01)
+    assert one.recovery == pytest.approx(1e-4, rel=0.01)
+    assert one.lasts is True
 
 
 # ----------------------------------------------------------------------------------------------------- predictions
