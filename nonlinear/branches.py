@@ -1,7 +1,8 @@
 """Configurations of a self-excited scene followed along one of its numbers: where each lasts, and where it is lost.
 
 At a critical value a branch meets another and both cease (Adler, Proc. IRE 34, 351 (1946): the critical detuning), or
-it dies out, or goes on while neighbours that came back leave.  Each is found to `continuation.RESOLUTION` of the range.
+it comes upon one that goes on, or dies out, or goes on while neighbours that came back leave.  Each is found to
+`continuation.RESOLUTION` of the range.
 """
 
 from __future__ import annotations
@@ -139,9 +140,7 @@ def branches(scene: Scene, variation: Variation, report: Report = lambda done: N
     found: list[Branch] = []
     for value in _places(variation, found):
         for state in configurations(walk.at(value)):
-            if state.averaged.largest(state.z) < HANGING and not any(
-                same(state, other) for other in _known(found, value)
-            ):
+            if _new(state, _known(found, value)):
                 values, states = zip(*walk.whole(value, state), strict=True)
                 found.append(Branch(variation, np.array(values), states))
                 report(len(found))

@@ -2,7 +2,7 @@
 
 A configuration at one value, as the physical motion q = Σ_r φ_r z_r, is the start of Newton's method at the next, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION
-of the range; what then cannot be continued is lost.  Where neighbours turn from coming back to leaving, values between
+of the range; what then cannot be continued, or not from there back, is lost.  Where neighbours turn from coming back to leaving, values between
 are put in by bisection.
 """
 
@@ -19,10 +19,11 @@ from modal.scene import Scene
 from modal.variations import Variation
 from nonlinear.agreement import swinging
 from nonlinear.averaged import Averaged, Complexes, averaged
-from nonlinear.configurations import Configuration, configuration
+from nonlinear.configurations import Configuration, configuration, same
 
 RESOLUTION = 1e-4  # of the range, in logarithms where the variation is in equal ratios
 JUMP = 0.3  # largest change of the amplitudes from one value to the next, over them
+CLOSE = 1e-5  # relative: by how much the way back may miss
 
 Step = tuple[float, Configuration]
 
@@ -58,7 +59,7 @@ class Walk:
 
     def _between(self, here: Step, target: float) -> list[Step]:
         """What follows up to a value, that included if it is reached."""
-        if state := self.moved(here[1], target):
+        if state := self._next(here, target):
             return [(target, state)]
         if self._close(here[0], target):
             return []
@@ -72,10 +73,16 @@ class Walk:
         if (before[1].lasts is True) == (after[1].lasts is True) or self._close(before[0], after[0]):
             return [after]
         middle = self._middle(before[0], after[0])
-        state = self.moved(before[1], middle) or self.moved(after[1], middle)
+        state = self._next(before, middle) or self._next(after, middle)
         if state is None:
             return [after]
         return self._sharpened(before, (middle, state)) + self._sharpened((middle, state), after)
+
+    def _next(self, here: Step, value: float) -> Configuration | None:
+        """The same configuration there, None where the way back leads elsewhere: that is another branch."""
+        found = self.moved(here[1], value)
+        back = self.moved(found, here[0]) if found else None
+        return found if back and same(back, here[1], CLOSE) else None
 
     def moved(self, state: Configuration, value: float) -> Configuration | None:
         """The same configuration at another value, None where there is none nearby."""

@@ -123,6 +123,8 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     ends = [critical(named(found, words), "is lost") - 1 for words in ("in phase", "antiphase")]
     assert ends[0] == pytest.approx(ends[1], abs=2 * RESOLUTION * 2e-4)
     assert ends[0] == pytest.approx(expected, rel=0.03)
+    assert not named(found, "antiphase").intervals
+    assert named(found, "in phase").words == "in phase → 88° apart"
 
 
 @pytest.mark.parametrize("mass", [4000.0, 1500.0])
@@ -241,6 +243,15 @@ def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
     found = np.linalg.eigvals(np.vstack((upper, -np.linalg.solve(M, np.hstack((K, D))))))
     turning = found[found.imag > 1.0]
     return float(turning[np.argsort(turning.imag)][place].real)
+
+
+def test_what_leaves_another_branch_begins_there() -> None:
+    """Fast antiphase of the clocks sheds, where it stops lasting, a swing that shares its energy with in phase."""
+    found = followed(modal.load("clocks-double"), "support.mass=7:10:2")
+    (shed,) = [one for one in found.branches if [change.kind for change in one.changes] == ["appears", "stops lasting"]]
+    (pure,) = [one for one in found.branches if [change.kind for change in one.changes] == ["stops lasting"]]
+    assert shed.values[0] == pytest.approx(pure.changes[0].value, abs=0.02)
+    assert shed.states[-1].share.max() < 0.999 < min(one.share.max() for one in pure.states)
 
 
 # ------------------------------------------------------------------------------------------- in print and drawn
