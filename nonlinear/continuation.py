@@ -2,8 +2,8 @@
 
 A configuration at one value, as the physical motion q = Σ_r φ_r z_r, is the start of Newton's method at the next, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION
-of the range; what then cannot be continued, or not from there back, is lost.  Where neighbours turn from coming back to leaving, values between
-are put in by bisection.
+of the range; what then cannot be continued, or not from there back, is lost.  Where neighbours turn from coming back to
+leaving, values between are put in by bisection.
 """
 
 from __future__ import annotations
