@@ -199,15 +199,18 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
 def averaged(scene: Scene) -> Averaged:
     """The averaged equations of a scene in the plane whose links all hang.
 
-    Raises ComputationError for other scenes, for more than MOST coordinates or MOST_BANDS bands.
+    Raises ComputationError for other scenes, for more than MOST links or MOST_BANDS bands, and for coordinates without
+    a mode, such as those of some massless carts.
     """
     if scene.space == "space" or scene.stands:
         raise ComputationError("averaged equations are of hanging links in the plane")
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are of at most {MOST} links, not {scene.n_links}")
-    still = undamped(scene.undriven)
+    still, plant = undamped(scene.undriven), plant_of(scene)
     modes = natural_modes(still)
     each = [(row, shape) for row, copies in enumerate(all_shapes(modes)) if modes.omega[row] for shape in copies]
+    if len(each) < scene.n_links + bool(plant.cart and plant.cart.stiffness):
+        raise ComputationError("averaged equations need one mode for each coordinate; a massless cart leaves one out")
     head = [[shape.cart.real] if modes.on_cart else [] for _, shape in each]
     shapes = np.array([np.concatenate((x, shape.angles.real)) for x, (_, shape) in zip(head, each, strict=True)]).T
     row = np.array([number for number, _ in each])
@@ -215,4 +218,4 @@ def averaged(scene: Scene) -> Averaged:
     band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
     if (count := int(band[-1]) + 1) > MOST_BANDS:
         raise ComputationError(f"averaged equations are of at most {MOST_BANDS} bands of frequencies, not {count}")
-    return Averaged(scene, plant_of(scene), modes, shapes, matrices(still).M @ shapes, omega, row, band)
+    return Averaged(scene, plant, modes, shapes, matrices(still).M @ shapes, omega, row, band)

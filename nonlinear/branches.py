@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import pi
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from nonlinear.continuation import Walk
 
 DYING = 0.1  # of a branch's largest amplitude: below it a branch that ceases has died out
 MOST_SEARCHES = 8
-HANGING = pi / 2  # rad: what swings wider is none of averaged equations
 FALLS = ("is lost", "dies out", "stops lasting")
 
 Report = Callable[[int], object]
@@ -140,16 +138,12 @@ def branches(scene: Scene, variation: Variation, report: Report = lambda done: N
     found: list[Branch] = []
     for value in _places(variation, found):
         for state in configurations(walk.at(value)):
-            if _new(state, _known(found, value)):
+            if not any(same(state, other) for other in _known(found, value)):
                 values, states = zip(*walk.whole(value, state), strict=True)
                 found.append(Branch(variation, np.array(values), states))
                 report(len(found))
     order = sorted(found, key=lambda one: (one.values[0], one.omega[0]))
     return Branches(scene, variation, tuple(order))
-
-
-def _new(state: Configuration, known: Sequence[Configuration]) -> bool:
-    return state.averaged.largest(state.z) < HANGING and not any(same(state, other) for other in known)
 
 
 def _known(found: Sequence[Branch], value: float) -> list[Configuration]:

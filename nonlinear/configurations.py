@@ -27,6 +27,7 @@ FLAT = 1e-4  # of the recovery: an eigenvalue below it is taken for 0
 WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but for rounding
 SAME = 1e-3
 FIRST = 0.1  # largest angle (rad) of a start
+HANGING = np.pi / 2  # rad: what swings wider is none of averaged equations
 SEED = 5
 EFFORT = 1_500  # steps after which a start that has not settled is left to Newton's method
 
@@ -87,15 +88,19 @@ class Configuration:
 
 
 def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
-    """Those that are reached from every row of the table by itself and from pendula in phase and in antiphase."""
+    """Those that are reached from every row of the table by itself and from pendula in phase and in antiphase.
+
+    Not all there are: none is found that swings wider than HANGING or that Newton's method misses.
+    """
     found: list[Configuration] = []
     for start in _starts(averaged):
         one = configuration(averaged, start)
-        if one and not any(same(one, other) for other in found):
+        if one and one.averaged.largest(one.z) < HANGING and not any(same(one, other) for other in found):
             found.append(one)
     return tuple(sorted(found, key=lambda one: (one.row, one.omega)))
 
 
+@np.errstate(all="ignore")
 def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
     """The relative equilibrium next to these amplitudes, None where Newton's method finds no motion."""
     bands = np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())

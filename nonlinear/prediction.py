@@ -16,7 +16,7 @@ from modal.scene import Scene
 from nonlinear.averaged import Averaged, Complexes, averaged
 from nonlinear.configurations import Configuration, configuration
 from nonlinear.plant import plant_of
-from nonlinear.slow_motion import SlowMotion, settled
+from nonlinear.slow_motion import SlowMotion, runs_away, settled
 from nonlinear.starts import checked, start_of
 from nonlinear.state import State
 
@@ -114,8 +114,8 @@ class Prediction:
         found = self.averaged
         if (fast := fastest(found)) > WEAK:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
-        if (angle := found.largest(self.motion.z[:, -1])) > WIDE:
-            yield f"links reach {degrees(angle):.3g} deg, more than first order bears"
+        if (angle := found.largest(self.motion.z)) > WIDE:
+            yield f"links may reach {degrees(angle):.3g} deg, more than first order bears"
         if found.mixed(self.motion.z) > MIXED:
             yield "an escapement is swung by several frequencies at once, and may kick out of turn"
         if resonant(found.centre, NEAR):
@@ -125,7 +125,8 @@ class Prediction:
 def predicted(scene: Scene, start: State | None = None) -> Prediction:
     """Of a scene that excites itself, from its own start or another.
 
-    Raises ComputationError where nothing excites it or `nonlinear.averaged` cannot take it, and for a start at rest.
+    Raises ComputationError where nothing excites it or `nonlinear.averaged` cannot take it, for a start at rest, and
+    where drives are so strong that averages grow without end.
     """
     if not scene.is_driven:
         raise ComputationError("nothing excites this scene: no mode survives another for ever")
@@ -135,6 +136,8 @@ def predicted(scene: Scene, start: State | None = None) -> Prediction:
     if not np.abs(z).max():
         raise ComputationError("the scene starts at rest, where nothing says which mode grows")
     motion, *others = settled(found, np.array([z, *_beside(z)]).T)
+    if runs_away(found, motion.z):
+        raise ComputationError("drives are too strong for averaged equations: their amplitudes run away")
     return Prediction(found, motion, tuple(others), None if motion.dies else configuration(found, motion.z[:, -1]))
 
 
@@ -156,6 +159,7 @@ def resonant(omega: Floats, near: float) -> bool:
 
 def fastest(found: Averaged) -> float:
     """The largest rate at which a small swing grows or decays, over its frequency."""
-    count, tiny = len(found.omega), 1e-6
-    linear = found.smooth((tiny * np.eye(count)).astype(complex)) / tiny
+    every: Complexes = np.eye(len(found.omega), dtype=complex)
+    tiny = 1e-6 / found.largest(every)
+    linear = found.smooth((tiny * every).astype(complex)) / tiny
     return float(np.abs(np.linalg.eigvals(linear).real).max() / found.omega.min())

@@ -22,6 +22,7 @@ CALM = 1e-3  # share of the energy that changes rows within half of the time whe
 ALONE = 3e-4  # share of the energy of all rows but one where that one has won
 DEAD = 1e-4  # of the first amplitude, where swinging dies out
 LOCKED = 0.01  # share of the energy that all modes but one may hold
+AWAY = 100.0  # rad: what swings wider runs away
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,19 +68,25 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
     return float(times[last] + (times[last + 1] - times[last]) * (high - threshold) / (high - low))
 
 
+@np.errstate(all="ignore")
 def settled(averaged: Averaged, starts: Complexes, most: int = MOST_STEPS) -> tuple[SlowMotion, ...]:
     """From each of these amplitudes (C, S) until nothing changes anywhere, or for so many steps.
 
-    Pendula that drift past each other never settle.
+    Pendula that drift past each other never settle; what drives make wider than AWAY is not followed any further.
     """
     period = 2 * pi / float(averaged.omega.min())
-    times, z = _part(averaged, starts, 0.0, PERIODS * period)
+    times, z = _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
     going = _going(averaged, z, starts)
-    while going.any() and times[-1] * _pace(averaged, z[..., -1]) < most / 2:
+    while going.any() and not runs_away(averaged, z[..., -1]) and times[-1] * _pace(averaged, z[..., -1]) < most / 2:
         more, further = _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
     return tuple(SlowMotion(averaged, times, z[:, k], not going[k]) for k in range(starts.shape[1]))
+
+
+def runs_away(averaged: Averaged, z: Complexes) -> bool:
+    """Whether any of these amplitudes (C, ...) is beyond all that averaged equations could mean."""
+    return not averaged.largest(z) <= AWAY
 
 
 def _part(averaged: Averaged, starts: Complexes, begin: float, duration: float) -> tuple[Floats, Complexes]:

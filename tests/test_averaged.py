@@ -312,3 +312,41 @@ def test_certain_survivors_survive() -> None:
     for case in cases:
         assert case.right or not case.certain, case
         assert case.close or not case.timed, case
+
+
+FEED = VanDerPol(strength=0.05, angle_deg=5.0)
+
+
+def in_units(length: float, *angles: float, drive: Drive, cart: float = 10.0) -> Scene:
+    """Driven bobs of 1 kg on a cart, as bobs of 1 m are at g = 9.81 m/s² but for the unit of length and of time."""
+    unit = length**1.5
+    name = "strength" if isinstance(drive, VanDerPol) else "impulse"
+    own = drive.model_copy(update={name: getattr(drive, name) * unit})
+    link = Bob(mass=1.0, length=length, damping=0.01 * unit, drive=own)
+    pendula = tuple(Pendulum(links=(link,), start=Start(angles_deg=(angle,))) for angle in angles)
+    return Scene(gravity=G, support=Cart(mass=cart, damping=0.1 * length**-0.5 if cart else 0.0), pendulum=pendula)
+
+
+@pytest.mark.parametrize("length", [1e-12, 1.0, 1e12])
+def test_no_doubt_depends_on_units(length: float) -> None:
+    assert predicted(in_units(length, 10.0, -3.0, drive=FEED)).doubts == ()
+
+
+def test_a_wide_start_is_doubted() -> None:
+    """However small its end: the simulation goes elsewhere."""
+    assert any("170 deg" in doubt for doubt in predicted(in_units(1.0, 170.0, -169.0, drive=FEED)).doubts)
+
+
+def test_amplitudes_that_run_away_are_refused() -> None:
+    with pytest.raises(ComputationError, match="run away"):
+        predicted(in_units(1.0, 10.0, -3.0, drive=Escapement(impulse=500.0, angle_deg=2.0)))
+
+
+def test_a_massless_cart_without_a_mode_is_refused() -> None:
+    with pytest.raises(ComputationError, match="massless cart"):
+        predicted(in_units(1.0, 10.0, -3.0, drive=FEED, cart=0.0))
+
+
+def test_rates_out_of_all_proportion_end_in_time() -> None:
+    """A cart of 1e-12 kg: 1e10 steps a second."""
+    assert not predicted(in_units(1.0, 10.0, -3.0, drive=FEED, cart=1e-12)).certain
