@@ -13,6 +13,7 @@ from nonlinear.agreement import agreement, own_amplitudes
 from nonlinear.check_tables import grid
 from nonlinear.configurations import Configuration
 from nonlinear.phases import ENDING
+from nonlinear.plant import Plant
 from nonlinear.prediction import Prediction
 from nonlinear.smoothing import last
 from nonlinear.survival import Survival
@@ -49,7 +50,7 @@ def _paragraph(title: str, sentences: Iterator[str]) -> str:
 
 def _table(theory: Theory) -> str:
     if not theory.configurations:
-        return "none: every swing dies out"
+        return "none was found"
     return grid([_cells(one) for one in theory.configurations], HEAD, "text")
 
 
@@ -78,7 +79,7 @@ def _prediction(prediction: Prediction) -> Iterator[str]:
     else:
         yield f"This is not certain: {'; '.join(prediction.doubts)}."
     locking = prediction.locking_time()
-    if locking is None:
+    if locking is None or not np.ptp(prediction.averaged.row):
         return
     yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
     if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
@@ -101,6 +102,8 @@ def _survivor(survival: Survival) -> Iterator[str]:
         return
     yield f"Mode {mode.number} holds {percent(survival.survivor_share)} of the energy at the end ({mode.family})."
     time = survival.locking_time()
+    if len(survival.row) == 1:
+        return
     if time is None:
         yield "The others have not fallen below 1 % for good."
     else:
@@ -111,16 +114,25 @@ def _phases(found: Synchrony) -> Iterator[str]:
     phases, late = found.phases, last(found.trajectory.times, ENDING)
     order = float(phases.order[late, phases.leading].mean())
     which = f"in own mode {phases.leading + 1}, mean of the last tenth"
-    yield f"Order parameter R = {order:.4f} [|Σ exp(i phase)|/N {which}]."
+    if phases.z.shape[1] > 1:
+        yield f"Order parameter R = {order:.4f} [|Σ exp(i phase)|/N {which}]."
     try:
         frequencies = phases.frequency
     except ComputationError as error:
         yield f"{capital(str(error))}."
         return
+    if not np.all(np.isfinite(frequencies)):
+        yield "Pendula that stand still have no frequency."
+        return
     shown = [f"{omega:.6g}" for omega in frequencies[:MOST_FREQUENCIES]]
     words = listed(shown, len(frequencies))
-    fate = "locked" if phases.locked else "not locked"
-    yield f"Mean frequencies {words} rad/s: {fate} within {phases.resolution:.2g} rad/s."
+    if len(frequencies) == 1:
+        yield f"Mean frequency {words} rad/s."
+    elif phases.resolution > frequencies.max():
+        yield f"Mean frequencies {words} rad/s: the run is too short to tell whether they lock."
+    else:
+        fate = "locked" if phases.locked else "not locked"
+        yield f"Mean frequencies {words} rad/s: {fate} within {phases.resolution:.2g} rad/s."
 
 
 def _energies(found: Synchrony) -> Iterator[str]:
@@ -131,8 +143,16 @@ def _energies(found: Synchrony) -> Iterator[str]:
     kicks, work = trajectory.kicks, float(trajectory.motion.work[-1])
     if len(kicks.time):
         fed = float(kicks.energy.sum())
-        yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {fed:.6g} J, dampers took {fed - work:.6g} J."
+        rest = _others(trajectory.plant, work - fed)
+        yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {fed:.6g} J{rest}."
     elif trajectory.plant.works:
         yield f"Drives and dampers together did {work:.6g} J of work."
     if isfinite(drift := trajectory.energy_drift()):
         yield f"The books close to {drift:.1g} of what the energies range over."
+
+
+def _others(plant: Plant, work: float) -> str:
+    """What else there is beside kicks, and its work (J)."""
+    if any(group.excitation and group.excitation.steady for group in plant.groups):
+        return f", van der Pol drives and dampers together did {work:.6g} J of work"
+    return f", dampers took {-work:.6g} J" if plant.dissipates else ""

@@ -25,6 +25,7 @@ from nonlinear.strobe import APART, SECONDS, strobed
 from nonlinear.sync_records import records
 from nonlinear.sync_words import sync_text
 from nonlinear.synchrony import MOST, Synchrony, synchrony, usual_duration
+from nonlinear.truncation import undamped
 
 VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}
@@ -115,7 +116,7 @@ def test_a_swing_that_dies_out_is_said_to() -> None:
     assert found.theory.prediction.motion.dies
     assert found.agrees is None
     assert "The swing dies out" in sync_text(found)
-    assert "none: every swing dies out" in sync_text(found)
+    assert "none was found" in sync_text(found)
 
 
 def test_a_start_at_rest_has_no_prediction() -> None:
@@ -214,3 +215,42 @@ def test_every_mistake_of_a_call_is_named(tmp_path: Path, capsys: pytest.Capture
 def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sync", "chain-spatial", "--duration", "5"]) == 1
     assert "only of motion in the plane" in capsys.readouterr().err
+
+
+def test_a_single_pendulum_locks_with_nobody() -> None:
+    words = sync_text(synchrony(clocks(10.0, mass=1e6, damping=0.0), 30.0))
+    assert "Mean frequency 3.1" in words
+    assert "locked" not in words
+    assert "All other" not in words
+
+
+def test_still_pendula_and_short_runs_claim_no_frequency() -> None:
+    still = sync_text(synchrony(clocks(0.0, 0.0), 30.0))
+    assert "nan" not in still
+    assert "have no frequency" in still
+    assert "too short to tell whether they lock" in sync_text(synchrony(clocks(10.0, 4.0), 0.1))
+
+
+def test_what_dampers_took_is_said_only_of_dampers() -> None:
+    """Not of van der Pol drives beside the kicks, nor where there are no dampers."""
+    scene = clocks(10.0, 4.0, drive=ESCAPEMENT)
+    links = [pendulum.links[0] for pendulum in scene.pendulum]
+    own = links[0].model_copy(update={"drive": clocks(1.0).pendulum[0].links[0].drive})
+    mixed = (scene.pendulum[0].model_copy(update={"links": (own,)}), scene.pendulum[1])
+    found = synchrony(scene.model_copy(update={"pendulum": mixed}), 20.0)
+    rest = float(found.trajectory.motion.work[-1] - found.trajectory.kicks.energy.sum())
+    assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(found)
+    assert "dampers took" not in sync_text(found)
+    assert "dampers took" in sync_text(synchrony(scene, 20.0))
+    loose = undamped(scene.undriven)
+    kicked = [link.model_copy(update={"damping": 0.0}) for link in links]
+    pendula = [one.model_copy(update={"links": (link,)}) for one, link in zip(loose.pendulum, kicked, strict=True)]
+    words = sync_text(synchrony(loose.model_copy(update={"pendulum": tuple(pendula)}), 20.0))
+    assert "fed" in words
+    assert "dampers took" not in words
+
+
+def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureFixture[str]) -> None:
+    """Row 2 of the table without dampers is antiphase; in that with dampers it is another."""
+    assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 0
+    assert "Mode 2 holds 100 % of the energy at the end (cart still: antiphase)" in capsys.readouterr().out
