@@ -114,13 +114,12 @@ def _moved(averaged: Averaged, z: Complexes, duration: float, steps: int) -> Com
     """By Lawson's form of the classical Runge–Kutta method: the detuning turns exactly."""
     forced, h = averaged.forced, duration / max(1, steps)
     turn = np.exp(0.5j * h * averaged.detuning)[:, None]
-    with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(max(1, steps)):
-            a = forced(z)
-            b = forced(turn * (z + h / 2 * a))
-            c = forced(turn * z + h / 2 * b)
-            d = forced(turn**2 * z + h * turn * c)
-            z = turn**2 * (z + h / 6 * a) + h / 3 * turn * (b + c) + h / 6 * d
+    for _ in range(max(1, steps)):
+        a = forced(z)
+        b = forced(turn * (z + h / 2 * a))
+        c = forced(turn * z + h / 2 * b)
+        d = forced(turn**2 * z + h * turn * c)
+        z = turn**2 * (z + h / 6 * a) + h / 3 * turn * (b + c) + h / 6 * d
     return z
 
 
