@@ -24,6 +24,7 @@ NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles. They "
     "leave out: what happens within a swing, dry friction and play, motion across the rail, links that stand, noise."
 )
+NUMBERED = "Modes are numbered as in the table of this scene without its dampers and drives."
 MOST_FREQUENCIES = 6
 
 
@@ -40,6 +41,8 @@ def _sections(found: Synchrony) -> Iterator[str]:
         yield "Ways to keep swinging, by the averaged equations\n" + _table(found.theory)
         yield _paragraph("Predicted from this start", _prediction(found.theory.prediction))
     yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s", _simulation(found))
+    if found.scene.has_damping:
+        yield NUMBERED
     if found.theory is not None:
         yield NOT_COVERED
 

@@ -253,4 +253,5 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
 def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureFixture[str]) -> None:
     """Row 2 of the table without dampers is antiphase; in that with dampers it is another."""
     assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 0
-    assert "Mode 2 holds 100 % of the energy at the end (cart still: antiphase)" in capsys.readouterr().out
+    assert "Mode 2 holds 100 % of the energy at the end (cart still: antiphase)" in (said := capsys.readouterr().out)
+    assert "Modes are numbered as in the table of this scene without its dampers" in said
