@@ -90,9 +90,10 @@ class Averaged:
         return found
 
     def largest(self, z: Complexes) -> float:
-        """The largest angle (rad) that a link may reach."""
-        first = int(self.plant.cart is not None)
-        return float((np.abs(self.shapes[first:]) @ np.abs(z)).max())
+        """The largest angle (rad) that a link may reach, whatever the phases of different bands."""
+        links = self.shapes[int(self.plant.cart is not None) :]
+        bands = (self.band == band for band in range(len(self.centre)))
+        return float(np.sum([np.abs(links[:, own] @ z[own]) for own in bands], axis=0).max())
 
     @cached_property
     def detuning(self) -> Floats:

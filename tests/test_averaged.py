@@ -350,3 +350,10 @@ def test_a_massless_cart_without_a_mode_is_refused() -> None:
 def test_rates_out_of_all_proportion_end_in_time() -> None:
     """A cart of 1e-12 kg: 1e10 steps a second."""
     assert not predicted(in_units(1.0, 10.0, -3.0, drive=FEED, cart=1e-12)).certain
+
+
+def test_the_largest_angle_is_that_of_a_pendulum_not_of_its_modes_one_by_one() -> None:
+    """One of eight aside: eight modes of one band add up to the angle it was released from."""
+    scene = bobs(10.0, *[0.0] * 7, drive=FEED, mass=10.0)
+    found = averaged(scene)
+    assert found.largest(found.amplitudes(start_of(scene))) == pytest.approx(radians(10.0), rel=1e-12)
