@@ -100,6 +100,8 @@ def _part(averaged: Averaged, starts: Complexes, begin: float, duration: float) 
         used, pace = pace, _pace(averaged, z) if averaged.largest(z) < FAR else 2 * pace
         if pace <= HASTE * used:
             found.append(z)
+        elif span * pace > MOST_STEPS and runs_away(averaged, z):
+            found += [z] * (PER_PART + 1 - len(found))
         elif span * pace > MOST_STEPS:
             raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
     return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1)
