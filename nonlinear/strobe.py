@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,12 @@ APART = 24  # frames that a swing seems to take
 
 
 def strobed(phases: Phases, form: str) -> dict[str, Any]:
-    """The arguments of `animate` for a film of SECONDS in which every frame is some whole swings and 1/APART later.
+    """The arguments of `animate` for a film of at most SECONDS, every frame some whole swings and 1/APART later.
 
-    Runs that need no such trick are shown at their own speed, or faster where they are longer than the film.
+    Runs that are no longer than the film are shown at their own speed.
     """
     period = float(2 * pi / np.median(phases.omega[:, phases.leading]))
     fps, run = FPS[form], float(phases.times[-1] - phases.times[0])
-    swings = round(run / (SECONDS * fps) / period)
-    step = max((swings + 1 / APART) * period if swings else 0.0, 1 / fps)
-    return {"fps": fps, "speed": step * fps, "seconds": SECONDS}
+    swings = ceil(run / (SECONDS * fps * period) - 1 / APART)
+    speed = (swings + 1 / APART) * period * fps if run > SECONDS else 1.0
+    return {"fps": fps, "speed": speed, "seconds": SECONDS}

@@ -17,6 +17,7 @@ from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.palette import COLOURS, GRID, INK, MARK, REST
 from modal.pictures import entitle, save
+from modal.prose import counted
 from modal.rig import Floats, Ints
 from nonlinear.frames import picked, resampled
 from nonlinear.phases import Phases
@@ -82,7 +83,7 @@ def _legend(axis: Axes) -> None:
     """Two columns, in room made for them above the curves."""
     entries = len(axis.get_legend_handles_labels()[1])
     low, high = axis.get_ylim()
-    axis.set_ylim(low, high + (high - low) * 0.13 * ((entries + 1) // 2))
+    axis.set_ylim(low, high + (high - low) * 0.15 * ((entries + 1) // 2))
     axis.legend(fontsize=8, loc="upper right", ncols=2, framealpha=0.85)
 
 
@@ -151,7 +152,8 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
     for k, (row, mode) in enumerate(zip(rows, modes, strict=True)):
         _line(axis, found.times, found.share[:, row], k, label=mode_words(mode))
     if rest.size:
-        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=MARK, lw=1.2, label=f"{rest.size} others")
+        words = counted(rest.size, "other", "others")
+        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=MARK, lw=1.2, label=words)
     axis.set_yticks(np.linspace(0, 1, 6))
     _legend(axis)
 
