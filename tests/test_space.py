@@ -450,7 +450,7 @@ def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
         np.testing.assert_allclose(
             ball_joints.spring_energy(group, u), joints.spring_energy(group, theta), rtol=1e-11, atol=1e-13
         )
-        assert ball_joints.damper_power(group, u, w) == pytest.approx(joints.damper_power(group, rate), rel=1e-12)
+        assert ball_joints.damper_power(group, u, w) == pytest.approx(joints.power(group, theta, rate), rel=1e-12)
 
 
 @pytest.mark.parametrize(("angle", "expected"), [(0.0, 0.0), (1e-9, -2e-9), (np.pi - 1e-6, -2 * (np.pi - 1e-6))])
