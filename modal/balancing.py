@@ -16,8 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modal_form import Complexes
-from modal.rig import Floats
+from modal.rig import Complexes, Floats
 from modal.signals import Signal
 from modal.statespace import StateSpace
 

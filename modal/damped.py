@@ -24,8 +24,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.dense import EPS, Complexes, Eigen, refuse_singular, with_cart, without_cart
-from modal.rig import Floats, Ints
+from modal.dense import EPS, Eigen, refuse_singular, with_cart, without_cart
+from modal.rig import Complexes, Floats, Ints
 
 LIGHT = 1e-2
 """Damping ratio below which the real part of an eigenvalue comes from its shape."""

@@ -12,9 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.errors import ComputationError
-from modal.rig import Floats
+from modal.rig import Complexes, Floats
 
-Complexes = NDArray[np.complex128]
 LARGEST_DAMPED = 500
 LARGEST_UNDAMPED = 2000
 EPS = float(np.finfo(float).eps)

@@ -19,10 +19,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.modal_form import Complexes, ModalForm, modal_form
+from modal.modal_form import ModalForm, modal_form
 from modal.mode import UNCERTAIN
 from modal.modes import Modes
-from modal.rig import Floats, Ints
+from modal.rig import Complexes, Floats, Ints
 from modal.signals import Signal
 from modal.statespace import StateSpace
 

@@ -25,12 +25,11 @@ from modal.all_shapes import all_shapes
 from modal.errors import ComputationError
 from modal.linear import matrices
 from modal.modes import Modes, natural_modes
-from modal.rig import Floats
+from modal.rig import Complexes, Floats
 from modal.scene import Fixed, Scene
 from modal.signals import DRIVES, Signal
 from modal.statespace import StateSpace
 
-Complexes = NDArray[np.complex128]
 Numbers = NDArray[Any]
 DEFECTIVE = 1e-7
 """|φᵀ(2λM + D)φ| over the sum of its terms' sizes, below which two damped modes are about to become one."""

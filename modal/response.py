@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.modal_form import Block, Complexes, ModalForm
-from modal.rig import Floats
+from modal.modal_form import Block, ModalForm
+from modal.rig import Complexes, Floats
 
 
 class Term(NamedTuple):

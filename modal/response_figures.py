@@ -14,12 +14,12 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 
 from modal.errors import ComputationError
-from modal.modal_form import Complexes, ModalForm
+from modal.modal_form import ModalForm
 from modal.mode import UNCERTAIN
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
 from modal.pictures import entitle, save
 from modal.response import frequency_response, impulse_response
-from modal.rig import Floats
+from modal.rig import Complexes, Floats
 from modal.signals import Signal
 
 MOST_CURVES, POINTS, LONGEST = len(COLOURS) * len(STYLES), 2000, 20_000

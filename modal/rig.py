@@ -23,6 +23,7 @@ from modal.scene import Cart, Pendulum, Scene
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Booleans = NDArray[np.bool_]
+Complexes = NDArray[np.complex128]
 
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")

@@ -180,12 +180,20 @@ class Scene(Checked):
     @property
     def undriven(self) -> Scene:
         """The same without self-excitation."""
+        return self._with(drive=None) if self.is_driven else self
 
-        def still(pendulum: Pendulum) -> Pendulum:
-            links = tuple(link.model_copy(update={"drive": None}) for link in pendulum.links)
-            return pendulum.model_copy(update={"links": links})
+    @property
+    def conservative(self) -> Scene:
+        """The same without self-excitation and dampers."""
+        still = self._with(drive=None, damping=0.0)
+        held = isinstance(self.support, Cart)
+        return still.model_copy(update={"support": self.support.model_copy(update={"damping": 0.0})}) if held else still
 
-        return self.model_copy(update={"pendulum": tuple(map(still, self.pendulum))}) if self.is_driven else self
+    def _with(self, **joint: Any) -> Scene:
+        """The same with these numbers at every joint."""
+        links = (tuple(link.model_copy(update=joint) for link in one.links) for one in self.pendulum)
+        pendula = (one.model_copy(update={"links": own}) for one, own in zip(self.pendulum, links, strict=True))
+        return self.model_copy(update={"pendulum": tuple(pendula)})
 
     @property
     def stands(self) -> bool:

@@ -53,9 +53,8 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 
 def _run(scene: Scene, options: argparse.Namespace) -> None:
     from nonlinear.synchrony import synchrony
-    from nonlinear.truncation import undamped
 
-    start = start_of(undamped(scene.undriven), options.start)
+    start = start_of(scene.conservative, options.start)
     with bar(1.0, "run") as report:
         found = synchrony(scene, options.duration, start=start, report=lambda now, end: report(now / end))
     sys.stdout.write(_told(found, options.format))

@@ -10,9 +10,8 @@ from math import degrees
 
 import numpy as np
 
-from modal.rig import Floats
-from nonlinear.averaged import Averaged, Complexes
-from nonlinear.configurations import FAINT, Configuration
+from modal.rig import Complexes, Floats
+from nonlinear.configurations import Configuration, swinging
 from nonlinear.phases import own_shapes
 
 STILL = 0.1  # of the largest amplitude: what a pendulum must reach to count as swinging
@@ -21,9 +20,8 @@ NEAR = np.pi / 6  # what is still in phase, or in antiphase
 
 def own_amplitudes(state: Configuration) -> Complexes:
     """η (N,) in rad of every pendulum, in the own mode that holds most of the band that holds most."""
-    found, band = state.averaged, state.averaged.band
-    own = np.where(band == band[int((found.omega * np.abs(state.z)).argmax())], state.z, 0.0)
-    links = (found.shapes @ own)[int(found.plant.cart is not None) :]
+    found = state.averaged
+    links = found.link_shapes @ np.where(found.band == state.band, state.z, 0.0)
     count = min(group.n for group in found.plant.groups)
     eta = np.empty((found.plant.n_pendula, count), dtype=complex)
     energy: Floats = np.zeros(count)
@@ -40,15 +38,9 @@ def apart(eta: Complexes) -> Floats:
     return np.asarray(np.angle(eta[np.abs(eta) >= STILL * abs(most)] / most))
 
 
-def swinging(found: Averaged, z: Complexes) -> int:
-    """How many bands swing."""
-    sizes = np.bincount(found.band, weights=np.abs(z))
-    return int(np.count_nonzero(sizes > FAINT * sizes.max()))
-
-
 def agreement(state: Configuration) -> str:
     """In phase, in antiphase, by how much apart, or which pendulum swings alone; and where several bands swing."""
-    bands = swinging(state.averaged, state.z)
+    bands = len(swinging(state.averaged, state.z))
     return _phases(own_amplitudes(state)) + (f", {bands} frequencies" if bands > 1 else "")
 
 

@@ -30,13 +30,12 @@ from itertools import count as counted
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
 from modal.all_shapes import all_shapes
 from modal.errors import ComputationError
 from modal.linear import matrices
 from modal.modes import Modes, natural_modes
-from modal.rig import Floats, Ints
+from modal.rig import Complexes, Floats, Ints
 from modal.scene import Scene
 from nonlinear.describing import mixed, pulls
 from nonlinear.escapements import Escaping, escaping
@@ -44,9 +43,7 @@ from nonlinear.modal_coordinates import rest_angles
 from nonlinear.plant import Plant, plant_of
 from nonlinear.residual import residual
 from nonlinear.state import State
-from nonlinear.truncation import undamped
 
-Complexes = NDArray[np.complex128]
 BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
 ORDER = 6
 MOST, MOST_BANDS = 400, 4
@@ -71,6 +68,11 @@ class Averaged:
     row: Ints
     band: Ints
 
+    @property
+    def link_shapes(self) -> Floats:
+        """The shapes without the cart, (L, C)."""
+        return self.shapes[int(self.plant.cart is not None) :]
+
     @cached_property
     def centre(self) -> Floats:
         """Mean frequency (rad/s) of every band, (B,)."""
@@ -91,7 +93,7 @@ class Averaged:
 
     def largest(self, z: Complexes) -> float:
         """The largest angle (rad) that a link may reach, whatever the phases of different bands."""
-        links = self.shapes[int(self.plant.cart is not None) :]
+        links = self.link_shapes
         bands = (self.band == band for band in range(len(self.centre)))
         return float(np.sum([np.abs(links[:, own] @ z[own]) for own in bands], axis=0).max())
 
@@ -170,7 +172,7 @@ class Averaged:
     def _turns(self) -> Floats:
         """How far the joints with escapements turn in every shape, (C, J)."""
         assert self._joints is not None
-        return self._joints.gamma(self.shapes[int(self.plant.cart is not None) :].T)
+        return self._joints.gamma(self.link_shapes.T)
 
 
 def derivative(rate: Callable[[Complexes], Complexes], z: Complexes) -> Floats:
@@ -207,7 +209,7 @@ def averaged(scene: Scene) -> Averaged:
         raise ComputationError("averaged equations are of hanging links in the plane")
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are of at most {MOST} links, not {scene.n_links}")
-    still, plant = undamped(scene.undriven), plant_of(scene)
+    still, plant = scene.conservative, plant_of(scene)
     modes = natural_modes(still)
     each = [(row, shape) for row, copies in enumerate(all_shapes(modes)) if modes.omega[row] for shape in copies]
     if len(each) < scene.n_links + bool(plant.cart and plant.cart.stiffness):

@@ -17,8 +17,8 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.rig import Booleans, Floats
-from nonlinear.averaged import Averaged, Complexes, derivative
+from modal.rig import Booleans, Complexes, Floats, Ints
+from nonlinear.averaged import Averaged, derivative
 from nonlinear.slow_motion import settled
 
 FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
@@ -81,10 +81,14 @@ class Configuration:
         return 1 / abs(self.growth) if self.growth else np.inf
 
     @property
+    def band(self) -> int:
+        """The band that holds most."""
+        return int(self.averaged.band[int((self.averaged.omega * np.abs(self.z)).argmax())])
+
+    @property
     def omega(self) -> float:
         """Frequency (rad/s) of the band that holds most, at this amplitude."""
-        band = self.averaged.band[int((self.averaged.omega * np.abs(self.z)).argmax())]
-        return float(self.averaged.centre[band] + self.turning[band])
+        return float(self.averaged.centre[self.band] + self.turning[self.band])
 
 
 def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
@@ -103,7 +107,7 @@ def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
 @np.errstate(all="ignore")
 def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
     """The relative equilibrium next to these amplitudes, None where Newton's method finds no motion."""
-    bands = np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())
+    bands = swinging(averaged, z)
     if not len(bands):
         return None
     active = np.isin(averaged.band, bands)
@@ -144,7 +148,7 @@ def _patterns(averaged: Averaged) -> Iterator[Complexes]:
     first = int(averaged.plant.cart is not None)
     for band in range(len(averaged.centre)):
         own = averaged.band == band
-        busiest = np.abs(averaged.shapes[first:, own]).max(axis=1)
+        busiest = np.abs(averaged.link_shapes[:, own]).max(axis=1)
         for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
             z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
             if np.any(z):
@@ -154,6 +158,11 @@ def _patterns(averaged: Averaged) -> Iterator[Complexes]:
 def _only(averaged: Averaged, own: Booleans) -> Averaged:
     """The same as if there were no other modes than these."""
     return replace(averaged, shapes=averaged.shapes * own, dual=averaged.dual * own)
+
+
+def swinging(averaged: Averaged, z: Complexes) -> Ints:
+    """The bands that swing."""
+    return np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())
 
 
 def _sizes(averaged: Averaged, z: Complexes) -> Floats:

@@ -15,11 +15,11 @@ from math import exp, log
 import numpy as np
 
 from modal.places import varied
+from modal.rig import Complexes
 from modal.scene import Scene
 from modal.variations import Variation
-from nonlinear.agreement import swinging
-from nonlinear.averaged import Averaged, Complexes, averaged
-from nonlinear.configurations import Configuration, configuration, same
+from nonlinear.averaged import Averaged, averaged
+from nonlinear.configurations import Configuration, configuration, same, swinging
 
 RESOLUTION = 1e-4  # of the range, in logarithms where the variation is in equal ratios
 JUMP = 0.3  # largest change of the amplitudes from one value to the next, over them
@@ -88,7 +88,7 @@ class Walk:
         """The same configuration at another value, None where there is none nearby."""
         z = _carried(state, self.at(value))
         found = configuration(self.at(value), z)
-        if found is None or swinging(found.averaged, found.z) != swinging(found.averaged, z):
+        if found is None or len(swinging(found.averaged, found.z)) != len(swinging(found.averaged, z)):
             return None
         weight = found.averaged.omega
         return found if np.linalg.norm(weight * (found.z - z)) <= JUMP * np.linalg.norm(weight * z) else None
@@ -109,5 +109,5 @@ def _carried(state: Configuration, new: Averaged) -> Complexes:
     """The amplitudes of the same motion in other modes, in as many bands as swung before."""
     z = new.dual.T @ (state.averaged.shapes @ state.z)
     energy = np.bincount(new.band, weights=(new.omega * np.abs(z)) ** 2)
-    kept = np.argsort(-energy)[: swinging(state.averaged, state.z)]
+    kept = np.argsort(-energy)[: len(swinging(state.averaged, state.z))]
     return np.where(np.isin(new.band, kept), z, 0.0)

@@ -15,11 +15,9 @@ Arrays are over B bands, J joints and S states: `swing` Σ γ_r z_r and `speed` 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from modal.rig import Booleans, Floats
+from modal.rig import Booleans, Complexes, Floats
 
-Complexes = NDArray[np.complex128]
 GRAZING = 0.1  # least sin α
 NONE = 1e-100
 

@@ -17,17 +17,14 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from modal.rig import CartNumbers, Floats, Ints
+from modal.rig import Booleans, CartNumbers, Floats, Ints
 from nonlinear.events import NO_KICKS, Kicks
 from nonlinear.minimal import Minimal, Recursion
 from nonlinear.plant import Group, Plant
 from nonlinear.state import Layout, Push
 from nonlinear.steppers import Stepper
-
-Bools = NDArray[np.bool_]
 
 LOOKS = 6  # within every step
 TOGETHER = 1e-12  # rad by which a kick may come early to come with another
@@ -162,14 +159,14 @@ class Escapements:
         over, speed = self._out(stepper.inside(np.array([time])))
         return over[:, 0], speed[:, 0]
 
-    def _peaks(self, stepper: Stepper, start: float, end: float, back: Bools) -> Iterator[float]:
+    def _peaks(self, stepper: Stepper, start: float, end: float, back: Booleans) -> Iterator[float]:
         """When those joints and sides turn back that do so beyond their angle, each once between start and end."""
         for s, j in zip(*np.nonzero(back), strict=True):
             time = _root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
             if self._at(stepper, time)[0][s, j] >= 0:
                 yield time
 
-    def _first(self, stepper: Stepper, start: float, end: float, among: Bools) -> Due:
+    def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Due:
         """Of those joints and sides, all within their angles at the start and one beyond at the end, the first out."""
 
         def over(time: float) -> Floats:
@@ -196,6 +193,6 @@ def _root(value: Callable[[float], float], start: float, end: float) -> float:
     return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
 
 
-def _largest(values: Floats | Bools) -> tuple[int, int]:
+def _largest(values: Floats | Booleans) -> tuple[int, int]:
     side, joint = np.unravel_index(np.argmax(values), values.shape)
     return int(side), int(joint)

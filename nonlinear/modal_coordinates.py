@@ -21,16 +21,13 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.linear import Matrices, matrices
 from modal.modes import Modes
-from modal.rig import Floats, Ints
+from modal.rig import Complexes, Floats, Ints
 from modal.scene import Scene
 from nonlinear.state import Motion, State
-
-Complexes = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,16 +19,13 @@ from math import ceil, pi
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from modal import pair
 from modal.errors import ComputationError
-from modal.rig import Floats
+from modal.rig import Complexes, Floats
 from nonlinear.plant import Group, Plant
 from nonlinear.smoothing import last
 from nonlinear.trajectory import Trajectory
-
-Complexes = NDArray[np.complex128]
 
 ENDING, SETTLED = 0.1, 0.5  # parts of a run: what is "at the end", and over which frequencies are taken
 LEAST = 3.0  # samples a period from which phases are followed

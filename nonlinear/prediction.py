@@ -11,9 +11,9 @@ from math import degrees, pi
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.rig import Floats
+from modal.rig import Complexes, Floats
 from modal.scene import Scene
-from nonlinear.averaged import Averaged, Complexes, averaged
+from nonlinear.averaged import Averaged, averaged
 from nonlinear.configurations import Configuration, configuration
 from nonlinear.plant import plant_of
 from nonlinear.slow_motion import SlowMotion, runs_away, settled

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import cast
 
@@ -80,14 +80,22 @@ class Prepared:
         )
 
 
-def prepared(scene: Scene, system: System, choice: Choice, start: State, times: Floats, size: float) -> Prepared:
+def prepared(
+    scene: Scene,
+    system: System,
+    choice: Choice,
+    start: State,
+    times: Floats,
+    size: float,
+    before: Kicks = NO_KICKS,
+) -> Prepared:
     """The equations of a scene with the chosen integrator, for a motion of this size (`extent`).
 
     ComputationError where the motion cannot begin.
     """
     y = system.begin(start)
     slope = _slope(system, float(times[0]), y)
-    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, slope, times, size), times)
+    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, slope, times, size), times, before)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +153,7 @@ class Request:
     def prepared(self, choice: Choice) -> Prepared:
         """Ready to go in this way."""
         system = system_of(self.plant, choice, self.load, self.smaller)
-        ready = prepared(self.scene, system, choice, self.start, self.times, self.size)
-        return replace(ready, before=self.before)
+        return prepared(self.scene, system, choice, self.start, self.times, self.size, self.before)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion in this way; SimulationError where the integrator gives up."""

@@ -9,8 +9,8 @@ from math import ceil, pi
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.rig import Booleans, Floats
-from nonlinear.averaged import Averaged, Complexes, derivative
+from modal.rig import Booleans, Complexes, Floats
+from nonlinear.averaged import Averaged, derivative
 
 GAIN, TURN = 0.4, 1.0  # largest growth and turn (rad) within a step
 PERIODS = 64  # fast periods of the first part

@@ -24,9 +24,9 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.linear import matrices
 from modal.modes import Modes, natural_modes
-from modal.rig import Floats
+from modal.rig import Complexes, Floats
 from modal.scene import Fixed, Scene
-from nonlinear.modal_coordinates import Complexes, along_rail, deflection, modal_motion, rest_angles
+from nonlinear.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.state import Motion, State
 from nonlinear.two_planes import joined, split
 

@@ -26,7 +26,6 @@ from nonlinear.modal_coordinates import deflection, rest_angles
 from nonlinear.phases import from_rest
 from nonlinear.smoothing import smoothed
 from nonlinear.trajectory import Trajectory
-from nonlinear.truncation import undamped
 
 MOST = 2000  # coordinates of a scene whose modes are told apart
 THRESHOLD = 0.01
@@ -85,7 +84,7 @@ def survival(trajectory: Trajectory) -> Survival:
 
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode swings.
     """
-    scene = undamped(trajectory.scene.undriven)
+    scene = trajectory.scene.conservative
     size = scene.n_links + (scene.support.kind == "cart")
     if trajectory.plant.spatial:
         raise ComputationError("energies by modes: only of motion in the plane")

@@ -200,7 +200,7 @@ def _insist(scene: Scene, modes: int | None, method: str) -> None:
 
 def surveyed(scene: Scene, plant: Plant, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where a massless cart lacks one."""
-    still = undamped(scene)
+    still = scene.conservative
     modes = natural_modes(still)
     each = [(Kept(mode, copy), one) for mode, row in enumerate(all_shapes(modes), 1) for copy, one in enumerate(row, 1)]
     head = [[one.cart.real] if modes.on_cart else [] for _, one in each]
@@ -208,17 +208,6 @@ def surveyed(scene: Scene, plant: Plant, start: State) -> Survey:
         raise SceneError(["support.mass = 0.0: the modes of this scene do not span its motion"])
     shapes = np.array([np.concatenate((x, one.angles.real)) for x, (_, one) in zip(head, each, strict=True)]).T
     return Survey(scene, plant, modes, tuple(kept for kept, _ in each), shapes, matrices(still).M @ shapes, start)
-
-
-def undamped(scene: Scene) -> Scene:
-    """The same scene without its dampers."""
-    free = {"damping": 0.0}
-    pendula = tuple(
-        one.model_copy(update={"links": tuple(link.model_copy(update=free) for link in one.links)})
-        for one in scene.pendulum
-    )
-    support = scene.support.model_copy(update=free) if scene.support.kind == "cart" else scene.support
-    return scene.model_copy(update={"pendulum": pendula, "support": support})
 
 
 def _next(survey: Survey, count: int) -> int:

@@ -25,7 +25,6 @@ from nonlinear.strobe import APART, SECONDS, strobed
 from nonlinear.sync_records import records
 from nonlinear.sync_words import sync_text
 from nonlinear.synchrony import MOST, Synchrony, synchrony, usual_duration
-from nonlinear.truncation import undamped
 
 VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}
@@ -242,7 +241,7 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
     assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(found)
     assert "dampers took" not in sync_text(found)
     assert "dampers took" in sync_text(synchrony(scene, 20.0))
-    loose = undamped(scene.undriven)
+    loose = scene.conservative
     kicked = [link.model_copy(update={"damping": 0.0}) for link in links]
     pendula = [one.model_copy(update={"links": (link,)}) for one, link in zip(loose.pendulum, kicked, strict=True)]
     words = sync_text(synchrony(loose.model_copy(update={"pendulum": tuple(pendula)}), 20.0))

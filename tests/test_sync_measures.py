@@ -34,7 +34,6 @@ from nonlinear.survival import survival
 from nonlinear.sync_figures import draw_sync, sync_figure
 from nonlinear.sync_measures import SYNC, locking, order, pendulum_energy, survivor
 from nonlinear.trajectory import Run, Trajectory
-from nonlinear.truncation import undamped
 
 PAPER = modal.load("paper-cart-2")
 DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
@@ -75,7 +74,7 @@ def test_own_modes_are_those_of_each_pendulum_alone(seed: int) -> None:
     count = min(pendulum.n_links for pendulum in scene.pendulum)
     assert phases.omega.shape == (len(scene.pendulum), count)
     for own, pendulum in enumerate(scene.pendulum):
-        alone = undamped(scene.model_copy(update={"support": Fixed(), "pendulum": (pendulum,)}))
+        alone = scene.model_copy(update={"support": Fixed(), "pendulum": (pendulum,)}).conservative
         modes = modal.natural_modes(alone)
         assert phases.omega[own] == pytest.approx(modes.omega[:count], rel=1e-10)
         masses = [modes.shape(number).modal_mass for number in range(count)]
@@ -258,7 +257,7 @@ def test_energies_by_modes_are_those_of_modal_coordinates() -> None:
     parts = rng.uniform(-0.5, 0.5, (2, 5, 8))
     run = closed(scene, times, *parts, *rng.uniform(-1, 1, (2, 5)))
     found = survival(run)
-    coordinates = modal_motion(run.motion, modal.natural_modes(undamped(scene.undriven)))
+    coordinates = modal_motion(run.motion, modal.natural_modes(scene.conservative))
     expected = np.array([coordinates.energy[:, coordinates.number == row - 1].sum(1) for row in found.row]).T
     assert found.modes.multiplicity.max() == 2
     assert found.energy == pytest.approx(smoothed(times, expected, 1.0), rel=1e-9)

@@ -15,7 +15,7 @@ from nonlinear.plant import plant_of
 from nonlinear.simulation import simulate
 from nonlinear.state import State
 from nonlinear.truncated import Truncated
-from nonlinear.truncation import Kept, Survey, surveyed, truncated, undamped
+from nonlinear.truncation import Kept, Survey, surveyed, truncated
 
 
 def chain(seed: int, links: int, support: Fixed | Cart | None = None) -> Scene:
@@ -79,7 +79,7 @@ def test_all_modes_are_the_whole_scene(seed: int) -> None:
     scene = plane_scene(seed)
     plant = plant_of(scene)
     start = random_state(plant, seed)
-    everything = len(natural_modes(undamped(scene)))
+    everything = len(natural_modes(scene.conservative))
     found = truncated(scene, 0.3, everything, start=start, tolerance=1e-11, output=20)
     whole = simulate(scene, 0.3, start=start, tolerance=1e-12, output=20)
     assert apart(found.trajectory, whole) < 1e-8
