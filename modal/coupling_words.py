@@ -11,7 +11,7 @@ from modal.coupling import Coupling
 from modal.coupling_records import records
 from modal.damping_words import damping
 from modal.family_words import families, limits, shown
-from modal.prose import counted, listed, rad, short
+from modal.prose import WIDTH, counted, listed, rad, short
 from modal.talk_words import exchanges
 
 FORMS = ("text", "markdown", "json")
@@ -125,7 +125,7 @@ def _unsaid(coupling: Coupling) -> Iterator[str]:
 
 
 def _text(title: str, parts: tuple[Section, ...]) -> str:
-    wrapper = TextWrapper(110, "- ", "  ", break_long_words=False, break_on_hyphens=False)
+    wrapper = TextWrapper(WIDTH, "- ", "  ", break_long_words=False, break_on_hyphens=False)
     lines = [title, "=" * len(title)]
     for part in parts:
         lines += ["", part.title, "-" * len(part.title), *map(wrapper.fill, part.sentences)]

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isinf
 
+WIDTH = 110  # letters in a line of a page for a terminal
+
 
 def short(value: float) -> str:
     """Six significant digits."""

@@ -24,11 +24,11 @@ from modal.modes import Modes, natural_modes
 from modal.rig import Floats, Ints
 from nonlinear.modal_coordinates import deflection, rest_angles
 from nonlinear.phases import from_rest
+from nonlinear.slow_motion import LOCKED
 from nonlinear.smoothing import smoothed
 from nonlinear.trajectory import Trajectory
 
 MOST = 2000  # coordinates of a scene whose modes are told apart
-THRESHOLD = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ class Survival:
         """What it holds at the end."""
         return float(self.share[-1, self._place])
 
-    def locking_time(self, threshold: float = THRESHOLD) -> float | None:
+    def locking_time(self, threshold: float = LOCKED) -> float | None:
         """The first time (s) from which on all other rows together hold less than `threshold`, None where never."""
         others = np.delete(self.share, self._place, axis=1).sum(axis=1)
         above = np.flatnonzero(~(others < threshold))

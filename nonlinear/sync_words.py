@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import degrees, isfinite
+from textwrap import TextWrapper, fill
 
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.prose import capital, counted, listed, percent, rad, short
+from modal.prose import WIDTH, capital, counted, listed, percent, rad, short
 from nonlinear.agreement import agreement, own_amplitudes
 from nonlinear.check_tables import grid
 from nonlinear.configurations import Configuration
@@ -44,11 +45,12 @@ def _sections(found: Synchrony) -> Iterator[str]:
     if found.scene.has_damping:
         yield NUMBERED
     if found.theory is not None:
-        yield NOT_COVERED
+        yield fill(NOT_COVERED, WIDTH)
 
 
 def _paragraph(title: str, sentences: Iterator[str]) -> str:
-    return "\n".join([title, *(f"  {sentence}" for sentence in sentences)])
+    wrapper = TextWrapper(WIDTH, "  ", "    ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join([title, *map(wrapper.fill, sentences)])
 
 
 def _table(theory: Theory) -> str:
