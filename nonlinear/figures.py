@@ -220,10 +220,11 @@ def _linear(trajectory: Trajectory, most: float) -> list[float]:
     if trajectory.plant.n_links > 40 * MOST_MARKS:
         return []
     try:
-        omega = natural_modes(trajectory.scene).omega
+        modes = natural_modes(trajectory.scene)
     except MultipendulaError:
         return []
-    return [float(value) for value in omega if 0 < value < most][:MOST_MARKS]
+    swinging = modes.omega[modes.eigenvalue.imag != 0]
+    return [float(value) for value in swinging if 0 < value < most][:MOST_MARKS]
 
 
 def _caption(trajectory: Trajectory, shown: Sequence[int]) -> str:

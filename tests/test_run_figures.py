@@ -61,6 +61,15 @@ def test_the_spectrum_of_a_small_swing_stands_on_the_tables_frequency() -> None:
     assert [line.get_xdata()[0] for line in marks] == pytest.approx([expected])
 
 
+def test_the_spectrum_marks_no_mode_that_does_not_swing() -> None:
+    scene = modal.load("huygens")
+    rows = list(modal.natural_modes(scene))
+    lines = panel(run_figure(simulate(scene, 5.0)), "Spectrum").lines
+    marks = sorted(float(line.get_xdata()[0]) for line in lines if line.get_linestyle() == ":")
+    assert marks == [row.omega for row in rows if row.oscillates]
+    assert any(row.omega and not row.oscillates for row in rows)
+
+
 def test_the_power_spectrum_keeps_the_mean_square() -> None:
     times = np.linspace(0, 100, 5001)
     omega, power = power_spectrum(times, 3 * np.sin(7 * times))
