@@ -1,0 +1,32 @@
+"""Make every notebook anew from its twin, the page of text beside it that people edit: `python notebooks/twins.py`.
+
+The notebooks have no outputs, and cells numbered by their order, so that a change of a line is a change of a line.
+"""
+
+from pathlib import Path
+
+import jupytext
+import nbformat
+
+HERE = Path(__file__).parent
+KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
+
+
+def lessons() -> list[Path]:
+    """The twins, in order."""
+    return sorted(HERE.glob("[0-9][0-9]_*.md"))
+
+
+def notebook(twin: Path) -> str:
+    """What the notebook of a twin must contain."""
+    made = jupytext.read(twin)
+    made.metadata = nbformat.from_dict({"kernelspec": KERNEL, "language_info": {"name": "python"}})
+    for number, cell in enumerate(made.cells):
+        cell["id"] = f"cell-{number}"
+    nbformat.validate(made)
+    return nbformat.writes(made, version=4) + "\n"
+
+
+if __name__ == "__main__":
+    for twin in lessons():
+        twin.with_suffix(".ipynb").write_text(notebook(twin), encoding="utf-8")
