@@ -19,7 +19,7 @@ def lessons() -> list[Path]:
 
 def notebook(twin: Path) -> str:
     """What the notebook of a twin must contain."""
-    made = jupytext.read(twin)
+    made = jupytext.read(twin, fmt="md:myst")
     made.metadata = nbformat.from_dict({"kernelspec": KERNEL, "language_info": {"name": "python"}})
     for number, cell in enumerate(made.cells):
         cell["id"] = f"cell-{number}"
