@@ -43,7 +43,7 @@ def confined(code: str) -> subprocess.CompletedProcess[str]:
 def code_of(lesson: str) -> str:
     cells = json.loads((NOTEBOOKS / f"{lesson}.ipynb").read_text(encoding="utf-8"))["cells"]
     pieces = ["".join(cell["source"]) for cell in cells if cell["cell_type"] == "code"]
-    return "import matplotlib\nmatplotlib.use('agg')\n" + "\n".join(pieces)
+    return "import matplotlib\nmatplotlib.use('agg')\nfrom IPython.display import display\n" + "\n".join(pieces)
 
 
 @pytest.mark.parametrize("lesson", browser.LESSONS)
