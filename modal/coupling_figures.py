@@ -4,29 +4,26 @@ from __future__ import annotations
 
 from typing import IO
 
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from modal.cart_mass_figures import draw_limits
 from modal.coupling import Coupling
 from modal.mass_figures import CURVE, FELT, POLE, ZERO, close_families, draw_close, draw_mass
 from modal.palette import GRID, INK, MARK
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 
 
 def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
-    """The picture as png, svg or pdf; of many poles and lines it shows some and says so."""
+    """Write the picture as png, svg or pdf."""
+    save(coupling_figure(coupling), stream, kind)
+
+
+def coupling_figure(coupling: Coupling) -> Figure:
+    """The coupling in one picture; of many poles and lines it shows some and says so."""
     close = close_families(coupling)
-    figure = Figure(
-        figsize=(9.0, 10.0 if close else 7.2),
-        dpi=150,
-        facecolor="white",
-        layout=ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08),
-    )
-    FigureCanvasAgg(figure)
+    figure = sheet(9.0, 10.0 if close else 7.2)
     rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
     draw_mass(figure.add_subplot(rows[0, :]), coupling)
     for column, number in enumerate(close):
@@ -35,7 +32,7 @@ def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> N
         axis.set_ylabel(FELT if column == 0 else "")
     draw_limits(figure.add_subplot(rows[-1, :]), coupling)
     _finish(figure, coupling)
-    save(figure, stream, kind)
+    return figure
 
 
 def _finish(figure: Figure, coupling: Coupling) -> None:

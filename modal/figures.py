@@ -9,7 +9,6 @@ from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
@@ -17,7 +16,7 @@ from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.modes import Modes
 from modal.palette import COLOURS, INK, MARK, REST
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from modal.shapes import Shape
@@ -59,7 +58,15 @@ class _Layout:
 def draw_shapes(
     modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png"
 ) -> None:
-    """Draw the modes with these indices (from 0), one panel each, the largest angle at `amplitude_deg`."""
+    """Write the picture as png, svg or pdf."""
+    save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
+
+
+def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float = 25.0) -> Figure:
+    """The modes with these indices (from 0), one panel each, the largest angle at `amplitude_deg`.
+
+    Raises ComputationError for more modes than one picture holds.
+    """
     if len(numbers) > MOST_PANELS:
         raise ComputationError(
             f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} with --modes"
@@ -73,8 +80,7 @@ def draw_shapes(
     width = float(np.clip(2.6 * panel, 2.5, 4.6))
     height = width / panel + 0.62
     size = (max(width * columns, 4.6), height * lines + 0.75)
-    figure = Figure(figsize=size, dpi=150, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = sheet(*size)
     entitle(figure, modes.scene.title or "Mode shapes")
     axes = figure.subplots(lines, columns, squeeze=False)
     for axis in axes.flat:
@@ -83,7 +89,7 @@ def draw_shapes(
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))
     caption = fill(_caption(modes, rows, layout, amplitude_deg), int(LETTERS_PER_INCH * size[0]))
     figure.supxlabel(caption, fontsize=8, color=RAIL)
-    save(figure, stream, form)
+    return figure
 
 
 def _layout(modes: Modes) -> _Layout:

@@ -8,9 +8,7 @@ from typing import IO, Literal
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
@@ -18,7 +16,7 @@ from modal.encounters import Encounter
 from modal.errors import ComputationError
 from modal.loci import Loci
 from modal.palette import COLOURS, GRID, INK, STYLES
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from modal.scene import Scene
 from modal.variations import Variation
 
@@ -30,6 +28,11 @@ MOST_NAMED = 6
 
 
 def draw_loci(found: Loci, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(loci_figure(found), stream, form)
+
+
+def loci_figure(found: Loci) -> Figure:
     """ω (rad/s) of every locus against the parameter, a colour each, crosses at crossings, gaps ringed at veerings.
 
     A rigid translation, ω = 0 all along, is left out.  Raises ComputationError for more loci than one picture holds and
@@ -38,9 +41,7 @@ def draw_loci(found: Loci, stream: IO[bytes], form: str = "png") -> None:
     shown = np.flatnonzero(found.omega.any(axis=0)).tolist()
     if not 1 <= len(shown) <= MOST_CURVES:
         raise ComputationError(f"{len(shown)} loci do not fit a picture: from 1 to {MOST_CURVES}")
-    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08)
-    figure = Figure(figsize=(8.4, 6.2), dpi=150, facecolor="white", layout=layout)
-    FigureCanvasAgg(figure)
+    figure = sheet(8.4, 6.2)
     axis = figure.subplots()
     lines = [_locus(axis, found, k) for k in shown]
     for meeting in found.encounters:
@@ -53,7 +54,7 @@ def draw_loci(found: Loci, stream: IO[bytes], form: str = "png") -> None:
     handles = [*lines, *_named(found.encounters, found.variation)]
     columns = 2 if len(shown) <= MOST_NAMED else 4
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=9, frameon=False)
-    save(figure, stream, form)
+    return figure
 
 
 def _locus(axis: Axes, found: Loci, k: int) -> Line2D:

@@ -7,9 +7,7 @@ from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
 
@@ -17,7 +15,7 @@ from modal.errors import ComputationError
 from modal.modal_form import ModalForm
 from modal.mode import UNCERTAIN
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from modal.response import frequency_response, impulse_response
 from modal.rig import Complexes, Floats
 from modal.signals import Signal
@@ -38,6 +36,13 @@ def draw_bode(
     band: tuple[float, float] | None = None,
     kind: str = "png",
 ) -> None:
+    """Write the picture of `bode_figure` as png, svg or pdf."""
+    save(bode_figure(form, source=source, outputs=outputs, band=band), stream, kind)
+
+
+def bode_figure(
+    form: ModalForm, *, source: int = 0, outputs: Sequence[int] = (), band: tuple[float, float] | None = None
+) -> Figure:
     """Magnitude and phase of G(iω) from input `source` to these outputs (indices; left out, all) over a band (rad/s).
 
     Dotted lines with numbers mark the modes; of an undamped peak, which is infinite, the picture shows the foot.
@@ -47,7 +52,7 @@ def draw_bode(
     low, high = band or _band(form)
     omega = _grid(form, low, high)
     G = frequency_response(form, omega)[shown, source]
-    figure = _figure(5.6)
+    figure = sheet(8.0, 5.6)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for k, response in enumerate(G):
         size = np.abs(response)
@@ -61,7 +66,8 @@ def draw_bode(
     bottom.xaxis.set_minor_formatter(NullFormatter())
     _mark(top, form, low, high, numbered=True)
     _mark(bottom, form, low, high, numbered=False)
-    _finish(figure, form, shown, f"response to {_named(form.model.inputs[source])}", stream, kind)
+    _finish(figure, form, shown, f"response to {_named(form.model.inputs[source])}")
+    return figure
 
 
 def draw_impulse(
@@ -73,6 +79,13 @@ def draw_impulse(
     duration: float | None = None,
     kind: str = "png",
 ) -> None:
+    """Write the picture of `impulse_figure` as png, svg or pdf."""
+    save(impulse_figure(form, source=source, outputs=outputs, duration=duration), stream, kind)
+
+
+def impulse_figure(
+    form: ModalForm, *, source: int = 0, outputs: Sequence[int] = (), duration: float | None = None
+) -> Figure:
     """h(t) from input `source` to these outputs (indices; left out, all), one panel for each unit.
 
     `duration` in s; left out, four periods of the slowest mode that swings.  Raises ComputationError for more curves
@@ -85,7 +98,7 @@ def draw_impulse(
     t = np.linspace(0.0, end, points)
     h = impulse_response(form, t)[shown, source]
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
-    figure = _figure(1.4 + 2.2 * len(units))
+    figure = sheet(8.0, 1.4 + 2.2 * len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     for k, output in enumerate(shown):
         _draw(panels[units.index(form.model.outputs[output].unit)], t, h[k], k)
@@ -93,7 +106,8 @@ def draw_impulse(
         panel.set_ylabel(f"{unit} per {form.model.inputs[source].unit} s")
         panel.axhline(0.0, color=MARK, lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, end))
-    _finish(figure, form, shown, f"impulse response to {_named(form.model.inputs[source])}", stream, kind)
+    _finish(figure, form, shown, f"impulse response to {_named(form.model.inputs[source])}")
+    return figure
 
 
 # ------------------------------------------------------------------------------------------------------- numbers
@@ -144,14 +158,6 @@ def _limits(size: Floats) -> tuple[float, float]:
 # ------------------------------------------------------------------------------------------------------- drawing
 
 
-def _figure(height: float) -> Figure:
-    figure = Figure(
-        figsize=(8.0, height), dpi=150, facecolor="white", layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.06)
-    )
-    FigureCanvasAgg(figure)
-    return figure
-
-
 def _draw(axis: Axes, x: Floats, y: Floats, k: int) -> None:
     axis.plot(x, y, color=COLOURS[k % len(COLOURS)], ls=STYLES[k // len(COLOURS)], lw=1.6)
 
@@ -182,7 +188,7 @@ def _mark(axis: Axes, form: ModalForm, low: float, high: float, *, numbered: boo
         ).set_annotation_clip(False)
 
 
-def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str, stream: IO[bytes], kind: str) -> None:
+def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str) -> None:
     for axis in figure.axes:
         axis.grid(color=GRID, lw=0.6)
         axis.set_axisbelow(True)
@@ -195,7 +201,6 @@ def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str, strea
     ]
     names = [_named(form.model.outputs[output]) for output in shown]
     figure.legend(handles, names, loc="outside lower center", ncols=min(4, len(shown)), fontsize=9, frameon=False)
-    save(figure, stream, kind)
 
 
 def _named(signal: Signal) -> str:

@@ -7,15 +7,13 @@ from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.loci_figures import axis_words, dress, headline, scale
 from modal.palette import COLOURS, INK
-from modal.pictures import save
+from modal.pictures import save, sheet
 from modal.rig import Floats
 from nonlinear.branches import Branch, Branches
 
@@ -36,9 +34,7 @@ def branches_figure(found: Branches) -> Figure:
     """The same as a figure."""
     if not 1 <= len(found.branches) <= MOST_CURVES:
         raise ComputationError(f"{len(found.branches)} configurations do not fit a picture: from 1 to {MOST_CURVES}")
-    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08)
-    figure = Figure(figsize=(8.4, 7.4), dpi=130, facecolor="white", layout=layout)
-    FigureCanvasAgg(figure)
+    figure = sheet(8.4, 7.4)
     upper, lower = figure.subplots(2, 1, sharex=True)
     values = found.variation.values
     for number, one in enumerate(found.branches):

@@ -7,13 +7,11 @@ from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import MaxNLocator
 
 from modal.palette import COLOURS, GRID, INK, MARK
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from modal.scene import Scene
 from nonlinear.chaos_studies import Case, Finding
 from nonlinear.lyapunov import COVERAGE, Exponent
@@ -27,8 +25,13 @@ Rows = Sequence[tuple[Case, Exponent]]
 
 
 def draw_running(exponent: Exponent, stream: IO[bytes], *, kind: str = "png") -> None:
+    """Write the picture of `exponent_figure` as png, svg or pdf."""
+    save(exponent_figure(exponent), stream, kind)
+
+
+def exponent_figure(exponent: Exponent) -> Figure:
     """λ as it stood after every time: each start, their mean with its interval, and what regular motion looks like."""
-    figure = _figure(8.0, 4.4)
+    figure = sheet(8.0, 4.4)
     axis = figure.subplots()
     times, running = exponent.running()
     since, mean = times - exponent.transient, running.mean(1)
@@ -45,16 +48,21 @@ def draw_running(exponent: Exponent, stream: IO[bytes], *, kind: str = "png") ->
     axis.set(xlim=(0, since[-1]), ylim=(low - 0.05 * (high - low), high * 1.08))
     axis.set(xlabel="time measured T (s)", ylabel="growth of a small error, λ(T) (1/s)")
     axis.legend(frameon=False, fontsize=9, loc="upper right")
-    _finish(figure, exponent.scene.title or "Lyapunov exponent", stream, kind)
+    return _finished(figure, exponent.scene.title or "Lyapunov exponent")
 
 
 def draw_finding(finding: Finding, stream: IO[bytes], *, kind: str = "png") -> None:
+    """Write the picture of `finding_figure` as png, svg or pdf."""
+    save(finding_figure(finding), stream, kind)
+
+
+def finding_figure(finding: Finding) -> Figure:
     """λ with twice its standard uncertainty for every case; a hollow triangle is what λ lies below."""
-    _DRAWN[finding.study.paper](finding, stream, kind)
+    return _DRAWN[finding.study.paper](finding)
 
 
-def _draw_chains(finding: Finding, stream: IO[bytes], kind: str) -> None:
-    figure = _figure(9.0, 4.4)
+def _chains(finding: Finding) -> Figure:
+    figure = sheet(9.0, 4.4)
     left, right = figure.subplots(1, 2)
     for k, (name, rows) in enumerate(finding.series().items()):
         links = [float(exponent.scene.n_links) for _, exponent in rows]
@@ -68,7 +76,7 @@ def _draw_chains(finding: Finding, stream: IO[bytes], kind: str) -> None:
         axis.title.set(fontsize=10, color=INK)
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.legend(frameon=False, fontsize=9, loc="upper left")
-    _finish(figure, f"Paper 001: {finding.study.claim}?", stream, kind)
+    return _finished(figure, f"Paper 001: {finding.study.claim}?")
 
 
 def _natural_rate(scene: Scene) -> float:
@@ -76,8 +84,8 @@ def _natural_rate(scene: Scene) -> float:
     return float(np.sqrt(scene.gravity / scene.pendulum[0].links[0].length))
 
 
-def _draw_carts(finding: Finding, stream: IO[bytes], kind: str) -> None:
-    figure = _figure(8.0, 4.6)
+def _carts(finding: Finding) -> Figure:
+    figure = sheet(8.0, 4.6)
     axis = figure.subplots()
     for k, (name, rows) in enumerate(finding.series().items()):
         fixed = next(exponent for case, exponent in rows if case.at is None)
@@ -91,10 +99,10 @@ def _draw_carts(finding: Finding, stream: IO[bytes], kind: str) -> None:
     axis.set(xscale="log", xlabel="cart mass (kg)", ylabel="λ (1/s)", ylim=(0, None))
     axis.xaxis.set_major_formatter("{x:g}")
     axis.legend(frameon=False, fontsize=9, loc="lower right")
-    _finish(figure, f"Paper 000: {finding.study.claim}?", stream, kind)
+    return _finished(figure, f"Paper 000: {finding.study.claim}?")
 
 
-_DRAWN = {"000": _draw_carts, "001": _draw_chains}
+_DRAWN = {"000": _carts, "001": _chains}
 
 
 def _points(axis: Axes, at: Sequence[float], rows: Rows, units: Sequence[float], k: int, name: str) -> None:
@@ -108,19 +116,11 @@ def _points(axis: Axes, at: Sequence[float], rows: Rows, units: Sequence[float],
         axis.plot(*bounds.T, "v", color="none", mec=colour, mew=1.4, ms=7.0)
 
 
-def _figure(width: float, height: float) -> Figure:
-    figure = Figure(
-        figsize=(width, height), dpi=150, facecolor="white", layout=ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.06)
-    )
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _finish(figure: Figure, title: str, stream: IO[bytes], kind: str) -> None:
+def _finished(figure: Figure, title: str) -> Figure:
     for axis in figure.axes:
         axis.grid(color=GRID, lw=0.6)
         axis.set_axisbelow(True)
         axis.tick_params(labelsize=9, colors=INK)
         axis.spines[["top", "right"]].set_visible(False)
     entitle(figure, title)
-    save(figure, stream, kind)
+    return figure

@@ -8,15 +8,13 @@ from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from modal.errors import ComputationError
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.check import ONE_PERCENT, Check, ModeCheck
@@ -32,6 +30,11 @@ PADDING = 4
 
 
 def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(check_figure(found), stream, form)
+
+
+def check_figure(found: Check) -> Figure:
     """|ω(a)/ω − 1| against the largest angle on logarithmic axes, measured (marks) and predicted (lines: κa²).
 
     The level of 1 % is marked, and on it the angle that was measured; hollow marks rise with the amplitude.  Irregular
@@ -42,7 +45,7 @@ def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
         raise ComputationError(f"{len(rows)} modes do not fit a picture: choose at most {MOST_CURVES}")
-    figure = _figure(5.4)
+    figure = sheet(8.0, 5.4)
     axis = figure.subplots()
     angles = [degrees(run.effective) for row in rows for run in row.measurements]
     low, high = min(angles) / BEYOND, min(max(angles) * BEYOND, 180.0)
@@ -61,7 +64,7 @@ def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
     axis.xaxis.set_minor_formatter(NullFormatter())
     handles = [_handle(k) for k in range(len(rows))]
     _finish(figure, found.scene, "frequency against amplitude", handles, [_named(row) for row in rows], 2)
-    save(figure, stream, form)
+    return figure
 
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
@@ -80,12 +83,17 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
 
 
 def draw_spectrum(found: Comparison, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(spectrum_figure(found), stream, form)
+
+
+def spectrum_figure(found: Comparison) -> Figure:
     """Amplitude spectra of the modal coordinates that move, the strongest of a mode's copies, on a logarithmic scale.
 
     Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing swings.
     """
     rows = _strongest(found)
-    figure = _figure(5.4)
+    figure = sheet(8.0, 5.4)
     axis = figure.subplots()
     omega, sizes = _spectra(found, rows)
     top = float(sizes.max())
@@ -98,7 +106,7 @@ def draw_spectrum(found: Comparison, stream: IO[bytes], form: str = "png") -> No
     handles = [Line2D([], [], color=_colour(k), ls=STYLES[k // len(COLOURS)]) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
     _finish(figure, found.modes.scene, "spectra of the modal coordinates", handles, names, 4 if len(names) <= 4 else 3)
-    save(figure, stream, form)
+    return figure
 
 
 def _strongest(found: Comparison) -> list[ModeInMotion]:
@@ -161,13 +169,6 @@ def _size(k: int) -> float:
 
 def _named(row: ModeCheck) -> str:
     return f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s, κ = {row.mode.kappa:.4g}"
-
-
-def _figure(height: float) -> Figure:
-    layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08)
-    figure = Figure(figsize=(8.0, height), dpi=150, facecolor="white", layout=layout)
-    FigureCanvasAgg(figure)
-    return figure
 
 
 def _finish(

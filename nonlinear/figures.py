@@ -8,13 +8,12 @@ from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from modal.rig import Floats
 from nonlinear.frames import resampled
 from nonlinear.spectra import power_spectrum
@@ -35,8 +34,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     if len(trajectory.times) < 2:
         raise ComputationError("a run of a single instant has nothing to draw")
     on_cart = trajectory.plant.cart is not None
-    figure = Figure(figsize=(11, 8.6 if on_cart else 7.2), dpi=120, facecolor="white", layout="constrained")
-    FigureCanvasAgg(figure)
+    figure = sheet(11, 8.6 if on_cart else 7.2)
     grid = figure.add_gridspec(6, 2, width_ratios=(3, 2))
     tall = 2 if on_cart else 3
     angles = figure.add_subplot(grid[:tall, 0])

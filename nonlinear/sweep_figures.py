@@ -8,15 +8,13 @@ from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from modal.errors import ComputationError
 from modal.loci_figures import axis_words, dress, headline, log_ticks, scale
 from modal.palette import COLOURS, INK, REST, STYLES
-from modal.pictures import save
+from modal.pictures import save, sheet
 from modal.rig import Floats
 from modal.variations import Variation
 from nonlinear.sweeps import Sweep
@@ -89,13 +87,6 @@ def label(column: str) -> str:
     return f"{shown} ({unit})" if unit else shown
 
 
-def _figure(width: float, height: float) -> Figure:
-    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08)
-    figure = Figure(figsize=(width, height), dpi=150, facecolor="white", layout=layout)
-    FigureCanvasAgg(figure)
-    return figure
-
-
 # ------------------------------------------------------------------------------------------------------- curves
 
 
@@ -104,7 +95,7 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
     panels: dict[str, list[str]] = {}
     for name in known:
         panels.setdefault(re.sub(r"_\d+(?=_|$)", "", name), []).append(name)
-    figure = _figure(8.0, 1.6 + 2.9 * len(panels))
+    figure = sheet(8.0, 1.6 + 2.9 * len(panels))
     variation = sweep.study.variations[0]
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (kind, names) in zip(axes, panels.items(), strict=True):
@@ -142,7 +133,7 @@ def _range(axis: Axes, values: Floats) -> None:
 def _maps(sweep: Sweep, known: list[str]) -> Figure:
     columns = min(len(known), 2)
     rows = -(-len(known) // columns)
-    figure = _figure(1.4 + 5.0 * columns, 0.8 + 4.0 * rows)
+    figure = sheet(1.4 + 5.0 * columns, 0.8 + 4.0 * rows)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
     y, x = sweep.study.variations
     for place, (axis, name) in enumerate(zip(panels, known, strict=False)):

@@ -7,16 +7,14 @@ from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.palette import COLOURS, GRID, INK, MARK, REST
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from modal.prose import counted
 from modal.rig import Floats, Ints
 from nonlinear.frames import picked, resampled
@@ -43,9 +41,7 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     """The same as a figure."""
     if len(trajectory.times) < 2:
         raise ComputationError("a run of a single instant has nothing to draw")
-    layout = ConstrainedLayoutEngine(w_pad=0.1, h_pad=0.08)
-    figure = Figure(figsize=(11.0, 9.6), dpi=120, facecolor="white", layout=layout)
-    FigureCanvasAgg(figure)
+    figure = sheet(11.0, 9.6)
     grid = figure.add_gridspec(3, 2)
     shown = _shown(trajectory.plant.n_pendula)
     begin = figure.add_subplot(grid[0, 0])

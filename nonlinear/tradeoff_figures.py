@@ -6,13 +6,11 @@ from itertools import groupby
 from typing import IO, Any
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from modal.errors import ComputationError
 from modal.palette import COLOURS, GRID, INK, REST
-from modal.pictures import entitle, save
+from modal.pictures import entitle, save, sheet
 from nonlinear.ladder import Rung
 from nonlinear.superposition import CORRECTED, LINEAR
 from nonlinear.tradeoff import Row, Tradeoff
@@ -24,6 +22,11 @@ BEYOND = 2.5  # how far the axes go on beside the outermost rung
 
 
 def draw_tradeoff(found: Tradeoff, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(tradeoff_figure(found), stream, form)
+
+
+def tradeoff_figure(found: Tradeoff) -> Figure:
     """The largest error (rad) of every rung against its time (s) on logarithmic axes, one line a family.
 
     The broad line joins the rungs that none beats in both; in the shaded part the reference cannot tell errors apart,
@@ -32,16 +35,14 @@ def draw_tradeoff(found: Tradeoff, stream: IO[bytes], form: str = "png") -> None
     rows = [row for row in found.rows if row.rung != found.reference.rung]
     if not rows:
         raise ComputationError("no rung was measured: there is nothing to draw")
-    layout = ConstrainedLayoutEngine(w_pad=0.12, h_pad=0.08)
-    figure = Figure(figsize=(8.4, 6.0), dpi=150, facecolor="white", layout=layout)
-    FigureCanvasAgg(figure)
+    figure = sheet(8.4, 6.0)
     axis = figure.subplots()
     _bounds(axis, found, rows)
     _front(axis, found)
     for _, members in groupby(rows, key=lambda row: row.rung.family):
         _family(axis, found, list(members))
     _dress(figure, axis, found)
-    save(figure, stream, form)
+    return figure
 
 
 def _bounds(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
