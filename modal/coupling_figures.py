@@ -10,9 +10,10 @@ from matplotlib.lines import Line2D
 
 from modal.cart_mass_figures import draw_limits
 from modal.coupling import Coupling
-from modal.mass_figures import CURVE, FELT, POLE, ZERO, close_families, draw_close, draw_mass
-from modal.palette import GRID, INK, MARK
-from modal.pictures import entitle, save, sheet
+from modal.dress import headline, key
+from modal.mass_figures import FELT, close_families, curve, draw_close, draw_mass, pole, zero
+from modal.palette import muted, paper
+from modal.pictures import WIDE, save, sheet
 
 
 def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
@@ -23,7 +24,7 @@ def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> N
 def coupling_figure(coupling: Coupling) -> Figure:
     """The coupling in one picture; of many poles and lines it shows some and says so."""
     close = close_families(coupling)
-    figure = sheet(9.0, 10.0 if close else 7.2)
+    figure = sheet(WIDE, 10.5 if close else 7.6)
     rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
     draw_mass(figure.add_subplot(rows[0, :]), coupling)
     for column, number in enumerate(close):
@@ -36,22 +37,13 @@ def coupling_figure(coupling: Coupling) -> Figure:
 
 
 def _finish(figure: Figure, coupling: Coupling) -> None:
-    for axis in figure.axes:
-        axis.grid(color=GRID, lw=0.6)
-        axis.set_axisbelow(True)
-        axis.tick_params(labelsize=9, colors=INK)
-        axis.spines[["top", "right"]].set_visible(False)
     what = "what a force on the cart feels" if coupling.on_cart else "what a cart here would feel"
-    title = coupling.scene.title
-    words = f"{title}: {what}" if title else what.capitalize()
-    entitle(figure, words)
+    headline(figure, coupling.scene.title, what)
     entries = {
-        "dynamic mass": Line2D([], [], color=CURVE, lw=1.6),
-        "poles: the cart stands still": Line2D([], [], color=POLE, ls="--", lw=1.1),
-        "zeros: the cart moves": Line2D([], [], color=ZERO, marker="o", lw=1.6, mec="white"),
-        "felt by a fast push": Line2D([], [], color=MARK, ls=":", lw=0.9),
+        "dynamic mass": Line2D([], [], color=curve()),
+        "poles: the cart stands still": Line2D([], [], color=pole(), ls="--", lw=1.1),
+        "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
+        "felt by a fast push": Line2D([], [], color=muted(), ls=":", lw=0.9),
     }
     entries = entries if coupling.on_cart else dict(list(entries.items())[:3])
-    figure.legend(
-        list(entries.values()), list(entries), loc="outside lower center", ncols=len(entries), fontsize=9, frameon=False
-    )
+    key(figure, list(entries.values()), list(entries))

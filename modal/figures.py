@@ -5,27 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from textwrap import fill
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
+from modal.dress import caption, headline
 from modal.errors import ComputationError
 from modal.mode import Mode
 from modal.modes import Modes
-from modal.palette import COLOURS, INK, MARK, REST
-from modal.pictures import entitle, save, sheet
+from modal.palette import QUIET, colour, ink, muted, paper, rest
+from modal.pictures import WIDE, save, sheet
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from modal.shapes import Shape
 
-FRONT, BACK, *_ = COLOURS
-RAIL = MARK
 FARTHEST = 0.3  # of the picture's depth
-LETTERS_PER_INCH = 16  # of the caption
+LINE, LETTER = 0.2, 0.08  # inches that a line of a panel's title takes, and a letter
 MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
+LEAST, WIDEST = 4.6, 1.4  # inches across a picture; width over height of a panel of which four stand in a row
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,24 +71,23 @@ def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float 
         raise ComputationError(
             f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} with --modes"
         )
-    rows = list(modes.rows(numbers))
-    layout = _layout(modes)
+    rows, layout = list(modes.rows(numbers)), _layout(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
-    columns = min(len(rows), 3 if panel > 1.4 else 5)
+    columns = min(len(rows), 4 if panel < WIDEST else 3)
     lines = -(-len(rows) // columns)
     columns = -(-len(rows) // lines)
-    width = float(np.clip(2.6 * panel, 2.5, 4.6))
-    height = width / panel + 0.62
-    size = (max(width * columns, 4.6), height * lines + 0.75)
-    figure = sheet(*size)
-    entitle(figure, modes.scene.title or "Mode shapes")
+    width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
+    words = [_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
+    height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
+    figure = sheet(max(width * columns, LEAST), height * lines + 0.8)
+    headline(figure, modes.scene.title, "mode shapes")
     axes = figure.subplots(lines, columns, squeeze=False)
     for axis in axes.flat:
         axis.set_axis_off()
-    for axis, row in zip(axes.flat, rows, strict=False):
+    for axis, row, text in zip(axes.flat, rows, words, strict=False):
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))
-    caption = fill(_caption(modes, rows, layout, amplitude_deg), int(LETTERS_PER_INCH * size[0]))
-    figure.supxlabel(caption, fontsize=8, color=RAIL)
+        axis.set_title(text, linespacing=1.3)
+    caption(figure, _caption(modes, rows, layout, amplitude_deg))
     return figure
 
 
@@ -123,30 +122,25 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: floa
     axis.set_xlim(-layout.half_width, layout.half_width)
     axis.set_ylim(layout.bottom, layout.top)
     axis.set_aspect("equal")
-    axis.plot([-layout.half_width, layout.half_width], [0, 0], color=RAIL, lw=1.0, zorder=0)
-    _swing(axis, modes, layout, shape, 0.0, REST, 1.0)
+    axis.plot([-layout.half_width, layout.half_width], [0, 0], color=muted(), lw=1.0, zorder=0)
+    _swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
     if row.omega == 0:
-        reach = 0.3 * layout.depth
-        axis.annotate(
-            "",
-            (reach, 0.13 * layout.depth),
-            (-reach, 0.13 * layout.depth),
-            arrowprops={"arrowstyle": "<->", "color": FRONT, "lw": 1.6},
-        )
+        reach, height = 0.3 * layout.depth, 0.13 * layout.depth
+        arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
+        axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
     else:
         amplitude = _fitting(layout, shape, amplitude)
-        _swing(axis, modes, layout, shape, -amplitude, BACK, 0.55)
-        _swing(axis, modes, layout, shape, amplitude, FRONT, 1.0)
+        _swing(axis, modes, layout, shape, -amplitude, {"color": colour(1)})
+        _swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
+
+
+def _words(row: Mode, letters: int) -> str:
+    """The title of a panel: number, frequencies and family."""
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio > 0 else ""
     omega = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
     rate = f"grows at {row.growth_rate:.5g} 1/s" if row.growth_rate else omega
     frequency = "" if row.frequency is None else f":  {row.frequency:.4g} Hz"
-    axis.set_title(
-        f"mode {row.number}{frequency}\n{rate}\n{_wrapped(row.family, layout)}",
-        fontsize=8.5,
-        color=INK,
-        linespacing=1.35,
-    )
+    return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
 
 
 def _fitting(layout: _Layout, shape: Shape, amplitude: float) -> float:
@@ -160,64 +154,48 @@ def _fitting(layout: _Layout, shape: Shape, amplitude: float) -> float:
     return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
 
 
-def _swing(
-    axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: float, colour: str, alpha: float
-) -> None:
+def _swing(axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
     shift = float(shape.cart.real) * amplitude
-    _support(axis, modes, layout, shift, colour, alpha)
+    _support(axis, modes, layout, shift, look)
     for links, way, first, pivot in zip(layout.links, layout.ways, layout.offsets, layout.pivots, strict=True):
         angles = amplitude * shape.angles[first : first + len(links)]
-        if colour != REST and shift == 0 and not angles.any():
+        if "gid" not in look and shift == 0 and not angles.any():
             continue
         length = np.array([link.length for link in links])
         lean = (np.sin(angles), np.cos(angles)) if len(links) <= MOST_MARKS else (angles, np.ones(len(links)))
         lean = (way * lean[0], way * lean[1])
         x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
         x, y = pivot + shift + x, -y
-        axis.plot(x, y, color=colour, alpha=alpha, lw=1.6, solid_capstyle="round", zorder=2)
+        axis.plot(x, y, **look, lw=1.6, zorder=2)
         if len(links) <= MOST_MARKS:
-            _marks(axis, links, x, y, colour, alpha)
+            _marks(axis, links, x, y, look)
 
 
-def _marks(axis: Axes, links: Sequence[Bob | Rod | Body], x: Floats, y: Floats, colour: str, alpha: float) -> None:
+def _marks(axis: Axes, links: Sequence[Bob | Rod | Body], x: Floats, y: Floats, look: dict[str, Any]) -> None:
     heaviest = max(link.mass for link in links)
     for i, link in enumerate(links):
         part = link.centre / link.length
         centre = (x[i] + part * (x[i + 1] - x[i]), y[i] + part * (y[i + 1] - y[i]))
         if part > 1:
-            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ":", color=colour, alpha=alpha, lw=1.2, zorder=2)
+            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ":", **look, lw=1.2, zorder=2)
         if isinstance(link, Rod):
-            axis.plot(x[i : i + 2], y[i : i + 2], color=colour, alpha=alpha, lw=4.0, solid_capstyle="round", zorder=3)
+            axis.plot(x[i : i + 2], y[i : i + 2], **look, lw=4.0, zorder=3)
         else:
             size = 11.0 * (link.mass / heaviest) ** (1 / 3)
             marker = "o" if isinstance(link, Bob) else "D"
-            axis.plot(*centre, marker, ms=max(size, 3.5), color=colour, alpha=alpha, mec="white", mew=0.7, zorder=4)
-    axis.plot(x[:-1], y[:-1], "o", ms=2.6, color="white", mec=colour, mew=0.9, alpha=alpha, zorder=5)
+            axis.plot(*centre, marker, ms=max(size, 3.5), **look, mec=paper(), mew=0.7, zorder=4)
+    axis.plot(x[:-1], y[:-1], "o", ms=2.6, **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5)
 
 
-def _support(axis: Axes, modes: Modes, layout: _Layout, shift: float, colour: str, alpha: float) -> None:
+def _support(axis: Axes, modes: Modes, layout: _Layout, shift: float, look: dict[str, Any]) -> None:
     left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
     height = 0.075 * layout.depth
     if modes.rig.cart is None:
-        if colour == REST:
-            axis.plot([left, right], [0, 0], color=INK, lw=3.0, zorder=1)
+        axis.plot([left, right], [0, 0], color=ink(), lw=3.0, zorder=1)
         return
-    box = FancyBboxPatch(
-        (left + shift, 0.0),
-        right - left,
-        height,
-        boxstyle=f"round,pad=0,rounding_size={height / 3}",
-        facecolor=colour if colour == REST else "none",
-        edgecolor=colour,
-        alpha=alpha,
-        lw=1.3,
-        zorder=1,
-    )
-    axis.add_patch(box)
-
-
-def _wrapped(words: str, layout: _Layout) -> str:
-    return fill(words, 34 if layout.half_width < layout.depth else 50)
+    face = look["color"] if "gid" in look else "none"
+    style: dict[str, Any] = {"boxstyle": f"round,pad=0,rounding_size={height / 3}", "lw": 1.3, "zorder": 1}
+    axis.add_patch(FancyBboxPatch((left + shift, 0.0), right - left, height, fc=face, ec=look["color"], **style))
 
 
 def _caption(modes: Modes, rows: Sequence[Mode], layout: _Layout, amplitude_deg: float) -> str:

@@ -7,22 +7,18 @@ from typing import IO, Literal
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
 
+from modal.dress import headline, key, log_ticks
 from modal.encounters import Encounter
 from modal.errors import ComputationError
 from modal.loci import Loci
-from modal.palette import COLOURS, GRID, INK, STYLES
-from modal.pictures import entitle, save, sheet
-from modal.scene import Scene
+from modal.palette import MOST_CURVES, colour, dash, ink, paper
+from modal.pictures import WIDTH, save, sheet
 from modal.variations import Variation
 
-MOST_CURVES = len(COLOURS) * len(STYLES)
 MARKS = {"crossing": "X", "veering": "o"}
-FEW_DECADES = 300.0
 MOST_NAMED = 6
 """Encounters that the legend tells one by one."""
 
@@ -41,7 +37,7 @@ def loci_figure(found: Loci) -> Figure:
     shown = np.flatnonzero(found.omega.any(axis=0)).tolist()
     if not 1 <= len(shown) <= MOST_CURVES:
         raise ComputationError(f"{len(shown)} loci do not fit a picture: from 1 to {MOST_CURVES}")
-    figure = sheet(8.4, 6.2)
+    figure = sheet(WIDTH, 6.0)
     axis = figure.subplots()
     lines = [_locus(axis, found, k) for k in shown]
     for meeting in found.encounters:
@@ -49,30 +45,26 @@ def loci_figure(found: Loci) -> Figure:
     values = found.variation.values
     axis.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)", xlim=(values[0], values[-1]))
     scale(axis, "x", found.variation)
-    dress(axis)
-    headline(figure, found.scene, "frequency loci")
-    handles = [*lines, *_named(found.encounters, found.variation)]
-    columns = 2 if len(shown) <= MOST_NAMED else 4
-    figure.legend(handles=handles, loc="outside lower center", ncols=columns, fontsize=9, frameon=False)
+    headline(figure, found.scene.title, "frequency loci")
+    key(figure, [*lines, *_named(found.encounters, found.variation)], columns=2 if len(shown) <= MOST_NAMED else 4)
     return figure
 
 
 def _locus(axis: Axes, found: Loci, k: int) -> Line2D:
     fold = f" ({found.multiplicity[k]}-fold)" if found.multiplicity[k] > 1 else ""
-    colour, style = COLOURS[k % len(COLOURS)], STYLES[k // len(COLOURS) % len(STYLES)]
     label = f"locus {k + 1}{fold}"
-    return axis.plot(found.values, found.omega[:, k], color=colour, ls=style, lw=1.7, zorder=3, label=label)[0]
+    return axis.plot(found.values, found.omega[:, k], color=colour(k), ls=dash(k), zorder=3, label=label)[0]
 
 
 def _mark(axis: Axes, meeting: Encounter) -> None:
     axis.add_line(_sign(meeting.kind, [meeting.value], [meeting.omega]))
     if meeting.kind == "veering":
         ends = meeting.omega - meeting.gap / 2, meeting.omega + meeting.gap / 2
-        axis.plot([meeting.value] * 2, ends, color=INK, lw=1.1, zorder=4)
+        axis.plot([meeting.value] * 2, ends, color=ink(), lw=1.1, zorder=4)
 
 
 def _sign(kind: str, x: Sequence[float], y: Sequence[float], label: str = "") -> Line2D:
-    face, edge, size = (INK, "white", 9) if kind == "crossing" else ("none", INK, 13)
+    face, edge, size = (ink(), paper(), 9) if kind == "crossing" else ("none", ink(), 13)
     return Line2D(x, y, ls="", marker=MARKS[kind], mfc=face, mec=edge, ms=size, mew=1.1, zorder=5, label=label)
 
 
@@ -96,30 +88,9 @@ def axis_words(variation: Variation) -> str:
     return f"{variation.path} ({variation.unit})" if variation.unit else variation.path
 
 
-def dress(axis: Axes) -> None:
-    """Grid, ticks and spines."""
-    axis.grid(color=GRID, lw=0.6)
-    axis.set_axisbelow(True)
-    axis.tick_params(which="both", labelsize=9, colors=INK)
-    axis.spines[["top", "right"]].set_visible(False)
-
-
-def headline(figure: Figure, scene: Scene, title: str) -> None:
-    """The scene's title and what is shown of it."""
-    whole = f"{scene.title}: {title}" if scene.title else title.capitalize()
-    entitle(figure, whole)
-
-
 def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:
     """An axis over a variation, logarithmic where its values go by equal ratios."""
     if not variation.log:
         return
     (axis.set_xscale if which == "x" else axis.set_yscale)("log")
     log_ticks(axis.xaxis if which == "x" else axis.yaxis, variation.values[-1] / variation.values[0])
-
-
-def log_ticks(line: Axis, ratio: float) -> None:
-    """Plain numbers on a logarithmic axis whose ends have this ratio, more of them where it is small."""
-    line.set_major_locator(LogLocator(subs=(1.0,) if ratio > FEW_DECADES else (1.0, 2.0, 5.0)))
-    line.set_major_formatter("{x:g}")
-    line.set_minor_formatter(NullFormatter())

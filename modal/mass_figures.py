@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from modal.coupling import Coupling, Family
-from modal.palette import COLOURS, INK, MARK
+from modal.dress import SMALL
+from modal.palette import colour, ink, muted, paper
 from modal.rig import Floats
 
-POLE, CURVE, ZERO = COLOURS[0], COLOURS[2], COLOURS[4]
 MOST_CLOSE, MANY, POINTS = 3, 24, 1200
 CLOSEST = 0.02
 """Share of an axis that a pole's line needs."""
@@ -21,8 +21,27 @@ TOP = 2.2
 WIDE = 30.0
 """Ratio of frequencies from which they stand on a logarithmic axis."""
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
-PLAIN: dict[str, Any] = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
+
+
+def pole() -> str:
+    """The colour of a mode in which the cart stands still."""
+    return colour(0)
+
+
+def curve() -> str:
+    """The colour of the dynamic mass."""
+    return colour(2)
+
+
+def zero() -> str:
+    """The colour of a mode that moves the cart."""
+    return colour(4)
+
+
+def plain() -> dict[str, Any]:
+    """Paper behind words."""
+    return {"facecolor": paper(), "edgecolor": "none", "pad": 1.5, "alpha": 0.85}
 
 
 def name(number: int) -> str:
@@ -48,27 +67,26 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     axis.set(xlim=(low, high), ylim=(-1.2 * whole, TOP * whole), xscale="log" if wide else "linear")
     axis.set(xlabel="angular frequency ω (rad/s)", ylabel=FELT)
     axis.yaxis.set_major_formatter("{x:g}")
-    axis.axhline(0.0, color=INK, lw=0.8)
+    axis.axhline(0.0, color=ink(), lw=0.8)
     if coupling.on_cart:
-        axis.axhline(dynamic.at_infinity, color=MARK, lw=0.9, ls=":")
+        axis.axhline(dynamic.at_infinity, color=muted(), lw=0.9, ls=":")
     crowd = crowded(coupling)
     omega = _grid(poles, zeros, low, high, wide)
     omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
     mass = np.clip(dynamic(omega), -20 * whole, 20 * whole)
     mass[np.isin(omega, poles)] = np.nan
-    axis.plot(omega, mass, color=CURVE, lw=1.6, zorder=3)
+    axis.plot(omega, mass, color=curve(), zorder=3)
     if crowd:
-        axis.axvspan(poles[0], poles[-1], color=POLE, alpha=0.18, lw=0)
-        axis.text(
-            np.sqrt(poles[0] * poles[-1]), 2.25 * whole, f"{len(poles)} poles", color=POLE, fontsize=9, ha="center"
-        )
+        axis.axvspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
+        middle = float(np.sqrt(poles[0] * poles[-1]))
+        axis.text(middle, 2.25 * whole, f"{len(poles)} poles", color=pole(), fontsize=SMALL, ha="center")
         zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
     else:
-        for pole in poles:
-            axis.axvline(pole, color=POLE, ls="--", lw=1.1)
-        _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles, 1)], POLE, above=True)
-    axis.plot(zeros, 0 * zeros, "o", color=ZERO, ms=6, zorder=4, mec="white", mew=0.8)
-    _labels(axis, zeros, [f"{value:.5g}" for value in zeros], ZERO, above=False)
+        for value in poles:
+            axis.axvline(value, color=pole(), ls="--", lw=1.1)
+        _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles, 1)], pole(), above=True)
+    axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6, zorder=4, mec=paper(), mew=0.8)
+    _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
 
 
 def span(omega: Floats) -> tuple[float, float, bool]:
@@ -90,7 +108,7 @@ def _grid(poles: Floats, zeros: Floats, low: float, high: float, wide: bool) -> 
     return np.unique(np.concatenate([even[even > 0], near[(near > low) & (near < high)], poles]))
 
 
-def _labels(axis: Axes, places: Floats, words: Sequence[str], colour: str, *, above: bool) -> None:
+def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above: bool) -> None:
     """Words above the axis or beside the points on its zero line, those left out that would touch the last."""
     last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
     for place, word in zip(places.tolist(), words, strict=True):
@@ -105,11 +123,11 @@ def _labels(axis: Axes, places: Floats, words: Sequence[str], colour: str, *, ab
             axis.get_xaxis_transform() if above else axis.transData,
             textcoords="offset points",
             ha="center" if above else "left",
-            fontsize=8.5,
-            color=colour,
+            fontsize=SMALL,
+            color=hue,
             zorder=5,
             annotation_clip=False,
-            bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8},
+            bbox=plain() | {"pad": 0.5},
         )
 
 
@@ -140,17 +158,17 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
     scale = max(abs(family.rest), coupling.dynamic.at_rest / 10)
     for share in (np.linspace(-0.8, -1e-3, 200), np.geomspace(1e-3, 2.6, 300)):
         mass = _beside(coupling, number, share * split)
-        axis.plot(share * split, np.where(np.abs(mass) < 30 * scale, mass, np.nan), color=CURVE, lw=1.6)
-    axis.axhline(0.0, color=INK, lw=0.8)
-    axis.axvline(0.0, color=POLE, ls="--", lw=1.1)
-    axis.plot([split], [0.0], "o", color=ZERO, ms=6, mec="white", mew=0.8, zorder=4)
-    arrow = {"arrowstyle": "<->", "color": INK, "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
+        axis.plot(share * split, np.where(np.abs(mass) < 30 * scale, mass, np.nan), color=curve())
+    axis.axhline(0.0, color=ink(), lw=0.8)
+    axis.axvline(0.0, color=pole(), ls="--", lw=1.1)
+    axis.plot([split], [0.0], "o", color=zero(), ms=6, mec=paper(), mew=0.8, zorder=4)
+    arrow = {"arrowstyle": "<->", "color": ink(), "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
     axis.annotate("", (split, -2.2 * scale), (0.0, -2.2 * scale), arrowprops=arrow)
     words = f"Δω = {split:.4g} rad/s" + (f"\nbeat {family.beat:.5g} s" if family.beat else "")
     side = "left" if split > 0 else "right"
-    axis.text(1.1 * split, -2.2 * scale, words, fontsize=8.5, color=INK, va="center", ha=side, bbox=PLAIN)
+    axis.text(1.1 * split, -2.2 * scale, words, fontsize=SMALL, va="center", ha=side, bbox=plain())
     axis.set(xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number + 1)} (rad/s)")
-    axis.set_title(f"close to {name(number + 1)}: coupling ε = {family.strength:.3g}", fontsize=9.5, color=INK)
+    axis.set_title(f"close to {name(number + 1)}: coupling ε = {family.strength:.3g}")
     axis.locator_params(axis="x", nbins=4)
     axis.yaxis.set_major_formatter("{x:g}")
 

@@ -1,43 +1,36 @@
-"""Figures in the style in force, written to files whatever letters their titles have."""
+"""Figures that keep the style they were made in, and how they are written."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from io import BytesIO
-from textwrap import fill
-from typing import IO, Any
+from typing import IO
 
-from matplotlib import rc_context, rcParams
+from matplotlib import rc_context, rcParams, style
 from matplotlib.backend_bases import RendererBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from modal.palette import INK
-
-LETTER = 0.115  # inches that a bold letter of a title takes
-LASTING = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
-"""Groups of settings that a picture keeps from where it was made, since ticks are made when it is drawn."""
+WIDTH, WIDE = 8.0, 10.5
+"""Inches across a figure of one column, and of several."""
+KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
+"""Groups of settings that a picture keeps: matplotlib makes ticks only when a figure is drawn."""
 
 
 class Picture(Figure):
-    """A figure that keeps the style it was made in, and that notebooks show as the last line of a cell."""
+    """A figure that is always drawn in the style it was made in; notebooks show it as the last line of a cell."""
 
     def __init__(self, width: float, height: float) -> None:
         super().__init__(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(self)
-        self.style = {name: value for name, value in rcParams.items() if name.partition(".")[0] in LASTING}
+        self.style = {name: value for name, value in rcParams.items() if name.partition(".")[0] in KEPT}
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw in the picture's own style."""
-        with rc_context(self.style):
+        """Draw, whatever the style in force."""
+        with rc_context(self.style), any_letters():
             super().draw(renderer)
-
-    def savefig(self, fname: Any, **look: Any) -> None:
-        """Write in the picture's own style; letters that the font has not are drawn as boxes, without a warning."""
-        with rc_context(self.style), _any_letters():
-            super().savefig(fname, **look)
 
     def _repr_png_(self) -> bytes:
         buffer = BytesIO()
@@ -50,20 +43,20 @@ def sheet(width: float, height: float) -> Picture:
     return Picture(width, height)
 
 
-def entitle(figure: Figure, words: str) -> None:
-    """A title over the whole figure, on as many lines as it needs; nothing in it is read as mathematics."""
-    lines = fill(words, max(20, int(figure.get_figwidth() / LETTER)))
-    figure.suptitle(lines, fontsize=12, fontweight="bold", color=INK, parse_math=False)
+def theme(name: str) -> AbstractContextManager[None]:
+    """One of the package's own styles, "light" or "dark", and nothing of any other."""
+    return style.context(f"modal.{name}", after_reset=True)
 
 
 def save(figure: Figure, stream: IO[bytes], form: str) -> None:
-    """Write a figure as png, svg or pdf; letters that the font has not are drawn as boxes, without a warning."""
-    with _any_letters():
+    """Write a figure as png, svg or pdf."""
+    with any_letters():
         figure.savefig(stream, format=form)
 
 
 @contextmanager
-def _any_letters() -> Iterator[None]:
+def any_letters() -> Iterator[None]:
+    """Letters that the font has not are drawn as boxes, without a warning."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         yield

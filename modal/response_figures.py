@@ -9,22 +9,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, MultipleLocator, NullFormatter
+from matplotlib.ticker import MultipleLocator
 
+from modal.dress import headline, key, log_ticks, mark_modes
 from modal.errors import ComputationError
 from modal.modal_form import ModalForm
 from modal.mode import UNCERTAIN
-from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import entitle, save, sheet
+from modal.palette import MOST_CURVES, colour, dash, muted
+from modal.pictures import WIDTH, save, sheet
 from modal.response import frequency_response, impulse_response
 from modal.rig import Complexes, Floats
 from modal.signals import Signal
 
-MOST_CURVES, POINTS, LONGEST = len(COLOURS) * len(STYLES), 2000, 20_000
+POINTS, LONGEST = 2000, 20_000
 DEEPEST = 1e-5
 """How far below the middle of a curve an antiresonance is drawn, and a peak above it, the other way up."""
-CLOSEST = 0.02
-"""Share of the axis that the number of a mode needs."""
 
 
 def draw_bode(
@@ -52,7 +51,7 @@ def bode_figure(
     low, high = band or _band(form)
     omega = _grid(form, low, high)
     G = frequency_response(form, omega)[shown, source]
-    figure = sheet(8.0, 5.6)
+    figure = sheet(WIDTH, 6.0)
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for k, response in enumerate(G):
         size = np.abs(response)
@@ -61,11 +60,10 @@ def bode_figure(
     top.set(xscale="log", yscale="log", ylabel=f"magnitude ({_units(form, shown, source)})", ylim=_limits(np.abs(G)))
     bottom.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
     bottom.yaxis.set_major_locator(MultipleLocator(90))
-    bottom.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    bottom.xaxis.set_major_formatter("{x:g}")
-    bottom.xaxis.set_minor_formatter(NullFormatter())
-    _mark(top, form, low, high, numbered=True)
-    _mark(bottom, form, low, high, numbered=False)
+    log_ticks(bottom.xaxis, high / low)
+    inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
+    mark_modes(top, inside)
+    mark_modes(bottom, inside, numbered=False)
     _finish(figure, form, shown, f"response to {_named(form.model.inputs[source])}")
     return figure
 
@@ -98,13 +96,13 @@ def impulse_figure(
     t = np.linspace(0.0, end, points)
     h = impulse_response(form, t)[shown, source]
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
-    figure = sheet(8.0, 1.4 + 2.2 * len(units))
+    figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     for k, output in enumerate(shown):
         _draw(panels[units.index(form.model.outputs[output].unit)], t, h[k], k)
     for panel, unit in zip(panels, units, strict=True):
-        panel.set_ylabel(f"{unit} per {form.model.inputs[source].unit} s")
-        panel.axhline(0.0, color=MARK, lw=0.8, zorder=0)
+        panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
+        panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, end))
     _finish(figure, form, shown, f"impulse response to {_named(form.model.inputs[source])}")
     return figure
@@ -159,48 +157,13 @@ def _limits(size: Floats) -> tuple[float, float]:
 
 
 def _draw(axis: Axes, x: Floats, y: Floats, k: int) -> None:
-    axis.plot(x, y, color=COLOURS[k % len(COLOURS)], ls=STYLES[k // len(COLOURS)], lw=1.6)
-
-
-def _mark(axis: Axes, form: ModalForm, low: float, high: float, *, numbered: bool) -> None:
-    """The modes in the band; the numbers of neighbours too close to print apart are joined."""
-    inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
-    groups: list[list[tuple[int, float]]] = []
-    for k, omega in inside:
-        axis.axvline(omega, color=MARK, ls=":", lw=0.9, zorder=0)
-        if groups and np.log(omega / groups[-1][-1][1]) < CLOSEST * np.log(high / low):
-            groups[-1].append((k, omega))
-        else:
-            groups.append([(k, omega)])
-    for group in groups if numbered else ():
-        first, last = group[0], group[-1]
-        words = f"{first[0]}" if first == last else f"{first[0]}–{last[0]}"
-        place = float(np.sqrt(first[1] * last[1]))
-        axis.annotate(
-            words,
-            (place, 1.0),
-            (0, 3),
-            axis.get_xaxis_transform(),
-            textcoords="offset points",
-            ha="center",
-            fontsize=8,
-            color=INK,
-        ).set_annotation_clip(False)
+    axis.plot(x, y, color=colour(k), ls=dash(k))
 
 
 def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str) -> None:
-    for axis in figure.axes:
-        axis.grid(color=GRID, lw=0.6)
-        axis.set_axisbelow(True)
-        axis.tick_params(labelsize=9, colors=INK)
-        axis.spines[["top", "right"]].set_visible(False)
-    whole = f"{form.model.title}: {title}" if form.model.title else title.capitalize()
-    entitle(figure, whole)
-    handles = [
-        Line2D([], [], color=COLOURS[k % len(COLOURS)], ls=STYLES[k // len(COLOURS)], lw=1.6) for k in range(len(shown))
-    ]
-    names = [_named(form.model.outputs[output]) for output in shown]
-    figure.legend(handles, names, loc="outside lower center", ncols=min(4, len(shown)), fontsize=9, frameon=False)
+    headline(figure, form.model.title, title)
+    handles = [Line2D([], [], color=colour(k), ls=dash(k)) for k in range(len(shown))]
+    key(figure, handles, [_named(form.model.outputs[output]) for output in shown])
 
 
 def _named(signal: Signal) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from multipendula import commands, models
-from multipendula.converters import EXPLAIN, FORMATS, SCENE_HELP, Add, number, whole
+from multipendula.converters import EXPLAIN, FORMATS, SCENE_HELP, Add, number, themed, whole
 from multipendula.motion_arguments import motions, sweeps, synchrony
 
 
@@ -50,11 +50,13 @@ def _tables(command: Add) -> None:
         default=25.0,
         help="largest angle drawn (default 25)",
     )
+    themed(add)
 
     add = command(commands.explain, "explain", "explain paper-cart-2 -o coupling.png")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--format", choices=("text", "markdown", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+    themed(add)
 
     add = command(commands.matrices, "matrices", "matrices chain-3")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -106,6 +108,7 @@ def _models(command: Add) -> None:
     add.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
     add.add_argument("--of", metavar="NAMES", help="which single outputs (default: all)")
     add.add_argument("--impulse", action="store_true", help="the impulse response instead of the Bode plot")
+    themed(add)
 
     add = command(models.shaper, "shaper", "shaper crane-hook --kind zvd --count 2")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
-from multipendula.commands import chosen, picture
+from multipendula.commands import chosen, drawn, picture
 from multipendula.runs import bar, in_a_folder, recorded, start_of, whole
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ USUAL = 120.0
 
 def check(options: argparse.Namespace) -> None:
     """Measure how far the table of modes holds: frequencies at several amplitudes beside its own."""
-    from modal.files import load, whole_file
+    from modal.files import load
 
     kind, scene = _kind(options), load(_scene(options))
     found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
@@ -27,7 +27,7 @@ def check(options: argparse.Namespace) -> None:
     if getattr(found, "interrupted", False):
         raise KeyboardInterrupt
     if options.output:
-        with whole_file(options.output) as stream:
+        with drawn(options.output, options.theme) as stream:
             draw(found, stream, kind)
 
 
@@ -85,13 +85,11 @@ def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...]) -> N
 
 def chaos(options: argparse.Namespace) -> None:
     """Measure the largest Lyapunov exponent, or what paper 000 or 001 claims of it."""
-    from modal.files import whole_file
-
     kind = _kind(options)
     text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
     print(text)
     if options.output:
-        with whole_file(options.output) as stream:
+        with drawn(options.output, options.theme) as stream:
             draw(stream, kind)
 
 
@@ -142,7 +140,7 @@ def _claims(options: argparse.Namespace) -> Drawn:
 
 def tradeoff(options: argparse.Namespace) -> None:
     """Measure time and error of every way to a motion, from linear modes to the finest integration."""
-    from modal.files import load, whole_file
+    from modal.files import load
     from nonlinear.ladder import ladder
     from nonlinear.tradeoff import tradeoff as compared
     from nonlinear.tradeoff_tables import tradeoff_table
@@ -157,7 +155,7 @@ def tradeoff(options: argparse.Namespace) -> None:
     if options.output:
         from nonlinear.tradeoff_figures import draw_tradeoff
 
-        with whole_file(options.output) as stream:
+        with drawn(options.output, options.theme) as stream:
             draw_tradeoff(found, stream, kind)
 
 

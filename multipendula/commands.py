@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from modal.mode import Mode
@@ -58,14 +58,12 @@ def table(options: argparse.Namespace) -> None:
 
 def shapes(options: argparse.Namespace) -> None:
     """Draw the mode shapes."""
-    from modal.files import whole_file
-
     form = picture(options.output)
     modes, numbers = _modes(options)
     from modal.figures import MOST_PANELS, draw_shapes
 
     chosen = numbers[:MOST_PANELS] if options.modes is None else numbers
-    with whole_file(options.output) as stream:
+    with drawn(options.output, options.theme) as stream:
         draw_shapes(modes, chosen, stream, amplitude_deg=options.amplitude, form=form)
     if len(chosen) < len(numbers):
         print(
@@ -119,14 +117,14 @@ def explain(options: argparse.Namespace) -> None:
     """Say in words, and draw, how the cart couples the pendula."""
     from modal.coupling import explained
     from modal.coupling_words import words
-    from modal.files import load, whole_file
+    from modal.files import load
 
     kind = picture(options.output) if options.output else ""
     coupling = explained(load(options.scene))
     if kind:
         from modal.coupling_figures import draw_coupling
 
-        with whole_file(options.output) as stream:
+        with drawn(options.output, options.theme) as stream:
             draw_coupling(coupling, stream, kind)
     sys.stdout.write(words(coupling, options.format))
 
@@ -141,6 +139,15 @@ def small_swings(scene: Scene) -> Scene:
     if scene.is_driven:
         print(f"multipendula: {UNDRIVEN}", file=sys.stderr)
     return scene
+
+
+@contextmanager
+def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
+    """A file for a picture or a film, and the theme that it is drawn in."""
+    from modal import files, pictures
+
+    with pictures.theme(theme), files.whole_file(name) as stream:
+        yield stream
 
 
 def listed(text: str | None) -> tuple[str, ...]:

@@ -14,6 +14,11 @@ FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
 RADIANS = ("radians from 1e-14 to 0.3", 0.3, 1e-14)
 
 
+def themed(add: argparse.ArgumentParser) -> None:
+    """The colours of a picture."""
+    add.add_argument("--theme", choices=("light", "dark"), default="light", help="colours of the picture (light)")
+
+
 def number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> Callable[[str], float]:
     """A converter of numbers above 0, `words` saying which."""
 

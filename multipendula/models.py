@@ -6,7 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from multipendula.commands import listed, picture, small_swings
+from multipendula.commands import drawn, listed, picture, small_swings
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -43,7 +43,6 @@ def gains(options: argparse.Namespace) -> None:
 def response(options: argparse.Namespace) -> None:
     """Draw a Bode plot or an impulse response, with the modes marked."""
     from modal.errors import SceneError
-    from modal.files import whole_file
     from modal.modal_form import modal_form
     from modal.modes import natural_modes
     from modal.response_figures import draw_bode, draw_impulse
@@ -58,7 +57,7 @@ def response(options: argparse.Namespace) -> None:
         raise SceneError(problems)
     form = modal_form(natural_modes(scene), model)
     draw = draw_impulse if options.impulse else draw_bode
-    with whole_file(options.file) as stream:
+    with drawn(options.file, options.theme) as stream:
         draw(form, stream, source=inputs.index(source), outputs=[outputs.index(name) for name in shown], kind=kind)
 
 

@@ -8,7 +8,7 @@ from multipendula import checks
 from multipendula import motions as moving
 from multipendula import sweeps as sweeping
 from multipendula import synchrony as keeping_time
-from multipendula.converters import EXPLAIN, RADIANS, SCENE_HELP, Add, angles, number, whole
+from multipendula.converters import EXPLAIN, RADIANS, SCENE_HELP, Add, angles, number, themed, whole
 
 
 def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
@@ -39,6 +39,7 @@ def motions(command: Add) -> None:
     add = command(moving.plot, "plot", "plot run.npz -o run.png")
     _run_of(add, 20.0)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
+    themed(add)
 
     add = command(moving.animate, "animate", "animate paper-cart-3 --duration 10 -o run.gif")
     _run_of(add, 10.0)
@@ -52,6 +53,7 @@ def motions(command: Add) -> None:
         help="default 1",
     )
     add.add_argument("--seconds", metavar="S", type=number("seconds above 0"), help="of film, at most (default 20)")
+    themed(add)
 
     add = command(checks.check, "check", "check paper-cart-2 --amplitude 1,5,10,30 -o check.png")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -62,6 +64,7 @@ def motions(command: Add) -> None:
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), help="with --general")
     add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+    themed(add)
 
     add = command(checks.chaos, "chaos", "chaos paper-cart-2 -o lyapunov.png")
     add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or paper:000, paper:001: what they claim")
@@ -69,6 +72,7 @@ def motions(command: Add) -> None:
     add.add_argument("--ensemble", metavar="E", type=whole(10_000), help="starts side by side (default 16)")
     add.add_argument("--quick", action="store_true", help="a short form of a paper's study")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+    themed(add)
 
     add = command(checks.tradeoff, "tradeoff", "tradeoff paper-cart-2 --start mode:2:10 -o tradeoff.png")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -76,6 +80,7 @@ def motions(command: Add) -> None:
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), default=10.0, help="default 10")
     add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+    themed(add)
 
     add = command(checks.advise, "advise", "advise paper-cart-3 --accuracy 1e-3 --duration 60")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -98,6 +103,7 @@ def synchrony(command: Add) -> None:
     add.add_argument("--format", choices=("text", "json", "csv"), default="text", help="csv with --vary only")
     add.add_argument("--picture", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
     add.add_argument("--film", metavar="FILE", help="a .gif, .mp4 or .html file, lit like a stroboscope")
+    themed(add)
 
 
 def sweeps(command: Add) -> None:
@@ -115,3 +121,4 @@ def sweeps(command: Add) -> None:
     add.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one a core)")
     add.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster instead, such as tcp://192.168.0.2:8786")
     add.add_argument("--fresh", action="store_true", help="begin anew, whatever an interrupted sweep has kept")
+    themed(add)

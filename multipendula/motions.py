@@ -7,7 +7,7 @@ import os
 import sys
 from time import perf_counter
 
-from multipendula.commands import picture
+from multipendula.commands import drawn, picture
 from multipendula.runs import bar, in_few_modes, run_of, shown_of, whole
 
 FILMS = ("gif", "mp4", "html")
@@ -40,21 +40,19 @@ def simulate(options: argparse.Namespace) -> None:
 
 def plot(options: argparse.Namespace) -> None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
-    from modal.files import whole_file
     from nonlinear.figures import draw_run
 
     trajectory = shown_of(options, lambda: picture(options.output))
-    with whole_file(options.output) as stream:
+    with drawn(options.output, options.theme) as stream:
         draw_run(trajectory, stream, kind=picture(options.output))
 
 
 def animate(options: argparse.Namespace) -> None:
     """Make a film of a run: the pendula, their trails and their energies."""
-    from modal.files import whole_file
     from nonlinear.animation import animate as film
 
     trajectory, form = shown_of(options, lambda: film_form(options.output)), film_form(options.output)
-    with whole_file(options.output) as stream, bar(options.seconds or 20.0) as report:
+    with drawn(options.output, options.theme) as stream, bar(options.seconds or 20.0) as report:
         shown = film(
             trajectory, stream, form, fps=options.fps, speed=options.speed, seconds=options.seconds, report=report
         )

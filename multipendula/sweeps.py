@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from multipendula.commands import picture
+from multipendula.commands import drawn, picture
 from multipendula.runs import bar, in_a_folder
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ def sweep(options: argparse.Namespace) -> None:
 
 def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import ComputationError
-    from modal.files import load, whole_file
+    from modal.files import load
     from modal.variations import parsed
     from nonlinear.journals import remove
     from nonlinear.measures import asked
@@ -62,7 +62,7 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         save(found, options.output)
         remove(f"{options.output}.journal")
     if options.picture:
-        with whole_file(options.picture) as stream:
+        with drawn(options.picture, options.theme) as stream:
             draw_sweep(found, stream, kind)
 
 
@@ -113,5 +113,5 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     if options.picture:
         from modal.loci_figures import draw_loci
 
-        with whole_file(options.picture) as stream:
+        with drawn(options.picture, options.theme) as stream:
             draw_loci(found, stream, kind)

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.commands import picture
+from multipendula.commands import drawn, picture
 from multipendula.motions import film_form
 from multipendula.runs import bar, in_a_folder, start_of
 
@@ -59,9 +59,9 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
         found = synchrony(scene, options.duration, start=start, report=lambda now, end: report(now / end))
     sys.stdout.write(_told(found, options.format))
     if options.picture:
-        _draw(found, options.picture)
+        _draw(found, options.picture, options.theme)
     if options.film:
-        _film(found, options.film)
+        _film(found, options.film, options.theme)
 
 
 def _told(found: Synchrony, form: str) -> str:
@@ -72,27 +72,24 @@ def _told(found: Synchrony, form: str) -> str:
     return as_json(records(found)) if form == "json" else sync_text(found)
 
 
-def _draw(found: Synchrony, name: str) -> None:
-    from modal.files import whole_file
+def _draw(found: Synchrony, name: str, theme: str) -> None:
     from nonlinear.sync_figures import draw_sync
 
-    with whole_file(name) as stream:
+    with drawn(name, theme) as stream:
         draw_sync(found.trajectory, found.phases, stream, picture(name))
 
 
-def _film(found: Synchrony, name: str) -> None:
-    from modal.files import whole_file
+def _film(found: Synchrony, name: str, theme: str) -> None:
     from nonlinear.animation import animate
     from nonlinear.strobe import SECONDS, strobed
 
     form = film_form(name)
-    with whole_file(name) as stream, bar(SECONDS) as report:
+    with drawn(name, theme) as stream, bar(SECONDS) as report:
         shown = animate(found.trajectory, stream, form, **strobed(found.phases, form), report=report)
     print(f"multipendula: {shown.frames} frames, one every {shown.motion / shown.frames:.4g} s", file=sys.stderr)
 
 
 def _branches(scene: Scene, options: argparse.Namespace) -> None:
-    from modal.files import whole_file
     from modal.variations import parsed
     from nonlinear.branch_tables import branches_csv, branches_text
     from nonlinear.branches import branches
@@ -104,5 +101,5 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
     if options.picture:
         from nonlinear.branch_figures import draw_branches
 
-        with whole_file(options.picture) as stream:
+        with drawn(options.picture, options.theme) as stream:
             draw_branches(found, stream, picture(options.picture))

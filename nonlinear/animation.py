@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import base64
 import shutil
-import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import reduce
 from html import escape
 from io import BytesIO
 from itertools import chain
@@ -18,9 +18,12 @@ from typing import IO
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.animation import FFMpegWriter
+from matplotlib.colors import to_rgb
 from PIL import Image
 
 from modal.errors import ComputationError, SceneError
+from modal.palette import colour, ink, paper
+from modal.pictures import any_letters
 from nonlinear.film import DPI, Film
 from nonlinear.trajectory import Trajectory
 
@@ -29,7 +32,8 @@ LONGEST = 20.0
 """Seconds of film where nobody says how many."""
 COLOURS, SAMPLED = 64, 6
 """Colours of a GIF, chosen from this many of its frames."""
-NEARLY_WHITE = 250
+NEARLY = 5
+"""How far a colour may be from the paper's, in 255 steps, to be drawn as the paper."""
 MOST_FRAMES = 20_000
 NO_FFMPEG = (
     "mp4 needs ffmpeg: install it, or the extra `video` (pip install 'multipendula[video]'); gif and html do not"
@@ -83,8 +87,7 @@ def animate(
         report((frame + 1) / rate)
         return image
 
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+    with any_letters():
         if form == "gif":
             _write_gif(film, shot, stream)
         elif form == "html":
@@ -116,7 +119,7 @@ def _write_gif(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]
     """One palette for all frames, so that only what moves is stored."""
     count = len(film.times)
     samples = [np.asarray(film.image(int(k))) for k in np.unique(np.linspace(0, count - 1, SAMPLED).astype(int))]
-    palette = _with_white(Image.fromarray(np.concatenate(samples)).quantize(COLOURS))
+    palette = _on_paper(Image.fromarray(np.concatenate(samples)).quantize(COLOURS))
 
     def reduced(frame: int) -> Image.Image:
         return shot(frame).quantize(palette=palette, dither=Image.Dither.NONE)
@@ -126,10 +129,11 @@ def _write_gif(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]
     reduced(0).save(stream, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=True)
 
 
-def _with_white(image: Image.Image) -> Image.Image:
-    """The same palette with what is nearly white made white."""
+def _on_paper(image: Image.Image) -> Image.Image:
+    """The same palette with what is nearly paper made paper."""
     colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
-    colours[colours.min(1) >= NEARLY_WHITE] = 255
+    plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
+    colours[np.abs(colours.astype(int) - plain).max(1) <= NEARLY] = plain
     image.putpalette(colours.tobytes())
     return image
 
@@ -164,7 +168,8 @@ def _ffmpeg() -> str:
 
 def _write_html(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
     """A page that needs nothing else: frames as PNG, a button, a slider."""
-    head, tail = PAGE.replace("TITLE", escape(film.title)).replace("RATE", f"{film.rate:g}").split("FRAMES")
+    words = {"RATE": f"{film.rate:g}", "INK": ink(), "PAPER": paper(), "HUE": colour(0), "TITLE": escape(film.title)}
+    head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
     stream.write(head.encode())
     for part in chain.from_iterable(_embedded(shot(k)) for k in range(len(film.times))):
         stream.write(part)
@@ -173,7 +178,7 @@ def _write_html(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes
 
 def _embedded(image: Image.Image) -> Iterator[bytes]:
     buffer = BytesIO()
-    _with_white(image.quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
+    _on_paper(image.quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
     yield b'"' + base64.b64encode(buffer.getvalue()) + b'",\n'
 
 
@@ -182,10 +187,10 @@ PAGE = """<!doctype html>
 <meta charset="utf-8">
 <title>TITLE</title>
 <style>
-body { margin: 2em auto; max-width: 800px; font-family: sans-serif; color: #22303c; }
+body { margin: 2em auto; max-width: 800px; font-family: sans-serif; color: INK; background: PAPER; }
 img { width: 100%; display: block; }
 div { display: flex; gap: 1em; align-items: center; }
-input { flex: 1; accent-color: #0072b2; }
+input { flex: 1; accent-color: HUE; }
 </style>
 <img id="picture" alt="TITLE">
 <div><button id="button">pause</button><input id="slider" type="range" min="0" value="0" aria-label="frame"></div>

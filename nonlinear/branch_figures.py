@@ -10,15 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from modal.dress import headline, key
 from modal.errors import ComputationError
-from modal.loci_figures import axis_words, dress, headline, scale
-from modal.palette import COLOURS, INK
-from modal.pictures import save, sheet
+from modal.loci_figures import axis_words, scale
+from modal.palette import HUES, colour, ink, paper
+from modal.pictures import WIDTH, save, sheet
 from modal.rig import Floats
 from nonlinear.branches import Branch, Branches
 
-MOST_CURVES = len(COLOURS)
-RING: dict[str, Any] = {"ls": "", "marker": "o", "mfc": "white", "mec": INK, "ms": 6.0, "mew": 1.2, "zorder": 5}
+MOST_CURVES = HUES
 LASTING, PASSING = "-", (0, (3, 2))
 
 
@@ -34,7 +34,7 @@ def branches_figure(found: Branches) -> Figure:
     """The same as a figure."""
     if not 1 <= len(found.branches) <= MOST_CURVES:
         raise ComputationError(f"{len(found.branches)} configurations do not fit a picture: from 1 to {MOST_CURVES}")
-    figure = sheet(8.4, 7.4)
+    figure = sheet(WIDTH, 7.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     values = found.variation.values
     for number, one in enumerate(found.branches):
@@ -44,10 +44,8 @@ def branches_figure(found: Branches) -> Figure:
     upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
     lower.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", found.variation)
-    dress(upper)
-    dress(lower)
-    headline(figure, found.scene, "configurations that keep swinging")
-    figure.legend(handles=_handles(found), loc="outside lower center", ncols=2, fontsize=9, frameon=False)
+    headline(figure, found.scene.title, "configurations that keep swinging")
+    key(figure, _handles(found), columns=2)
     return figure
 
 
@@ -58,18 +56,22 @@ def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
         style = LASTING if fates[start] else PASSING
-        axis.plot(one.values[piece], y[piece], color=COLOURS[number], ls=style, lw=2.6 - 0.3 * number, zorder=3)
+        axis.plot(one.values[piece], y[piece], color=colour(number), ls=style, lw=2.6 - 0.3 * number, zorder=3)
     critical = [change.value for change in one.changes]
-    axis.plot(critical, np.interp(critical, one.values, y), **RING)
+    axis.plot(critical, np.interp(critical, one.values, y), **_ring())
+
+
+def _ring() -> dict[str, Any]:
+    return {"ls": "", "marker": "o", "mfc": paper(), "mec": ink(), "ms": 6.0, "mew": 1.2, "zorder": 5}
 
 
 def _handles(found: Branches) -> list[Line2D]:
     lines = [
-        Line2D([], [], color=COLOURS[number], lw=2, label=f"{number + 1}: {one.words}")
+        Line2D([], [], color=colour(number), lw=2, label=f"{number + 1}: {one.words}")
         for number, one in enumerate(found.branches)
     ]
     fates = [
-        Line2D([], [], color=INK, ls=style, lw=1.6, label=label)
+        Line2D([], [], color=ink(), ls=style, label=label)
         for style, label in ((LASTING, "lasts"), (PASSING, "does not last"))
     ]
-    return [*lines, *fates, Line2D([], [], label="critical value", **RING)]
+    return [*lines, *fates, Line2D([], [], label="critical value", **_ring())]

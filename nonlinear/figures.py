@@ -10,10 +10,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from modal.dress import caption, framed, headline, legend
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
-from modal.palette import COLOURS, GRID, INK, MARK, STYLES
-from modal.pictures import entitle, save, sheet
+from modal.palette import colour, dash, ink, muted
+from modal.pictures import WIDE, save, sheet
 from modal.rig import Floats
 from nonlinear.frames import resampled
 from nonlinear.spectra import power_spectrum
@@ -34,7 +35,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     if len(trajectory.times) < 2:
         raise ComputationError("a run of a single instant has nothing to draw")
     on_cart = trajectory.plant.cart is not None
-    figure = sheet(11, 8.6 if on_cart else 7.2)
+    figure = sheet(WIDE, 8.6 if on_cart else 7.2)
     grid = figure.add_gridspec(6, 2, width_ratios=(3, 2))
     tall = 2 if on_cart else 3
     angles = figure.add_subplot(grid[:tall, 0])
@@ -47,9 +48,8 @@ def run_figure(trajectory: Trajectory) -> Figure:
     _energies(energies, trajectory)
     _portrait(figure.add_subplot(grid[:3, 1]), smooth, shown[:MOST_PORTRAITS])
     _spectrum(figure.add_subplot(grid[3:, 1]), trajectory, shown)
-    title = trajectory.scene.title or "Motion of a scene"
-    entitle(figure, title)
-    figure.supxlabel(_caption(trajectory, shown), fontsize=8, color=MARK)
+    headline(figure, trajectory.scene.title, "motion")
+    caption(figure, _caption(trajectory, shown))
     return figure
 
 
@@ -92,30 +92,7 @@ def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
 
 def _draw(axis: Axes, x: Floats, y: Floats, k: int, label: str, width: float = 1.2) -> None:
     """A curve; later ones are thinner, so that of two that coincide both show."""
-    colour, style = COLOURS[k % len(COLOURS)], STYLES[k // len(COLOURS) % len(STYLES)]
-    axis.plot(x, y, style, color=colour, lw=width * (1.7 - 0.2 * min(k, 5)), label=label)
-
-
-def _framed(axis: Axes, across: str, up: str, title: str) -> None:
-    axis.set_xlabel(across)
-    axis.set_ylabel(up)
-    axis.set_title(title, fontsize=10, loc="left", color=INK)
-    axis.ticklabel_format(useOffset=False)
-    axis.grid(color=GRID, lw=0.8)
-    axis.set_axisbelow(True)
-    for side in ("top", "right"):
-        axis.spines[side].set_visible(False)
-
-
-def _legend(axis: Axes, count: int, title: str | None = None) -> None:
-    if count > 1:
-        axis.legend(fontsize=8, title=title, title_fontsize=8, ncols=min(count, 6), loc="upper right", framealpha=0.85)
-
-
-def _room(axis: Axes, share: float = 0.22) -> None:
-    """Room for a legend above the curves."""
-    low, high = axis.get_ylim()
-    axis.set_ylim(low, high + share * (high - low))
+    axis.plot(x, y, dash(k), color=colour(k), lw=width * (1.7 - 0.2 * min(k, 5)), label=label)
 
 
 def _angles(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
@@ -123,14 +100,13 @@ def _angles(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
     for k, link in enumerate(shown):
         _draw(axis, trajectory.times, values[:, link], k, names[link])
     from_what = "from the vertical" if trajectory.plant.spatial else "from the hanging rest"
-    _framed(axis, "time (s)", "angle (°)", f"Angles {from_what}")
-    _room(axis)
-    _legend(axis, len(shown))
+    framed(axis, "time (s)", "angle (°)", f"Angles {from_what}")
+    legend(axis)
 
 
 def _cart(axis: Axes, trajectory: Trajectory) -> None:
-    axis.plot(trajectory.times, trajectory.motion.cart, color=INK, lw=1.2)
-    _framed(axis, "time (s)", "x (m)", "Cart")
+    axis.plot(trajectory.times, trajectory.motion.cart, color=ink(), lw=1.2)
+    framed(axis, "time (s)", "position x (m)", "Cart")
 
 
 def _energies(axis: Axes, trajectory: Trajectory) -> None:
@@ -146,11 +122,10 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     for k, (name, energy) in enumerate(curves.items()):
         _draw(axis, times, energy, k, name)
     if trajectory.plant.cart is not None:
-        axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=INK, lw=1.2, label="cart")
-    _framed(axis, "time (s)", "energy (J)", "Energy above rest")
+        axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=ink(), lw=1.2, label="cart")
+    framed(axis, "time (s)", "energy (J)", "Energy above rest")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
-    _room(axis)
-    _legend(axis, len(curves) + (trajectory.plant.cart is not None))
+    legend(axis)
 
 
 def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
@@ -161,9 +136,8 @@ def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
     names, rests = _names(trajectory), np.where(trajectory.plant.by_link("sigma") > 0, 0.0, 180.0)
     for k, link in enumerate(shown):
         _draw(axis, *_around(angles[:, link], rates[:, link], rests[link]), k, names[link], 0.8)
-    _framed(axis, "angle (°)", "rate (°/s)", "Phase portrait")
-    _room(axis)
-    _legend(axis, len(shown))
+    framed(axis, "angle (°)", "rate (°/s)", "Phase portrait")
+    legend(axis)
 
 
 def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]:
@@ -179,16 +153,16 @@ def _top_view(axis: Axes, trajectory: Trajectory) -> None:
         x, y = trajectory.mechanics.joints[:, link, :2].T
         _draw(axis, x, y, k, f"pendulum {k + 1}", 0.8)
     axis.set_aspect("equal", adjustable="datalim")
-    _framed(axis, "along the rail (m)", "across (m)", "Tips from above")
-    _legend(axis, min(len(tips), MOST_PORTRAITS))
+    framed(axis, "along the rail (m)", "across (m)", "Tips from above")
+    legend(axis)
 
 
 def _spectrum(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
-    _framed(axis, "angular frequency ω (rad/s)", "power (°² s)", "Spectrum; dotted: the table's frequencies")
+    framed(axis, "angular frequency ω (rad/s)", "power (°² s)", "Spectrum; dotted: the table's frequencies")
     times = trajectory.times
     even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
     if not even:
-        axis.text(0.5, 0.5, "too few or uneven samples", ha="center", color=MARK, transform=axis.transAxes)
+        axis.text(0.5, 0.5, "too few or uneven samples", ha="center", color=muted(), transform=axis.transAxes)
         return
     highest = 0.0
     for k, link in enumerate(shown):
@@ -201,7 +175,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
         axis.set_yscale("log")
         axis.set_ylim(highest * DEEPEST, 10 * highest)
     for mark in marks:
-        axis.axvline(mark, color=INK, ls=":", lw=1.0, zorder=1)
+        axis.axvline(mark, color=ink(), ls=":", lw=1.0, zorder=1)
 
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:

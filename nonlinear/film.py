@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from textwrap import fill
-from typing import Any
 
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
+from modal.dress import SMALL
+from modal.palette import muted
+from modal.pictures import sheet
 from modal.rig import Floats
 from nonlinear.gauges import Gauges
-from nonlinear.scenery import INK, RAIL, Scenery
+from nonlinear.scenery import Scenery
 from nonlinear.stage import energies_of, stage_of
 from nonlinear.trajectory import Trajectory
 
@@ -30,7 +31,8 @@ class Film:
     def __init__(self, trajectory: Trajectory, times: Floats, rate: float, speed: float) -> None:
         self.times, self.rate = times, rate
         self.title = trajectory.scene.title or "Pendula"
-        self.figure = Figure(figsize=SIZE, dpi=DPI, facecolor="white")
+        self.figure = sheet(*SIZE)
+        self.figure.set(dpi=DPI, layout_engine="none")
         self.canvas = FigureCanvasAgg(self.figure)
         stage = stage_of(trajectory, times)
         ratio = PANEL[2] * SIZE[0] / (PANEL[3] * SIZE[1])
@@ -41,10 +43,9 @@ class Film:
         self.show(0)
 
     def _words(self, caption: str) -> None:
-        style: dict[str, Any] = {"color": INK, "parse_math": False}
-        title = self.figure.text(0.02, 0.975, self.title, fontsize=13, weight="bold", va="top", **style)
-        self.clock = self.figure.text(0.98, 0.975, "", fontsize=11, ha="right", va="top", **style)
-        low = self.figure.text(0.02, 0.02, caption, fontsize=7.5, color=RAIL, va="bottom")
+        title = self.figure.text(0.02, 0.975, self.title, fontsize="large", weight="bold", va="top", parse_math=False)
+        self.clock = self.figure.text(0.98, 0.975, "", ha="right", va="top")
+        low = self.figure.text(0.02, 0.02, caption, fontsize=SMALL, color=muted(), va="bottom")
         self.clock.set_text(f"t = {self.times[-1]:.2f} s")
         taken = self.clock.get_window_extent().width / self.figure.bbox.width
         _fit(title, 0.92 - taken)

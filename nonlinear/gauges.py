@@ -7,14 +7,14 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
+from modal.dress import SMALL
+from modal.palette import ink, shade
 from modal.rig import Floats
 from nonlinear.stage import Energies
 
-INK, GRID = "#22303c", "#e3e7ea"
-KINETIC, POTENTIAL = "#56718a", "#b9c7d2"
-FEWEST, SMALL = 6, 7.5
-LETTERS = 38
-"""That fit side by side under the bars."""
+KINETIC, POTENTIAL = 0.8, 0.52  # how much of ink is in them
+FEWEST, LETTERS = 6, 34
+"""Bars that there is room for; letters that fit side by side under them."""
 
 
 class Gauges:
@@ -38,14 +38,11 @@ class Gauges:
 
 
 def _dress(axis: Axes, title: str, pad: float) -> None:
-    axis.spines[["top", "right"]].set_visible(False)
-    axis.spines[["left", "bottom"]].set_color(GRID)
-    axis.grid(axis="y", color=GRID, lw=0.6)
-    axis.set_axisbelow(True)
-    axis.tick_params(labelsize=SMALL, colors=INK, length=0)
+    axis.grid(visible=False, axis="x")
+    axis.tick_params(labelsize=SMALL, length=0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
     axis.yaxis.set_major_formatter("{x:.4g}")
-    axis.set_title(title, loc="left", fontsize=SMALL + 0.5, color=INK, pad=pad)
+    axis.set_title(title, loc="left", pad=pad)
 
 
 def _top(values: Floats) -> float:
@@ -56,27 +53,28 @@ def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectang
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
     _dress(axis, "energy of each (J)", 5)
-    lower = axis.bar(range(count), kinetic[0], 0.62, color=KINETIC, label="kinetic")
-    upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=POTENTIAL, label="potential")
+    lower = axis.bar(range(count), kinetic[0], 0.62, color=shade(KINETIC), label="kinetic")
+    upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=shade(POTENTIAL), label="potential")
     spare = max(FEWEST - count, 0) / 2
     axis.set(xlim=(-0.6 - spare, count - 0.4 + spare), ylim=(0, _top(kinetic + potential)))
     letters = sum(len(name) + 1 for name in energies.names)
-    axis.set_xticks(range(count), energies.names, fontsize=SMALL * min(1.0, LETTERS / letters))
+    axis.set_xticks(range(count), energies.names)
+    for label in axis.get_xticklabels():
+        label.set_fontsize(float(label.get_fontsize()) * min(1.0, LETTERS / letters))
     return list(lower), list(upper)
 
 
 def _lines(axis: Axes, energies: Energies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.whole
     _dress(axis, "energy of all (J) in time (s)", 17)
-    looks = (("kinetic", KINETIC, 1.4), ("potential", POTENTIAL, 1.4), ("total", INK, 1.8))
-    drawn = [axis.plot([], [], color=colour, lw=lw, label=name)[0] for name, colour, lw in looks]
-    dot = axis.plot([], [], "o", ms=4.5, color=INK)[0]
+    looks = (("kinetic", KINETIC, "--"), ("potential", POTENTIAL, "-"), ("total", 1.0, "-"))
+    drawn = [axis.plot([], [], dash, color=shade(part), label=name)[0] for name, part, dash in looks]
+    dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]
     span = max(float(times[-1] - times[0]), 1e-300)
     axis.set(xlim=(times[0], times[-1] + 0.03 * span), ylim=(0, 1.08 * _top(kinetic + potential)))
     axis.xaxis.set_major_locator(MaxNLocator(5))
     axis.xaxis.set_major_formatter("{x:.4g}")
     axis.legend(
-        frameon=False,
         fontsize=SMALL,
         ncols=3,
         loc="lower left",
@@ -84,6 +82,5 @@ def _lines(axis: Axes, energies: Energies, times: Floats) -> tuple[list[Line2D],
         borderpad=0.1,
         handlelength=1.2,
         columnspacing=1.0,
-        labelcolor=INK,
     )
     return drawn, dot

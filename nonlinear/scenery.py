@@ -13,12 +13,13 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon
 from matplotlib.ticker import MaxNLocator
 
+from modal.dress import SMALL
+from modal.palette import colour, ink, muted, paper, shade
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from nonlinear.stage import DETAIL, OBLIQUE, Actor, Stage
 
-COLOURS = ("#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00")
-INK, RAIL, BODY, FLOOR, SHADE = "#22303c", "#8a949c", "#dfe4e8", "#f3f5f6", "#d3d9dd"
+BODY, FLOOR, SHADOW = 0.14, 0.05, 0.2  # how much of ink is in them
 MOST_MARKS = 40
 MARGIN = 0.09
 
@@ -59,9 +60,7 @@ class Scenery:
         else:
             _ceiling(axis, stage)
         points = _points_per_metre(axis, self.limits)
-        self.players = [
-            _Player(axis, actor, COLOURS[k % len(COLOURS)], points, trail) for k, actor in enumerate(stage.actors)
-        ]
+        self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
         if stage.floor is not None:
             _floor(axis, stage)
 
@@ -91,14 +90,14 @@ class _Cart:
             2 * half,
             0.14 * depth,
             boxstyle=f"round,pad=0,rounding_size={0.04 * depth}",
-            facecolor=BODY,
-            edgecolor=INK,
+            facecolor=shade(BODY),
+            edgecolor=ink(),
             lw=1.2,
             zorder=2,
         )
         axis.add_patch(self.box)
         self.circles = [
-            Circle((x, -0.1 * depth), 0.06 * depth, facecolor="white", edgecolor=INK, lw=1.4, zorder=2.5)
+            Circle((x, -0.1 * depth), 0.06 * depth, facecolor=paper(), edgecolor=ink(), lw=1.4, zorder=2.5)
             for x in self.wheels
         ]
         for circle in self.circles:
@@ -113,12 +112,12 @@ class _Cart:
 def _rail(axis: Axes, height: float) -> None:
     """A rail with ticks, metres along it at the lower edge."""
     axis.spines[["left", "right", "bottom"]].set_visible(False)
-    axis.spines["top"].set(position=("data", height), color=RAIL, lw=1.6)
+    axis.spines["top"].set(position=("data", height), color=muted(), lw=1.6)
     axis.set_yticks([])
     axis.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     axis.xaxis.set_major_formatter("{x:.3g}")
-    axis.set_axisbelow(True)
-    axis.tick_params(axis="x", top=True, bottom=False, colors=RAIL, labelsize=7.5, length=3.5, pad=1)
+    axis.grid(visible=False)
+    axis.tick_params(axis="x", top=True, bottom=False, colors=muted(), labelsize=SMALL, length=3.5, pad=1)
 
 
 def _ceiling(axis: Axes, stage: Stage) -> None:
@@ -127,8 +126,8 @@ def _ceiling(axis: Axes, stage: Stage) -> None:
     height, feet = 0.045 * stage.depth, np.linspace(-stage.half, stage.half, 4 + 5 * len(stage.pivots))[:-1]
     lean = feet[1] - feet[0]
     strokes = [[(x, 0.0), (x + lean, height)] for x in feet]
-    axis.add_collection(LineCollection(strokes, colors=RAIL, linewidths=0.9, zorder=1), autolim=False)
-    axis.plot([-stage.half, stage.half], [0, 0], color=INK, lw=2.6, solid_capstyle="round", zorder=2)
+    axis.add_collection(LineCollection(strokes, colors=muted(), linewidths=0.9, zorder=1), autolim=False)
+    axis.plot([-stage.half, stage.half], [0, 0], color=ink(), lw=2.6, zorder=2)
 
 
 def _floor(axis: Axes, stage: Stage) -> None:
@@ -144,13 +143,13 @@ def _floor(axis: Axes, stage: Stage) -> None:
         (a + b * OBLIQUE[0], level + b * OBLIQUE[1])
         for a, b in ((left, near), (right, near), (right, far), (left, far))
     ]
-    axis.add_patch(Polygon(corners, facecolor=FLOOR, edgecolor=SHADE, lw=0.8, zorder=0))
+    axis.add_patch(Polygon(corners, facecolor=shade(FLOOR), edgecolor=shade(SHADOW), lw=0.8, zorder=0))
 
 
 class _Player:
     """A pendulum: links as lines with round ends, bobs as discs, the centres of bodies as diamonds, a fading trail."""
 
-    def __init__(self, axis: Axes, actor: Actor, colour: str, points: float, trail: int) -> None:
+    def __init__(self, axis: Axes, actor: Actor, hue: str, points: float, trail: int) -> None:
         self.actor, self.trail = actor, DETAIL * trail
         marked = len(actor.links) <= MOST_MARKS
         kinds = [type(link) if marked else Body for link in actor.links]
@@ -160,16 +159,16 @@ class _Player:
         self.bodies = [i for i, kind in enumerate(kinds) if kind is Body and marked]
         shortest = points * min(link.length for link in actor.links)
         thick = float(np.clip(0.16 * shortest, 2.5, 7.0))
-        round_ended: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": colour}
-        self.shadow = axis.plot([], [], color=SHADE, lw=0.6 * thick, solid_capstyle="round", zorder=0.5)[0]
-        self.wake = _wake(axis, colour, self.trail)
+        round_ended: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": hue}
+        self.shadow = axis.plot([], [], color=shade(SHADOW), lw=0.6 * thick, zorder=0.5)[0]
+        self.wake = _wake(axis, hue, self.trail)
         self.line = axis.plot([], [], lw=min(2.2, thick), **round_ended, zorder=4)[0]
         self.bars = axis.plot([], [], lw=thick, **round_ended, zorder=5)[0]
-        self.reach = axis.plot([], [], ":", lw=1.2, color=colour, zorder=4)[0]
-        self.discs = _dots(axis, "o", self._sizes(self.bobs, shortest), colour, 6)
-        self.diamonds = _dots(axis, "D", 0.5 * self._sizes(self.bodies, shortest), colour, 6)
+        self.reach = axis.plot([], [], ":", lw=1.2, color=hue, zorder=4)[0]
+        self.discs = _dots(axis, "o", self._sizes(self.bobs, shortest), hue, 6)
+        self.diamonds = _dots(axis, "D", 0.5 * self._sizes(self.bodies, shortest), hue, 6)
         size = min(2.8, 0.6 * thick) if marked else 0.0
-        self.pins = axis.plot([], [], "o", ms=size, color="white", mec=colour, mew=0.8, zorder=7)[0]
+        self.pins = axis.plot([], [], "o", ms=size, color=paper(), mec=hue, mew=0.8, zorder=7)[0]
 
     def _sizes(self, links: list[int], shortest: float) -> Floats:
         """Areas (pt²) of discs, volumes in proportion to masses."""
@@ -191,20 +190,18 @@ class _Player:
             self.shadow.set_data(*self.actor.shadow[frame].T)
 
 
-def _wake(axis: Axes, colour: str, length: int) -> LineCollection:
+def _wake(axis: Axes, hue: str, length: int) -> LineCollection:
     """Segments from the newest, which is the strongest and the widest."""
     age = np.linspace(0, 1, max(length, 1))
-    colours = [(*to_rgb(colour), 0.6 * (1 - a) ** 1.5) for a in age]
+    colours = [(*to_rgb(hue), 0.6 * (1 - a) ** 1.5) for a in age]
     wake = LineCollection([], colors=colours, linewidths=2.4 - 1.6 * age, zorder=3)
     axis.add_collection(wake, autolim=False)
     return wake
 
 
-def _dots(axis: Axes, marker: str, sizes: Floats, colour: str, zorder: int) -> PathCollection:
+def _dots(axis: Axes, marker: str, sizes: Floats, hue: str, zorder: int) -> PathCollection:
     none = np.full(len(sizes), np.nan)
-    return axis.scatter(
-        none, none, sizes, marker=marker, color=colour, edgecolors="white", linewidths=0.8, zorder=zorder
-    )
+    return axis.scatter(none, none, sizes, marker=marker, color=hue, edgecolors=paper(), linewidths=0.8, zorder=zorder)
 
 
 def _pieces(line: Line2D, starts: Floats, ends: Floats) -> None:

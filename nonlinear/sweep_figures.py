@@ -11,16 +11,16 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
+from modal.dress import headline, log_ticks
 from modal.errors import ComputationError
-from modal.loci_figures import axis_words, dress, headline, log_ticks, scale
-from modal.palette import COLOURS, INK, REST, STYLES
-from modal.pictures import save, sheet
+from modal.loci_figures import axis_words, scale
+from modal.palette import MOST_CURVES, colour, dash, rest
+from modal.pictures import WIDE, WIDTH, save, sheet
 from modal.rig import Floats
 from modal.variations import Variation
 from nonlinear.sweeps import Sweep
 
-MOST_CURVES, MOST_MAPS = len(COLOURS) * len(STYLES), 6
-SHADES = "viridis"  # even in lightness, and told apart by colour-blind readers
+MOST_MAPS = 6
 MOST_TICKS = 12  # of a map whose values are whole numbers
 DECADES = 30.0
 """The ratio of largest to smallest from which colours and curves go by ratios."""
@@ -62,7 +62,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
     if len(known) > most:
         raise ComputationError(f"{len(known)} numbers do not fit a picture: measure at most {most}")
     figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
-    headline(figure, sweep.study.scene, "sweep")
+    headline(figure, sweep.study.scene.title, "sweep")
     return figure
 
 
@@ -95,18 +95,17 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
     panels: dict[str, list[str]] = {}
     for name in known:
         panels.setdefault(re.sub(r"_\d+(?=_|$)", "", name), []).append(name)
-    figure = sheet(8.0, 1.6 + 2.9 * len(panels))
+    figure = sheet(WIDTH, 1.6 + 2.9 * len(panels))
     variation = sweep.study.variations[0]
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (kind, names) in zip(axes, panels.items(), strict=True):
         for k, name in enumerate(names):
-            look: dict[str, Any] = {"color": COLOURS[k % len(COLOURS)], "ls": STYLES[k // len(COLOURS)], "lw": 1.5}
-            axis.plot(variation.values, _finite(sweep, name), marker=".", ms=4, label=label(name), **look)
+            look: dict[str, Any] = {"color": colour(k), "ls": dash(k), "marker": ".", "ms": 4}
+            axis.plot(variation.values, _finite(sweep, name), label=label(name), **look)
         if len(names) > 1:
-            axis.legend(fontsize=9, frameon=False, ncols=min(4, len(names)))
+            axis.legend(ncols=min(4, len(names)))
         _range(axis, np.array([_finite(sweep, name) for name in names]))
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
-        dress(axis)
     scale(axes[-1], "x", variation)
     axes[-1].set(xlabel=axis_words(variation), xlim=(variation.values[0], variation.values[-1]))
     return figure
@@ -133,7 +132,7 @@ def _range(axis: Axes, values: Floats) -> None:
 def _maps(sweep: Sweep, known: list[str]) -> Figure:
     columns = min(len(known), 2)
     rows = -(-len(known) // columns)
-    figure = sheet(1.4 + 5.0 * columns, 0.8 + 4.0 * rows)
+    figure = sheet(WIDTH if columns == 1 else WIDE, 0.8 + 4.0 * rows)
     panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
     y, x = sweep.study.variations
     for place, (axis, name) in enumerate(zip(panels, known, strict=False)):
@@ -154,15 +153,14 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     known = values[np.isfinite(values)]
     by_ratio = known.min() > 0 and known.max() > DECADES * known.min()
     norm = (LogNorm if by_ratio else Normalize)(known.min(), known.max())
-    axis.patch.set(facecolor="white", edgecolor=REST, hatch="////", lw=0)
+    axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
     shown = np.ma.masked_invalid(values)
-    mesh = axis.pcolormesh(_edges(x), _edges(y), shown, cmap=SHADES, norm=norm, rasterized=True, lw=0)
+    mesh = axis.pcolormesh(_edges(x), _edges(y), shown, norm=norm, rasterized=True, lw=0)
     scale(axis, "x", x)
     scale(axis, "y", y)
-    axis.tick_params(which="both", labelsize=9, colors=INK)
+    axis.grid(visible=False)
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
-    bar.set_label(label(name), color=INK)
-    bar.ax.tick_params(which="both", labelsize=9, colors=INK)
+    bar.set_label(label(name))
     if by_ratio:
         log_ticks(bar.ax.yaxis, known.max() / known.min())
     elif np.all(known == np.round(known)) and len(rows := np.unique(known)) <= MOST_TICKS:

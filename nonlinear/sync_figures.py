@@ -11,10 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
+from modal.dress import SMALL, framed, headline, key, legend
 from modal.errors import ComputationError
 from modal.mode import Mode
-from modal.palette import COLOURS, GRID, INK, MARK, REST
-from modal.pictures import entitle, save, sheet
+from modal.palette import HUES, colour, ink, muted, paper, rest
+from modal.pictures import WIDE, save, sheet
 from modal.prose import counted
 from modal.rig import Floats, Ints
 from nonlinear.frames import picked, resampled
@@ -23,7 +24,7 @@ from nonlinear.smoothing import smoothed
 from nonlinear.survival import Survival, survival
 from nonlinear.trajectory import Trajectory
 
-MOST_LINES = len(COLOURS)
+MOST_LINES = HUES
 PERIODS, POINTS = 4, 600  # of each window of swings, and points drawn in it
 UNSEEN = 1e-3  # share of the energy that a row must reach to be drawn by itself
 
@@ -41,7 +42,7 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     """The same as a figure."""
     if len(trajectory.times) < 2:
         raise ComputationError("a run of a single instant has nothing to draw")
-    figure = sheet(11.0, 9.6)
+    figure = sheet(WIDE, 9.8)
     grid = figure.add_gridspec(3, 2)
     shown = _shown(trajectory.plant.n_pendula)
     begin = figure.add_subplot(grid[0, 0])
@@ -65,27 +66,9 @@ def _period(phases: Phases) -> float:
     return float(2 * pi / np.median(phases.omega[:, phases.leading]))
 
 
-def _framed(axis: Axes, across: str, up: str, title: str) -> None:
-    axis.set_xlabel(across)
-    axis.set_ylabel(up)
-    axis.set_title(title, fontsize=10, loc="left", color=INK)
-    axis.grid(color=GRID, lw=0.8)
-    axis.set_axisbelow(True)
-    axis.tick_params(labelsize=9, colors=INK)
-    axis.spines[["top", "right"]].set_visible(False)
-
-
-def _legend(axis: Axes) -> None:
-    """Two columns, in room made for them above the curves."""
-    entries = len(axis.get_legend_handles_labels()[1])
-    low, high = axis.get_ylim()
-    axis.set_ylim(low, high + (high - low) * 0.15 * ((entries + 1) // 2))
-    axis.legend(fontsize=8, loc="upper right", ncols=2, framealpha=0.85)
-
-
 def _line(axis: Axes, x: Floats, y: Floats, k: int, **look: Any) -> None:
     """A curve; later ones are thinner, so that of two that coincide both show."""
-    axis.plot(x, y, color=COLOURS[k % MOST_LINES], lw=2.4 - 0.3 * k, **look)
+    axis.plot(x, y, color=colour(k), lw=2.4 - 0.3 * k, **look)
 
 
 # ------------------------------------------------------------------------------------------------------- swings
@@ -101,7 +84,7 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown
         for k, angle in enumerate(angles.T):
             _line(axis, x, np.rad2deg(angle), k)
         axis.set_xlim(x[0], x[-1])
-        _framed(axis, "time (s)", "angle (°)", f"Top links {words}")
+        framed(axis, "time (s)", "angle (°)", f"Top links {words}")
     end.set_ylabel("")
     end.tick_params(labelleft=False)
 
@@ -128,19 +111,19 @@ def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> t
 
 
 def _order(axis: Axes, phases: Phases) -> None:
-    axis.plot(phases.times, phases.order[:, phases.leading], color=INK, lw=1.4)
+    axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4)
     axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
     which = f" (own mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
-    _framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 in balance")
+    framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 in balance")
 
 
 def _shares(axis: Axes, trajectory: Trajectory) -> None:
-    _framed(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
+    framed(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
     axis.set(xlim=(trajectory.times[0], trajectory.times[-1]), ylim=(-0.03, 1.03))
     try:
         found = survival(trajectory)
     except ComputationError as error:
-        style: dict[str, Any] = {"ha": "center", "fontsize": 9, "color": MARK, "wrap": True}
+        style: dict[str, Any] = {"ha": "center", "fontsize": SMALL, "color": muted(), "wrap": True}
         axis.text(0.5, 0.5, str(error), transform=axis.transAxes, **style)
         return
     rows, rest = _largest(found)
@@ -149,9 +132,9 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
         _line(axis, found.times, found.share[:, row], k, label=mode_words(mode))
     if rest.size:
         words = counted(rest.size, "other", "others")
-        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=MARK, lw=1.2, label=words)
+        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=muted(), lw=1.2, label=words)
     axis.set_yticks(np.linspace(0, 1, 6))
-    _legend(axis)
+    legend(axis, 2)
 
 
 def _largest(found: Survival) -> tuple[list[int], Ints]:
@@ -178,32 +161,28 @@ def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
         for k, one in enumerate(energy.T):
             _line(axis, times, one, k)
     else:
-        axis.fill_between(times, energy.min(1), energy.max(1), color=REST, lw=0, label="least to most")
-        axis.plot(times, np.median(energy, axis=1), color=INK, lw=1.4, label="median")
-        _legend(axis)
+        axis.fill_between(times, energy.min(1), energy.max(1), color=rest(), lw=0, label="least to most")
+        axis.plot(times, np.median(energy, axis=1), color=ink(), lw=1.4, label="median")
+        legend(axis, 2)
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
-    _framed(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
+    framed(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
 
 
 def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
     """Every pendulum at the end, its phase counted from that of the first, its amplitude as the radius."""
     z = phases.z[-1, :, phases.leading]
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
-    axis.scatter(angle, size, s=14, color=MARK, alpha=0.5, lw=0)
+    axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0)
     for k, pendulum in enumerate(shown):
-        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=COLOURS[k], lw=2.4 - 0.3 * k)
-        axis.plot(angle[pendulum], size[pendulum], "o", color=COLOURS[k], ms=10 - k, mec="white", zorder=4 + k)
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=colour(k), lw=2.4 - 0.3 * k)
+        axis.plot(angle[pendulum], size[pendulum], "o", color=colour(k), ms=10 - k, mec=paper(), zorder=4 + k)
     axis.set_ylim(0, 1.1 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
-    axis.grid(color=GRID, lw=0.8)
-    axis.tick_params(labelsize=8, colors=INK)
-    axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)", fontsize=10, color=INK)
+    axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)")
 
 
 def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
-    title = trajectory.scene.title
-    words = f"{title}: who keeps time with whom" if title else "Who keeps time with whom"
-    entitle(figure, words)
-    lines = [Line2D([], [], color=COLOURS[k], lw=2.4 - 0.3 * k) for k in range(len(shown))]
+    headline(figure, trajectory.scene.title, "who keeps time with whom")
+    lines = [Line2D([], [], color=colour(k), lw=2.4 - 0.3 * k) for k in range(len(shown))]
     names = [f"pendulum {number + 1}" for number in shown]
-    figure.legend(lines, names, loc="outside lower center", ncols=len(lines), fontsize=9, frameon=False)
+    key(figure, lines, names, columns=MOST_LINES)

@@ -8,14 +8,15 @@ from typing import IO, Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from modal.dress import SMALL, headline, key
 from modal.errors import ComputationError
-from modal.palette import COLOURS, GRID, INK, REST
-from modal.pictures import entitle, save, sheet
+from modal.palette import HUES, QUIET, colour, ink, paper, rest
+from modal.pictures import WIDTH, save, sheet
 from nonlinear.ladder import Rung
 from nonlinear.superposition import CORRECTED, LINEAR
 from nonlinear.tradeoff import Row, Tradeoff
 
-METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), COLOURS, strict=True))
+METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
 BEYOND = 2.5  # how far the axes go on beside the outermost rung
@@ -35,7 +36,7 @@ def tradeoff_figure(found: Tradeoff) -> Figure:
     rows = [row for row in found.rows if row.rung != found.reference.rung]
     if not rows:
         raise ComputationError("no rung was measured: there is nothing to draw")
-    figure = sheet(8.4, 6.0)
+    figure = sheet(WIDTH, 6.0)
     axis = figure.subplots()
     _bounds(axis, found, rows)
     _front(axis, found)
@@ -51,26 +52,26 @@ def _bounds(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
     axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
     axis.set(ylim=(bottom, max(errors) * BEYOND))
     if floor > bottom:
-        axis.axhspan(bottom, floor, color=REST, alpha=0.45, lw=0, zorder=0)
-        style: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": 9, "color": INK}
+        axis.axhspan(bottom, floor, color=rest(), alpha=0.45, lw=0, zorder=0)
+        style: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": SMALL}
         place = 0.01, (bottom * floor) ** 0.5
         axis.text(*place, "too small for the reference to tell", transform=axis.get_yaxis_transform(), **style)
 
 
 def _front(axis: Axes, found: Tradeoff) -> None:
     points = [(row.seconds, found.judged(row)) for row in found.pareto]
-    look: dict[str, Any] = {"color": REST, "lw": 8, "solid_capstyle": "round", "drawstyle": "steps-post"}
+    look: dict[str, Any] = {"color": rest(), "lw": 8, "drawstyle": "steps-post", "gid": QUIET}
     axis.plot(*zip(*points, strict=True), zorder=1, label="none is better", **look)
 
 
 def _family(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
     points, rung = zip(*((row.seconds, found.judged(row)) for row in rows), strict=True), rows[0].rung
     if rung.modal:
-        axis.plot(*points, MODAL[rung.kind], color=INK, ms=11, mec="white", label=rung.kind, zorder=5)
+        axis.plot(*points, MODAL[rung.kind], color=ink(), ms=11, mec=paper(), label=rung.kind, zorder=5)
         return
     marker, line = LOOKS["compiled" if rung.compiled else rung.kind]
-    colour = METHODS[rung.method]
-    look: dict[str, Any] = {"color": colour, "mfc": "white" if rung.compiled else colour, "ms": 6, "lw": 1.4}
+    hue = colour(METHODS[rung.method])
+    look: dict[str, Any] = {"color": hue, "mfc": paper() if rung.compiled else hue, "ms": 6, "lw": 1.4}
     axis.plot(*points, line, marker=marker, label=_named(rung), zorder=4, **look)
 
 
@@ -83,11 +84,6 @@ def _dress(figure: Figure, axis: Axes, found: Tradeoff) -> None:
     axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
     if tolerances:
         words = f"along each line: tolerances from {max(tolerances):.0e} to at most {min(tolerances):.0e}"
-        axis.set_title(words, fontsize=9, color=INK, loc="right")
-    axis.grid(color=GRID, lw=0.6)
-    axis.set_axisbelow(True)
-    axis.tick_params(which="both", labelsize=9, colors=INK)
-    axis.spines[["top", "right"]].set_visible(False)
-    title = f"{found.scene.title}: time against accuracy" if found.scene.title else "Time against accuracy"
-    entitle(figure, title)
-    figure.legend(loc="outside lower center", ncols=4, fontsize=9, frameon=False)
+        axis.set_title(words, loc="right")
+    headline(figure, found.scene.title, "time against accuracy")
+    key(figure, *axis.get_legend_handles_labels())

@@ -17,7 +17,14 @@ SYMPY = "lagrange lagrangian kinetic symbolic polynomial_roots eigen_polynomials
 SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
-    "matplotlib": {"modal.pictures", "modal.sliders", "modal.figures", "modal.response_figures"}
+    "matplotlib": {
+        "modal.palette",
+        "modal.pictures",
+        "modal.dress",
+        "modal.sliders",
+        "modal.figures",
+        "modal.response_figures",
+    }
     | {f"modal.{name}" for name in ("mass_figures", "cart_mass_figures", "coupling_figures", "loci_figures")}
     | {
         f"nonlinear.{name}"

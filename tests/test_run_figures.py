@@ -13,8 +13,8 @@ from matplotlib.figure import Figure
 
 import modal
 from modal import Bob, Cart, Pendulum, Scene
+from modal.dress import headline
 from modal.errors import ComputationError
-from modal.pictures import entitle
 from nonlinear.figures import draw_run, run_figure
 from nonlinear.simulation import simulate
 from nonlinear.spectra import power_spectrum
@@ -110,10 +110,10 @@ def test_a_title_stays_within_its_figure(words: str) -> None:
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     FigureCanvasAgg(figure)
     figure.subplots()
-    entitle(figure, words)
+    headline(figure, words, "motion")
     figure.canvas.draw()
     (title,) = figure.texts
     box = title.get_window_extent()
     assert box.x0 >= 0
     assert box.x1 <= figure.bbox.width
-    assert title.get_text().split() == words.split()
+    assert title.get_text().split() == f"{words.strip()}: motion".split()
