@@ -22,15 +22,20 @@ import os, socket, subprocess, sys, threading
 
 MISSING = {"numba", "heyoka", "flint", "gmpy2", "distributed", "imageio_ffmpeg", "_multiprocessing", "fcntl"}
 
-class Absent:
+class Confined:
+    def __init__(self, finder):
+        self.finder = finder
+
+    def __getattr__(self, name):
+        return getattr(self.finder, name)
+
     def find_spec(self, name, path=None, target=None):
-        if name.partition(".")[0] in MISSING:
-            raise ModuleNotFoundError(f"No module named {name!r} in a browser", name=name)
+        return None if name.partition(".")[0] in MISSING else self.finder.find_spec(name, path, target)
 
 def refused(*args, **kwargs):
     raise RuntimeError("a browser has none of these")
 
-sys.meta_path.insert(0, Absent())
+sys.meta_path[:] = [Confined(finder) for finder in sys.meta_path]
 threading.Thread.start = subprocess.Popen.__init__ = os.fork = socket.socket.connect = refused
 """
 
