@@ -18,13 +18,11 @@ from modal import pair
 from modal.drives import Drive
 from modal.errors import SceneError
 from modal.messages import problems_of
-from modal.validation import Checked, NonNegative, Positive, Real, insist
+from modal.validation import Checked, Count, NonNegative, Positive, Real, insist
 
-MAX_COPIES = 1_000_000
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 
-Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES)]
 Way = Literal["down", "up"]
 
 

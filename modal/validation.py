@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from operator import index
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
 from modal.errors import SceneError
 from modal.messages import problems_of
 
 LARGEST = 1e100
 SMALLEST = 1e-100
+MAX_COPIES = 1_000_000
 
 Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST)]
 
@@ -24,6 +26,17 @@ def _zero_or_sizeable(value: float) -> float:
 
 NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST), AfterValidator(_zero_or_sizeable)]
 Real = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
+
+
+def _whole(value: object) -> object:
+    """NumPy's whole numbers as Python's; True and False are none."""
+    try:
+        return value if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
+    except TypeError:
+        return value
+
+
+Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES), BeforeValidator(_whole)]
 
 
 if TYPE_CHECKING:

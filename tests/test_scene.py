@@ -9,6 +9,7 @@ import tomllib
 from pathlib import Path
 
 import jsonschema
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -295,3 +296,10 @@ def test_keys_named_like_kinds_keep_their_place(support: str, link: str, message
 def test_numbers_below_the_smallest_are_refused() -> None:
     link = "{ kind = 'body', mass = 1.0, length = 0.2, centre = 1e-310, inertia = 0.1 }"
     assert "must be 0 or at least 1e-100" in refused(f"gravity = 1\n[[pendulum]]\nlinks = [{link}]")[0]
+
+
+def test_a_count_may_come_from_numpy() -> None:
+    assert Bob(mass=1.0, length=1.0, count=np.int64(3)) == Bob(mass=1.0, length=1.0, count=3)
+    for wrong in (True, np.array([1, 2]), np.float64(2.0), np.int64(0)):
+        with pytest.raises(SceneError, match="count"):
+            Bob(mass=1.0, length=1.0, count=wrong)
