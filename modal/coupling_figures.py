@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from modal.cart_mass_figures import draw_limits
 from modal.coupling import Coupling
 from modal.dress import headline, key
-from modal.mass_figures import FELT, close_families, curve, draw_close, draw_mass, pole, zero
+from modal.mass_figures import close_families, curve, draw_close, draw_mass, pole, zero
 from modal.palette import muted, paper
 from modal.pictures import WIDE, save, sheet
 
@@ -28,9 +28,7 @@ def coupling_figure(coupling: Coupling) -> Figure:
     rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
     draw_mass(figure.add_subplot(rows[0, :]), coupling)
     for column, number in enumerate(close):
-        axis = figure.add_subplot(rows[1, column])
-        draw_close(axis, coupling, number)
-        axis.set_ylabel(FELT if column == 0 else "")
+        draw_close(figure.add_subplot(rows[1, column]), coupling, number)
     draw_limits(figure.add_subplot(rows[-1, :]), coupling)
     _finish(figure, coupling)
     return figure

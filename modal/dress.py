@@ -18,6 +18,8 @@ from modal.pictures import any_letters
 
 SMALL = "small"
 """The size of words inside axes, relative to the style's."""
+NUMBER = "–"
+"""The unit of what has none."""
 BREADTH = 0.96
 """Share of a figure's width that titles, captions and keys may take."""
 ROOM, ROW = 0.08, 0.12

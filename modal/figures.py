@@ -82,11 +82,12 @@ def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float 
     figure = sheet(max(width * columns, LEAST), height * lines + 0.8)
     headline(figure, modes.scene.title, "mode shapes")
     axes = figure.subplots(lines, columns, squeeze=False)
-    for axis in axes.flat:
-        axis.set_axis_off()
     for axis, row, text in zip(axes.flat, rows, words, strict=False):
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))
+        axis.set_axis_off()
         axis.set_title(text, linespacing=1.3)
+    for axis in axes.flat[len(rows) :]:
+        axis.remove()
     caption(figure, _caption(modes, rows, layout, amplitude_deg))
     return figure
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.dress import headline, key, log_ticks
+from modal.dress import NUMBER, headline, key, log_ticks
 from modal.encounters import Encounter
 from modal.errors import ComputationError
 from modal.loci import Loci
@@ -85,7 +85,7 @@ def encounter_words(meeting: Encounter, variation: Variation) -> str:
 
 def axis_words(variation: Variation) -> str:
     """The label of an axis over a variation."""
-    return f"{variation.path} ({variation.unit})" if variation.unit else variation.path
+    return f"{variation.path} ({variation.unit or NUMBER})"
 
 
 def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:

@@ -167,7 +167,9 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
     words = f"Δω = {split:.4g} rad/s" + (f"\nbeat {family.beat:.5g} s" if family.beat else "")
     side = "left" if split > 0 else "right"
     axis.text(1.1 * split, -2.2 * scale, words, fontsize=SMALL, va="center", ha=side, bbox=plain())
-    axis.set(xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number + 1)} (rad/s)")
+    axis.set(
+        xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number + 1)} (rad/s)", ylabel=FELT
+    )
     axis.set_title(f"close to {name(number + 1)}: coupling ε = {family.strength:.3g}")
     axis.locator_params(axis="x", nbins=4)
     axis.yaxis.set_major_formatter("{x:g}")

@@ -133,7 +133,8 @@ def _on_paper(image: Image.Image) -> Image.Image:
     """The same palette with what is nearly paper made paper."""
     colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
     plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
-    colours[np.abs(colours.astype(int) - plain).max(1) <= NEARLY] = plain
+    apart = np.abs(colours.astype(int) - plain).max(1)
+    colours[apart <= max(NEARLY, apart.min())] = plain
     image.putpalette(colours.tobytes())
     return image
 

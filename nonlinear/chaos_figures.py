@@ -74,7 +74,7 @@ def _chains(finding: Finding) -> Figure:
     left.set(title="links of one length l", ylabel="exponent λ √(l/g) (–)")
     right.set(title="one total length L, cut into more links", ylabel="exponent λ √(L/g) (–)")
     for axis in (left, right):
-        axis.set(xlabel="number of links", ylim=(-0.04 * axis.get_ylim()[1], None))
+        axis.set(xlabel="number of links (–)", ylim=(-0.04 * axis.get_ylim()[1], None))
         axis.xaxis.set_major_locator(MaxNLocator(integer=True))
         axis.legend(loc="upper left")
     headline(figure, "Paper 001", f"{finding.study.claim}?")

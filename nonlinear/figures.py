@@ -158,7 +158,7 @@ def _top_view(axis: Axes, trajectory: Trajectory) -> None:
 
 
 def _spectrum(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
-    framed(axis, "angular frequency ω (rad/s)", "power (°² s)", "Spectrum; dotted: the table's frequencies")
+    framed(axis, "angular frequency ω (rad/s)", "power (°² s)", "Spectrum; dotted: modes")
     times = trajectory.times
     even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
     if not even:

@@ -21,7 +21,7 @@ from nonlinear.trajectory import Trajectory
 TRAIL = 0.8
 """Seconds of film that a tip's trail lasts."""
 SIZE, DPI = (8.0, 4.5), 100
-PANEL = (0.02, 0.1, 0.585, 0.78)
+PANEL = (0.02, 0.16, 0.585, 0.72)
 """Left, bottom, width and height of the pendula's panel, as parts of the figure."""
 
 
@@ -37,7 +37,7 @@ class Film:
         stage = stage_of(trajectory, times)
         ratio = PANEL[2] * SIZE[0] / (PANEL[3] * SIZE[1])
         self.scenery = Scenery(self.figure.add_axes(PANEL), stage, ratio, max(1, round(TRAIL * rate)))
-        bars, line = (self.figure.add_axes((0.69, bottom, 0.29, 0.3)) for bottom in (0.535, 0.105))
+        bars, line = (self.figure.add_axes((0.69, bottom, 0.29, 0.27)) for bottom in (0.58, 0.18))
         self.gauges = Gauges(bars, line, energies_of(trajectory, times), times)
         self._words(_caption(trajectory, len(stage.actors), stage.follows, speed))
         self.show(0)
@@ -82,6 +82,5 @@ def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float) ->
     words += [f"{drawn} of {plant.n_pendula} pendula drawn"] if drawn < plant.n_pendula else []
     words += ["pivots set apart"] if drawn > 1 else []
     words += ["seen obliquely, with the shadow on a floor"] if plant.spatial else []
-    words += ["rail in m"] if plant.cart else []
     words += ["the camera follows the cart"] if follows else []
     return "; ".join([*words, "energy above rest"])

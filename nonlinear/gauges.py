@@ -66,12 +66,13 @@ def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectang
 
 def _lines(axis: Axes, energies: Energies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.whole
-    _dress(axis, "energy of all (J) in time (s)", 17)
+    _dress(axis, "energy of all (J)", 17)
     looks = (("kinetic", KINETIC, "--"), ("potential", POTENTIAL, "-"), ("total", 1.0, "-"))
     drawn = [axis.plot([], [], dash, color=shade(part), label=name)[0] for name, part, dash in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]
     span = max(float(times[-1] - times[0]), 1e-300)
     axis.set(xlim=(times[0], times[-1] + 0.03 * span), ylim=(0, 1.08 * _top(kinetic + potential)))
+    axis.set_xlabel("time (s)", fontsize=SMALL, labelpad=1)
     axis.xaxis.set_major_locator(MaxNLocator(5))
     axis.xaxis.set_major_formatter("{x:.4g}")
     axis.legend(

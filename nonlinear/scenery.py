@@ -14,7 +14,7 @@ from matplotlib.patches import Circle, FancyBboxPatch, Polygon
 from matplotlib.ticker import MaxNLocator
 
 from modal.dress import SMALL
-from modal.palette import colour, ink, muted, paper, shade
+from modal.palette import QUIET, colour, ink, muted, paper, shade
 from modal.rig import Floats
 from modal.scene import Bob, Body, Rod
 from nonlinear.stage import DETAIL, OBLIQUE, Actor, Stage
@@ -114,6 +114,7 @@ def _rail(axis: Axes, height: float) -> None:
     axis.spines[["left", "right", "bottom"]].set_visible(False)
     axis.spines["top"].set(position=("data", height), color=muted(), lw=1.6)
     axis.set_yticks([])
+    axis.set_xlabel("along the rail (m)", fontsize=SMALL, labelpad=1)
     axis.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
     axis.xaxis.set_major_formatter("{x:.3g}")
     axis.grid(visible=False)
@@ -160,7 +161,7 @@ class _Player:
         shortest = points * min(link.length for link in actor.links)
         thick = float(np.clip(0.16 * shortest, 2.5, 7.0))
         round_ended: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": hue}
-        self.shadow = axis.plot([], [], color=shade(SHADOW), lw=0.6 * thick, zorder=0.5)[0]
+        self.shadow = axis.plot([], [], color=shade(SHADOW), lw=0.6 * thick, gid=QUIET, zorder=0.5)[0]
         self.wake = _wake(axis, hue, self.trail)
         self.line = axis.plot([], [], lw=min(2.2, thick), **round_ended, zorder=4)[0]
         self.bars = axis.plot([], [], lw=thick, **round_ended, zorder=5)[0]

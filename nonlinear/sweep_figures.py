@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
-from modal.dress import headline, log_ticks
+from modal.dress import NUMBER, headline, log_ticks
 from modal.errors import ComputationError
 from modal.loci_figures import axis_words, scale
 from modal.palette import MOST_CURVES, colour, dash, rest
@@ -84,7 +84,7 @@ def label(column: str) -> str:
     """A column as the label of an axis."""
     name, unit = words(column)
     shown = re.sub(r"^omega (\d+)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
-    return f"{shown} ({unit})" if unit else shown
+    return f"{shown} ({unit or NUMBER})"
 
 
 # ------------------------------------------------------------------------------------------------------- curves

@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from modal.dress import SMALL, framed, headline, key, legend
 from modal.errors import ComputationError
 from modal.mode import Mode
-from modal.palette import HUES, colour, ink, muted, paper, rest
+from modal.palette import HUES, QUIET, colour, ink, muted, paper, rest
 from modal.pictures import WIDE, save, sheet
 from modal.prose import counted
 from modal.rig import Floats, Ints
@@ -172,7 +172,7 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
     """Every pendulum at the end, its phase counted from that of the first, its amplitude as the radius."""
     z = phases.z[-1, :, phases.leading]
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
-    axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0)
+    axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)
     for k, pendulum in enumerate(shown):
         axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=colour(k), lw=2.4 - 0.3 * k)
         axis.plot(angle[pendulum], size[pendulum], "o", color=colour(k), ms=10 - k, mec=paper(), zorder=4 + k)

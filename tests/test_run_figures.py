@@ -116,4 +116,4 @@ def test_a_title_stays_within_its_figure(words: str) -> None:
     box = title.get_window_extent()
     assert box.x0 >= 0
     assert box.x1 <= figure.bbox.width
-    assert title.get_text().split() == f"{words.strip()}: motion".split()
+    assert title.get_text().split() == f"{words}: motion".split()
