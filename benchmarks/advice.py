@@ -205,7 +205,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=300)
     parser.add_argument("--first", type=int, default=900_000)
-    parser.add_argument("--write", action="store_true", help="keep every scene in docs/advice.csv")
+    parser.add_argument("--write", action="store_true", help="keep every scene in docs/benchmarks/advice.csv")
     options = parser.parse_args()
     judged(options.first - 1)
     cases = []
@@ -214,7 +214,7 @@ def main() -> None:
         print(json.dumps(asdict(cases[-1])), flush=True)
     print(report(cases))
     if options.write:
-        with open(DOCS / "advice.csv", "w", encoding="utf-8", newline="") as stream:
+        with open(DOCS / "benchmarks" / "advice.csv", "w", encoding="utf-8", newline="") as stream:
             writer = csv.DictWriter(stream, asdict(cases[0]), lineterminator="\n")
             writer.writeheader()
             writer.writerows(map(asdict, cases))

@@ -269,7 +269,7 @@ def _curves(axis: object, rows: Sequence[Row], what: str, across: str, up: str) 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="up to 100 links, without the longest cost")
-    parser.add_argument("--write", action="store_true", help="write docs/benchmarks.md and docs/benchmark.png")
+    parser.add_argument("--write", action="store_true", help="write docs/benchmarks/modes.md and the figure")
     parser.add_argument("--cost", choices=COSTS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.cost:
@@ -281,8 +281,8 @@ def main() -> None:
     text = page(lengths, ratios, costs, start_ratio())
     print(text)
     if options.write:
-        (DOCS / "benchmarks.md").write_text(text, encoding="utf-8")
-        figure(lengths, ratios, DOCS / "benchmark.png")
+        (DOCS / "benchmarks" / "modes.md").write_text(text, encoding="utf-8")
+        figure(lengths, ratios, DOCS / "pictures" / "benchmark.png")
 
 
 if __name__ == "__main__":

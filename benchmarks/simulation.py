@@ -208,7 +208,7 @@ def page(panels: Sequence[Panel], each: Sequence[Sequence[str]], choices: Sequen
 OPENBLAS_NUM_THREADS {threads}. Without it the dense rivals and the small dense solves start threads for matrices
 that are too small for them, and times scatter.
 
-![Time against error for five scenes](simulation-benchmark.png)
+![Time against error for five scenes](../pictures/simulation-benchmark.png)
 
 Double rods of 1 m and 1 kg on a cart of {CART_A_PENDULUM:g} kg a pendulum, released straight from angles between
 90° and 45°, left and right in turn (two from ±90°, the paper's own start); chains of bobs of 1 kg every 1 m, released
@@ -252,7 +252,7 @@ over the best of the three.
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="three small problems and one choice")
-    parser.add_argument("--write", action="store_true", help="write docs/simulation-benchmarks.md and the figure")
+    parser.add_argument("--write", action="store_true", help="write docs/benchmarks/simulation.md and the figure")
     options = parser.parse_args()
     forget()
     panels = [panel(problem, options.quick) for problem in problems(options.quick)]
@@ -263,8 +263,8 @@ def main() -> None:
         if not find_spec(route.package):
             print(f"{name}: `{route.package}` is not installed.")
     if options.write:
-        (DOCS / "simulation-benchmarks.md").write_text(text, encoding="utf-8")
-        figure(panels, DOCS / "simulation-benchmark.png")
+        (DOCS / "benchmarks" / "simulation.md").write_text(text, encoding="utf-8")
+        figure(panels, DOCS / "pictures" / "simulation-benchmark.png")
 
 
 if __name__ == "__main__":

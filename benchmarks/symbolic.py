@@ -248,7 +248,7 @@ translation as well.
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="up to 2 links, 6 s each")
-    parser.add_argument("--write", action="store_true", help="write docs/symbolic-benchmarks.md")
+    parser.add_argument("--write", action="store_true", help="write docs/benchmarks/symbols.md")
     parser.add_argument("--route", choices=ROUTES, help=argparse.SUPPRESS)
     parser.add_argument("--links", type=int, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -259,7 +259,7 @@ def main() -> None:
     text = page(lengths, measured_all(lengths, limit), limit)
     print(text)
     if options.write:
-        (DOCS / "symbolic-benchmarks.md").write_text(text, encoding="utf-8")
+        (DOCS / "benchmarks" / "symbols.md").write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
     python benchmarks/extremes/modes.py [--quick] [--write]
 
 Every family sweeps one number; the truth is `many_digits.py`.  An error of 1 means that no digit is right.  `--write`
-puts a line for each case into docs/extremes-modes.csv and the figure into docs/extremes-modes.png.
+puts a line for each case into docs/benchmarks/extremes-modes.csv and the figure into docs/pictures/.
 """
 
 from __future__ import annotations
@@ -196,19 +196,19 @@ def _told(found: Case) -> Case:
 def write(found: Sequence[Case]) -> None:
     from modes_figure import figure
 
-    with (DOCS / "extremes-modes.csv").open("w", newline="", encoding="utf-8") as file:
+    with (DOCS / "benchmarks" / "extremes-modes.csv").open("w", newline="", encoding="utf-8") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(("family", "parameter", "error", "stated_bound", "error_eigh", "error_eig", "outcome"))
         table.writerows(
             (f, f"{p:g}", *("" if np.isnan(e) else f"{e:.1e}" for e in rest), o) for f, p, *rest, o in found
         )
-    figure(found, DOCS / "extremes-modes.png")
+    figure(found, DOCS / "pictures" / "extremes-modes.png")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help=f"scenes of at most {QUICK_LINKS} links")
-    parser.add_argument("--write", action="store_true", help="write docs/extremes-modes.csv and the figure")
+    parser.add_argument("--write", action="store_true", help="write the cases and the figure into docs/")
     options = parser.parse_args()
     found = cases(quick=options.quick)
     if options.write:

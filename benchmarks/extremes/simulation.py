@@ -2,9 +2,9 @@
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/extremes/simulation.py [--quick] [--write]
 
-`--write` puts docs/extremes-simulation.csv and the figure beside it.  An error is the largest of all angles at five
-times over the largest angle; the references are those of families.py.  Rivals are the dense textbook under `solve_ivp`,
-as it comes and at rtol = atol = 1e-9.
+`--write` puts every case into docs/benchmarks/extremes-simulation.csv and the figure into docs/pictures/.  An error is
+the largest of all angles at five times over the largest angle; the references are those of families.py.  Rivals are the
+dense textbook under `solve_ivp`, as it comes and at rtol = atol = 1e-9.
 """
 
 from __future__ import annotations
@@ -127,7 +127,7 @@ def write(lines: Sequence[Line], path: Path) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="three values of a parameter and short runs")
-    parser.add_argument("--write", action="store_true", help="write docs/extremes-simulation.csv and the figure")
+    parser.add_argument("--write", action="store_true", help="write the cases and the figure into docs/")
     options = parser.parse_args()
     for warm in (*families.hours(quick=True), *families.pendula(quick=True)):
         ours(warm)
@@ -139,8 +139,8 @@ def main() -> None:
         print(told(lines[-1]), flush=True)
     print(units.report())
     if options.write:
-        write(lines, DOCS / "extremes-simulation.csv")
-        panels.figure(lines, DOCS / "extremes-simulation.png")
+        write(lines, DOCS / "benchmarks" / "extremes-simulation.csv")
+        panels.figure(lines, DOCS / "pictures" / "extremes-simulation.png")
 
 
 if __name__ == "__main__":
