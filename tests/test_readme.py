@@ -65,20 +65,20 @@ def test_the_message_it_quotes_is_the_real_one() -> None:
 def test_every_column_is_explained() -> None:
     from modal.tables import COLUMNS
 
-    manual = (Path(__file__).parent.parent / "docs" / "method.md").read_text(encoding="utf-8")
+    manual = (Path(__file__).parent.parent / "docs" / "reference" / "columns.md").read_text(encoding="utf-8")
     explained = re.findall(r"\*\*(.*?)\*\*", manual)
     words = ", ".join(explained)
     for column in COLUMNS:
         assert (column.heading.split(" (")[0] in words) if column.shown else f"`{column.key}`" in manual, column.key
 
 
-def test_the_python_lines_about_motion_run(
+def test_the_python_lines_of_the_manual_run(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    page = (Path(__file__).parent.parent / "docs" / "simulation.md").read_text(encoding="utf-8")
+    page = (Path(__file__).parent.parent / "docs" / "howto" / "python.md").read_text(encoding="utf-8")
     codes = re.findall(r"^```python\n(.*?)^```$", page, flags=re.DOTALL | re.MULTILINE)
-    assert len(codes) == 2
+    assert len(codes) >= 4
     for code in codes:
         exec(code, {})
     assert "period at 179 deg: " in capsys.readouterr().out
