@@ -1,0 +1,83 @@
+"""The manual: `sphinx-build -n -W --keep-going -b html docs docs/_build/html`.
+
+Lessons are copied from `notebooks/` to `docs/tutorial/lessons/`, or from the folder that LESSONS names, such as one of
+copies that were already run; those without outputs are run in the build.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from importlib.metadata import version as version_of
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE.parent), str(HERE)]
+
+import docstrings  # noqa: E402
+import generated  # noqa: E402
+
+project = "multipendula"
+author = copyright = "The multipendula authors"
+version = release = version_of(project)
+
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton", "sphinx_design"]
+exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
+myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+nb_execution_mode = "auto"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 180
+nb_merge_streams = True
+
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_class_signature = "mixed"
+autodoc_preserve_defaults = True
+add_module_names = False
+python_use_unqualified_type_names = True
+python_maximum_signature_line_length = 80
+nitpick_ignore_regex = [("py:class", ".*")]  # types in signatures: others' (no inventory is fetched), or machinery
+
+html_theme = "furo"
+html_title = "multipendula"
+html_static_path = ["_static"]
+html_css_files = ["manual.css"]
+html_copy_source = False
+html_theme_options = {
+    "top_of_page_buttons": [],
+    "light_css_variables": {"color-brand-primary": "#0067a0", "color-brand-content": "#0067a0"},
+    "dark_css_variables": {"color-brand-primary": "#56b4e9", "color-brand-content": "#56b4e9"},
+}
+pygments_style, pygments_dark_style = "friendly", "github-dark"
+highlight_language = "none"
+copybutton_exclude = ".linenos, .gp, .go"
+
+
+def copy_lessons(*_: object) -> None:
+    """Bring the lessons into the manual; one that has not changed keeps its time, so that it is not run again."""
+    source = Path(os.environ.get("LESSONS") or HERE.parent / "notebooks")
+    target = HERE / "tutorial" / "lessons"
+    target.mkdir(parents=True, exist_ok=True)
+    lessons = {lesson.name: lesson.read_bytes() for lesson in source.glob("[0-9][0-9]_*.ipynb")}
+    for stale in target.glob("*.ipynb"):
+        if stale.name not in lessons:
+            stale.unlink()
+    for name, content in lessons.items():
+        if not (copy := target / name).exists() or copy.read_bytes() != content:
+            copy.write_bytes(content)
+
+
+def expand(app: Sphinx, docname: str, source: list[str]) -> None:
+    """Put what is made from the code in its place on a page."""
+    page = Path(app.env.doc2path(docname))
+    if page.suffix == ".md":
+        source[0] = generated.expanded(source[0], page.parent)
+
+
+def setup(app: Sphinx) -> None:
+    """What Sphinx calls."""
+    app.connect("config-inited", copy_lessons)
+    app.connect("source-read", expand)
+    docstrings.setup(app)

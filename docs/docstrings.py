@@ -1,0 +1,85 @@
+"""Docstrings are plain text: words, `code` in backticks, equations and layouts indented.  Here they become RST.
+
+Lines that are indented stand as they are, words stand for themselves, and code that names what the reference documents
+links to it.  What people see of a scene's classes is their fields, not pydantic's machinery.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from itertools import groupby
+
+from generated import documented
+from pydantic import BaseModel
+from sphinx.application import Sphinx
+
+EVERY_NAME = re.compile(r"`([^`]+)`")
+INDENT = 4
+
+
+def rst(lines: Iterable[str]) -> Iterator[str]:
+    """The lines of a docstring as reStructuredText."""
+    for indented, group in groupby(_spread(lines), key=_is_layout):
+        if not indented:
+            yield from (line if line.startswith(">>>") else _words(line) for line in group)
+            continue
+        layout = list(group)
+        yield from ("", ".. code-block:: none", "", *layout, "")
+
+
+def _spread(lines: Iterable[str]) -> Iterator[str]:
+    """The same lines, a blank one inside a layout being a part of it."""
+    held: list[str] = []
+    inside = False
+    for line in lines:
+        if not line.strip():
+            held.append(line)
+            continue
+        now = _is_layout(line)
+        yield from (" " * INDENT if inside and now else "" for _ in held)
+        held, inside = [], now
+        yield line
+    yield from held
+
+
+def _is_layout(line: str) -> bool:
+    return line.startswith(" " * INDENT)
+
+
+def _words(line: str) -> str:
+    pieces = EVERY_NAME.split(line)
+    return "".join(_code(piece) if k % 2 else re.sub(r"([\\*_|])", r"\\\1", piece) for k, piece in enumerate(pieces))
+
+
+def _code(name: str) -> str:
+    full = documented().get(name)
+    return f":py:obj:`{name} <{full}>`" if full else f"``{name}``"
+
+
+def _process(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    lines[:] = list(rst(lines))
+
+
+def _signature(
+    app: Sphinx, what: str, name: str, thing: object, options: object, signature: str, returned: str
+) -> tuple[str, str] | None:
+    """The fields of a part of a scene, with their defaults."""
+    if not (isinstance(thing, type) and issubclass(thing, BaseModel)):
+        return None
+    fields = thing.model_fields.items()
+    shown = (name if field.is_required() else f"{name}={field.default!r}" for name, field in fields)
+    return f"(*, {', '.join(shown)})", returned
+
+
+def _skip(app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object) -> bool | None:
+    """Leave out the constants of modules, the fields of named tuples, of which nothing is said, and pydantic's own."""
+    constant = what == "module" and not callable(thing)
+    return True if constant or name == "model_config" or type(thing).__name__ == "_tuplegetter" else None
+
+
+def setup(app: Sphinx) -> None:
+    """Take part in a build."""
+    app.connect("autodoc-process-docstring", _process)
+    app.connect("autodoc-process-signature", _signature)
+    app.connect("autodoc-skip-member", _skip)

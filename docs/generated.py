@@ -1,0 +1,165 @@
+"""Parts of the manual that are made from what they describe, so that neither can forget the other.
+
+A page holds a comment where a part belongs; what stands there is Markdown:
+
+    <!-- commands: table shapes -->             help of commands, from the parser
+    <!-- names: modal load Scene -->            names of a package, from their docstrings
+    <!-- modules: modal.loci modal.gains -->    whole modules
+    <!-- shipped -->                            the scenes that come with the package
+    <!-- measures -->                           what a sweep can measure
+    <!-- gallery -->                            every figure of docs/pictures.toml
+
+Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from argparse import SUPPRESS, Action, ArgumentParser, HelpFormatter, _SubParsersAction
+from functools import cache, partial
+from importlib import import_module
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
+PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.png\)$", flags=re.MULTILINE)
+
+
+def expanded(page: str, folder: Path) -> str:
+    """The page with every part made, its pictures paired with their dark twins."""
+    made = PLACE.sub(lambda place: globals()[place[1]](*place[2].split()), page)
+    return PICTURE.sub(lambda shown: _paired(*shown.groups(), folder=folder), made)
+
+
+def _paired(alt: str, name: str, folder: Path) -> str:
+    if not (folder / f"{name}-dark.png").exists():
+        return f"![{alt}]({name}.png)"
+    shown = ((name, "only-light"), (f"{name}-dark", "only-dark"))
+    return "\n\n".join(f"```{{image}} {file}.png\n:alt: {alt}\n:class: {where}\n```" for file, where in shown)
+
+
+# ------------------------------------------------------------------------------------------------ commands
+
+
+@cache
+def parsers() -> dict[str, ArgumentParser]:
+    """The parser of every command."""
+    from multipendula.cli import _parser
+
+    return dict(next(a for a in _parser()._actions if isinstance(a, _SubParsersAction)).choices)
+
+
+def commands(*names: str) -> str:
+    """A section for each command: what it does, its usage, its arguments, examples."""
+    return "\n\n".join(_command(name, parsers()[name]) for name in names)
+
+
+def _command(name: str, parser: ArgumentParser) -> str:
+    parser.formatter_class, parser.color = partial(HelpFormatter, width=88), False  # type: ignore[assignment]
+    usage = parser.format_usage().removeprefix("usage: ").replace("\n" + " " * 7, "\n").strip()
+    shown = [action for action in parser._actions if action.help != SUPPRESS and action.dest != "help"]
+    text, examples = _epilog(parser.epilog or "")
+    parts = [f"(command-{name})=\n### {name}", _escaped(parser.description or ""), f"```text\n{usage}\n```"]
+    parts += [_argument(action, parser) for action in shown]
+    return "\n\n".join([*parts, _escaped(text), f"For example\n\n```sh\n{examples}\n```" if examples else ""])
+
+
+def _argument(action: Action, parser: ArgumentParser) -> str:
+    formatter = parser._get_formatter()
+    value = "" if action.nargs == 0 else formatter._format_args(action, action.dest.upper())
+    terms = ", ".join(f"`{f'{flag} {value}'.strip()}`" for flag in action.option_strings or [""])
+    return f"{terms}\n: {_escaped(formatter._expand_help(action)) if action.help else 'One of these words.'}"
+
+
+def _epilog(epilog: str) -> tuple[str, str]:
+    """The words of an epilog and, one a line, its examples."""
+    lines = [re.sub(r"^examples?:\s*", "", line.strip()) for line in epilog.splitlines()]
+    examples = [line for line in lines if line.startswith("multipendula ")]
+    return " ".join(line for line in lines if line not in examples), "\n".join(examples)
+
+
+def _escaped(text: str) -> str:
+    """Plain words as Markdown: what stands in backticks is code, everything else stands for itself."""
+    pieces = re.split(r"(`[^`]+`)", text)
+    return "".join(piece if piece[:1] == "`" else re.sub(r"([\\*_<>\[\]|$])", r"\\\1", piece) for piece in pieces)
+
+
+# ------------------------------------------------------------------------------------------------ Python
+
+
+def names(package: str, *wanted: str) -> str:
+    """Names of a package, each with its docstring."""
+    home = import_module(package)
+    return "\n\n".join(_documented(_directive(getattr(home, name)), f"{package}.{name}") for name in wanted)
+
+
+def _directive(thing: object) -> str:
+    if not isinstance(thing, type):
+        return "autofunction"
+    return "autoexception" if issubclass(thing, Exception) else "autoclass"
+
+
+@cache
+def documented() -> dict[str, str]:
+    """Every name that the reference documents by itself, short and in full, and in full."""
+    pages = "\n".join(page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs" / "reference").rglob("*.md")))
+    found: dict[str, str] = {}
+    for kind, words in PLACE.findall(pages):
+        if kind == "names":
+            package, *wanted = words.split()
+            found |= {short: f"{package}.{name}" for name in wanted for short in (name, f"{package}.{name}")}
+        if kind == "modules":
+            found |= {name: name for name in words.split()}
+    return found
+
+
+def modules(*wanted: str) -> str:
+    """Whole modules, each with its opening words and all that it defines."""
+    return "\n\n".join(f"## `{name}`\n\n{_documented('automodule', name)}" for name in wanted)
+
+
+def _documented(directive: str, name: str) -> str:
+    return f"```{{eval-rst}}\n.. {directive}:: {name}\n```"
+
+
+# ------------------------------------------------------------------------------------------------ tables
+
+
+def shipped() -> str:
+    """The scenes that come with the package."""
+    from modal.files import load, shipped
+
+    return _table("name | what hangs there", [f"`{name}` | {_escaped(load(name).title)}" for name in shipped()])
+
+
+def measures() -> str:
+    """What a sweep can ask of every scene, and what its number means."""
+    from nonlinear.measures import MEASURES
+
+    rows = [f"`{one.name}` | {_escaped(one.words)} | {one.usual:g}" for one in MEASURES.values()]
+    return _table("measure | what it is | N unless told", rows)
+
+
+def _table(heading: str, rows: list[str]) -> str:
+    rule = re.sub(r"[^|]+", "---", heading)
+    return "\n".join(f"| {row} |" for row in (heading, rule, *rows))
+
+
+# ------------------------------------------------------------------------------------------------ gallery
+
+
+def gallery() -> str:
+    """Every figure with its caption and the command that makes it, section by section."""
+    pictures = tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-8"))["picture"]
+    sections = dict.fromkeys(picture["section"] for picture in pictures)
+    return "\n\n".join(
+        f"## {section}\n\n" + "\n\n".join(_figure(one) for one in pictures if one["section"] == section)
+        for section in sections
+    )
+
+
+def _figure(picture: dict[str, str]) -> str:
+    words = f"### {picture['title']}\n\n{picture['caption']}"
+    image = f"![{picture['alt']}](pictures/{picture['name']}.png)"
+    return f"{words}\n\n{image}\n\n```sh\n{picture['command']}\n```"
