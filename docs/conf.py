@@ -16,6 +16,7 @@ from sphinx.application import Sphinx
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE)]
 
+import browser  # noqa: E402
 import docstrings  # noqa: E402
 import generated  # noqa: E402
 
@@ -60,7 +61,8 @@ def copy_lessons(*_: object) -> None:
     source = Path(os.environ.get("LESSONS") or HERE.parent / "notebooks")
     target = HERE / "tutorial" / "lessons"
     target.mkdir(parents=True, exist_ok=True)
-    lessons = {lesson.name: lesson.read_bytes() for lesson in source.glob("[0-9][0-9]_*.ipynb")}
+    found = sorted(source.glob("[0-9][0-9]_*.ipynb"))
+    lessons = {lesson.name: lesson.read_bytes().replace(b"](../docs/", b"](../../") for lesson in found}
     for stale in target.glob("*.ipynb"):
         if stale.name not in lessons:
             stale.unlink()
@@ -76,8 +78,15 @@ def expand(app: Sphinx, docname: str, source: list[str]) -> None:
         source[0] = generated.expanded(source[0], page.parent)
 
 
+def add_browser(app: Sphinx, failure: Exception | None) -> None:
+    """Put the lessons that run in a browser beside the pages."""
+    if failure is None and app.builder.name == "html":
+        browser.build(Path(app.outdir) / "browser")
+
+
 def setup(app: Sphinx) -> None:
     """What Sphinx calls."""
     app.connect("config-inited", copy_lessons)
     app.connect("source-read", expand)
+    app.connect("build-finished", add_browser)
     docstrings.setup(app)
