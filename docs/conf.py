@@ -1,7 +1,7 @@
 """The manual: `sphinx-build -n -W --keep-going -b html docs docs/_build/html`.
 
-Lessons are copied from `notebooks/` to `docs/tutorial/lessons/`, or from the folder that LESSONS names, such as one of
-copies that were already run; those without outputs are run in the build.
+Lessons are copied from `notebooks/` to `docs/tutorial/lessons/` and run, once for as long as they do not change; or they
+are copied as they are from the folder that LESSONS names, where they were run before.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx_copybutton", "sphinx_desi
 exclude_patterns = ["_build", "**/.ipynb_checkpoints"]
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 3
-nb_execution_mode = "auto"
+nb_execution_mode = "off" if os.environ.get("LESSONS") else "cache"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 180
 nb_merge_streams = True
