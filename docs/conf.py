@@ -1,7 +1,7 @@
 """The manual: `sphinx-build -n -W --keep-going -b html docs docs/_build/html`.
 
-Lessons are copied from `notebooks/` to `docs/tutorial/lessons/` and run, once for as long as they do not change; or they
-are copied as they are from the folder that LESSONS names, where they were run before.
+Lessons are copied from `notebooks/` to `docs/tutorial/lessons/` and run, once for as long as they do not change, or
+they are copied as they are from the folder that LESSONS names, where they were run before.
 """
 
 from __future__ import annotations
