@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from multipendula import commands, models
+from multipendula import commands, completion, models
 from multipendula.converters import EXPLAIN, FORMATS, SCENE_HELP, Add, number, themed, whole
 from multipendula.motion_arguments import motions, sweeps, synchrony
 
@@ -27,10 +27,10 @@ def _signals(add: argparse.ArgumentParser) -> None:
 
 
 def _tables(command: Add) -> None:
-    add = command(commands.scenes, "scenes", "scenes crane-hook > my-crane.toml")
+    add = command(commands.scenes, "scenes")
     add.add_argument("name", nargs="?", help="print this scene's file, to start one of your own")
 
-    add = command(commands.table, "table", "table rope --modes 1:5 --format markdown")
+    add = command(commands.table, "table")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--format", choices=FORMATS, default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
@@ -39,7 +39,7 @@ def _tables(command: Add) -> None:
     add.add_argument("--explain", action="store_true", help=EXPLAIN)
 
     degrees = number("degrees above 0 and at most 90", most=90)
-    add = command(commands.shapes, "shapes", "shapes paper-cart-2 -o shapes.png")
+    add = command(commands.shapes, "shapes")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
     add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
@@ -52,22 +52,25 @@ def _tables(command: Add) -> None:
     )
     themed(add)
 
-    add = command(commands.explain, "explain", "explain paper-cart-2 -o coupling.png")
+    add = command(commands.explain, "explain")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--format", choices=("text", "markdown", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
     themed(add)
 
-    add = command(commands.matrices, "matrices", "matrices chain-3")
+    add = command(commands.matrices, "matrices")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--format", choices=("text", "json"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
 
-    command(commands.schema, "schema", "schema > scene.schema.json")
+    command(commands.schema, "schema")
+
+    add = command(completion.completion, "completion")
+    add.add_argument("shell", choices=completion.SHELLS)
 
 
 def _derivations(command: Add) -> None:
-    add = command(commands.derive, "derive", "derive chain:3 --symbolic masses,lengths --format latex")
+    add = command(commands.derive, "derive")
     add.add_argument(
         "target",
         metavar="TARGET",
@@ -81,7 +84,7 @@ def _derivations(command: Add) -> None:
     add.add_argument("--format", choices=("text", "latex", "markdown"), default="text")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
 
-    add = command(commands.enclose, "enclose", "enclose paper-cart-2 --digits 50")
+    add = command(commands.enclose, "enclose")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--digits", metavar="N", type=whole(1000), default=30, help="relative width 10^-N (default 30)")
     add.add_argument("--output", "-o", metavar="FILE", help="write here instead of standard output")
@@ -89,7 +92,7 @@ def _derivations(command: Add) -> None:
 
 def _models(command: Add) -> None:
     seconds = number("seconds above 0")
-    add = command(models.export, "export", "export crane-hook --to mat --discrete 0.01 -o crane.mat")
+    add = command(models.export, "export")
     _signals(add)
     formats = "control, mat, m, json, npz, csv, c, fmu or modelica"
     add.add_argument("--to", required=True, metavar="FORMAT", help=formats)
@@ -99,10 +102,10 @@ def _models(command: Add) -> None:
     smaller.add_argument("--minimal", action="store_true", help="without what no input reaches or no output sees")
     smaller.add_argument("--modes", metavar="K", type=whole(99999), help="only the K modes that contribute most")
 
-    add = command(models.gains, "gains", "gains crane-two-loads --output cart_position")
+    add = command(models.gains, "gains")
     _signals(add)
 
-    add = command(models.response, "response", "response crane-hook -o bode.png")
+    add = command(models.response, "response")
     _signals(add)
     add.add_argument("-o", dest="file", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
     add.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
@@ -110,12 +113,13 @@ def _models(command: Add) -> None:
     add.add_argument("--impulse", action="store_true", help="the impulse response instead of the Bode plot")
     themed(add)
 
-    add = command(models.shaper, "shaper", "shaper crane-hook --kind zvd --count 2")
+    add = command(models.shaper, "shaper")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--kind", choices=("zv", "zvd"), default="zv", help="zvd bears more error in the frequencies")
     add.add_argument("--count", metavar="K", type=whole(99999), default=1, help="for the K slowest modes (default 1)")
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
-    add.add_argument("--drive", choices=drives, default=drives[0], help="what moves the cart")
+    moves = "what moves the cart: cart_acceleration (default), cart_velocity or cart_force"
+    add.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=moves)
 
 
 GROUPS = (_tables, _derivations, _models, motions, synchrony, sweeps)

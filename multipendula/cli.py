@@ -8,11 +8,15 @@ from __future__ import annotations
 import argparse
 import errno
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from io import TextIOWrapper
 
 from multipendula.arguments import GROUPS
+from multipendula.completion import complete
+from multipendula.pages import Page, pointer
+from multipendula.topics import ABOUT, TELLS
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
@@ -21,7 +25,12 @@ USER_ERRORS = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EP
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:
+        complete(parser)
+    options, strangers = parser.parse_known_args(arguments)
+    if strangers:
+        options.page.error(f"unrecognized arguments: {' '.join(strangers)}")
     from modal.errors import MultipendulaError, SceneError
 
     if sys.stdout is None:
@@ -32,7 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options.run(options)
         sys.stdout.flush()
     except SceneError as error:
-        return _refuse(error, 2)
+        return _refuse(error, 2, options.page.name)
     except MultipendulaError as error:
         return _refuse(error, 1)
     except MemoryError:
@@ -49,8 +58,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _refuse(problem: object, code: int) -> int:
-    for line in str(problem).splitlines():
+def _refuse(problem: object, code: int, command: str = "") -> int:
+    lines = str(problem).splitlines()
+    if any(re.match("--?[a-z]", line) for line in lines):
+        lines.append(pointer(command))
+    for line in lines:
         print(f"multipendula: {line}", file=sys.stderr)
     return code
 
@@ -59,19 +71,15 @@ def _named(error: OSError) -> str:
     return f" {error.filename}" if error.filename else ""
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="multipendula",
-        description="Linearized modal analysis of pendulum chains, alone or coupled by a cart.",
-        epilog="example: multipendula table paper-cart-2",
-    )
+def _parser() -> Page:
+    parser = Page(prog="multipendula", description=ABOUT)
     parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
-    added = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+    added = parser.add_subparsers(metavar="COMMAND", required=True)
 
-    def command(run: Callable[[argparse.Namespace], None], name: str, example: str) -> argparse.ArgumentParser:
+    def command(run: Callable[[argparse.Namespace], None], name: str) -> argparse.ArgumentParser:
         words = (run.__doc__ or "").strip()
-        made = added.add_parser(name, help=words, description=words, epilog=f"example: multipendula {example}")
-        made.set_defaults(run=run)
+        made = added.add_parser(name, help=words, description=f"{words} {TELLS[name]}")
+        made.set_defaults(run=run, page=made)
         return made
 
     for group in GROUPS:

@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable
 
-Add = Callable[[Callable[[argparse.Namespace], None], str, str], argparse.ArgumentParser]
+Add = Callable[[Callable[[argparse.Namespace], None], str], argparse.ArgumentParser]
 
 EXPLAIN = "say what was built for this, and what the scene did not require"
 SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"

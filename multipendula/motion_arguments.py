@@ -30,18 +30,18 @@ def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
 
 def motions(command: Add) -> None:
     """Motion at large angles, and how far the table holds."""
-    add = command(moving.simulate, "simulate", "simulate paper-cart-3 --duration 60 -o run.npz")
+    add = command(moving.simulate, "simulate")
     _run_of(add, 60.0)
     add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
     add.add_argument("--keep-modes", metavar="R", type=whole(100_000), help="move in the R lowest modes only")
     add.add_argument("--explain", action="store_true", help=EXPLAIN)
 
-    add = command(moving.plot, "plot", "plot run.npz -o run.png")
+    add = command(moving.plot, "plot")
     _run_of(add, 20.0)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
     themed(add)
 
-    add = command(moving.animate, "animate", "animate paper-cart-3 --duration 10 -o run.gif")
+    add = command(moving.animate, "animate")
     _run_of(add, 10.0)
     add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .gif, .mp4 or .html file")
     add.add_argument("--fps", metavar="N", type=number("frames a second from 1 to 60", 60, 1))
@@ -55,7 +55,7 @@ def motions(command: Add) -> None:
     add.add_argument("--seconds", metavar="S", type=number("seconds above 0"), help="of film, at most (default 20)")
     themed(add)
 
-    add = command(checks.check, "check", "check paper-cart-2 --amplitude 1,5,10,30 -o check.png")
+    add = command(checks.check, "check")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--mode", metavar="1:3", help="only these modes, counted from 1")
     add.add_argument("--amplitude", metavar="DEG,...", type=angles, help="largest angles (default 1,5,10,30)")
@@ -66,7 +66,7 @@ def motions(command: Add) -> None:
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
     themed(add)
 
-    add = command(checks.chaos, "chaos", "chaos paper-cart-2 -o lyapunov.png")
+    add = command(checks.chaos, "chaos")
     add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or paper:000, paper:001: what they claim")
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), help="default 200 sqrt(l/g)")
     add.add_argument("--ensemble", metavar="E", type=whole(10_000), help="starts side by side (default 16)")
@@ -74,7 +74,7 @@ def motions(command: Add) -> None:
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
     themed(add)
 
-    add = command(checks.tradeoff, "tradeoff", "tradeoff paper-cart-2 --start mode:2:10 -o tradeoff.png")
+    add = command(checks.tradeoff, "tradeoff")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--start", metavar="WORDS", help="as in simulate")
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), default=10.0, help="default 10")
@@ -82,7 +82,7 @@ def motions(command: Add) -> None:
     add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
     themed(add)
 
-    add = command(checks.advise, "advise", "advise paper-cart-3 --accuracy 1e-3 --duration 60")
+    add = command(checks.advise, "advise")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--accuracy", metavar="RAD", type=number(*RADIANS), required=True, help="of every angle")
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), default=60.0, help="default 60")
@@ -94,7 +94,7 @@ def motions(command: Add) -> None:
 
 def synchrony(command: Add) -> None:
     """Scenes that excite themselves."""
-    add = command(keeping_time.sync, "sync", "sync huygens -o huygens.png --film huygens.gif")
+    add = command(keeping_time.sync, "sync")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), help="default: as predicted")
     add.add_argument("--start", metavar="WORDS", help="as in simulate, of modes without dampers")
@@ -108,8 +108,7 @@ def synchrony(command: Add) -> None:
 
 def sweeps(command: Add) -> None:
     """Scenes by the thousand."""
-    example = "sweep paper-cart-2 --vary support.mass=1:1000:50log --measure beat -o beat.csv"
-    add = command(sweeping.sweep, "sweep", example)
+    add = command(sweeping.sweep, "sweep")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     places = "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
     add.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=places)
