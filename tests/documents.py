@@ -2,9 +2,10 @@
 
 A block is, by the language after its fence:
 
-- `sh`, `console`: commands, done in order in the page's folder.  `multipendula …` runs in this process, with `> file`,
+- `sh`: commands, done in order in the page's folder.  `multipendula …` runs in this process, with `> file`,
   `|` into another one, `&&`, and `|| true` after one that is to be refused; `sed …` runs as it is; all else must be one
   of `KNOWN` or a benchmark with flags that it has.
+- `console`, and whatever begins with `$ `: commands, each with what it prints, be it done or refused.
 - `python`: executed, all blocks of a page in one namespace.
 - `text`, or nothing: what the block before it printed, in full; `…` stands for the rest of a line, on a line by itself
   for any lines.
@@ -45,7 +46,6 @@ KNOWN = {
         for place in ("", ".venv/bin/", "uv ")
         for what in (".", "-c requirements.lock -e .[dev]")
     ),
-    "pip install .[certified]",
     ".venv/bin/pytest",
     "uv venv",
     "uv run --no-sync pytest",
@@ -100,8 +100,7 @@ class Page:
     def done(self, text: str) -> None:
         """Do all of it; WrongPageError for the first thing that does not work."""
         ways: dict[str, Callable[[str], None]] = {
-            **dict.fromkeys(("sh", "console"), self.shell),
-            **dict.fromkeys(("", "text"), self.output),
+            **{"sh": self.shell, "console": self.session, "text": self.output, "": self.output},
             **{"spoken": self.spoken, "python": self.python, "json": json.loads, "formula": formula},
             **{"toml": lambda text: parse(text.encode()), "toml fragment": fragment},
         }
@@ -109,20 +108,29 @@ class Page:
             if block.language not in ways:
                 raise WrongPageError(f"{self.name}:{block.line}: nobody knows how to do {block.language!r}")
             try:
-                ways[block.language](block.text)
+                (self.session if block.text.startswith("$ ") else ways[block.language])(block.text)
             except (Exception, SystemExit) as error:
                 raise WrongPageError(f"{self.name}:{block.line}: {type(error).__name__}: {error}") from error
 
-    def shell(self, text: str) -> None:
-        """The commands of a block."""
+    def session(self, text: str) -> None:
+        """Commands after `$ `, each with what it prints."""
+        before, *parts = re.split(r"^\$ ", text, flags=re.MULTILINE)
+        if before or not parts:
+            raise WrongPageError("a session begins with a command, after `$ `")
+        for command, _, shown in (part.partition("\n") for part in parts):
+            self.shell(command, refused=None)
+            self.output(shown)
+
+    def shell(self, text: str, refused: bool | None = False) -> None:
+        """The commands of a block; None for `refused` where they may be."""
         self.printed, self.errors = "", ""
         for line in text.replace("\\\n", " ").splitlines():
-            words = list(tokens(line.removeprefix("$ ")))
-            refused = words[-2:] == ["||", "true"]
-            for piece in divided(words[: -2 if refused else None], "&&"):
-                self.pipe(piece, refused)
+            words = list(tokens(line))
+            wrong = words[-2:] == ["||", "true"]
+            for piece in divided(words[: -2 if wrong else None], "&&"):
+                self.pipe(piece, wrong or refused)
 
-    def pipe(self, words: list[str], refused: bool) -> None:
+    def pipe(self, words: list[str], refused: bool | None) -> None:
         """Commands joined by `|`, the last one's output kept, or in a file."""
         target = words.pop() if words[-2:-1] == [">"] else None
         if target:
@@ -135,7 +143,7 @@ class Page:
         else:
             self.printed = (self.printed or "") + given
 
-    def command(self, words: list[str], given: str, refused: bool) -> str:
+    def command(self, words: list[str], given: str, refused: bool | None) -> str:
         """What one command prints."""
         line = " ".join(words)
         ours = next((start for start in OURS if line == start or line.startswith(f"{start} ")), None)
@@ -145,11 +153,11 @@ class Page:
             return subprocess.run(words, capture_output=True, text=True, check=True).stdout
         if words[0] == "python" and words[1].startswith("benchmarks/"):
             benchmark(Path(words[1]), words[2:])
-        elif line not in KNOWN:
+        elif line not in KNOWN and not extras(line):
             raise WrongPageError(f"nobody knows how to do `{line}`")
         return ""
 
-    def ours(self, words: list[str], given: str, refused: bool) -> str:
+    def ours(self, words: list[str], given: str, refused: bool | None) -> str:
         """What this project's command prints; its standard error is kept beside."""
         out, err, before = io.StringIO(), io.StringIO(), sys.stdin
         sys.stdin = io.TextIOWrapper(io.BytesIO(given.encode()), encoding="utf-8")
@@ -161,7 +169,7 @@ class Page:
         finally:
             sys.stdin = before
         self.errors += err.getvalue()
-        if bool(code) != refused:
+        if refused is not None and bool(code) != refused:
             raise WrongPageError(f"`multipendula {' '.join(words)}` leaves with {code}: {err.getvalue()}")
         return out.getvalue()
 
@@ -170,14 +178,16 @@ class Page:
         name, *words = text.split()[1:] or [""]
         vague = not words or any(re.fullmatch(r"[A-Z]{4,}|…", word) for word in (name, *words))
         if not text.startswith("multipendula ") or not vague:
-            return self.shell(text)
+            before = self.printed, self.errors
+            self.shell(text)
+            self.printed, self.errors = before
+            return
         pages = _parser()._subparsers._group_actions[0].choices
         if name != "COMMAND" and name not in pages:
             raise WrongPageError(f"there is no command {name}")
         known = pages.get(name, _parser())._option_string_actions
         if strange := [word for word in words if word.startswith("-") and word.partition("=")[0] not in known]:
             raise WrongPageError(f"{name} has no {', '.join(strange)}")
-        return None
 
     def python(self, text: str) -> None:
         """Lines of Python."""
@@ -236,6 +246,13 @@ def formula(text: str) -> None:
         except (SyntaxError, tomllib.TOMLDecodeError):
             continue
         raise WrongPageError(f"{language} stands in a fenced block")
+
+
+def extras(line: str) -> bool:
+    """Whether a line installs extras that there are."""
+    found = re.fullmatch(r"pip install \.\[([\w,]+)\]", line)
+    there = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    return bool(found) and there.keys() >= set(found[1].split(","))
 
 
 def benchmark(script: Path, flags: list[str]) -> None:

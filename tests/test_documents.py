@@ -60,6 +60,9 @@ def sh(*lines: str) -> tuple[str, ...]:
         (sh("multipendula table chain-1 --modes 7"), "leaves with 2"),
         (sh("multipendula table chain-1 || true"), "leaves with 0"),
         (sh("multipendula scenes nosuch | multipendula table -"), "no such shipped scene"),
+        (("```text", "$ multipendula matrices chain-1", "M = 2", "```"), "this was printed instead"),
+        (("```console", "multipendula scenes", "```"), "begins with a command"),
+        (sh("pip install '.[nosuch]'"), "nobody knows how to do"),
         (sh("curl example.org"), "nobody knows how to do `curl example.org`"),
         (sh("python benchmarks/modes.py --wrong"), "has no --wrong"),
         (sh("python benchmarks/nosuch.py"), "No such file"),
@@ -121,7 +124,13 @@ print(x + 1)
 2
 ```
 
-With `multipendula table SCENE --modes 1:3`, ω² = g/l:
+```console
+$ multipendula shaper chain-9 --count 1
+multipendula: chain-9: no such …
+$ multipendula schema > schema.json
+```
+
+With `pip install ".[fast]"` and `multipendula table SCENE --modes 1:3`, ω² = g/l:
 
     ω² = g/l
 """
