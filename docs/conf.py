@@ -36,6 +36,7 @@ nb_merge_streams = True
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_class_signature = "mixed"
 autodoc_preserve_defaults = True
+autodoc_type_aliases = {name: name for name in ("Booleans", "Floats", "Ints")}
 add_module_names = False
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80
@@ -53,11 +54,15 @@ html_theme_options = {
 }
 pygments_style, pygments_dark_style = "friendly", "github-dark"
 highlight_language = "none"
-copybutton_exclude = ".linenos, .gp, .go"
+smartquotes = False
+copybutton_prompt_text = "$ "
 
 
 def copy_lessons(*_: object) -> None:
-    """Bring the lessons into the manual; one that has not changed keeps its time, so that it is not run again."""
+    """Bring the lessons into the manual; one that has not changed keeps its time, so that it is not run again.
+
+    What leads from `notebooks/` to a page of the manual leads there from `docs/tutorial/lessons/` too.
+    """
     source = Path(os.environ.get("LESSONS") or HERE.parent / "notebooks")
     target = HERE / "tutorial" / "lessons"
     target.mkdir(parents=True, exist_ok=True)

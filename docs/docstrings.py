@@ -53,7 +53,7 @@ def _words(line: str) -> str:
 
 
 def _code(name: str) -> str:
-    full = documented().get(name)
+    full = documented().get(name) if "." in name or name[:1].isupper() else None  # `load` may be an argument's name
     return f":py:obj:`{name} <{full}>`" if full else f"``{name}``"
 
 

@@ -23,7 +23,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
-PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.png\)$", flags=re.MULTILINE)
+PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
+EXAMPLE = re.compile(r"^ *(?:example: )?(multipendula .*)(?:\n {6}(\S.*))?$", flags=re.MULTILINE)
 
 
 def expanded(page: str, folder: Path) -> str:
@@ -32,11 +33,11 @@ def expanded(page: str, folder: Path) -> str:
     return PICTURE.sub(lambda shown: _paired(*shown.groups(), folder=folder), made)
 
 
-def _paired(alt: str, name: str, folder: Path) -> str:
-    if not (folder / f"{name}-dark.png").exists():
-        return f"![{alt}]({name}.png)"
+def _paired(alt: str, name: str, form: str, folder: Path) -> str:
+    if not (folder / f"{name}-dark.{form}").exists():
+        return f"![{alt}]({name}.{form})"
     shown = ((name, "only-light"), (f"{name}-dark", "only-dark"))
-    return "\n\n".join(f"```{{image}} {file}.png\n:alt: {alt}\n:class: {where}\n```" for file, where in shown)
+    return "\n\n".join(f"```{{image}} {file}.{form}\n:alt: {alt}\n:class: {where}\n```" for file, where in shown)
 
 
 # ------------------------------------------------------------------------------------------------ commands
@@ -56,13 +57,20 @@ def commands(*names: str) -> str:
 
 
 def _command(name: str, parser: ArgumentParser) -> str:
+    examples = _examples(parser)
     parser.formatter_class, parser.color = partial(HelpFormatter, width=88), False  # type: ignore[assignment]
     usage = parser.format_usage().removeprefix("usage: ").replace("\n" + " " * 7, "\n").strip()
     shown = [action for action in parser._actions if action.help != SUPPRESS and action.dest != "help"]
-    text, examples = _epilog(parser.epilog or "")
     parts = [f"(command-{name})=\n### {name}", _escaped(parser.description or ""), f"```text\n{usage}\n```"]
     parts += [_argument(action, parser) for action in shown]
-    return "\n\n".join([*parts, _escaped(text), f"For example\n\n```sh\n{examples}\n```" if examples else ""])
+    return "\n\n".join([*parts, f"For example\n\n```sh\n{examples}\n```" if examples else ""])
+
+
+def _examples(parser: ArgumentParser) -> str:
+    """The examples of a help page, one a line, with what each does above it."""
+    words = (parser.epilog or parser.format_help().partition("\nexamples:\n")[2]).replace("\\\n", " ")
+    found = [(re.sub(r"  +", " ", line).strip(), meaning) for line, meaning in EXAMPLE.findall(words)]
+    return "\n".join(f"# {meaning}\n{line}" if meaning else line for line, meaning in found)
 
 
 def _argument(action: Action, parser: ArgumentParser) -> str:
@@ -70,13 +78,6 @@ def _argument(action: Action, parser: ArgumentParser) -> str:
     value = "" if action.nargs == 0 else formatter._format_args(action, action.dest.upper())
     terms = ", ".join(f"`{f'{flag} {value}'.strip()}`" for flag in action.option_strings or [""])
     return f"{terms}\n: {_escaped(formatter._expand_help(action)) if action.help else 'One of these words.'}"
-
-
-def _epilog(epilog: str) -> tuple[str, str]:
-    """The words of an epilog and, one a line, its examples."""
-    lines = [re.sub(r"^examples?:\s*", "", line.strip()) for line in epilog.splitlines()]
-    examples = [line for line in lines if line.startswith("multipendula ")]
-    return " ".join(line for line in lines if line not in examples), "\n".join(examples)
 
 
 def _escaped(text: str) -> str:
@@ -150,16 +151,19 @@ def _table(heading: str, rows: list[str]) -> str:
 
 
 def gallery() -> str:
-    """Every figure with its caption and the command that makes it, section by section."""
-    pictures = tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-8"))["picture"]
-    sections = dict.fromkeys(picture["section"] for picture in pictures)
+    """Every figure with its caption and the commands that make it, section by section."""
+    pictures = tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-8"))
+    sections = dict.fromkeys(picture["section"] for picture in pictures.values())
     return "\n\n".join(
-        f"## {section}\n\n" + "\n\n".join(_figure(one) for one in pictures if one["section"] == section)
+        f"## {section.capitalize()}\n\n"
+        + "\n\n".join(_figure(name, one) for name, one in pictures.items() if one["section"] == section)
         for section in sections
     )
 
 
-def _figure(picture: dict[str, str]) -> str:
-    words = f"### {picture['title']}\n\n{picture['caption']}"
-    image = f"![{picture['alt']}](pictures/{picture['name']}.png)"
-    return f"{words}\n\n{image}\n\n```sh\n{picture['command']}\n```"
+def _figure(name: str, picture: dict[str, str]) -> str:
+    file = f"{name}.{picture.get('form', 'png')}"
+    lines = [picture[step].format(run="run.npz", out=file) for step in ("before", "command") if step in picture]
+    done = "\n".join(f"multipendula {line}" for line in lines)
+    image = f"![{picture['alt']}](pictures/{file})"
+    return f"### {picture['title']}\n\n{picture['caption']}\n\n{image}\n\n```sh\n{done}\n```"

@@ -152,8 +152,8 @@ def test_every_key_of_a_scene_is_explained(part: type[Scene]) -> None:
 
 
 def test_every_figure_of_the_gallery_is_there() -> None:
-    pictures = tomllib.loads((DOCS / "pictures.toml").read_text(encoding="utf-8"))["picture"]
-    for picture in pictures:
-        assert all(picture[key].strip() for key in ("name", "title", "section", "command", "caption", "alt")), picture
-        assert picture["command"].split()[1] in generated.parsers(), picture
-        assert (DOCS / "pictures" / f"{picture['name']}.png").exists(), picture
+    pictures = tomllib.loads((DOCS / "pictures.toml").read_text(encoding="utf-8"))
+    for name, picture in pictures.items():
+        assert all(picture[key].strip() for key in ("section", "title", "command", "caption", "alt")), name
+        assert picture["command"].split()[0] in generated.parsers(), name
+        assert (DOCS / "pictures" / f"{name}.{picture.get('form', 'png')}").exists(), name
