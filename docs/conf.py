@@ -36,7 +36,6 @@ nb_merge_streams = True
 autodoc_default_options = {"members": True, "member-order": "bysource"}
 autodoc_class_signature = "mixed"
 autodoc_preserve_defaults = True
-autodoc_type_aliases = {name: name for name in ("Booleans", "Floats", "Ints")}
 add_module_names = False
 python_use_unqualified_type_names = True
 python_maximum_signature_line_length = 80

@@ -15,6 +15,8 @@ from pydantic import BaseModel
 from sphinx.application import Sphinx
 
 EVERY_NAME = re.compile(r"`([^`]+)`")
+ARRAY = re.compile(r"[\w.~]*ndarray\[tuple\[[\w.~]*Any, \.\.\.\], [\w.~]*dtype\[[\w.~]*?(\w+)\]\]")
+ARRAYS = {"float64": "Floats", "int64": "Ints", "bool": "Booleans"}
 INDENT = 4
 
 
@@ -62,14 +64,18 @@ def _process(app: Sphinx, what: str, name: str, thing: object, options: object, 
 
 
 def _signature(
-    app: Sphinx, what: str, name: str, thing: object, options: object, signature: str, returned: str
-) -> tuple[str, str] | None:
-    """The fields of a part of a scene, with their defaults."""
+    app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returned: str | None
+) -> tuple[str | None, str | None]:
+    """Arrays by their short names; of a part of a scene its fields, with their defaults."""
     if not (isinstance(thing, type) and issubclass(thing, BaseModel)):
-        return None
+        return _short(signature), _short(returned)
     fields = thing.model_fields.items()
     shown = (name if field.is_required() else f"{name}={field.default!r}" for name, field in fields)
     return f"(*, {', '.join(shown)})", returned
+
+
+def _short(annotations: str | None) -> str | None:
+    return annotations and ARRAY.sub(lambda array: ARRAYS.get(array[1], array[0]), annotations)
 
 
 def _skip(app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object) -> bool | None:
