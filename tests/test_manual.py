@@ -136,10 +136,20 @@ def test_every_command_is_in_the_reference() -> None:
     assert sorted(named) == sorted(generated.parsers())
 
 
-@pytest.mark.parametrize("part", [Scene, Cart, Pendulum, Start, Bob, Rod, Body, VanDerPol, Escapement])
-def test_every_key_of_a_scene_is_explained(part: type[Scene]) -> None:
+PARTS = {
+    "The scene": [Scene],
+    "The support": [Cart],
+    "A pendulum": [Pendulum, Start],
+    "A link": [Bob, Rod, Body],
+    "A drive": [VanDerPol, Escapement],
+}
+
+
+@pytest.mark.parametrize(("title", "part"), [(title, part) for title, parts in PARTS.items() for part in parts])
+def test_every_key_of_a_scene_is_explained(title: str, part: type[Scene]) -> None:
     page = (DOCS / "reference" / "scene.md").read_text(encoding="utf-8")
-    rows = re.findall(r"^\| `(\w+)` \|[^|]*\| ([^|]*) \|", page, flags=re.MULTILINE)
+    section = page.partition(f"## {title}\n")[2].partition("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \|[^|]*\| ([^|]*) \|", section, flags=re.MULTILINE)
     for key, field in part.model_fields.items():
         defaults = " ".join(default for name, default in rows if name == key)
         if field.is_required():
