@@ -18,7 +18,7 @@ import time
 import tracemalloc
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath as mp
 import numpy as np
@@ -27,8 +27,10 @@ from scipy.linalg import LinAlgError, eigh
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
 DOCS = Path(__file__).parent.parent / "docs"
-OURS, THEIRS = "#0072b2", "#e69f00"
 LENGTHS = (2, 5, 10, 20, 50, 100, 200, 500, 1000)
 RATIOS = tuple(10.0**k for k in (0, 2, 4, 6, 8, 10, 12, 16))
 SAMPLED = 6
@@ -240,30 +242,32 @@ All frequencies, each scene in a process of its own; memory is what the computat
 
 
 def figure(lengths: Sequence[Row], ratios: Sequence[Row], path: Path) -> None:
-    import matplotlib as mpl
+    from modal.pictures import save, sheet, theme
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
-
-    made, axes = plt.subplots(1, 3, figsize=(12, 3.9), dpi=120, layout="constrained")
-    _curves(axes[0], lengths, "seconds", "links in a chain of rods", "time for all frequencies (s)")
-    _curves(axes[1], lengths, "error", "links in a chain of rods", "worst relative error of ω")
-    _curves(axes[2], ratios, "error", "mass ratio in a chain of ten bobs", "worst relative error of ω")
-    axes[0].legend(frameon=False)
-    made.suptitle("Effective mass beside a dense eigensolver", fontweight="bold")
-    made.savefig(path)
+    with theme("light"), path.open("wb") as stream:
+        made = sheet(12, 3.9)
+        _panels(made.subplots(1, 3), lengths, ratios)
+        made.suptitle("Effective mass beside a dense eigensolver")
+        save(made, stream, "png")
 
 
-def _curves(axis: object, rows: Sequence[Row], what: str, across: str, up: str) -> None:
-    for name, solver, colour, mark in (
-        ("multipendula", "ours", OURS, "o"),
-        ("scipy.linalg.eigh(K, M)", "theirs", THEIRS, "s"),
+def _panels(axes: Sequence[Axes], lengths: Sequence[Row], ratios: Sequence[Row]) -> None:
+    _curves(axes[0], lengths, "seconds", "links in a chain of rods (–)", "time for all frequencies (s)")
+    _curves(axes[1], lengths, "error", "links in a chain of rods (–)", "worst relative error of ω (–)")
+    _curves(axes[2], ratios, "error", "mass ratio in a chain of ten bobs (–)", "worst relative error of ω (–)")
+    axes[0].legend()
+
+
+def _curves(axis: Axes, rows: Sequence[Row], what: str, across: str, up: str) -> None:
+    from modal.palette import colour
+
+    for name, solver, k, mark in (
+        ("multipendula", "ours", 0, "o"),
+        ("scipy.linalg.eigh(K, M)", "theirs", 1, "s"),
     ):
         values = [getattr(getattr(row, solver), what) for row in rows]
-        axis.loglog([row.setting for row in rows], values, mark + "-", color=colour, label=name)
+        axis.loglog([row.setting for row in rows], values, mark + "-", color=colour(k), label=name)
     axis.set(xlabel=across, ylabel=up)
-    axis.grid(alpha=0.25, which="major")
-    axis.spines[["top", "right"]].set_visible(False)
 
 
 def main() -> None:

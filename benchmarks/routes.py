@@ -7,6 +7,7 @@ integrates to the end and gives the absolute angles (L,) there.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ from problems import Problem
 from scipy.integrate import solve_ivp
 
 from modal import Scene, matrices
-from modal.palette import COLOURS, INK, MARK
+from modal.palette import colour, ink, muted
 from nonlinear import taylor as series
 from nonlinear.compiled import Compiled
 from nonlinear.directions import of_plane
@@ -37,7 +38,7 @@ class Route(NamedTuple):
     make: Maker
     settings: tuple[float, ...]
     package: str
-    colour: str
+    hue: Callable[[], str]
     mark: str
     ours: bool = True
 
@@ -240,13 +241,13 @@ def _pinocchio_model(engine: object, plant: Plant) -> object:
 TOLERANCES, SERIES, STEPS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12), (1e-6, 1e-9, 1e-12), (0.02, 0.01, 0.005, 0.002, 0.001)
 DEFAULT = "ours, NumPy"
 ROUTES = {
-    DEFAULT: Route(numpy_body, TOLERANCES, "numpy", COLOURS[0], "o"),
-    "ours, numba": Route(numba_body, TOLERANCES, "numba", COLOURS[2], "s"),
-    "ours, Taylor": Route(taylor, SERIES, "heyoka", COLOURS[4], "^"),
-    "ours, maximal": Route(maximal, TOLERANCES, "numpy", COLOURS[5], "D"),
-    "ours, in space": Route(spatial, TOLERANCES, "numpy", COLOURS[3], "v"),
-    "dense, DOP853": Route(dense("DOP853"), TOLERANCES, "scipy", MARK, "o", False),
-    "dense, LSODA": Route(dense("LSODA"), TOLERANCES, "scipy", MARK, "s", False),
-    "MuJoCo, RK4": Route(mujoco, STEPS, "mujoco", COLOURS[1], "D", False),
-    "Pinocchio, RK4": Route(pinocchio, STEPS, "pinocchio", INK, "v", False),
+    DEFAULT: Route(numpy_body, TOLERANCES, "numpy", partial(colour, 0), "o"),
+    "ours, numba": Route(numba_body, TOLERANCES, "numba", partial(colour, 2), "s"),
+    "ours, Taylor": Route(taylor, SERIES, "heyoka", partial(colour, 4), "^"),
+    "ours, maximal": Route(maximal, TOLERANCES, "numpy", partial(colour, 5), "D"),
+    "ours, in space": Route(spatial, TOLERANCES, "numpy", partial(colour, 3), "v"),
+    "dense, DOP853": Route(dense("DOP853"), TOLERANCES, "scipy", muted, "o", False),
+    "dense, LSODA": Route(dense("LSODA"), TOLERANCES, "scipy", muted, "s", False),
+    "MuJoCo, RK4": Route(mujoco, STEPS, "mujoco", partial(colour, 1), "D", False),
+    "Pinocchio, RK4": Route(pinocchio, STEPS, "pinocchio", ink, "v", False),
 }

@@ -6,41 +6,43 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from routes import ROUTES
 
-from modal.palette import GRID, REST
+from modal.palette import paper, rest
+from modal.pictures import save, sheet, theme
 
 if TYPE_CHECKING:
     from simulation import Panel
 
 
 def figure(panels: Sequence[Panel], path: Path) -> None:
-    import matplotlib as mpl
+    with theme("light"), path.open("wb") as stream:
+        save(_figure(panels), stream, "png")
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
 
-    made, axes = plt.subplots(2, 3, figsize=(12, 7.4), dpi=120, layout="constrained")
+def _figure(panels: Sequence[Panel]) -> Figure:
+    made = sheet(12, 7.4)
+    axes = made.subplots(2, 3)
     for axis, one in zip(axes.flat, panels, strict=False):
         _curves(axis, one)
     for axis in axes.flat[len(panels) :]:
         axis.set_axis_off()
     handles = {line.get_label(): line for axis in axes.flat for line in axis.get_lines()}
     ordered = [handles[name] for name in ROUTES if name in handles]
-    axes.flat[-1].legend(handles=ordered, loc="center", frameon=False, fontsize=11)
-    made.suptitle("Ten seconds at large angles: time against error", fontweight="bold")
-    made.savefig(path)
+    axes.flat[-1].legend(handles=ordered, loc="center")
+    made.suptitle("Ten seconds at large angles: time against error")
+    return made
 
 
-def _curves(axis: object, one: Panel) -> None:
+def _curves(axis: Axes, one: Panel) -> None:
     for name, rows in one.routes.items():
         route = ROUTES[name]
         points = [(max(row.error, one.floor), row.seconds) for row in rows]
-        face, style = (route.colour, "-") if route.ours else ("white", "--")
-        axis.loglog(*zip(*points, strict=True), style, marker=route.mark, color=route.colour, mfc=face, label=name)
+        face, style = (route.hue(), "-") if route.ours else (paper(), "--")
+        axis.loglog(*zip(*points, strict=True), style, marker=route.mark, color=route.hue(), mfc=face, label=name)
     low, high = axis.get_xlim()
-    axis.axvspan(low / 10, one.floor, color=REST, alpha=0.4, lw=0)
+    axis.axvspan(low / 10, one.floor, color=rest(), alpha=0.4, lw=0)
     axis.set_xlim(min(low, one.floor / 3), min(high, 10))
     axis.set(xlabel="largest error of an angle at the end (rad)", ylabel="time (s)", title=one.problem.name)
-    axis.grid(color=GRID)
-    axis.spines[["top", "right"]].set_visible(False)

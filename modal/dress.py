@@ -52,9 +52,10 @@ def fold(text: Text, room: float = BREADTH) -> None:
 
 
 def key(figure: Figure, handles: Sequence[Artist], names: Sequence[str] | None = None, columns: int = 4) -> None:
-    """What every curve is, below the figure, in as many columns as there is room for."""
+    """What every curve is, below the figure, in at most so many columns and as there is room for."""
     labels = names or [str(handle.get_label()) for handle in handles]
-    for count in range(min(columns, len(labels)), 0, -1):
+    for rows in range(-(-len(labels) // columns), len(labels) + 1):
+        count = -(-len(labels) // rows)
         made = figure.legend(handles, labels, loc="outside lower center", ncols=count)
         with any_letters():
             fits = made.get_window_extent().width < BREADTH * figure.bbox.width

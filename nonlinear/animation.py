@@ -32,7 +32,7 @@ LONGEST = 20.0
 """Seconds of film where nobody says how many."""
 COLOURS, SAMPLED = 64, 6
 """Colours of a GIF, chosen from this many of its frames."""
-NEARLY = 5
+NEARLY = 8
 """How far a colour may be from the paper's, in 255 steps, to be drawn as the paper."""
 MOST_FRAMES = 20_000
 NO_FFMPEG = (
@@ -133,8 +133,9 @@ def _on_paper(image: Image.Image) -> Image.Image:
     """The same palette with what is nearly paper made paper."""
     colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
     plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
-    apart = np.abs(colours.astype(int) - plain).max(1)
-    colours[apart <= max(NEARLY, apart.min())] = plain
+    blank = Image.new("RGB", (1, 1), tuple(plain.tolist())).quantize(palette=image, dither=Image.Dither.NONE)
+    colours[np.abs(colours.astype(int) - plain).max(1) <= NEARLY] = plain
+    colours[np.asarray(blank)] = plain
     image.putpalette(colours.tobytes())
     return image
 

@@ -112,7 +112,7 @@ class _Cart:
 def _rail(axis: Axes, height: float) -> None:
     """A rail with ticks, metres along it at the lower edge."""
     axis.spines[["left", "right", "bottom"]].set_visible(False)
-    axis.spines["top"].set(position=("data", height), color=muted(), lw=1.6)
+    axis.spines["top"].set(position=("data", height), color=muted(), lw=1.6, visible=True)
     axis.set_yticks([])
     axis.set_xlabel("along the rail (m)", fontsize=SMALL, labelpad=1)
     axis.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))

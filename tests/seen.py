@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from itertools import combinations
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -33,15 +32,14 @@ SLACK = 1.0
 
 def flaws(figure: Figure) -> list[str]:
     """Everything that is wrong with a figure, in words."""
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     axes = [axis for axis in figure.axes if axis.get_visible()]
     found = [f"{_named(axis)}: nothing is drawn within its limits" for axis in axes if not _filled(axis)]
     found += [problem for axis in axes for problem in _labels(axis)]
     texts = list(_texts(figure))
     found += [f"{_quoted(text)}: leaves the page" for text in texts if _outside(_box(text), figure.bbox)]
     found += [f"{_quoted(text)}: is clipped" for text in texts if _clipped(text)]
-    pairs = combinations([(text, _box(text)) for text in texts], 2)
-    found += [f"{_quoted(a)} and {_quoted(b)}: upon each other" for (a, one), (b, two) in pairs if _upon(one, two)]
+    found += [f"{_quoted(one)} and {_quoted(two)}: upon each other" for one, two in _upon(texts)]
     return found + [problem for axis in axes for problem in _faint_lines(axis)] + _faint_words(figure, texts)
 
 
@@ -85,8 +83,11 @@ def _clipped(text: Text) -> bool:
     return bool(text.get_clip_on() and text.get_clip_box() is not None and _outside(_box(text), text.get_clip_box()))
 
 
-def _upon(one: Bbox, two: Bbox) -> bool:
-    return bool(np.all(np.minimum(one.max, two.max) - np.maximum(one.min, two.min) > SLACK))
+def _upon(texts: list[Text]) -> list[tuple[Text, Text]]:
+    boxes = np.array([_box(text).extents for text in texts]).reshape(-1, 4)
+    low, high = (np.stack([boxes[:, side]] * len(texts)) for side in ([0, 1], [2, 3]))
+    common = np.minimum(high, high.swapaxes(0, 1)) - np.maximum(low, low.swapaxes(0, 1))
+    return [(texts[k], texts[m]) for k, m in np.argwhere(common.min(axis=-1) > SLACK) if k < m]
 
 
 def _quoted(text: Text) -> str:

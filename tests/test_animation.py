@@ -186,7 +186,8 @@ def test_everything_stands_inside_the_picture(case: str) -> None:
     page = drawn.figure.bbox
     boxes = [part.get_window_extent() for part in drawn.figure.texts]
     boxes += [axis.get_tightbbox() for axis in drawn.figure.axes[1:]]
-    boxes += [label.get_window_extent() for label in drawn.scenery.axis.get_xticklabels()[1:-1]]
+    rail = drawn.scenery.axis.get_xticklabels()[1:-1] if drawn.scenery.axis.axison else []
+    boxes += [label.get_window_extent() for label in rail]
     for box in boxes:
         assert page.x0 <= box.x0 < box.x1 <= page.x1
         assert page.y0 <= box.y0 < box.y1 <= page.y1

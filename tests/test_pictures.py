@@ -19,20 +19,22 @@ from seen import LEAST, contrast, flaws
 
 import modal
 from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
-from modal.coupling import explained
+from modal.coupling import Coupling, explained
 from modal.coupling_figures import coupling_figure
 from modal.dress import headline, key
 from modal.drives import VanDerPol
 from modal.figures import shapes_figure
-from modal.loci import loci
+from modal.loci import Loci, loci
 from modal.loci_figures import loci_figure
 from modal.modal_form import ModalForm, modal_form
+from modal.modes import Modes
 from modal.palette import HUES, QUIET, colour, ink, muted, paper, shade
 from modal.pictures import save, sheet, theme
 from modal.response_figures import bode_figure, impulse_figure
 from modal.scene import Start
 from modal.statespace import state_space
 from modal.variations import parsed
+from multipendula.cli import main
 from nonlinear.branch_figures import branches_figure
 from nonlinear.branches import branches
 from nonlinear.chaos_claims import study
@@ -77,7 +79,7 @@ def clocks(count: int) -> Scene:
     return Scene(gravity=9.81, support=Cart(mass=50.0, damping=15.0), pendulum=pendula)
 
 
-WIDE_CHAIN = Scene(title=LONG, gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0, count=20),)),))
+WIDE_CHAIN = Scene(title=LONG, gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0, count=18),)),))
 EXTREME = hung(2, cart=1e9, length=1e7, mass=1e-12, title=LONG)
 MANY, TITLED = hung(30, cart=10.0), hung(8, cart=10.0, title=LONG)
 
@@ -105,17 +107,32 @@ def swept(*vary: str, measures: tuple[str, ...] = ("frequencies", "beat")) -> Sw
     return sweep(Study(modal.load("paper-cart-2"), parsed(list(vary)), asked(list(measures))), workers=1)
 
 
+@cache
+def modes_of(scene: str | Scene) -> Modes:
+    return natural_modes(modal.load(scene) if isinstance(scene, str) else scene)
+
+
 def shapes(scene: str | Scene, count: int | None = None) -> Figure:
-    modes = natural_modes(modal.load(scene) if isinstance(scene, str) else scene)
+    modes = modes_of(scene)
     return shapes_figure(modes, range(count or len(modes)))
 
 
+@cache
+def explanation(scene: str | Scene) -> Coupling:
+    return explained(modal.load(scene) if isinstance(scene, str) else scene)
+
+
 def coupled(scene: str | Scene) -> Figure:
-    return coupling_figure(explained(modal.load(scene) if isinstance(scene, str) else scene))
+    return coupling_figure(explanation(scene))
 
 
-def followed(scene: Scene, text: str) -> Figure:
-    return loci_figure(loci(scene, parsed([text])[0]))
+@cache
+def path_of(scene: str | Scene, text: str) -> Loci:
+    return loci(modal.load(scene) if isinstance(scene, str) else scene, parsed([text])[0])
+
+
+def followed(scene: str | Scene, text: str) -> Figure:
+    return loci_figure(path_of(scene, text))
 
 
 @cache
@@ -151,7 +168,11 @@ def branching():
 @cache
 def traded():
     scene = modal.load("paper-cart-2")
-    return tradeoff(scene, 0.5, rungs=[rung for rung in ladder(scene) if rung.modal or rung.tolerance > 1e-5])
+    return tradeoff(
+        scene,
+        0.2,
+        rungs=[rung for rung in ladder(scene) if rung.modal or (rung.tolerance > 1e-5 and not rung.compiled)],
+    )
 
 
 @cache
@@ -182,7 +203,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "impulse": lambda: impulse_figure(form("crane-hook")),
     "impulse of many": lambda: impulse_figure(form(WIDE_CHAIN), outputs=range(18)),
     "impulse extreme": lambda: impulse_figure(form(EXTREME)),
-    "loci": lambda: followed(modal.load("crane-two-loads"), "pendulum[0].links[0].length=6:14:20"),
+    "loci": lambda: followed("crane-two-loads", "pendulum[0].links[0].length=6:14:20"),
     "loci of many": lambda: followed(hung(17, cart=10.0, title=LONG), "support.mass=0.1:100:8log"),
     "run": lambda: run_figure(run("paper-cart-3")),
     "run of one": lambda: run_figure(run("chain-1")),
@@ -460,3 +481,17 @@ def test_a_notebook_shows_a_figure_once() -> None:
 def _no_figure_of_pyplot() -> Iterator[None]:
     yield
     assert "matplotlib.pyplot" not in __import__("sys").modules or not mpl.pyplot.get_fignums()
+
+
+@pytest.mark.parametrize("name", THEMES)
+def test_the_commands_draw_in_the_theme_they_are_told(name: str, tmp_path: Path) -> None:
+    paper_of = {"light": "#ffffff", "dark": "#12181d"}[name]
+    before = dict(mpl.rcParams)
+    picture, film, drawing = (tmp_path / file for file in ("shapes.png", "film.html", "bode.svg"))
+    assert main(["shapes", "chain-1", "-o", str(picture), "--theme", name]) == 0
+    assert mpl.colors.to_hex(np.array(Image.open(picture).convert("RGB"))[1, 1] / 255) == paper_of
+    assert main(["animate", "chain-1", "--duration", "0.2", "-o", str(film), "--theme", name]) == 0
+    assert f"background: {paper_of}" in film.read_text(encoding="utf-8")
+    assert main(["response", "chain-1", "-o", str(drawing), "--theme", name]) == 0
+    assert f"fill: {paper_of}" in drawing.read_text(encoding="utf-8")
+    assert dict(mpl.rcParams) == before

@@ -7,36 +7,38 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from modes_families import FAMILIES, SHOWN
 
-from modal.palette import COLOURS, GRID, INK, MARK
+from modal.palette import colour, muted
+from modal.pictures import save, sheet, theme
 
 SOLVERS = {
-    "ours": ("multipendula", COLOURS[0], "o"),
-    "eigh": ("scipy.linalg.eigh(K, M)", COLOURS[1], "s"),
-    "eig": ("scipy.linalg.eig", COLOURS[3], "^"),
+    "ours": ("multipendula", 0, "o"),
+    "eigh": ("scipy.linalg.eigh(K, M)", 1, "s"),
+    "eig": ("scipy.linalg.eig", 3, "^"),
 }
 FLOOR, CEILING = 2e-17, 6.0
 
 
 def figure(found: Sequence[Any], path: Path) -> None:
-    import matplotlib as mpl
+    with theme("light"), path.open("wb") as stream:
+        save(_figure(found), stream, "png")
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
 
-    made, axes = plt.subplots(2, 4, figsize=(13, 6.6), dpi=120, layout="constrained", sharey=True)
+def _figure(found: Sequence[Any]) -> Figure:
+    made = sheet(13, 6.6)
+    axes = made.subplots(2, 4, sharey=True)
     for axis, name in zip(axes.flat, SHOWN, strict=True):
         _panel(axis, name, [case for case in found if case.family == name])
     for axis in axes[:, 0]:
-        axis.set_ylabel("worst relative error")
+        axis.set_ylabel("worst relative error (–)")
     handles = {
         label: handle for axis in axes.flat for handle, label in zip(*axis.get_legend_handles_labels(), strict=True)
     }
-    made.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(handles), frameon=False)
-    made.suptitle("Natural frequencies at the extremes (1: no digit is right)", color=INK, fontweight="bold")
-    made.savefig(path)
-    plt.close(made)
+    made.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=len(handles))
+    made.suptitle("Natural frequencies at the extremes (1: no digit is right)")
+    return made
 
 
 def _panel(axis: Any, name: str, cases: Sequence[Any]) -> None:
@@ -44,20 +46,17 @@ def _panel(axis: Any, name: str, cases: Sequence[Any]) -> None:
     across = np.array([case.parameter for case in cases])
     said = np.array([bool(np.isnan(case.ours)) or "! on" in case.outcome for case in cases])
     errors = {key: np.array([getattr(case, key) for case in cases]) for key in (*SOLVERS, "bound")}
-    for order, (key, (label, colour, mark)) in enumerate(SOLVERS.items()):
+    for order, (key, (label, k, mark)) in enumerate(SOLVERS.items()):
         shown = np.clip(errors[key], FLOOR * 2, 1.0)
         if np.isfinite(shown).any():
-            axis.loglog(across, shown, mark + "-", color=colour, ms=4.5, lw=1.5, label=label, zorder=4 - order)
-    axis.loglog(across, errors["bound"], "--", color=MARK, lw=1.2, label="bound multipendula states")
+            axis.loglog(across, shown, mark + "-", color=colour(k), ms=4.5, lw=1.5, label=label, zorder=4 - order)
+    axis.loglog(across, errors["bound"], "--", color=muted(), lw=1.2, label="bound multipendula states")
     at = np.where(np.isnan(errors["ours"]), 1.0, np.clip(errors["ours"], FLOOR * 2, 1.0))
     if said.any():
-        ring = {"ms": 10, "mfc": "none", "mec": COLOURS[4], "mew": 1.5, "zorder": 5}
+        ring = {"ms": 10, "mfc": "none", "mec": colour(4), "mew": 1.5, "zorder": 5}
         axis.loglog(across[said], at[said], "o", label="it marks rows (dot: the others) or refuses", **ring)
     family = next(family for family in FAMILIES if family.name == name)
     axis.set(xlabel=family.axis, title=_title(name), ylim=(FLOOR, CEILING))
-    axis.grid(color=GRID)
-    axis.set_axisbelow(True)
-    axis.spines[["top", "right"]].set_visible(False)
 
 
 def _title(name: str) -> str:

@@ -7,7 +7,11 @@ from math import isnan
 from pathlib import Path
 from typing import Any
 
-from modal.palette import COLOURS, GRID, INK, MARK
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from modal.palette import colour, muted, paper
+from modal.pictures import save, sheet, theme
 
 PANELS = {
     "links of a chain": "links of a chain",
@@ -23,43 +27,41 @@ PANELS = {
 LOWEST, HIGHEST = 1e-13, 1e3
 NO_ANSWER = 3e1  # height of its first cross
 CURVES = (
-    ("default_error", "textbook, SciPy's defaults", COLOURS[4], "s", "--"),
-    ("fine_error", "textbook, SciPy at 1e-9", COLOURS[1], "^", "--"),
-    ("error", "multipendula", COLOURS[0], "o", "-"),
+    ("default_error", "textbook, SciPy's defaults", 4, "s", "--"),
+    ("fine_error", "textbook, SciPy at 1e-9", 1, "^", "--"),
+    ("error", "multipendula", 0, "o", "-"),
 )
 
 
 def figure(lines: Sequence[Any], path: Path) -> None:
-    import matplotlib as mpl
+    with theme("light"), path.open("wb") as stream:
+        save(_figure(lines), stream, "png")
 
-    mpl.use("Agg")
-    from matplotlib import pyplot as plt
 
-    made, axes = plt.subplots(3, 3, figsize=(12, 10), dpi=120, sharey=True, layout="constrained")
+def _figure(lines: Sequence[Any]) -> Figure:
+    made = sheet(12, 10)
+    axes = made.subplots(3, 3, sharey=True)
     for axis, (family, label) in zip(axes.flat, PANELS.items(), strict=True):
         _panel(axis, [line for line in lines if line.family == family], label)
     for axis in axes[:, 0]:
-        axis.set_ylabel("error of the angles, relative")
+        axis.set_ylabel("relative error of the angles (–)")
     handles, labels = axes.flat[0].get_legend_handles_labels()
-    cross = mpl.lines.Line2D([], [], color=MARK, marker="x", ls="", ms=7)
+    cross = Line2D([], [], color=muted(), marker="x", ls="", ms=7)
     handles, labels = [*handles[::-1], cross], [*labels[::-1], "no answer"]
-    made.legend(handles, labels, loc="outside lower center", ncols=4, frameon=False, fontsize=11)
-    made.suptitle("Large motion with every parameter taken to its ends", fontweight="bold", color=INK)
-    made.savefig(path)
-    plt.close(made)
+    made.legend(handles, labels, loc="outside lower center", ncols=4)
+    made.suptitle("Large motion with every parameter taken to its ends")
+    return made
 
 
 def _panel(axis: Any, lines: Sequence[Any], label: str) -> None:
-    axis.axhline(1.0, color=MARK, lw=1, ls=":")
-    for at, (field, name, colour, mark, style) in enumerate(CURVES):
+    axis.axhline(1.0, color=muted(), lw=1, ls=":")
+    for at, (field, name, k, mark, style) in enumerate(CURVES):
         points = [(line.parameter, min(max(getattr(line, field), LOWEST), HIGHEST)) for line in lines]
         ours = field == "error"
         axis.loglog(
-            *zip(*points, strict=True), style, color=colour, marker=mark, ms=5, mfc=colour if ours else "white",
+            *zip(*points, strict=True), style, color=colour(k), marker=mark, ms=5, mfc=colour(k) if ours else paper(),
             lw=2 if ours else 1.2, label=name,
         )  # fmt: skip
         failed = [line.parameter for line in lines if isnan(getattr(line, field))]
-        axis.plot(failed, [NO_ANSWER / 10**at] * len(failed), "x", color=colour, ms=7)
+        axis.plot(failed, [NO_ANSWER / 10**at] * len(failed), "x", color=colour(k), ms=7)
     axis.set(xlabel=label, ylim=(LOWEST, 2 * HIGHEST))
-    axis.grid(color=GRID)
-    axis.spines[["top", "right"]].set_visible(False)
