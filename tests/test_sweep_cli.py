@@ -19,7 +19,8 @@ from nonlinear.measures import MEASURES
 def options(*places: str, **given: Any) -> Namespace:
     usual = dict.fromkeys(("measure", "output", "picture", "scheduler"))
     return Namespace(
-        **{"scene": "paper-cart-2", "vary": list(places), "loci": False, "workers": 1, "fresh": False} | usual | given
+        theme="light",
+        **{"scene": "paper-cart-2", "vary": list(places), "loci": False, "workers": 1, "fresh": False} | usual | given,
     )
 
 
