@@ -15,7 +15,8 @@ from modal.pictures import save
 
 PAGE = """<figure style="margin:0">
 <label>{label} <output>{first}</output>
-<input type="range" min="0" max="{last}" value="{at}" style="width:60%;vertical-align:middle;accent-color:#0072b2"
+<input type="range" min="0" max="{last}" value="{at}"
+ style="width:60%;vertical-align:middle;color:inherit;accent-color:currentcolor"
  oninput="const all = this.closest('figure').querySelectorAll('img');
  all.forEach((one, k) => one.style.display = k == this.value ? 'block' : 'none');
  this.closest('label').querySelector('output').value = all[this.value].dataset.value"></label>

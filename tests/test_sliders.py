@@ -33,6 +33,11 @@ def test_every_value_has_its_own_picture_and_one_is_seen() -> None:
     assert "<m>" not in page
 
 
+def test_a_slider_has_the_colours_of_its_page() -> None:
+    page = slide(line, [1.0], "slope").html()
+    assert re.findall(r"color:([^;\"]*)", page) == ["inherit", "currentcolor"]
+
+
 def test_what_shows_no_page_shows_the_middle_picture() -> None:
     slider = slide(line, [1.0, 2.0, 3.0], "slope")
     bundle = slider._repr_mimebundle_()
