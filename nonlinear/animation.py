@@ -80,7 +80,6 @@ def animate(
     frames = max(1, int(min(length, seconds or LONGEST) * rate + 1e-9))
     if frames > MOST_FRAMES:
         raise SceneError([f"{frames} frames: must be at most {MOST_FRAMES}; ask for fewer seconds or fps"])
-    film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed)
 
     def shot(frame: int) -> Image.Image:
         image = film.image(frame)
@@ -88,6 +87,7 @@ def animate(
         return image
 
     with any_letters():
+        film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed)
         if form == "gif":
             _write_gif(film, shot, stream)
         elif form == "html":

@@ -114,6 +114,11 @@ def test_html_escapes_the_title_and_holds_every_frame() -> None:
     assert "http" not in page
 
 
+def test_letters_that_the_font_has_not_are_drawn_without_a_warning() -> None:
+    _, page = film(simulate(single("振り子"), 0.1), "html")
+    assert "<title>振り子</title>" in page.decode()
+
+
 def test_mp4_is_a_film_or_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda name: None)
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
