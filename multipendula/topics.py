@@ -37,7 +37,7 @@ TELLS = {
     "simulate": "The full equations at any angle, with what proves the run: drift of energy, of momentum and of the "
     "constraints. The start is the scene's own, a mode at an amplitude, or angles at rest. A saved run goes on. With "
     "--accuracy the cheapest way that keeps to it is found.",
-    "plot": "Of a saved run or a scene that is simulated first. Dashed lines in the spectrum are the frequencies of "
+    "plot": "Of a saved run or a scene that is simulated first. Dotted lines in the spectrum are the frequencies of "
     "the table of modes.",
     "animate": "Of a saved run or a scene that is simulated first, as a GIF that plays everywhere, as MP4 (extra "
     "`video`), or as a page with buttons (HTML).",
