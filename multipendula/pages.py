@@ -7,6 +7,7 @@ import re
 import sys
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import takewhile
 from typing import Any, NoReturn
 
 from multipendula.examples import EXAMPLES, FIRST, Examples
@@ -83,11 +84,11 @@ class Page(argparse.ArgumentParser):
         self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))
 
     def _strangers(self) -> Iterator[str]:
-        """Options among the given words that there are not, each with the nearest one."""
+        """Options among its words that there are not, each with the nearest one; a command's words are not its own."""
         known = self._option_string_actions
-        for word in self.given:
+        for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
             name = word.partition("=")[0]
-            if name[:2] == "--" and name != "--" and not any(option.startswith(name) for option in known):
+            if name[:2] == "--" and not any(option.startswith(name) for option in known):
                 yield f"{name}: no such option{meant(name, known)}"
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:

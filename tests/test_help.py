@@ -101,6 +101,11 @@ def test_nothing_is_guessed_where_nothing_is_near(capsys: pytest.CaptureFixture[
     assert "--qqqq: no such option" in refused(capsys, "table", "chain-3", "--qqqq")[-2]
 
 
+@pytest.mark.parametrize("words", ["tabel chain-3 --format json", "table chain-3 chain-4 -- --format"])
+def test_options_are_judged_by_the_page_they_belong_to(capsys: pytest.CaptureFixture[str], words: str) -> None:
+    assert "no such option" not in "\n".join(refused(capsys, *words.split()))
+
+
 # -------------------------------------------------------------------------------------------------- completion
 
 
