@@ -21,10 +21,11 @@ from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 
+from multipendula.examples import EXAMPLES
+
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
-EXAMPLE = re.compile(r"^ *(?:example: )?(multipendula .*)(?:\n {6}(\S.*))?$", flags=re.MULTILINE)
 
 
 def expanded(page: str, folder: Path) -> str:
@@ -57,20 +58,13 @@ def commands(*names: str) -> str:
 
 
 def _command(name: str, parser: ArgumentParser) -> str:
-    examples = _examples(parser)
     parser.formatter_class, parser.color = partial(HelpFormatter, width=88), False  # type: ignore[assignment]
     usage = parser.format_usage().removeprefix("usage: ").replace("\n" + " " * 7, "\n").strip()
     shown = [action for action in parser._actions if action.help != SUPPRESS and action.dest != "help"]
     parts = [f"(command-{name})=\n### {name}", _escaped(parser.description or ""), f"```text\n{usage}\n```"]
     parts += [_argument(action, parser) for action in shown]
-    return "\n\n".join([*parts, f"For example\n\n```sh\n{examples}\n```" if examples else ""])
-
-
-def _examples(parser: ArgumentParser) -> str:
-    """The examples of a help page, one a line, with what each does above it."""
-    words = (parser.epilog or parser.format_help().partition("\nexamples:\n")[2]).replace("\\\n", " ")
-    found = [(re.sub(r"  +", " ", line).strip(), meaning) for line, meaning in EXAMPLE.findall(words)]
-    return "\n".join(f"# {meaning}\n{line}" if meaning else line for line, meaning in found)
+    examples = "\n".join(f"# {words}\nmultipendula {line}" for line, words in EXAMPLES[name])
+    return "\n\n".join([*parts, f"For example\n\n```sh\n{examples}\n```"])
 
 
 def _argument(action: Action, parser: ArgumentParser) -> str:
