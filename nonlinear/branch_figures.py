@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from modal.dress import headline, key
 from modal.errors import ComputationError
 from modal.loci_figures import axis_words, scale
-from modal.palette import HUES, colour, ink, paper
+from modal.palette import HUES, colour, ink, paper, thickness
 from modal.pictures import WIDTH, save, sheet
 from modal.rig import Floats
 from nonlinear.branches import Branch, Branches
@@ -50,13 +50,13 @@ def branches_figure(found: Branches) -> Figure:
 
 
 def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
-    """Piece by piece of one fate, later branches thinner, so that of two that coincide both show."""
+    """Piece by piece of one fate."""
     fates = np.array(one.lasts)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
         style = LASTING if fates[start] else PASSING
-        axis.plot(one.values[piece], y[piece], color=colour(number), ls=style, lw=2.6 - 0.3 * number, zorder=3)
+        axis.plot(one.values[piece], y[piece], color=colour(number), ls=style, lw=thickness(number), zorder=3)
     critical = [change.value for change in one.changes]
     axis.plot(critical, np.interp(critical, one.values, y), **_ring())
 
@@ -67,7 +67,7 @@ def _ring() -> dict[str, Any]:
 
 def _handles(found: Branches) -> list[Line2D]:
     lines = [
-        Line2D([], [], color=colour(number), lw=2, label=f"{number + 1}: {one.words}")
+        Line2D([], [], color=colour(number), lw=thickness(number), label=f"{number + 1}: {one.words}")
         for number, one in enumerate(found.branches)
     ]
     fates = [

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from modal.dress import SMALL, headline, key, log_ticks, mark_modes
 from modal.errors import ComputationError
 from modal.palette import DASHES, HUES, colour, dash, muted, paper
-from modal.pictures import save, sheet
+from modal.pictures import WIDTH, save, sheet
 from modal.rig import Floats
 from nonlinear.check import ONE_PERCENT, Check, ModeCheck
 from nonlinear.compare import Comparison, ModeInMotion
@@ -43,7 +43,7 @@ def check_figure(found: Check) -> Figure:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
         raise ComputationError(f"{len(rows)} modes do not fit a picture: choose at most {MOST_CURVES}")
-    figure = sheet(8.0, 5.4)
+    figure = sheet(WIDTH, 5.4)
     axis = figure.subplots()
     angles = [degrees(run.effective) for row in rows for run in row.measurements]
     low, high = min(angles) / BEYOND, min(max(angles) * BEYOND, 180.0)
@@ -86,7 +86,7 @@ def spectrum_figure(found: Comparison) -> Figure:
     Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing swings.
     """
     rows = _strongest(found)
-    figure = sheet(8.0, 5.4)
+    figure = sheet(WIDTH, 5.4)
     axis = figure.subplots()
     omega, sizes = _spectra(found, rows)
     top = float(sizes.max())

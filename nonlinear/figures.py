@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from modal.dress import caption, framed, headline, legend
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
-from modal.palette import colour, dash, ink, muted
+from modal.palette import colour, dash, ink, muted, thickness
 from modal.pictures import WIDE, save, sheet
 from modal.rig import Floats
 from nonlinear.frames import resampled
@@ -90,9 +90,8 @@ def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
     return np.rad2deg(np.arctan2(side, down)), np.rad2deg(slope)
 
 
-def _draw(axis: Axes, x: Floats, y: Floats, k: int, label: str, width: float = 1.2) -> None:
-    """A curve; later ones are thinner, so that of two that coincide both show."""
-    axis.plot(x, y, dash(k), color=colour(k), lw=width * (1.7 - 0.2 * min(k, 5)), label=label)
+def _draw(axis: Axes, x: Floats, y: Floats, k: int, label: str, first: float = 2.0) -> None:
+    axis.plot(x, y, dash(k), color=colour(k), lw=thickness(k, first), label=label)
 
 
 def _angles(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
@@ -135,7 +134,7 @@ def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
     angles, rates = degrees(trajectory)
     names, rests = _names(trajectory), np.where(trajectory.plant.by_link("sigma") > 0, 0.0, 180.0)
     for k, link in enumerate(shown):
-        _draw(axis, *_around(angles[:, link], rates[:, link], rests[link]), k, names[link], 0.8)
+        _draw(axis, *_around(angles[:, link], rates[:, link], rests[link]), k, names[link], 1.4)
     framed(axis, "angle (°)", "rate (°/s)", "Phase portrait")
     legend(axis)
 
@@ -151,7 +150,7 @@ def _top_view(axis: Axes, trajectory: Trajectory) -> None:
     tips = [int(group.index[-1, k]) for group in trajectory.plant.groups for k in range(group.index.shape[1])]
     for k, link in enumerate(sorted(tips)[:MOST_PORTRAITS]):
         x, y = trajectory.mechanics.joints[:, link, :2].T
-        _draw(axis, x, y, k, f"pendulum {k + 1}", 0.8)
+        _draw(axis, x, y, k, f"pendulum {k + 1}", 1.4)
     axis.set_aspect("equal", adjustable="datalim")
     framed(axis, "along the rail (m)", "across (m)", "Tips from above")
     legend(axis)
@@ -167,7 +166,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
     highest = 0.0
     for k, link in enumerate(shown):
         omega, power = _power(trajectory, link)
-        _draw(axis, omega, np.where(power > 0, power, np.nan), k, "", 1.0)
+        _draw(axis, omega, np.where(power > 0, power, np.nan), k, "", 1.7)
         highest = max(highest, float(power.max()))
     marks = _linear(trajectory, float(omega[-1]))
     axis.set_xlim(0, min(omega[-1], 3 * max(marks, default=omega[-1])))

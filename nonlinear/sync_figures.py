@@ -14,7 +14,7 @@ from matplotlib.ticker import MaxNLocator
 from modal.dress import SMALL, framed, headline, key, legend
 from modal.errors import ComputationError
 from modal.mode import Mode
-from modal.palette import HUES, QUIET, colour, ink, muted, paper, rest
+from modal.palette import HUES, QUIET, colour, ink, muted, paper, rest, thickness
 from modal.pictures import WIDE, save, sheet
 from modal.prose import counted
 from modal.rig import Floats, Ints
@@ -67,8 +67,7 @@ def _period(phases: Phases) -> float:
 
 
 def _line(axis: Axes, x: Floats, y: Floats, k: int, **look: Any) -> None:
-    """A curve; later ones are thinner, so that of two that coincide both show."""
-    axis.plot(x, y, color=colour(k), lw=2.4 - 0.3 * k, **look)
+    axis.plot(x, y, color=colour(k), lw=thickness(k), **look)
 
 
 # ------------------------------------------------------------------------------------------------------- swings
@@ -174,7 +173,7 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
     axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)
     for k, pendulum in enumerate(shown):
-        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=colour(k), lw=2.4 - 0.3 * k)
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=colour(k), lw=thickness(k))
         axis.plot(angle[pendulum], size[pendulum], "o", color=colour(k), ms=10 - k, mec=paper(), zorder=4 + k)
     axis.set_ylim(0, 1.1 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
@@ -183,6 +182,6 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
 
 def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
     headline(figure, trajectory.scene.title, "who keeps time with whom")
-    lines = [Line2D([], [], color=colour(k), lw=2.4 - 0.3 * k) for k in range(len(shown))]
+    lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(shown))]
     names = [f"pendulum {number + 1}" for number in shown]
     key(figure, lines, names, columns=MOST_LINES)

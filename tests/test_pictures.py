@@ -28,7 +28,7 @@ from modal.loci import Loci, loci
 from modal.loci_figures import loci_figure
 from modal.modal_form import ModalForm, modal_form
 from modal.modes import Modes
-from modal.palette import HUES, QUIET, colour, ink, muted, paper, shade
+from modal.palette import HUES, QUIET, colour, ink, muted, paper, shade, thickness
 from modal.pictures import save, sheet, theme
 from modal.response_figures import bode_figure, impulse_figure
 from modal.scene import Start
@@ -421,6 +421,12 @@ def test_colours_stand_out_and_are_told_apart_by_everybody(name: str) -> None:
     for matrix in (np.eye(3), *map(np.array, DICHROMATS.values())):
         seen = [lab(matrix @ linear(one)) for one in colours]
         assert min(np.linalg.norm(a - b) for a, b in combinations(seen, 2)) > 12
+
+
+def test_of_curves_that_coincide_the_lower_one_shows_on_both_sides_of_the_upper() -> None:
+    widths = [thickness(k) for k in range(HUES)]
+    assert min(np.diff(widths[::-1])) > 0.25
+    assert widths[-1] == thickness(HUES) > 0.9
 
 
 def test_the_themes_differ_in_colours_only() -> None:
