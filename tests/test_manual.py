@@ -6,13 +6,13 @@ Nothing is built and Sphinx is not needed; what a page has made from the code is
 from __future__ import annotations
 
 import re
-import sys
 import tomllib
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
+import generated
 import pytest
 
 import modal
@@ -24,9 +24,6 @@ ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 BUILT = ("_build", "lessons")
 FENCE = re.compile(r"^(```+|:::+)(?!\{(?:include|image|figure|toctree|grid))\S*.*?^\1$", re.DOTALL | re.MULTILINE)
-
-sys.path.insert(0, str(DOCS))
-generated = import_module("generated")
 
 
 def pages() -> list[Path]:
