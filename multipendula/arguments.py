@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 
 from multipendula import commands, completion, models
-from multipendula.converters import EXPLAIN, FORMATS, SCENE_HELP, Add, number, themed, whole
-from multipendula.motion_arguments import motions, sweeps, synchrony
+from multipendula.converters import EXPLAIN, FORMATS, SCENE_HELP, Add, number, pictured, whole
+from multipendula.motion_arguments import motions, sweeps, synchrony, trials
 
 
 def _signals(add: argparse.ArgumentParser) -> None:
@@ -41,7 +41,7 @@ def _tables(command: Add) -> None:
     degrees = number("degrees above 0 and at most 90", most=90)
     add = command(commands.shapes, "shapes")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
-    add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
+    pictured(add, "--output", "-o", required=True)
     add.add_argument("--modes", metavar="1:10", help="only these modes, counted from 1")
     add.add_argument(
         "--amplitude",
@@ -50,13 +50,11 @@ def _tables(command: Add) -> None:
         default=25.0,
         help="largest angle drawn (default 25)",
     )
-    themed(add)
 
     add = command(commands.explain, "explain")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--format", choices=("text", "markdown", "json"), default="text")
-    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
-    themed(add)
+    pictured(add, "--output", "-o")
 
     add = command(commands.matrices, "matrices")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -107,11 +105,10 @@ def _models(command: Add) -> None:
 
     add = command(models.response, "response")
     _signals(add)
-    add.add_argument("-o", dest="file", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
+    pictured(add, "-o", dest="file", required=True)
     add.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
     add.add_argument("--of", metavar="NAMES", help="which single outputs (default: all)")
     add.add_argument("--impulse", action="store_true", help="the impulse response instead of the Bode plot")
-    themed(add)
 
     add = command(models.shaper, "shaper")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -122,4 +119,4 @@ def _models(command: Add) -> None:
     add.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=moves)
 
 
-GROUPS = (_tables, _derivations, _models, motions, synchrony, sweeps)
+GROUPS = (_tables, _derivations, _models, motions, trials, synchrony, sweeps)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from typing import Any
 
 Add = Callable[[Callable[[argparse.Namespace], None], str], argparse.ArgumentParser]
 
@@ -14,8 +15,14 @@ FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
 RADIANS = ("radians from 1e-14 to 0.3", 0.3, 1e-14)
 
 
+def pictured(add: argparse.ArgumentParser, *flags: str, **words: Any) -> None:
+    """A picture's file under these flags, `words` going to argparse, and its colours."""
+    add.add_argument(*flags, metavar="FILE", help="a .png, .svg or .pdf file", **words)
+    themed(add)
+
+
 def themed(add: argparse.ArgumentParser) -> None:
-    """The colours of a picture."""
+    """The colours of what is drawn."""
     add.add_argument("--theme", choices=("light", "dark"), default="light", help="colours of the picture (light)")
 
 

@@ -8,7 +8,7 @@ from multipendula import checks
 from multipendula import motions as moving
 from multipendula import sweeps as sweeping
 from multipendula import synchrony as keeping_time
-from multipendula.converters import EXPLAIN, RADIANS, SCENE_HELP, Add, angles, number, themed, whole
+from multipendula.converters import EXPLAIN, RADIANS, SCENE_HELP, Add, angles, number, pictured, themed, whole
 
 
 def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
@@ -29,7 +29,7 @@ def _run_of(add: argparse.ArgumentParser, duration: float) -> None:
 
 
 def motions(command: Add) -> None:
-    """Motion at large angles, and how far the table holds."""
+    """Motion at large angles."""
     add = command(moving.simulate, "simulate")
     _run_of(add, 60.0)
     add.add_argument("--output", "-o", metavar="FILE", help="keep the motion in a .npz or .csv file")
@@ -38,8 +38,7 @@ def motions(command: Add) -> None:
 
     add = command(moving.plot, "plot")
     _run_of(add, 20.0)
-    add.add_argument("--output", "-o", metavar="FILE", required=True, help="a .png, .svg or .pdf file")
-    themed(add)
+    pictured(add, "--output", "-o", required=True)
 
     add = command(moving.animate, "animate")
     _run_of(add, 10.0)
@@ -55,6 +54,9 @@ def motions(command: Add) -> None:
     add.add_argument("--seconds", metavar="S", type=number("seconds above 0"), help="of film, at most (default 20)")
     themed(add)
 
+
+def trials(command: Add) -> None:
+    """How far the table of modes and other ways to a motion hold, and where none does for long."""
     add = command(checks.check, "check")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--mode", metavar="1:3", help="only these modes, counted from 1")
@@ -63,24 +65,21 @@ def motions(command: Add) -> None:
     add.add_argument("--start", metavar="WORDS", help="with --general, as in simulate")
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), help="with --general")
     add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
-    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
-    themed(add)
+    pictured(add, "--output", "-o")
 
     add = command(checks.chaos, "chaos")
     add.add_argument("scene", metavar="SCENE", help=f"{SCENE_HELP}; or paper:000, paper:001: what they claim")
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), help="default 200 sqrt(l/g)")
     add.add_argument("--ensemble", metavar="E", type=whole(10_000), help="starts side by side (default 16)")
     add.add_argument("--quick", action="store_true", help="a short form of a paper's study")
-    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
-    themed(add)
+    pictured(add, "--output", "-o")
 
     add = command(checks.tradeoff, "tradeoff")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--start", metavar="WORDS", help="as in simulate")
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), default=10.0, help="default 10")
     add.add_argument("--format", choices=("text", "markdown", "csv", "json"), default="text")
-    add.add_argument("--output", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
-    themed(add)
+    pictured(add, "--output", "-o")
 
     add = command(checks.advise, "advise")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
@@ -101,9 +100,8 @@ def synchrony(command: Add) -> None:
     ways = "follow every way to keep swinging along one number instead, such as support.mass=1:100:30log"
     add.add_argument("--vary", metavar="PLACE=VALUES", help=ways)
     add.add_argument("--format", choices=("text", "json", "csv"), default="text", help="csv with --vary only")
-    add.add_argument("--picture", "-o", metavar="FILE", help="a .png, .svg or .pdf file")
+    pictured(add, "--picture", "-o")
     add.add_argument("--film", metavar="FILE", help="a .gif, .mp4 or .html file, lit like a stroboscope")
-    themed(add)
 
 
 def sweeps(command: Add) -> None:
@@ -116,8 +114,7 @@ def sweeps(command: Add) -> None:
     add.add_argument("--measure", metavar="NAME[:N]", action="append", help=measures)
     add.add_argument("--loci", action="store_true", help="follow all frequencies along one --vary by their shapes")
     add.add_argument("--output", "-o", metavar="FILE", help="keep the numbers in a .npz or .csv file (loci: .csv)")
-    add.add_argument("--picture", metavar="FILE", help="a .png, .svg or .pdf file")
+    pictured(add, "--picture")
     add.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one a core)")
     add.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster instead, such as tcp://192.168.0.2:8786")
     add.add_argument("--fresh", action="store_true", help="begin anew, whatever an interrupted sweep has kept")
-    themed(add)
