@@ -32,21 +32,20 @@ CLOSEST = 0.022
 def headline(figure: Figure, title: str, words: str) -> None:
     """The scene's title and what is shown of it, over the whole figure; nothing in it is read as mathematics."""
     whole = f"{title}: {words}" if title else words[:1].upper() + words[1:]
-    fold(figure.suptitle(whole, parse_math=False))
+    _fold(figure, figure.suptitle(whole, parse_math=False))
 
 
 def caption(figure: Figure, words: str) -> None:
     """What there is to know about a figure, below it."""
-    fold(figure.supxlabel(words, fontsize=SMALL, fontweight="normal", color=muted(), parse_math=False))
+    _fold(figure, figure.supxlabel(words, fontsize=SMALL, fontweight="normal", color=muted(), parse_math=False))
 
 
-def fold(text: Text, room: float = BREADTH) -> None:
-    """Break a text into lines no wider than a share of its figure's width."""
-    words, figure = text.get_text(), text.get_figure(root=True)
-    assert figure is not None
+def _fold(figure: Figure, text: Text) -> None:
+    """Break a text into lines no wider than titles may be."""
+    words = text.get_text()
     letters = len(words)
     with any_letters():
-        while (excess := text.get_window_extent().width / (room * figure.bbox.width)) > 1 and letters > 8:
+        while (excess := text.get_window_extent().width / (BREADTH * figure.bbox.width)) > 1 and letters > 8:
             letters = min(letters - 1, int(1.1 * letters / excess))
             text.set_text(fill(words, letters))
 
