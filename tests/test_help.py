@@ -164,7 +164,12 @@ def test_options_come_where_nothing_else_may_stand(folder: Path) -> None:
 
 
 def test_completing_loads_nothing_that_computes() -> None:
-    code = "import sys; from multipendula.completion import shipped; shipped(); print(*sys.modules)"
+    code = """import sys
+from multipendula.cli import _parser
+from multipendula.completion import _equip, shipped
+_equip(_parser())
+shipped()
+print(*sys.modules)"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert not {"modal", "numpy", "pydantic"} & set(done.stdout.split())
 
