@@ -71,10 +71,13 @@ def shipped() -> list[str]:
 def shipped_text(name: str) -> str:
     """The file of a shipped scene; SceneError for an unknown name."""
     if name not in shipped():
-        near = get_close_matches(name, shipped(), n=3, cutoff=0.5)
-        hint = f" (did you mean {' or '.join(near)}?)" if near else ""
-        raise SceneError([f"no such file and no such shipped scene{hint}"])
+        raise SceneError([f"{name}: no such shipped scene{_near(name)}"])
     return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _near(name: str) -> str:
+    near = get_close_matches(name, shipped(), n=3, cutoff=0.5)
+    return f" (did you mean {' or '.join(near)}?)" if near else ""
 
 
 @contextmanager
@@ -125,6 +128,8 @@ def _read(name: str) -> bytes:
             return _limited(sys.stdin.buffer)
         looks_like_path = any(mark in name for mark in (os.sep, "/", ".")) or Path(name).is_file()
         if not looks_like_path:
+            if name not in shipped():
+                raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
             return shipped_text(name).encode()
         if Path(name).exists() and not Path(name).is_file() and not Path(name).is_fifo():
             raise SceneError(["not a file"])

@@ -28,7 +28,7 @@ def _signals(add: argparse.ArgumentParser) -> None:
 
 def _tables(command: Add) -> None:
     add = command(commands.scenes, "scenes")
-    add.add_argument("name", nargs="?", help="print this scene's file, to start one of your own")
+    add.add_argument("name", nargs="?", metavar="NAME", help="print this scene's file, to start one of your own")
 
     add = command(commands.table, "table")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)

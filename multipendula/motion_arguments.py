@@ -110,7 +110,10 @@ def sweeps(command: Add) -> None:
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     places = "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
     add.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=places)
-    measures = "frequencies (default), damping, splitting, beat, amplitude or energy_drift; more than once for several"
+    measures = (
+        "frequencies (default), damping, splitting or beat of the modes, amplitude or energy_drift of a run, order, "
+        "survivor, locking or pendulum_energy of one that drives itself; more than once for several"
+    )
     add.add_argument("--measure", metavar="NAME[:N]", action="append", help=measures)
     add.add_argument("--loci", action="store_true", help="follow all frequencies along one --vary by their shapes")
     add.add_argument("--output", "-o", metavar="FILE", help="keep the numbers in a .npz or .csv file (loci: .csv)")

@@ -283,7 +283,8 @@ def test_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     listed = printed(capsys, "scenes").splitlines()
     assert [line.split()[0] for line in listed] == shipped()
     assert parse(printed(capsys, "scenes", "crane-hook").encode()) == load("crane-hook")
-    assert "did you mean" in refused(capsys, 2, "scenes", "crane-hok")
+    said = refused(capsys, 2, "scenes", "crane-hok")
+    assert said.startswith("multipendula: crane-hok: no such shipped scene (did you mean crane-hook")
 
 
 def test_schema(capsys: pytest.CaptureFixture[str]) -> None:

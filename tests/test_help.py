@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -190,6 +191,8 @@ def test_the_words_are_those_of_the_packages() -> None:
         *((words["form"], FORMS), (words["measure"], MEASURES)),
     ):
         assert sorted(offered) == sorted(there)
+    page = PAGES["sweep"].format_help()
+    assert [name for name in MEASURES if not re.search(rf"\b{name}\b", page)] == []
 
 
 @pytest.mark.parametrize("shell", completion.SHELLS)
