@@ -135,11 +135,11 @@ def cost(problem: Problem) -> tuple[str, ...]:
     systems += [Compiled(plant)] if find_spec("numba") else []
     each, whole, y = ["-", "-"], ["-", "-"], systems[0].begin(problem.start)
     for at, system in enumerate(systems):
-        each[at] = f"{1e3 * microseconds(partial(system.derivative, 0.0, y)) / plant.n_links:.3g} ns"
+        each[at] = f"{_three(1e3 * microseconds(partial(system.derivative, 0.0, y)) / plant.n_links)} ns"
         stepper = SciPyStepper("DOP853", system.derivative, 0.0, y, problem.duration, 1e-6, 1e-6 * system.scale)
         start = time.process_time()
         driven(system, stepper, problem)
-        whole[at] = f"{1e6 * (time.process_time() - start) / plant.n_links:.3g} µs"
+        whole[at] = f"{_three(1e6 * (time.process_time() - start) / plant.n_links)} µs"
         calls = stepper.calls
     return problem.name, *each, *whole, str(calls)
 
@@ -180,7 +180,12 @@ def preparing(panels: Sequence[Panel]) -> str:
 
 
 def _time(seconds: float) -> str:
-    return f"{1e3 * seconds:.3g} ms" if np.isfinite(seconds) else "-"
+    return f"{_three(1e3 * seconds)} ms" if np.isfinite(seconds) else "-"
+
+
+def _three(number: float) -> str:
+    """Three digits, thousands without an exponent."""
+    return f"{float(f'{number:.3g}'):g}"
 
 
 def _number(ratio: float) -> str:
