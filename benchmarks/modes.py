@@ -217,11 +217,13 @@ def _line(row: Row) -> tuple[str, ...]:
 
 def page(lengths: Sequence[Row], ratios: Sequence[Row], costs: Sequence[Sequence[str]], ratio: float) -> str:
     versions = f"Python {platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}"
+    threads = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
     return f"""# Benchmarks
 
-`python benchmarks/modes.py --write`, one run on {os.cpu_count()} cores; {versions}. The rival is
-`scipy.linalg.eigh(K, M)`; its time includes building K and M, ours the same scene. Memory is the peak of arrays during
-the call. Errors are upper bounds for the worst of {SAMPLED} modes, by counts in many digits.
+`OPENBLAS_NUM_THREADS=1 python benchmarks/modes.py --write`, one run on {os.cpu_count()} cores; {versions};
+OPENBLAS_NUM_THREADS {threads}. The rival is `scipy.linalg.eigh(K, M)`, faster on one thread at all these sizes; its
+time includes building K and M, ours the same scene. Memory is the peak of arrays during the call. Errors are upper bounds
+for the worst of {SAMPLED} modes, by counts in many digits.
 
 ## A chain of n equal rods
 
@@ -242,13 +244,15 @@ All frequencies, each scene in a process of its own; memory is what the computat
 
 
 def figure(lengths: Sequence[Row], ratios: Sequence[Row], path: Path) -> None:
-    from modal.pictures import save, sheet, theme
+    from modal.pictures import Picture, in_both_themes, sheet
 
-    with theme("light"), path.open("wb") as stream:
+    def draw() -> Picture:
         made = sheet(12, 3.9)
         _panels(made.subplots(1, 3), lengths, ratios)
         made.suptitle("Effective mass beside a dense eigensolver")
-        save(made, stream, "png")
+        return made
+
+    in_both_themes(draw, path)
 
 
 def _panels(axes: Sequence[Axes], lengths: Sequence[Row], ratios: Sequence[Row]) -> None:

@@ -11,15 +11,14 @@ from matplotlib.figure import Figure
 from routes import ROUTES
 
 from modal.palette import paper, rest
-from modal.pictures import save, sheet, theme
+from modal.pictures import in_both_themes, sheet
 
 if TYPE_CHECKING:
     from simulation import Panel
 
 
 def figure(panels: Sequence[Panel], path: Path) -> None:
-    with theme("light"), path.open("wb") as stream:
-        save(_figure(panels), stream, "png")
+    in_both_themes(lambda: _figure(panels), path)
 
 
 def _figure(panels: Sequence[Panel]) -> Figure:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from io import BytesIO
+from pathlib import Path
 from typing import IO
 
 from matplotlib import rc_context, rcParams, style
@@ -52,6 +53,13 @@ def save(figure: Figure, stream: IO[bytes], form: str) -> None:
     """Write a figure as png, svg or pdf."""
     with any_letters():
         figure.savefig(stream, format=form)
+
+
+def in_both_themes(draw: Callable[[], Figure], path: Path) -> None:
+    """Write what `draw` returns in light, and in dark beside it: NAME.png and NAME-dark.png."""
+    for name, file in (("light", path), ("dark", path.with_stem(f"{path.stem}-dark"))):
+        with theme(name), file.open("wb") as stream:
+            save(draw(), stream, file.suffix.removeprefix("."))
 
 
 @contextmanager

@@ -47,7 +47,9 @@ def test_every_picture_is_told_and_made_in_both_themes(name: str) -> None:
 
 
 def test_every_file_is_one_of_the_table() -> None:
-    known = {path.name for name in TABLE for path in files(name)} | {f"{name}.png" for name in MEASURED}
+    known = {path.name for name in TABLE for path in files(name)} | {
+        f"{name}{end}.png" for name in MEASURED for end in ("", "-dark")
+    }
     assert {path.name for path in PICTURES.iterdir()} == known
 
 

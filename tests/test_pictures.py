@@ -29,7 +29,7 @@ from modal.loci_figures import loci_figure
 from modal.modal_form import ModalForm, modal_form
 from modal.modes import Modes
 from modal.palette import HUES, QUIET, colour, ink, muted, paper, shade, thickness
-from modal.pictures import save, sheet, theme
+from modal.pictures import in_both_themes, save, sheet, theme
 from modal.response_figures import bode_figure, impulse_figure
 from modal.scene import Start
 from modal.statespace import state_space
@@ -487,6 +487,12 @@ def test_a_notebook_shows_a_figure_once() -> None:
 def _no_figure_of_pyplot() -> Iterator[None]:
     yield
     assert "matplotlib.pyplot" not in __import__("sys").modules or not mpl.pyplot.get_fignums()
+
+
+def test_a_figure_is_written_in_both_themes(tmp_path: Path) -> None:
+    in_both_themes(good, tmp_path / "a.png")
+    corners = [Image.open(tmp_path / name).convert("RGB").getpixel((1, 1)) for name in ("a.png", "a-dark.png")]
+    assert corners == [(255, 255, 255), (0x12, 0x18, 0x1D)]
 
 
 @pytest.mark.parametrize("name", THEMES)

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from modes_families import FAMILIES, SHOWN
 
 from modal.palette import colour, muted
-from modal.pictures import save, sheet, theme
+from modal.pictures import in_both_themes, sheet
 
 SOLVERS = {
     "ours": ("multipendula", 0, "o"),
@@ -22,8 +22,7 @@ FLOOR, CEILING = 2e-17, 6.0
 
 
 def figure(found: Sequence[Any], path: Path) -> None:
-    with theme("light"), path.open("wb") as stream:
-        save(_figure(found), stream, "png")
+    in_both_themes(lambda: _figure(found), path)
 
 
 def _figure(found: Sequence[Any]) -> Figure:

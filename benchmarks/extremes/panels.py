@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.palette import colour, muted, paper
-from modal.pictures import save, sheet, theme
+from modal.pictures import in_both_themes, sheet
 
 PANELS = {
     "links of a chain": "links of a chain",
@@ -34,8 +34,7 @@ CURVES = (
 
 
 def figure(lines: Sequence[Any], path: Path) -> None:
-    with theme("light"), path.open("wb") as stream:
-        save(_figure(lines), stream, "png")
+    in_both_themes(lambda: _figure(lines), path)
 
 
 def _figure(lines: Sequence[Any]) -> Figure:
