@@ -222,8 +222,8 @@ def page(lengths: Sequence[Row], ratios: Sequence[Row], costs: Sequence[Sequence
 
 `OPENBLAS_NUM_THREADS=1 python benchmarks/modes.py --write`, one run on {os.cpu_count()} cores; {versions};
 OPENBLAS_NUM_THREADS {threads}. The rival is `scipy.linalg.eigh(K, M)`, faster on one thread at all these sizes; its
-time includes building K and M, ours the same scene. Memory is the peak of arrays during the call. Errors are upper bounds
-for the worst of {SAMPLED} modes, by counts in many digits.
+time includes building K and M, ours the same scene. Memory is the peak of arrays during the call. Errors are upper
+bounds for the worst of {SAMPLED} modes, by counts in many digits.
 
 ## A chain of n equal rods
 
