@@ -1,6 +1,7 @@
 """Everything this project refuses to do, under one base class."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 
 
 class MultipendulaError(Exception):
@@ -24,3 +25,13 @@ class MissingExtraError(MultipendulaError, ImportError):
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(f'{package} is missing: pip install "multipendula[{extra}]"')
+
+
+def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> str:
+    """A question after what a mistyped word may have meant, nothing where no known one is near.
+
+    >>> meant("lenght", ["mass", "length"])
+    ' (did you mean length?)'
+    """
+    found = get_close_matches(word, list(known), most, near)
+    return f" (did you mean {' or '.join(found)}?)" if found else ""

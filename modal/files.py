@@ -7,13 +7,12 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from difflib import get_close_matches
 from importlib.resources import files
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import IO, Any
 
-from modal.errors import SceneError
+from modal.errors import SceneError, meant
 from modal.scene import Scene, described, scene_from
 
 LARGEST_FILE = 256_000_000
@@ -76,8 +75,7 @@ def shipped_text(name: str) -> str:
 
 
 def _near(name: str) -> str:
-    near = get_close_matches(name, shipped(), n=3, cutoff=0.5)
-    return f" (did you mean {' or '.join(near)}?)" if near else ""
+    return meant(name, shipped(), most=3, near=0.5)
 
 
 @contextmanager

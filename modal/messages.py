@@ -3,10 +3,11 @@
 import json
 from collections.abc import Iterator, Mapping
 from datetime import date, time
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import ValidationError
+
+from modal.errors import meant
 
 TAGS = frozenset({"bob", "rod", "body", "fixed", "cart", "van-der-pol", "escapement"})
 KEYS = (
@@ -71,8 +72,7 @@ def _words(finding: Mapping[str, Any]) -> str:
             return "does not belong here"
         if key in TAGS:
             return f'is not a known key: write kind = "{key}"'
-        near = get_close_matches(key, KEYS, n=1)
-        return "is not a known key" + (f" (did you mean {near[0]}?)" if near else "")
+        return "is not a known key" + meant(key, KEYS)
     if kind == "greater_than_equal":
         return _lower_bound(finding["input"], context["ge"])
     if kind == "less_than_equal":

@@ -7,12 +7,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from difflib import get_close_matches
 from typing import Any
 
 from pydantic import BaseModel
 
-from modal.errors import SceneError
+from modal.errors import SceneError, meant
 from modal.scene import Scene, described, scene_from
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
@@ -86,8 +85,7 @@ def _is_number(found: object) -> bool:
 
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
-    near = get_close_matches(name, sorted(map(written, _numbers(scene))), n=1, cutoff=NEAR)
-    hint = f" (did you mean {near[0]}?)" if near else ""
+    hint = meant(name, sorted(map(written, _numbers(scene))), near=NEAR)
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
 
 

@@ -6,7 +6,7 @@ import argparse
 import re
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import takewhile
 from typing import Any, NoReturn
 
@@ -85,6 +85,8 @@ class Page(argparse.ArgumentParser):
 
     def _strangers(self) -> Iterator[str]:
         """Options among its words that there are not, each with the nearest one; a command's words are not its own."""
+        from modal.errors import meant
+
         known = self._option_string_actions
         for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
             name = word.partition("=")[0]
@@ -95,6 +97,8 @@ class Page(argparse.ArgumentParser):
         """ArgumentError for a value that is no choice, with the nearest one."""
         choices = action.choices
         if choices is not None and value not in choices:
+            from modal.errors import meant
+
             there = ", ".join(map(str, choices))
             raise argparse.ArgumentError(action, f"invalid choice: {value}{meant(value, choices)}; there are {there}")
 
@@ -116,11 +120,3 @@ def _title(action: argparse.Action) -> str:
 def pointer(command: str) -> str:
     """Where help is."""
     return f"see `{' '.join(('multipendula', command)).strip()} --help`"
-
-
-def meant(word: str, known: Iterable[str]) -> str:
-    """A question after what was meant by a mistyped word, nothing where no known one is near."""
-    from difflib import get_close_matches
-
-    near = get_close_matches(word, list(known), 1)
-    return f" (did you mean {near[0]}?)" if near else ""

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 
-from modal.errors import SceneError
+from modal.errors import SceneError, meant
 from nonlinear.measure import Asked, Measure
 from nonlinear.modal_measures import MODAL
 from nonlinear.run_measures import RUNS
@@ -39,9 +38,8 @@ def asked(texts: Sequence[str]) -> tuple[Asked, ...]:
 def _asked(text: str) -> Asked:
     name, colon, number = text.partition(":")
     if name not in MEASURES:
-        near = get_close_matches(name, MEASURES, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(MEASURES)}"
-        raise SceneError([f"{text}: no such measure ({hint})"])
+        hint = meant(name, MEASURES) or f" (there are {', '.join(MEASURES)})"
+        raise SceneError([f"{text}: no such measure{hint}"])
     measure = MEASURES[name]
     try:
         return Asked(measure, float(number) if colon else measure.usual)
