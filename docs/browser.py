@@ -32,7 +32,7 @@ def build(folder: Path) -> None:
         (work / "contents").mkdir()
         for lesson in LESSONS:
             (work / "contents" / f"{lesson}.ipynb").write_text(in_browser(lesson), encoding="utf-8")
-        run("pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", str(work / "wheels"), str(ROOT), cwd=work)
+        run("hatchling", "build", "-t", "wheel", "-d", str(work / "wheels"), cwd=ROOT)
         settings = {
             "LiteBuildConfig": {"contents": ["contents"], "output_dir": "site"},
             "PipliteAddon": {"piplite_urls": ["wheels"]},
