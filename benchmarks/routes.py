@@ -24,7 +24,7 @@ from nonlinear.integrate import Drive
 from nonlinear.methods import Choice, system_of
 from nonlinear.plant import Plant, plant_of
 from nonlinear.state import State, System
-from nonlinear.steppers import SciPyStepper, Stepper
+from nonlinear.steppers import Pace, SciPyStepper, Stepper
 from nonlinear.taylor import TaylorStepper, first_step
 from nonlinear.timescales import timescales
 
@@ -77,7 +77,7 @@ def maximal(problem: Problem, tolerance: float) -> Task:
 
 
 def spatial(problem: Problem, tolerance: float) -> Task:
-    twin = problem.scene.model_copy(update={"space": "space"})
+    twin = problem.scene.replace(space="space")
     system = system_of(plant_of(twin), Choice("spatial", "DOP853", False, ""))
 
     def task() -> np.ndarray:
@@ -90,7 +90,7 @@ def spatial(problem: Problem, tolerance: float) -> Task:
 def taylor(problem: Problem, tolerance: float) -> Task:
     system = system_of(plant_of(problem.scene), Choice("minimal", "taylor", False, ""))
     cap = first_step(timescales(problem.scene).swing)
-    stepper = TaylorStepper(system, system.begin(problem.start), 0.0, problem.duration, tolerance, cap)
+    stepper = TaylorStepper(system, system.begin(problem.start), 0.0, problem.duration, tolerance, Pace(cap))
     return lambda: driven(system, stepper, problem)
 
 

@@ -74,7 +74,7 @@ def _insist_on_damping(values: Complexes) -> None:
     upper = values[values.imag >= 0]
     upper = upper[np.argsort(np.abs(upper), kind="stable")]
     rounding = UNDAMPED * np.abs(values).max()
-    for number, value in enumerate(upper.tolist(), 1):
+    for value in upper.tolist():
         if value.real < -max(rounding, UNDAMPED * abs(value)):
             continue
         what = (
@@ -85,7 +85,7 @@ def _insist_on_damping(values: Complexes) -> None:
             else "has ζ = 0"
         )
         raise ComputationError(
-            f"balanced reduction needs a stable, damped model: mode {number} {what} (λ = {value:.3g} 1/s); "
+            f"balanced reduction needs a stable, damped model: a mode {what} (λ = {value:.3g} 1/s); "
             "modal truncation does without"
         )
 

@@ -39,7 +39,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
     _here(axis, here, float(np.clip(here, low, high)), now[chosen[chosen < len(now)]], size=4 if crowd else 6)
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
-        _ends(axis, high, [(value, name(k)) for k, value in enumerate(poles.tolist(), 1)], pole(), (5, -3))
+        _ends(axis, high, [(value, name(k)) for k, value in enumerate(poles.tolist())], pole(), (5, -3))
     some = f"; {len(chosen)} of {omega.shape[1]} modes" if len(chosen) < omega.shape[1] else ""
     axis.set_title(f"massless cart  ←  modes that move the cart, as its mass changes{some}  →  fixed support")
 

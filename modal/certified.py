@@ -8,7 +8,7 @@ Newton fails (clusters closer than double precision) the proof falls back on bis
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from decimal import Decimal
 from math import floor, log
@@ -39,19 +39,25 @@ class Enclosure:
         return self.low if self.low == self.high else f"{self.low[:same]}[{self.low[same:]}, {self.high[same:]}]"
 
 
-def enclosures(scene: Scene, digits: int = 30) -> list[Enclosure]:
+def enclosures(
+    scene: Scene, digits: int = 30, report: Callable[[float], object] = lambda done: None
+) -> list[Enclosure]:
     """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
 
     Rows of different labels may overlap: no interval proves two frequencies equal.  The rigid translation of a free
-    cart is exact.  Raises ComputationError for dampers and joint springs and where no precision decides a sign,
-    MissingExtraError without python-flint.
+    cart is exact.  `report` hears what share is done.  Raises ComputationError for dampers and joint springs and where
+    no precision decides a sign, MissingExtraError without python-flint.
     """
     flint()
     if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
         raise ComputationError("enclosures need a scene without dampers, joint springs and standing links")
     rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
     found = [Enclosure("0", "0", 1, "rigid translation")] * rigid
-    found += [enclosure for problem in _problems(scene) for enclosure in problem.enclosures(digits)]
+    problems = list(_problems(scene))
+    total = sum(problem.n_modes for problem in problems)
+    for done, enclosure in enumerate((one for problem in problems for one in problem.enclosures(digits)), 1):
+        found.append(enclosure)
+        report(done / total)
     return sorted(found, key=lambda enclosure: Decimal(enclosure.low))
 
 
@@ -128,7 +134,7 @@ def _problems(scene: Scene) -> Iterator[_Problem]:
     names: dict[Links, int] = {}
     passed = 0
     for pendulum in scene.pendulum:
-        chain = tuple(link.model_copy(update={"count": 1}) for link in pendulum.links for _ in range(link.count))
+        chain = tuple(link.replace(count=1) for link in pendulum.links for _ in range(link.count))
         counts[chain] = counts.get(chain, 0) + pendulum.count
         names.setdefault(chain, passed + 1)
         passed += pendulum.count
@@ -152,7 +158,7 @@ def _has_residual_mass(chain: Links) -> bool:
 
 def _folded(link: Bob | Rod | Body, count: int) -> Bob | Rod | Body:
     extensive = {"mass": link.mass * count} | ({"inertia": link.inertia * count} if isinstance(link, Body) else {})
-    return link.model_copy(update=extensive)
+    return link.replace(**extensive)
 
 
 def _decimal(x: Ball, digits: int, *, up: bool) -> str:

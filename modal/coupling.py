@@ -13,9 +13,9 @@ of m_dyn − m_c take over.  In space all of this is the motion along the rail; 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf, pi
+from math import inf, sqrt
 
 import numpy as np
 
@@ -25,16 +25,22 @@ from modal.decay import Damped, damped_modes
 from modal.dynamic_mass import DynamicMass
 from modal.errors import ComputationError
 from modal.feeding import strengths
+from modal.modes import natural_modes
+from modal.numbering import MOST_COMPARED, lettered, table_numbers
 from modal.own_modes import OwnModes, own_modes
 from modal.rig import Floats, Ints, Rig, rig_of
 from modal.scene import Scene
-from modal.talk import STRONG, Talk, talks
+from modal.talk import STRONG, Exchange, Talk, exchange, talks
 
 MOST_POLES = 10_000
 MISSED = 1e-6
 """How far the sum rule may be missed, relative."""
 FAR = 0.2
 """Relative difference of first order from the splitting that only a change of m_r explains."""
+ROUGH = 0.02
+"""Relative difference of a splitting from that under a steady m_r, from which both are but a guide."""
+UNEVEN = 1e-3
+"""How far rates of decay within a family may differ, over its splitting and the largest."""
 STANDS = "the coupling is explained for pendula that hang: a link that stands up has no frequency of its own"
 
 
@@ -59,7 +65,9 @@ class Family:
 
     `fold` of them in all, so that fold − 1 combinations leave the cart still; `mass` is their modal effective mass
     μ_r, `rest` the dynamic mass m_r of everything else at ω_r (kg), infinite on a fixed support.  `cart_mode` is the
-    index of the mode that moves the cart and `splitting` its Δω (rad/s); None where there is none.
+    index of the mode that moves the cart and `splitting` its Δω (rad/s); None where there is none.  `exchange` is what
+    becomes of the energy of one pendulum set swinging alone; None where there is only one, where first order does not
+    hold, and where the joints drain some of the pendula faster than others.
     """
 
     omega: float
@@ -69,6 +77,7 @@ class Family:
     rest: float
     cart_mode: int | None
     splitting: float | None
+    exchange: Exchange | None = None
 
     @property
     def strength(self) -> float:
@@ -87,9 +96,15 @@ class Family:
         return abs(self.strength) <= STRONG and abs(self.first_order - split) <= FAR * abs(split)
 
     @property
+    def is_rough(self) -> bool:
+        """Whether a near family takes a part: m_r changes from the pole to the zero, not too much for first order."""
+        steady, split = self.omega * (sqrt(max(0.0, 1 + self.strength)) - 1), self.splitting or 0.0
+        return abs(steady - split) > ROUGH * abs(split)
+
+    @property
     def beat(self) -> float | None:
         """2π/|Δω| (s), in which energy goes from one pendulum of the family to the others and back; None if not."""
-        return 2 * pi / abs(self.splitting) if self.splitting and self.fold > 1 and self.is_first_order else None
+        return self.exchange.period if self.exchange and self.exchange.beats else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +135,7 @@ class Coupling:
         members = np.split(order, np.cumsum(np.bincount(self.pole))[:-1])
         resting = self._rest()
         moved = {mode.family: number for number, mode in enumerate(self.cart_modes) if mode.family is not None}
-        return tuple(
+        found = (
             Family(
                 omega=float(omega),
                 members=tuple(members[r].tolist()),
@@ -132,6 +147,21 @@ class Coupling:
             )
             for r, omega in enumerate(self.dynamic.omega)
         )
+        return tuple(replace(family, exchange=self._exchange(family)) for family in found)
+
+    def _exchange(self, family: Family) -> Exchange | None:
+        """Two levels: one pendulum of the first kind, and what all others of the family do alike."""
+        members, own = list(family.members), self.own
+        rate = own.rate[members]
+        uneven = np.ptp(rate) > UNEVEN * (abs(family.splitting or 0.0) + rate.max())
+        if not (family.splitting and family.fold > 1 and family.is_first_order) or uneven:
+            return None
+        share = float(own.mass[members[0]]) / family.mass
+        drag = self.rig.cart.damping / family.omega if self.rig.cart else 0.0
+        moved = family.splitting * family.rest / (family.rest - 1j * drag)
+        lost = 1j * float(rate.mean())
+        found = exchange(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
+        return replace(found, beats=found.beats and lost.imag < family.omega)
 
     @cached_property
     def cart_modes(self) -> tuple[CartMode, ...]:
@@ -139,7 +169,10 @@ class Coupling:
         if not self.on_cart:
             return ()
         zeros = self.dynamic.zeros
-        push = 1 / zeros.modal_mass
+        with np.errstate(divide="ignore"):
+            push = 1 / zeros.modal_mass
+        if not np.all(np.isfinite(push)):
+            raise ComputationError("the modes that move this cart are beyond double precision")
         whole = float(push.sum()) + (0.0 if self._held else 1 / self.dynamic.at_rest)
         light = self.dynamic.with_cart(0.0).zeros.omega.tolist()
         heavy = np.sqrt(zeros.square).tolist()
@@ -158,12 +191,29 @@ class Coupling:
     @cached_property
     def talks(self) -> tuple[Talk, ...]:
         """Pairs of modes of different pendula, those that share most energy first."""
-        return talks(self.own, self.dynamic, self.pole) if self.on_cart else ()
+        return talks(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
 
     @cached_property
     def damped(self) -> tuple[Damped, ...]:
         """What dampers and drives give each mode."""
         return damped_modes(self.rig, strengths(self.scene, self.rig))
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Ints] | None:
+        """ω of the modes without dampers and their numbers in the table; None where no table is to be had."""
+        if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
+            return None
+        try:
+            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
+        except ComputationError:
+            return None
+
+    def number(self, omega: float) -> int | None:
+        """The number in the table of the mode of this frequency (rad/s) without dampers, None where it is not known."""
+        if self._table is None:
+            return None
+        known, numbers = self._table
+        return int(numbers[np.abs(known - omega).argmin()])
 
     def residual(self) -> float:
         """How far modal effective and residual masses miss the total mass, over it: two independent routes to it."""
@@ -186,6 +236,11 @@ class Coupling:
         omega, index = self.dynamic.omega, np.arange(len(self.dynamic.omega))
         parts = np.array_split(index, 1 + len(omega) ** 2 // 1_000_000)
         return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
+
+
+def family_name(index: int) -> str:
+    """A, B, … of families from 0: numbers are for modes."""
+    return lettered(index).upper()
 
 
 def explained(scene: Scene) -> Coupling:
@@ -211,6 +266,8 @@ def explained(scene: Scene) -> Coupling:
             spring=rig.cart.stiffness if rig.cart else 0.0,
         )
         found = Coupling(scene, rig, own, pole, dynamic)
+        if not np.all(np.isfinite(own.rate**2)):
+            raise ComputationError("the rates at which joint dampers drain these modes are beyond double precision")
     if not (missed := found.residual()) <= MISSED:
         raise ComputationError(f"modal effective masses are beyond double precision: their sum is off by {missed:.1e}")
     return found

@@ -5,14 +5,14 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from modal.coupling import CartMode, Coupling, Family
+from modal.coupling import CartMode, Coupling, Family, family_name
 from modal.decay import Damped
 from modal.scene import described
 from modal.talk import Talk
 
 
 def records(coupling: Coupling) -> dict[str, Any]:
-    """What `json` writes; null where a number is infinite or has no meaning; families and modes count from 1."""
+    """What `json` writes; null where a number is infinite or has no meaning; modes have their numbers in the table."""
     dynamic = coupling.dynamic
     return {
         "scene": described(coupling.scene),
@@ -21,24 +21,28 @@ def records(coupling: Coupling) -> dict[str, Any]:
         "residual_mass_kg": dynamic.residual,
         "cart_stiffness_n_per_m": dynamic.spring,
         "sum_rule_residual": coupling.residual(),
-        "families": [_family(coupling, family) for family in coupling.families],
-        "cart_modes": [_cart_mode(mode) for mode in coupling.cart_modes],
+        "families": [_family(coupling, *numbered) for numbered in enumerate(coupling.families)],
+        "cart_modes": [_cart_mode(coupling, mode) for mode in coupling.cart_modes],
         "pairs": [_pair(coupling, talk) for talk in coupling.talks],
-        "damping": [_damped(mode) for mode in coupling.damped],
+        "damping": [_damped(coupling, mode) for mode in coupling.damped],
     }
 
 
-def _family(coupling: Coupling, family: Family) -> dict[str, Any]:
+def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
     return {
+        "family": family_name(index),
         "omega_cart_still_rad_per_s": family.omega,
         "members": [_member(coupling, k) for k in family.members],
         "fold": family.fold,
         "modal_effective_mass_kg": family.mass,
         "dynamic_mass_of_the_rest_kg": _finite(family.rest),
         "coupling_strength": _finite(family.strength),
-        "cart_mode": None if family.cart_mode is None else family.cart_mode + 1,
+        "cart_mode": None if family.cart_mode is None else coupling.number(coupling.cart_modes[family.cart_mode].omega),
+        "mode_cart_still": coupling.number(family.omega) if coupling.on_cart and family.fold > 1 else None,
         "splitting_rad_per_s": family.splitting,
         "beat_period_s": family.beat,
+        "energy_share_of_the_others": family.exchange.most if family.exchange else None,
+        "energy_left_after_a_beat": family.exchange.left if family.exchange and family.beat else None,
     }
 
 
@@ -52,13 +56,14 @@ def _member(coupling: Coupling, k: int) -> dict[str, Any]:
     }
 
 
-def _cart_mode(mode: CartMode) -> dict[str, Any]:
+def _cart_mode(coupling: Coupling, mode: CartMode) -> dict[str, Any]:
     return {
+        "mode": coupling.number(mode.omega),
         "omega_rad_per_s": mode.omega,
         "cart_participation": mode.participation,
         "omega_massless_cart_rad_per_s": _finite(mode.light),
         "omega_immense_cart_rad_per_s": mode.heavy,
-        "family": None if mode.family is None else mode.family + 1,
+        "family": None if mode.family is None else family_name(mode.family),
     }
 
 
@@ -70,12 +75,14 @@ def _pair(coupling: Coupling, talk: Talk) -> dict[str, Any]:
         "coupling_rad_per_s": talk.coupling,
         "dynamic_mass_between_kg": _finite(talk.cart_mass),
         "energy_share": talk.share if talk.alone else None,
-        "beat_period_s": _finite(talk.period) if talk.alone else None,
+        "beat_period_s": _finite(talk.period) if talk.alone and talk.exchange.beats else None,
+        "energy_left_after_a_beat": talk.exchange.left if talk.alone and talk.exchange.beats else None,
     }
 
 
-def _damped(mode: Damped) -> dict[str, Any]:
+def _damped(coupling: Coupling, mode: Damped) -> dict[str, Any]:
     return {
+        "mode": coupling.number(mode.omega),
         "omega_rad_per_s": mode.omega,
         "fold": mode.fold,
         "cart_still": mode.still,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from textwrap import TextWrapper
@@ -10,7 +9,8 @@ from textwrap import TextWrapper
 from modal.coupling import Coupling
 from modal.coupling_records import records
 from modal.damping_words import damping
-from modal.family_words import families, limits, shown
+from modal.escaping import json_text, markdown, visible
+from modal.family_words import families, limits, numbered, shown
 from modal.prose import WIDTH, counted, listed, rad, short
 from modal.talk_words import exchanges
 
@@ -33,7 +33,7 @@ def words(coupling: Coupling, form: str = "text") -> str:
     if form not in FORMS:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
     if form == "json":
-        return json.dumps(records(coupling), indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return json_text(records(coupling)) + "\n"
     title = f"{coupling.scene.title or 'This scene'}: what couples the pendula"
     return (_markdown if form == "markdown" else _text)(title, sections(coupling))
 
@@ -99,7 +99,8 @@ def _felt(coupling: Coupling) -> Iterator[str]:
     poles = listed([rad(omega) for omega in dynamic.omega[:most]], len(dynamic.omega))
     yield f"Its poles, where the pendula hold a support still however it is pushed: {poles} [K φ = ω² A φ]."
     if coupling.cart_modes:
-        zeros = listed([rad(mode.omega) for mode in coupling.cart_modes[:most]], len(coupling.cart_modes))
+        moving = [f"{rad(mode.omega)}{numbered(coupling, mode.omega)}" for mode in coupling.cart_modes[:most]]
+        zeros = listed(moving, len(coupling.cart_modes))
         yield f"Its zeros, where the cart swings by itself: {zeros} [m_dyn(ω) = 0]."
     elif on_cart:
         yield "It has no zeros: no mode of finite frequency moves the cart [m_dyn(∞) = 0]."
@@ -118,7 +119,10 @@ def _unsaid(coupling: Coupling) -> Iterator[str]:
             "family then wins depends on both, and on the amplitude. What is said of damping and of a drive here holds "
             "at small angles."
         )
-    yield "All frequencies are those of small angles; the table says how far each can be trusted."
+    yield (
+        "All frequencies are those of small angles. The table, whose numbers the modes have here, says how far each "
+        "can be trusted."
+    )
 
 
 # ------------------------------------------------------------------------------------------------------- dress
@@ -126,14 +130,14 @@ def _unsaid(coupling: Coupling) -> Iterator[str]:
 
 def _text(title: str, parts: tuple[Section, ...]) -> str:
     wrapper = TextWrapper(WIDTH, "- ", "  ", break_long_words=False, break_on_hyphens=False)
-    lines = [title, "=" * len(title)]
+    lines = [visible(title), "=" * len(visible(title))]
     for part in parts:
         lines += ["", part.title, "-" * len(part.title), *map(wrapper.fill, part.sentences)]
     return "\n".join(lines) + "\n"
 
 
 def _markdown(title: str, parts: tuple[Section, ...]) -> str:
-    lines = [f"# {title}"]
+    lines = [f"# {markdown(title)}"]
     for part in parts:
         lines += ["", f"## {part.title}", "", *(f"- {sentence}" for sentence in part.sentences)]
     return "\n".join(lines) + "\n"

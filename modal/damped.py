@@ -78,7 +78,7 @@ class _Problem:
         A joint whose damper outweighs all else of its link at this rate is told by the difference of its angles.
         """
         strength, above = self.dampers
-        held = (above >= 0) & (rate * strength > rate**2 * np.diag(self.M) + np.diag(self.sizes))
+        held = (above >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
         turned = np.eye(len(strength))
         for i in np.flatnonzero(held):
             turned[i] += turned[above[i]]
@@ -175,7 +175,7 @@ class _Scaled(NamedTuple):
 
 def _scaled(problem: _Problem, rate: float) -> _Scaled:
     turned, seen = problem.turned(rate)
-    M, K, sizes = (turned.T @ part @ turned for part in (rate**2 * problem.M, problem.K, problem.sizes))
+    M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
     friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
     scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))
     M, K = (part * scale * scale[:, None] for part in (M, K))

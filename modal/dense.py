@@ -1,4 +1,4 @@
-"""The dense route, for what breaks the chain's form: joint springs and dampers, small scenes only.
+"""The dense route, for what has no structured one, small scenes only.
 
 Undamped: the symmetric pencil K φ = ω² M φ, also where links stand up and K is indefinite.  (`modal.damped` is for
 dampers.)  A free cart's position is taken out first, and its momentum with it, so that its rigid translation is exact.
@@ -47,7 +47,7 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
     inverse_square, v = np.linalg.eigh(_in_factors(L, inertia * scale * scale[:, None]))
     inverse_square, v = inverse_square[singular:], v[:, singular:]
     if inverse_square.size and inverse_square[0] <= 4 * len(M) * EPS * inverse_square[-1]:
-        raise ComputationError("the frequencies spread too far for the dense route that joint springs need")
+        raise ComputationError("the frequencies spread too far for the dense route that this scene needs")
     inverse_square, v = inverse_square[::-1], v[:, ::-1]
     shape = scale[:, None] * np.linalg.solve(L.T, v)
     rounded = M[1:, 1:] if free else M

@@ -34,7 +34,7 @@ def derivation(system: System, show: tuple[str, ...] = SECTIONS, scene: Scene | 
     SceneError for more links than equations can be read of.
     """
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
-        shorter = "choose --show polynomial,modes"
+        shorter = "choose polynomial and modes alone"
         raise SceneError([f"{len(system.links)} links: written out for at most {MOST_WRITTEN}; {shorter}"])
     makers = {
         "lagrangian": lambda: _lagrangian(system),

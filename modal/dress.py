@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from modal.escaping import visible
 from modal.palette import muted
 from modal.pictures import any_letters
 
@@ -31,7 +32,7 @@ CLOSEST = 0.022
 
 def headline(figure: Figure, title: str, words: str) -> None:
     """The scene's title and what is shown of it, over the whole figure; nothing in it is read as mathematics."""
-    whole = f"{title}: {words}" if title else words[:1].upper() + words[1:]
+    whole = f"{visible(title)}: {words}" if title else words[:1].upper() + words[1:]
     _fold(figure, figure.suptitle(whole, parse_math=False))
 
 

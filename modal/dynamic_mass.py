@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.crowd import LIGHTEST
+from modal.errors import ComputationError
 from modal.rig import Booleans, Floats, Ints
 from modal.secular import Poles, solve
 
@@ -47,14 +48,15 @@ class Zeros:
 
     @cached_property
     def modal_mass(self) -> Floats:
-        """φᵀMφ (Z,) in kg of the modes in which the cart moves by 1: ω² dm_dyn/d(ω²)."""
+        """φᵀMφ (Z,) in kg of the modes in which the cart moves by 1: ω² dm_dyn/d(ω²); infinite if it hardly does."""
         found = np.empty(len(self.anchor))
         size = max(1, CHUNK // len(self.square))
         for start in range(0, len(found), size):
             part = slice(start, start + size)
             apart = (self.square - self.square[self.anchor[part], None]) - self.offset[part, None]
-            found[part] = (self.weight / apart / apart).sum(1)
-        return found * self.omega**2
+            with np.errstate(over="ignore", divide="ignore"):
+                found[part] = (self.weight / apart / apart).sum(1) * self.omega[part] ** 2
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +86,13 @@ class DynamicMass:
         """m_dyn (W,) in kg at ω (W,) in rad/s, infinite on a pole; without the poles marked in `left_out` (W, C)."""
         at = np.atleast_1d(np.asarray(omega, dtype=np.float64))
         found, size = np.empty(len(at)), max(1, CHUNK // len(self.omega))
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
             for start in range(0, len(at), size):
                 part = slice(start, start + size)
                 w = at[part, None]
                 terms = self.mass * (self.omega / (self.omega - w)) * (self.omega / (self.omega + w))
-                found[part] = (terms if left_out is None else np.where(left_out[part], 0.0, terms)).sum(1)
+                none = self.mass == 0 if left_out is None else left_out[part] | (self.mass == 0)
+                found[part] = np.where(none, 0.0, terms).sum(1)
             held = self.spring / at / at if self.spring else 0.0
         return self.at_infinity - held + found
 
@@ -105,5 +108,8 @@ class DynamicMass:
             square, weight = np.append(0.0, square), np.append(self.spring, weight)
         if len(square) == 1 and self.at_infinity == 0:
             return Zeros(square, weight, np.zeros(0, dtype=np.int64), np.zeros(0))
-        roots = solve(Poles(square, weight, self.at_infinity))
+        with np.errstate(all="ignore"):
+            roots = solve(Poles(square, weight, self.at_infinity))
+        if not np.all(np.isfinite(roots.offset)):
+            raise ComputationError("the modes that move this cart are beyond double precision")
         return Zeros(square, weight, roots.anchor, roots.offset)

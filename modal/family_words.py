@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator
 from math import isinf
 
-from modal.coupling import CartMode, Coupling, Family
+from modal.coupling import CartMode, Coupling, Family, family_name
 from modal.prose import counted, listed, percent, rad, short
-from modal.talk import MOST_MODES, STRONG
+from modal.talk import MOST_MODES, STRONG, Exchange
 
 MOST_LISTED, FEW = 8, 3
 ROUGH = 0.1
 """Coupling strength from which first order is only a guide."""
 GUIDE = " (only a guide: the coupling is strong)"
+NEAR = " (only a guide: another family is near)"
+SLIGHT = 1e-4
+"""What is left of an energy below this share of it is not worth a number."""
 ELSEWHERE = "in the JSON form"
 
 
@@ -24,8 +27,8 @@ def shown(coupling: Coupling) -> int:
 def families(coupling: Coupling) -> Iterator[str]:
     """A sentence or more about each family."""
     every, most = coupling.families, shown(coupling)
-    for number, family in enumerate(every[:most], 1):
-        yield _family(coupling, number, family)
+    for index, family in enumerate(every[:most]):
+        yield _family(coupling, family_name(index), family)
     if len(every) > most:
         yield f"{len(every) - most} more families, up to {rad(every[-1].omega)}, are {ELSEWHERE}."
 
@@ -37,7 +40,7 @@ def limits(coupling: Coupling) -> Iterator[str]:
         return
     modes, most = coupling.cart_modes, shown(coupling)
     busiest = sorted(range(len(modes)), key=lambda number: -modes[number].participation)[:most]
-    yield from (_limit(number + 1, modes[number]) for number in sorted(busiest))
+    yield from (_limit(coupling, modes[number]) for number in sorted(busiest))
     if len(modes) > most:
         yield f"The {len(modes) - most} other modes that move the cart, all of them less, are {ELSEWHERE}."
     if any(family.fold > 1 for family in coupling.families):
@@ -47,34 +50,43 @@ def limits(coupling: Coupling) -> Iterator[str]:
 
 
 def member(coupling: Coupling, k: int) -> str:
-    """A fixed-support mode by its place and its pendulum."""
-    return f"mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
+    """A fixed-base mode by its place and its pendulum."""
+    return f"fixed-base mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
 
 
-def _family(coupling: Coupling, r: int, family: Family) -> str:
+def numbered(coupling: Coupling, omega: float) -> str:
+    """Behind a frequency the number of its mode in the table, where that is known."""
+    number = coupling.number(omega)
+    return "" if number is None else f" (mode {number})"
+
+
+def _family(coupling: Coupling, r: str, family: Family) -> str:
     who = listed([member(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
+    own = "" if coupling.on_cart else numbered(coupling, family.omega)
     head = (
-        f"Family {r}, ω_{r} = {rad(family.omega)} [K φ = ω² A φ]: {who}, of modal effective mass {short(family.mass)} "
-        f"kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]."
+        f"Family {r}, ω_{r} = {rad(family.omega)}{own} [K φ = ω² A φ]: {who}, of modal effective mass "
+        f"{short(family.mass)} kg [μ_{r} = Σ (φᵀb)²/(φᵀAφ)]."
     )
     if not coupling.on_cart:
         return head
-    return " ".join((head, *_moved(coupling, r, family), *_exchange(family)))
+    return " ".join((head, *_moved(coupling, r, family), *_exchange(coupling, family)))
 
 
-def _moved(coupling: Coupling, r: int, family: Family) -> Iterator[str]:
+def _moved(coupling: Coupling, r: str, family: Family) -> Iterator[str]:
     """Which of a family stay and which moves the cart, and how strongly it is coupled."""
     several = family.fold > 1
     if several:
         many = counted(family.fold - 1, "combination stays", "combinations stay")
-        yield f"{many} at ω_{r} with the cart still, in antiphase [Σ φᵀb = 0];"
+        own = numbered(coupling, family.omega)
+        yield f"{many} at ω_{r} with the cart still, in antiphase{own} [Σ φᵀb = 0];"
     if family.cart_mode is None or family.splitting is None:
         yield f"{'the' if several else 'The'} one that moves the cart is lost to infinity [m_dyn(∞) = 0]."
         return
-    moved = coupling.cart_modes[family.cart_mode]
+    moved, bare = coupling.cart_modes[family.cart_mode], " without dampers" if coupling.scene.has_damping else ""
     yield (
-        f"{'one moves' if several else 'It moves'} the cart, at {rad(moved.omega)} [m_dyn(ω) = 0], "
-        f"Δω = {short(family.splitting)} rad/s away [ω_zero − ω_{r}]."
+        f"{'one moves' if several else 'It moves'} the cart, at {rad(moved.omega)}"
+        f"{numbered(coupling, moved.omega)} [m_dyn(ω) = 0], Δω = {short(family.splitting)} rad/s away{bare} "
+        f"[ω_zero − ω_{r}]."
     )
     if isinf(family.strength):
         yield f"Nothing else resists it [m_{r} = 0]."
@@ -91,31 +103,65 @@ def _moved(coupling: Coupling, r: int, family: Family) -> Iterator[str]:
 
 
 def _guide(family: Family) -> str:
-    return GUIDE if abs(family.strength) > ROUGH else ""
+    return GUIDE if abs(family.strength) > ROUGH else NEAR if family.is_rough else ""
 
 
-def _exchange(family: Family) -> Iterator[str]:
+def left(share: float) -> str:
+    """A share of an energy."""
+    return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
+
+
+def _exchange(coupling: Coupling, family: Family) -> Iterator[str]:
     """Beats within a family."""
     if family.fold == 1 or family.splitting is None:
         return
-    if family.beat is None:
+    passed = family.exchange
+    if passed is None and family.is_first_order:
+        yield "Dampers drain some of its pendula faster than others: what two of them exchange is said below."
+        return
+    if passed is None:
         yield "The coupling is too strong, or another family too near, for beats within this one."
         return
     share, n = "", family.fold
+    if not passed.lossless:
+        yield from _damped_exchange(coupling, family, passed)
+        return
     if len(family.members) == 1:
         share = f", of which the others hold {percent(4 * (n - 1) / n**2)} halfway [4(N − 1)/N², N = {n}]"
     yield (
-        f"One pendulum set swinging alone in this mode has its energy back after {short(family.beat)} s [2π/|Δω|]"
+        f"One pendulum set swinging alone in this mode has its energy back after {short(passed.period)} s [2π/|Δω|]"
         f"{share}; a run shorter than half of that shows only a part of the "
         f"exchange{_guide(family)}."
     )
 
 
-def _limit(number: int, mode: CartMode) -> str:
-    whose = f"of family {mode.family + 1}" if mode.family is not None else "of the cart on its spring"
+def _damped_exchange(coupling: Coupling, family: Family, passed: Exchange) -> Iterator[str]:
+    """What dampers leave of beats."""
+    sigma = float(coupling.own.rate[family.members[0]])
+    if sigma >= family.omega:
+        yield "Joint dampers let its pendula creep back without a swing [σ ≥ ω]: there are no beats."
+        return
+    aside = ", its drives aside," if coupling.scene.is_driven else ""
+    most = f"the others never hold more than {left(passed.most)} of the energy given"
+    if not passed.beats:
+        yield (
+            "There are no beats: what moves the cart dies before its phase has run away from the rest "
+            f"[−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{_guide(family)}."
+        )
+        return
+    yield (
+        f"One pendulum set swinging alone in this mode{aside} has {left(passed.left)} of its energy again after a beat "
+        f"of {short(passed.period)} s [2π/Im Δλ]: dampers take the rest, and {most}{_guide(family)}."
+    )
+
+
+def _limit(coupling: Coupling, mode: CartMode) -> str:
+    number = coupling.number(mode.omega)
+    name = "A mode that moves the cart" if number is None else f"Mode {number}"
+    whose = f"of family {family_name(mode.family)}" if mode.family is not None else "of the cart on its spring"
     heavy, why = (rad(mode.heavy), "the pole below") if mode.heavy else ("0", "√(k_c/m_c)")
     return (
-        f"Cart-moving mode {number}, {whose}, now at {rad(mode.omega)} with {percent(mode.participation)} of the "
+        f"{name}, {whose}, now at {rad(mode.omega)} with {percent(mode.participation)} of the "
         f"cart's velocity after a push [φ_x²/Σφ_x²], goes to {rad(mode.light)} with a massless cart [zero of "
         f"m_dyn − m_c] and to {heavy} with an immense one [{why}]."
     )

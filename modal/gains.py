@@ -89,15 +89,17 @@ class Side:
 class Gains:
     """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
 
-    `modes` are those of a support that stands still where the model prescribes the cart's motion.
+    Where the model prescribes the cart's motion they are `held`: `modes` are the fixed-base modes, those of a support
+    that stands still, and not the table's.
     """
 
     modes: Modes
+    held: bool
     inputs: Side
     outputs: Side
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """One mapping for each mode and signal: mode (from 1), omega_rad_per_s, signal, gain, relative, word."""
+        """One mapping for each mode and signal: mode, omega_rad_per_s, signal, gain, relative, word."""
         for side in (self.inputs, self.outputs):
             for number, words in enumerate(side.words):
                 for j, signal in enumerate(side.signals):
@@ -127,7 +129,15 @@ class Gains:
         return f"{'grows' if value.real > 0 else 'decays'} {abs(value):.6g} 1/s"
 
     def _grid(self, side: Side) -> str:
-        lines = [["mode", "ω (rad/s)", "fold", side.verb, *(signal.name for signal in side.signals)]]
+        lines = [
+            [
+                "fixed-base mode" if self.held else "mode",
+                "ω (rad/s)",
+                "fold",
+                side.verb,
+                *(signal.name for signal in side.signals),
+            ]
+        ]
         for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
             cells = (f"{w} {share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
             fold = len(side.parts[number])
@@ -152,6 +162,7 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
             outputs[k] = without_noise(block.right[:, -1], model.C.T)
     return Gains(
         form.modes,
+        form.modes.on_cart != modes.on_cart,
         Side(model.inputs, "reached", _by_mode(form, without_noise(left, model.B))),
         Side(model.outputs, "seen", _by_mode(form, outputs)),
     )

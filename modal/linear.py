@@ -18,7 +18,7 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from modal.rig import Block, CartNumbers, Floats, Rig, rig_of
-from modal.scene import Scene
+from modal.scene import Scene, insist_scene
 
 LARGEST_DENSE = 4000
 Columns = list[tuple[Block, int]]
@@ -40,7 +40,7 @@ def matrices(scene: Scene) -> Matrices:
     In space these describe the motion along the rail; across it a cart is a fixed support.
     Raises ComputationError beyond LARGEST_DENSE coordinates.
     """
-    size = scene.n_links + (scene.support.kind == "cart")
+    size = insist_scene(scene).n_links + (scene.support.kind == "cart")
     if size > LARGEST_DENSE:
         raise ComputationError(
             f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are written out"

@@ -15,6 +15,8 @@ import numpy as np
 
 from modal.encounters import Encounter, encounters
 from modal.errors import ComputationError, SceneError
+from modal.numbering import labelled
+from modal.places import number_at, places
 from modal.rig import Floats, Ints
 from modal.scene import Scene
 from modal.tracks import Point, followed, solved
@@ -30,8 +32,9 @@ Report = Callable[[float], object]
 class Loci:
     """K loci over P values of a parameter, refined where shapes turn fast: `omega` (P, K) in rad/s, `values` (P,).
 
-    They are numbered from the lowest at the first value; `multiplicity` (K,) says how many modes go together all along,
-    `encounters` where loci meet, in the order of the parameter.
+    `names` (K,) are the numbers of their modes in the table at the value `numbered_at`: the scene's own, or the first
+    where that lies elsewhere; what shares a row there is 2, 2b, 2c, …  `multiplicity` (K,) says how many modes go
+    together all along, `encounters` where loci meet, in the order of the parameter.
     """
 
     scene: Scene
@@ -39,6 +42,8 @@ class Loci:
     values: Floats
     omega: Floats
     multiplicity: Ints
+    names: tuple[str, ...]
+    numbered_at: float
     encounters: tuple[Encounter, ...]
 
 
@@ -57,13 +62,22 @@ def loci(scene: Scene, variation: Variation, report: Report = lambda done: None)
     insist(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: loci are over two values or more of a parameter that varies smoothly"])
-    walk = _Walk(scene, variation)
-    points = walk.whole(report)
+    walk, own = _Walk(scene, variation), _own_value(scene, variation)
+    points = walk.whole(own, report)
     first, multiplicity = _distinct(np.array([point.group for point in points]))
+    names = labelled(next(1 + point.row[first] for point in points if point.value == own).tolist())
     found, nearest = encounters(points, first, walk.at)
     points = sorted((*points, *nearest), key=lambda point: point.value)
     values, omega = np.array([point.value for point in points]), np.array([point.omega[first] for point in points])
-    return Loci(scene, variation, values, omega, multiplicity, tuple(found))
+    return Loci(scene, variation, values, omega, multiplicity, names, own, tuple(found))
+
+
+def _own_value(scene: Scene, variation: Variation) -> float:
+    """That of the scene as it is given, if it lies among the others, else the first of them."""
+    own = {number_at(scene, place) for place in places(scene, variation.path)}
+    value = own.pop()
+    first, last = variation.values[0], variation.values[-1]
+    return value if not own and first <= value <= last else first
 
 
 def _distinct(groups: Ints) -> tuple[Ints, Ints]:
@@ -86,10 +100,11 @@ class _Walk:
             raise ComputationError(f"{self.variation.path}: shapes turn too often to be followed: take a smaller range")
         return solved(self.scene, self.variation.path, value)
 
-    def whole(self, report: Report) -> list[Point]:
-        """All points, each in the order of the first."""
-        points = [self.at(self.variation.values[0])]
-        for done, value in enumerate(self.variation.values[1:], start=2):
+    def whole(self, own: float, report: Report) -> list[Point]:
+        """All points, that at `own` among them, each in the order of the first."""
+        values = sorted({*self.variation.values, own})
+        points = [self.at(values[0])]
+        for done, value in enumerate(values[1:], start=2):
             points += self.between(points[-1], self.at(value), DEEPEST)
             report(done)
         return points

@@ -46,13 +46,13 @@ def loci_figure(found: Loci) -> Figure:
     axis.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)", xlim=(values[0], values[-1]))
     scale(axis, "x", found.variation)
     headline(figure, found.scene.title, "frequency loci")
-    key(figure, [*lines, *_named(found.encounters, found.variation)], columns=2 if len(shown) <= MOST_NAMED else 4)
+    key(figure, [*lines, *_named(found)], columns=2 if len(shown) <= MOST_NAMED else 4)
     return figure
 
 
 def _locus(axis: Axes, found: Loci, k: int) -> Line2D:
     fold = f" ({found.multiplicity[k]}-fold)" if found.multiplicity[k] > 1 else ""
-    label = f"locus {k + 1}{fold}"
+    label = f"locus {found.names[k]}{fold}"
     return axis.plot(found.values, found.omega[:, k], color=colour(k), ls=dash(k), zorder=3, label=label)[0]
 
 
@@ -68,19 +68,20 @@ def _sign(kind: str, x: Sequence[float], y: Sequence[float], label: str = "") ->
     return Line2D(x, y, ls="", marker=MARKS[kind], mfc=face, mec=edge, ms=size, mew=1.1, zorder=5, label=label)
 
 
-def _named(meetings: Sequence[Encounter], variation: Variation) -> list[Line2D]:
+def _named(found: Loci) -> list[Line2D]:
     """Encounters one by one where they are few, else how many of each kind."""
+    meetings = found.encounters
     if len(meetings) <= MOST_NAMED:
-        return [_sign(meeting.kind, [], [], encounter_words(meeting, variation)) for meeting in meetings]
+        return [_sign(meeting.kind, [], [], encounter_words(meeting, found)) for meeting in meetings]
     counts = {kind: sum(meeting.kind == kind for meeting in meetings) for kind in MARKS}
     return [_sign(kind, [], [], f"{count} × {kind}") for kind, count in counts.items() if count]
 
 
-def encounter_words(meeting: Encounter, variation: Variation) -> str:
+def encounter_words(meeting: Encounter, found: Loci) -> str:
     """An encounter in one line."""
-    a, b = (number + 1 for number in meeting.loci)
+    a, b = (found.names[number] for number in meeting.loci)
     gap = "" if meeting.kind == "crossing" else f", gap {meeting.gap:.4g} rad/s"
-    return f"{meeting.kind} {a} · {b} at {meeting.value:.5g} {variation.unit}".rstrip() + gap
+    return f"{meeting.kind} {a} · {b} at {meeting.value:.5g} {found.variation.unit}".rstrip() + gap
 
 
 def axis_words(variation: Variation) -> str:

@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import csv
-import io
-
 from tabulate import tabulate
 
+from modal.escaping import csv_rows
 from modal.loci import Loci
 
 
 def loci_text(found: Loci) -> str:
-    """One line a meeting of two loci, counted from 1: the gap of a crossing is what rounding leaves."""
+    """One line a meeting of two loci: the gap of a crossing is what rounding leaves."""
     values = found.variation.values
     where = f"{found.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {found.variation.unit}".rstrip()
     added = len(found.values) - len(values)
     between = f" and {added} between" if added else ""
-    head = f"{found.omega.shape[1]} loci over {where}, {len(values)} values{between}"
+    at = f"{found.numbered_at:.6g} {found.variation.unit}".rstrip()
+    head = f"{found.omega.shape[1]} loci over {where}, {len(values)} values{between}, numbered as in the table at {at}"
     rows = [
         (
             meeting.kind,
-            " · ".join(str(number + 1) for number in meeting.loci),
+            " · ".join(found.names[number] for number in meeting.loci),
             f"{meeting.value:.10g}",
             f"{meeting.omega:.8g}",
             f"{meeting.gap:.6g}",
@@ -34,9 +33,6 @@ def loci_text(found: Loci) -> str:
 
 def loci_csv(found: Loci) -> str:
     """One row a value: the parameter, then ω of every locus."""
-    stream = io.StringIO()
-    written = csv.writer(stream, lineterminator="\n")
-    written.writerow([found.variation.column, *(f"locus_{k}_rad_per_s" for k in range(1, found.omega.shape[1] + 1))])
-    for value, omega in zip(found.values.tolist(), found.omega.tolist(), strict=True):
-        written.writerow(map(repr, (value, *omega)))
-    return stream.getvalue()
+    head = [found.variation.column, *(f"locus_{name}_rad_per_s" for name in found.names)]
+    rows = zip(found.values.tolist(), found.omega.tolist(), strict=True)
+    return csv_rows([head, *((value, *omega) for value, omega in rows)])

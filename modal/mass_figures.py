@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from modal.coupling import Coupling, Family
+from modal.coupling import Coupling, Family, family_name
 from modal.dress import SMALL
 from modal.palette import colour, ink, muted, paper
 from modal.rig import Floats
@@ -20,7 +20,6 @@ TOP = 2.2
 """How much of all mass the axis of masses shows."""
 WIDE = 30.0
 """Ratio of frequencies from which they stand on a logarithmic axis."""
-SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 
 
@@ -44,9 +43,9 @@ def plain() -> dict[str, Any]:
     return {"facecolor": paper(), "edgecolor": "none", "pad": 1.5, "alpha": 0.85}
 
 
-def name(number: int) -> str:
-    """ω with its number from 1."""
-    return f"ω{number}".translate(SUBSCRIPTS)
+def name(index: int) -> str:
+    """ω with the letter of a family, by its index from 0."""
+    return rf"ω$_\mathrm{{{family_name(index)}}}$"
 
 
 def crowded(coupling: Coupling) -> bool:
@@ -84,7 +83,7 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
     else:
         for value in poles:
             axis.axvline(value, color=pole(), ls="--", lw=1.1)
-        _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles, 1)], pole(), above=True)
+        _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles)], pole(), above=True)
     axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6, zorder=4, mec=paper(), mew=0.8)
     _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
 
@@ -167,10 +166,8 @@ def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
     words = f"Δω = {split:.4g} rad/s" + (f"\nbeat {family.beat:.5g} s" if family.beat else "")
     side = "left" if split > 0 else "right"
     axis.text(1.1 * split, -2.2 * scale, words, fontsize=SMALL, va="center", ha=side, bbox=plain())
-    axis.set(
-        xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number + 1)} (rad/s)", ylabel=FELT
-    )
-    axis.set_title(f"close to {name(number + 1)}: coupling ε = {family.strength:.3g}")
+    axis.set(xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number)} (rad/s)", ylabel=FELT)
+    axis.set_title(f"close to {name(number)}: coupling ε = {family.strength:.3g}")
     axis.locator_params(axis="x", nbins=4)
     axis.yaxis.set_major_formatter("{x:g}")
 

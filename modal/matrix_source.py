@@ -1,4 +1,4 @@
-"""Modes from matrices, for joint springs, dampers and links that stand up.
+"""Modes from matrices, for dampers, and for what `modal.sprung_chain` leaves of joint springs and standing links.
 
 Of one chain, or of one heavy pendulum of each kind and the cart.
 

@@ -126,7 +126,7 @@ def held(modes: Modes) -> Modes:
 
 def fixed(scene: Scene) -> Scene:
     """The same pendula on a support that does not move."""
-    return scene.model_copy(update={"support": Fixed()})
+    return scene.replace(support=Fixed())
 
 
 def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
@@ -149,7 +149,7 @@ def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
             vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
             make = _swing if np.isrealobj(phi) and not vectors[2].any() else _pair if value.imag else _single
-            made = make(name, value, *vectors)
+            made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)
             right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
             right[first : first + size], right[n - size :] = made.right
             left[:, first : first + size], left[:, n - size :] = made.left
@@ -167,11 +167,11 @@ class _Made(NamedTuple):
     pushed: Complexes
 
 
-def _swing(name: str, value: complex, phi: Floats, Mphi: Floats, Dphi: Floats) -> _Made:
+def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats, Dphi: Floats) -> _Made:
     """Undamped: η and η', also for a rigid translation and, with λ = ±√−ω², for a mode that grows."""
     states = (
-        Signal(f"eta_{name}", "kg^(1/2) m", f"coordinate of mode {name}"),
-        Signal(f"eta_dot_{name}", "kg^(1/2) m/s", f"rate of the coordinate of mode {name}"),
+        Signal(f"eta_{name}", "kg^(1/2) m", meaning),
+        Signal(f"eta_dot_{name}", "kg^(1/2) m/s", f"rate of the {meaning}"),
     )
     dual, none = Mphi / (phi @ Mphi), np.zeros_like(phi)
     return _Made(
@@ -184,9 +184,9 @@ def _swing(name: str, value: complex, phi: Floats, Mphi: Floats, Dphi: Floats) -
     )
 
 
-def _pair(name: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
     """Damped and swinging: 2 Re α and −2 Im α, scaled so that φᵀ(2λM + D)φ = 2i Im λ."""
-    states = tuple(Signal(f"eta_{name}_{part}", "", f"coordinate of mode {name}") for part in ("re", "im"))
+    states = tuple(Signal(f"eta_{name}_{part}", "", meaning) for part in ("re", "im"))
     slope, wanted = _slope(value, phi, Mphi, Dphi), 2j * value.imag
     phi, Mphi, Dphi = (part * np.sqrt(wanted / slope) for part in (phi, Mphi, Dphi))
     right = [np.array([r.real, r.imag]).T for r in (phi, value * phi)]
@@ -202,7 +202,7 @@ def _pair(name: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Comp
     )
 
 
-def _single(name: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
     """Damped, without a swing: one state, scaled so that φᵀ(2λM + D)φ = ±1."""
     turn = np.conj(phi[np.argmax(np.abs(phi))])
     own, Mown, Down = ((part * turn).real for part in (phi, Mphi, Dphi))
@@ -210,7 +210,7 @@ def _single(name: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Co
     own, Mown, Down = (part / np.sqrt(abs(slope)) for part in (own, Mown, Down))
     one, sign = np.ones(1, dtype=np.complex128), np.sign(slope)
     return _Made(
-        (Signal(f"eta_{name}", "", f"coordinate of mode {name}"),),
+        (Signal(f"eta_{name}", "", meaning),),
         np.array([[rate]]),
         (own[:, None], rate * own[:, None]),
         (sign * (rate * Mown + Down)[None], sign * Mown[None]),

@@ -25,8 +25,8 @@ class Mode:
     effective_mass_share   the same over all mass of the scene, the cart included
     effective_mass_across  across the rail (kg), in space
     kappa               κ in ω(a) = ω(1 + κa²), a the largest angle (1/rad²), see `modal.amplitude`
-    linear_to_1_percent_deg  the largest angle (deg) at which |κ|a² = 1 %
-    resonances          modes near 1:1 or 1:3 with this one, in words: κ is a guide there
+    linear_to_1_percent_deg  the largest angle (deg) of any link over the period at which ω is 1 % off: |κ|a² = 1 %
+    resonances          modes near 1:1 or 1:3 that make this angle a guide, in words, see `modal.resonances`
     residual            how badly frequency and shape fit: on the structured routes |1 − ρ/ω²| of the shape's Rayleigh
                         quotient ρ; on the dense route the largest unbalanced force among (λ²M + λD + K)φ over the
                         sum of its terms' sizes
@@ -56,7 +56,7 @@ class Mode:
     @property
     def is_uncertain(self) -> bool:
         """Whether no digit of `omega` is certain: the scene is beyond double precision on its route."""
-        return self.relative_error_bound >= UNCERTAIN
+        return not self.relative_error_bound < UNCERTAIN
 
     @property
     def oscillates(self) -> bool:

@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import groupby
-from typing import NamedTuple, overload
+from math import isfinite
+from typing import Any, NamedTuple, TypeVar, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.amplitude import one_percent_amplitude
+from modal.amplitude import Swing, distortion, one_percent_amplitude
 from modal.families import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
 from modal.matrix_source import LIGHT
 from modal.mode import UNCERTAIN, Mode
-from modal.resonances import resonances
-from modal.rig import Floats, Ints, Rig, Units, rig_of
+from modal.resonances import MOST_DISTORTED, answering, resonances
+from modal.rig import Block, Floats, Ints, Rig, Units, rig_of
 from modal.routes import Part, notes
 from modal.scene import Scene
 from modal.shapes import Shape, checked_normalisation, expanded
-from modal.sources import Details
+from modal.sources import Details, largest_angle
 from modal.spectrum import Spectrum, spectrum
 
 UNDRIVEN = "Self-excitation is left out: drives feed small swings, they do not shape them."
 
 CHUNK = 400_000
+A = TypeVar("A", bound=NDArray[Any])
 
 
 class _Piece(NamedTuple):
@@ -48,13 +50,18 @@ class _Piece(NamedTuple):
         return float(self.details.effective_mass[self.at])
 
 
+def _head(pieces: list[_Piece]) -> _Piece:
+    """The one that moves most of the scene."""
+    return next((piece for piece in pieces if not piece.part.still), pieces[0])
+
+
 @dataclass(frozen=True, eq=False)
 class Modes(Sequence[Mode]):
     """All modes of a scene in ascending order of natural frequency, one entry for each distinct one.
 
-    `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,), are at hand for all of them; an item computes its
-    `Mode`.  `rig` holds the scene as arrays, `spectrum` where each mode comes from in natural `units`; `notes` say
-    what was left out and why.
+    `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,) and read-only, are at hand for all of them; an item
+    computes its `Mode`.  `rig` holds the scene as arrays, `spectrum` where each mode comes from in natural `units`;
+    `notes` say what was left out and why.
     """
 
     scene: Scene
@@ -71,8 +78,15 @@ class Modes(Sequence[Mode]):
     @overload
     def __getitem__(self, index: slice) -> list[Mode]: ...
     def __getitem__(self, index: int | slice) -> Mode | list[Mode]:
-        chosen = range(len(self))[index]
+        try:
+            chosen = range(len(self))[index]
+        except IndexError:
+            raise IndexError(self._no_index(index)) from None
         return list(self.rows(chosen)) if isinstance(chosen, range) else next(self.rows([chosen]))
+
+    def _no_index(self, index: object) -> str:
+        of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
+        return f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
 
     def __iter__(self) -> Iterator[Mode]:
         return self.rows(range(len(self)))
@@ -80,22 +94,22 @@ class Modes(Sequence[Mode]):
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """λ (R,) in rad/s: iω for undamped modes, −ζω + iω√(1−ζ²) for damped ones."""
-        return np.asarray(self.spectrum.eigenvalue * self.units.rate)
+        return _kept(self.spectrum.eigenvalue * self.units.rate)
 
     @cached_property
     def omega(self) -> Floats:
         """Natural frequencies |λ| (R,) in rad/s."""
-        return np.abs(self.eigenvalue)
+        return _kept(np.abs(self.eigenvalue))
 
     @property
     def multiplicity(self) -> Ints:
         """How many independent modes share each frequency, (R,)."""
-        return self.spectrum.multiplicity
+        return _kept(self.spectrum.multiplicity.view())
 
     @property
     def error(self) -> Floats:
         """Bounds on the relative errors of `eigenvalue`, (R,)."""
-        return self.spectrum.error
+        return _kept(self.spectrum.error.view())
 
     @cached_property
     def route(self) -> str:
@@ -132,6 +146,19 @@ class Modes(Sequence[Mode]):
         raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
 
     def _described(self, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
+        near = {n: self._resonances(n) for n in numbers}
+        asked = {n: [] if near[n] else answering(self.omega, n, self._partners(n)) for n in numbers}
+        pieces = self._pieces(sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
+        for n in numbers:
+            mode = self._mode(n, pieces[n])
+            answers = [
+                f"1:{harmonic} with mode {k + 1}"
+                for harmonic, k in asked[n]
+                if mode.kappa and self._distortion(harmonic, (n, pieces[n]), (k, pieces[k])) > MOST_DISTORTED
+            ]
+            yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
+
+    def _pieces(self, numbers: Sequence[int]) -> dict[int, list[_Piece]]:
         needed = sorted(
             ((part, n) for n in numbers for part in self.spectrum.groups[n]),
             key=lambda entry: (entry[0].source, entry[0].row),
@@ -142,12 +169,12 @@ class Modes(Sequence[Mode]):
             details = self.spectrum.details(source, [part.row for part, _ in found])
             for at, (part, n) in enumerate(found):
                 pieces[n].append(_Piece(part, details, at))
-        return ((n, self._mode(n, pieces[n])) for n in numbers)
+        return pieces
 
     def _mode(self, number: int, pieces: list[_Piece]) -> Mode:
         """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
         value, unit = self.eigenvalue[number], self.units.mass
-        head = next((piece for piece in pieces if not piece.part.still), pieces[0])
+        head = _head(pieces)
         omega = float(abs(value))
         certain = 1.0 if self.error[number] < UNCERTAIN else np.nan
         ratio = certain * float(np.clip(-value.real / omega, -1.0, 1.0) + 0.0 if omega > 0 else 0.0)
@@ -165,7 +192,7 @@ class Modes(Sequence[Mode]):
             effective_mass_across=certain * unit * sum(piece.effective_mass_across() for piece in pieces),
             kappa=kappa,
             linear_to_1_percent_deg=one_percent_amplitude(kappa),
-            resonances=self._resonances(number) if np.isfinite(kappa) else (),
+            resonances=(),
             residual=float(max(p.details.residual[p.at] for p in pieces)),
             relative_error_bound=float(self.error[number]),
             indistinct=self._indistinct(number),
@@ -212,12 +239,52 @@ class Modes(Sequence[Mode]):
         parts = self.spectrum.groups[number]
         fold = self.multiplicity[number] if self.on_cart else 1 + any(part.along and part.across for part in parts)
         own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
+        return own + resonances(self.omega, number, self._partners(number))
+
+    def _partners(self, number: int) -> Ints:
         if self.on_cart:
-            partners = self._swinging
-        else:
-            partners = np.unique([row for part in parts for row in self.spectrum.numbers_of_kind[part.kind]])
-            partners = partners[np.isin(partners, self._swinging)]
-        return own + resonances(self.omega, number, partners)
+            return self._swinging
+        kinds = {part.kind for part in self.spectrum.groups[number]}
+        partners = np.unique([row for kind in kinds for row in self.spectrum.numbers_of_kind[kind]])
+        return partners[np.isin(partners, self._swinging)]
+
+    def _distortion(self, harmonic: int, own: tuple[int, list[_Piece]], other: tuple[int, list[_Piece]]) -> float:
+        """How much another mode's answer changes a mode's angle of 1 %, relative: between shapes that move alike.
+
+        Shapes of other symmetry are not driven: equal pendula in antiphase do not push what moves them alike.
+        """
+        (number, pieces), (partner, others) = own, other
+        head = _head(pieces)
+        kappa = np.array([head.details.kappa[head.at]])
+        found = [
+            distortion(self._blocks(head.part), self._swing(number, head), self._swing(partner, piece), harmonic, kappa)
+            for piece in others
+            if piece.part.kind == head.part.kind
+        ]
+        return float(np.abs(found).max(initial=0.0))
+
+    def _swing(self, number: int, piece: _Piece) -> Swing:
+        details, at = piece.details, [piece.at]
+        angles = tuple(angle[:, :, at].real for angle in details.angles)
+        largest = largest_angle(angles)
+        return Swing(
+            x=np.abs(self.spectrum.eigenvalue[[number]]) ** 2,
+            modal_mass=details.modal_mass[at] / largest**2,
+            cart=details.cart[at].real / largest,
+            angles=tuple(angle / largest for angle in angles),
+        )
+
+    def _blocks(self, part: Part) -> tuple[Block, ...]:
+        """What moves in the shapes of a part, in natural units: one chain, or all as heavy as their copies."""
+        blocks = self._natural.blocks
+        if part.kind:
+            block, column = part.kind
+            return (blocks[block].take(np.array([column])),)
+        return tuple(block.heavier(block.count) for block in blocks)
+
+    @cached_property
+    def _natural(self) -> Rig:
+        return self.rig.natural()[0]
 
     @cached_property
     def _swinging(self) -> Ints:
@@ -230,6 +297,12 @@ class Modes(Sequence[Mode]):
         return any(
             abs(omega[k] - omega[number]) <= error[k] * omega[k] + error[number] * omega[number] for k in neighbours
         )
+
+
+def _kept(values: A) -> A:
+    """An array that cannot be written to."""
+    values.flags.writeable = False
+    return values
 
 
 def natural_modes(scene: Scene) -> Modes:

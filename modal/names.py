@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Iterable
+from zlib import crc32
 
 LONGEST = 32
 
@@ -12,13 +13,16 @@ LONGEST = 32
 def identifier(text: str, fallback: str = "pendula") -> str:
     """ASCII letters, digits and underscores, no digit first, at most LONGEST characters; `fallback` for no text.
 
-    >>> identifier("Größe 2: ein Kran"), identifier("2 loads"), identifier("∀")
-    ('Gro_e_2_ein_Kran', 'n_2_loads', 'pendula')
+    A text beyond ASCII of which no letter is left becomes `fallback` and a checksum, so that two have two names; so
+    does one of signs alone.
+
+    >>> identifier("Größe 2: ein Kran"), identifier("2"), identifier("振り子"), identifier("")
+    ('Gro_e_2_ein_Kran', 'n_2', 'pendula_87cf40f7', 'pendula')
     """
     ascii_text = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
-    word = re.sub(r"[^A-Za-z0-9_]+", "_", ascii_text)[:LONGEST].strip("_")
-    if not word:
-        return fallback
+    word = re.sub(r"[^A-Za-z0-9]+", "_", ascii_text)[:LONGEST].strip("_")
+    if not re.search("[A-Za-z0-9]" if text.isascii() else "[A-Za-z]", word):
+        return f"{fallback}_{crc32(text.encode()):08x}" if text else fallback
     return f"n_{word}"[:LONGEST] if word[0].isdigit() else word
 
 

@@ -52,7 +52,7 @@ def folded(scene: Scene) -> Folded:
         passed += copies
     firsts, pendula, counts = zip(*kinds.values(), strict=True)
     heavy = tuple(_heavier(pendulum, count) for pendulum, count in zip(pendula, counts, strict=True))
-    return Folded(scene.model_copy(update={"pendulum": heavy}), firsts, counts)
+    return Folded(scene.replace(pendulum=heavy), firsts, counts)
 
 
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
@@ -67,7 +67,7 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     model = state_space(fold.scene, inputs, outputs)
     inside = [signal.name for signal in model.inputs if signal.name not in OF_A_CART]
     if inside and max(fold.copies) > 1:
-        raise SceneError([f"--input {name}: tells equal pendula apart, so they do not fold" for name in inside])
+        raise SceneError([f"input {name}: tells equal pendula apart, so they do not fold" for name in inside])
     model = _read_off_the_first(fold, model)
     form = modal_form(natural_modes(fold.scene), model)
     blocks = [_rate_alone(form, block) for block in essential(form)]
@@ -103,8 +103,8 @@ def _heavier(pendulum: Pendulum, count: int) -> Pendulum:
     links = []
     for link in pendulum.links:
         names = (*EXTENSIVE, "inertia") if isinstance(link, Body) else EXTENSIVE
-        links.append(link.model_copy(update={name: getattr(link, name) * count for name in names}))
-    return pendulum.model_copy(update={"links": tuple(links), "count": 1, "start": None})
+        links.append(link.replace(**{name: getattr(link, name) * count for name in names}))
+    return pendulum.replace(links=tuple(links), count=1, start=None)
 
 
 def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
@@ -170,11 +170,14 @@ def truncated(modes: Modes, model: StateSpace, count: int, by: Choice = "contrib
     `by` "contribution" keeps those that contribute most to any one transfer function, "lowest" those of lowest
     frequency.  A rigid translation, a prescribed cart and modes that grow are kept beside them, modes that no input
     reaches or no output sees are not; of all others D takes over the static gain, so that G(0) less the rigid part
-    is that of the whole model.  Raises ValueError for a count below 0 and another `by`.
+    is that of the whole model.  Raises ValueError for a count below 0 and another `by`, SceneError for more modes
+    than the model has.
     """
     if count < 0 or by not in get_args(Choice):
         raise ValueError(f'count = {count}, by = {by!r}: a count of modes, by "contribution" or "lowest"')
     form = modal_form(modes, model)
+    if count > (total := sum(block.mode is not None for block in form.blocks)):
+        raise SceneError([f"{count} modes: the model has {total}"])
     blocks = essential(form)
     swinging = [k for k, block in enumerate(blocks) if _settles(block)]
     rank = -_contributions(form, [blocks[k] for k in swinging]) if by == "contribution" else range(len(swinging))

@@ -1,4 +1,8 @@
-"""Modes whose frequencies stand near 1:1 or 1:3, where a small nonlinearity can move energy between them."""
+"""Modes whose frequencies stand near 1:1 or 1:3, where a small nonlinearity can move energy between them.
+
+Near is what stands within WIDTH of the ratio, whatever the amplitude; farther away, what answers a swing at the angle
+of 1 % so much that this angle is another (`modal.amplitude.distortion`, which follows the drift of both frequencies).
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,14 @@ from modal.rig import Floats, Ints
 
 WIDTH = 0.02
 """How far from the exact ratio, relative to the frequency."""
+WIDEST = 0.25
+"""Within which another mode's answer is worked out, that of the nearest on either side of the ratio."""
+MOST_DISTORTED = 0.03
+"""How far from the printed angle of 1 % the true one may lie by that answer before a mode is named for it."""
 MOST_NAMED = 4
 RATIOS = (("1:1", 1.0), ("1:3", 3.0), ("3:1", 1 / 3))
+DRIVEN = (1, 3)
+"""The harmonics in which a swing drives other modes."""
 
 
 def resonances(omega: Floats, number: int, partners: Ints) -> tuple[str, ...]:
@@ -26,3 +36,13 @@ def resonances(omega: Floats, number: int, partners: Ints) -> tuple[str, ...]:
         more = int(high - low - itself) - len(near)
         found += [f"{ratio} with {more} more"] if more > 0 else []
     return tuple(found)
+
+
+def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int]]:
+    """(harmonic, partner) of what may answer a swing in this mode; indices as in `resonances`."""
+    found, others = [], partners[partners != number]
+    for harmonic in DRIVEN if omega[number] else ():
+        at = int(np.searchsorted(omega[others], harmonic * omega[number]))
+        sides = others[max(at - 1, 0) : at + 1].tolist()
+        found += [(harmonic, k) for k in sides if abs(omega[k] / omega[number] / harmonic - 1) < WIDEST]
+    return found

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal import pair
-from modal.scene import Cart, Pendulum, Scene
+from modal.scene import Cart, Pendulum, Scene, insist_scene
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -169,7 +169,8 @@ class Rig:
 
 
 def rig_of(scene: Scene) -> Rig:
-    """The arrays of a scene, in SI units."""
+    """The arrays of a scene, in SI units; SceneError for what is none."""
+    insist_scene(scene)
     deep = sorted(range(len(scene.pendulum)), key=lambda index: scene.pendulum[index].n_links)
     members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
     blocks: list[Block] = []

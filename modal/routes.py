@@ -20,6 +20,7 @@ from modal.effective import CartProblem, bare_mass
 from modal.matrix_source import FromMatrices
 from modal.rig import Block, Booleans, CartNumbers, Floats, Ints, Rig
 from modal.sources import Alone, Rigid, Source, Together, bare_accelerance
+from modal.sprung_chain import SprungProblem
 
 MOST_LINKS_TOGETHER = 600
 CLOSE = 1e-8
@@ -66,9 +67,9 @@ class Batch:
 
 
 def batches(rig: Rig) -> Iterator[Batch]:
-    """All modes of a rig in natural units; a dense source only for what has joint springs or dampers."""
+    """All modes of a rig in natural units; a dense source only where something damps or no structured one is left."""
     alone = [Alone(block) for block in rig.blocks]
-    coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_matrices(rig)
+    coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
@@ -92,36 +93,45 @@ def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: boo
 
 def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
     block = source.block
-    structured = np.flatnonzero(needed & ~_is_dense(block))
+    structured = np.flatnonzero(needed & _is_plain(block))
     if structured.size:
         yield structured, source if structured.size == block.size else Alone(block.take(structured))
-    for column in np.flatnonzero(needed & _is_dense(block)):
+    for column in np.flatnonzero(needed & ~_is_plain(block)):
         chain = block.take(np.array([column]))
-        yield np.array([column]), FromMatrices((chain,), (chain.count,), None)
+        yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None))
 
 
-def _is_dense(block: Block) -> Booleans:
-    """Which chains (P,) have joint springs or dampers, or links that stand up."""
+def _is_plain(block: Block) -> Booleans:
+    """Which chains (P,) have neither joint springs nor dampers, and no link that stands up."""
     broken = (block.damping > 0) | (block.stiffness > 0) | (block.sigma < 0)
-    return np.asarray(broken.any(0), dtype=np.bool_)
+    return np.asarray(~broken.any(0), dtype=np.bool_)
 
 
-def _needs_matrices(rig: Rig) -> bool:
-    """Whether what hangs from a cart has no structured form."""
+def _needs_more(rig: Rig) -> bool:
+    """Whether what hangs from a cart has no effective mass alone."""
     dragged = rig.cart is not None and rig.cart.damping > 0
-    return dragged or any(_is_dense(block).any() for block in rig.blocks)
+    return dragged or not all(_is_plain(block).all() for block in rig.blocks)
+
+
+def _sprung(matrices: FromMatrices) -> Source:
+    """Of chains with joint springs or standing links: by mass and moment, unless something damps or it is too much."""
+    blocks, cart = matrices.blocks, matrices.cart
+    many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
+    if matrices.is_damped or matrices.is_singular or many:
+        return matrices
+    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), matrices.bare_accelerance)
 
 
 def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
-    needs_matrices = _needs_matrices(rig)
+    special = _needs_more(rig)
     matrices = FromMatrices(heavy, counts, cart)
-    accelerance = matrices.bare_accelerance if needs_matrices else bare_accelerance(heavy, cart)
+    accelerance = matrices.bare_accelerance if special else bare_accelerance(heavy, cart)
     if cart.stiffness == 0:
         yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged=cart.damping > 0))
-    if needs_matrices:
-        yield _moving(matrices)
+    if special:
+        yield _moving(_sprung(matrices))
     elif rig.n_kinds == 1:
         yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
     else:

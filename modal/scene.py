@@ -9,6 +9,7 @@ about that centre.  All numbers are SI; angles in a scene file are degrees, coun
 from __future__ import annotations
 
 from collections.abc import Iterator
+from os import PathLike, fspath
 from typing import Annotated, Any, Literal
 from unicodedata import category
 
@@ -18,7 +19,7 @@ from modal import pair
 from modal.drives import Drive
 from modal.errors import SceneError
 from modal.messages import problems_of
-from modal.validation import Checked, Count, NonNegative, Positive, Real, insist
+from modal.validation import Checked, Count, NonNegative, Positive, Real, Several, insist
 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
@@ -96,7 +97,7 @@ class Pendulum(Checked):
     `equilibrium` says for each link whether it points down or up at the rest about which the scene is linearized.
     """
 
-    links: Annotated[tuple[Annotated[Bob | Rod | Body, Field(discriminator="kind")], ...], Field(min_length=1)]
+    links: Annotated[tuple[Annotated[Bob | Rod | Body, Field(discriminator="kind")], ...], Field(min_length=1), Several]
     count: Count = 1
     equilibrium: tuple[Way, ...] | None = None
     start: Start | None = None
@@ -151,7 +152,7 @@ class Scene(Checked):
     gravity: Positive
     space: Literal["plane", "space"] = "plane"
     support: Annotated[Fixed | Cart, Field(discriminator="kind")] = Fixed()
-    pendulum: Annotated[tuple[Pendulum, ...], Field(min_length=1)]
+    pendulum: Annotated[tuple[Pendulum, ...], Field(min_length=1), Several]
 
     @property
     def n_pendula(self) -> int:
@@ -185,13 +186,19 @@ class Scene(Checked):
         """The same without self-excitation and dampers."""
         still = self._with(drive=None, damping=0.0)
         held = isinstance(self.support, Cart)
-        return still.model_copy(update={"support": self.support.model_copy(update={"damping": 0.0})}) if held else still
+        return still.replace(support=self.support.replace(damping=0.0)) if held else still
+
+    @property
+    def in_plane(self) -> Scene:
+        """The same in the plane of the rail, without azimuths of its starts."""
+        pendula = (one.replace(start=one.start and one.start.replace(azimuths_deg=None)) for one in self.pendulum)
+        return self.replace(space="plane", pendulum=tuple(pendula))
 
     def _with(self, **joint: Any) -> Scene:
         """The same with these numbers at every joint."""
-        links = (tuple(link.model_copy(update=joint) for link in one.links) for one in self.pendulum)
-        pendula = (one.model_copy(update={"links": own}) for one, own in zip(self.pendulum, links, strict=True))
-        return self.model_copy(update={"pendulum": tuple(pendula)})
+        links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
+        pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
+        return self.replace(pendulum=tuple(pendula))
 
     @property
     def stands(self) -> bool:
@@ -222,6 +229,14 @@ class Scene(Checked):
             for number, link in enumerate(pendulum.links if self.space == "space" else ()):
                 if link.drive:
                     yield f'.pendulum[{index}].links[{number}].drive: needs space = "plane"'
+
+
+def insist_scene(given: object) -> Scene:
+    """The scene itself; SceneError says what was meant where something else was given."""
+    if isinstance(given, Scene):
+        return given
+    meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
+    raise SceneError([f"a scene is needed, and this is of type {type(given).__name__}{meant}"])
 
 
 def scene_from(data: object) -> Scene:

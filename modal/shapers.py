@@ -20,19 +20,20 @@ frequencies.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
 from math import exp, pi, sqrt
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.bisect import smallest_where
-from modal.errors import ComputationError, SceneError
+from modal.errors import ComputationError, SceneError, meant
 from modal.modal_form import fixed
-from modal.modes import natural_modes
+from modal.modes import Modes, natural_modes
+from modal.numbering import MOST_COMPARED, counterparts
 from modal.rig import Booleans, Floats
 from modal.scene import Scene
 
@@ -43,6 +44,11 @@ REACH, RUNGS = 4, 1000
 BEATS = {"zv": (1, 1), "zvd": (1, 2, 1)}
 Kind = Literal["zv", "zvd"]
 Drive = Literal["cart_force", "cart_acceleration", "cart_velocity"]
+ASSUMED = {
+    "cart_acceleration": "trolley motion prescribed: the load swings as on a support that stands still",
+    "cart_velocity": "trolley motion prescribed: the load swings as on a support that stands still",
+    "cart_force": "trolley pushed by a force: it swings with its load, as in the table",
+}
 
 
 class Swing(NamedTuple):
@@ -100,17 +106,51 @@ def shaper_for(
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     """The modes that a drive makes swing, in ascending order: with a prescribed motion those of a held support.
 
-    Under "cart_force" they are the free ones that move the cart.  Raises SceneError for a force on a fixed support.
+    Under "cart_force" they are the free ones that move the cart.  Raises SceneError for another drive and for a fixed
+    support, ComputationError for an unstable rest.
     """
-    if drive != "cart_force":
-        return [Swing(mode.omega, mode.damping_ratio) for mode in natural_modes(fixed(scene)) if mode.oscillates]
+    modes, rows = _swinging(scene, drive)
+    return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
+
+
+def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
+    """The modes that a drive meets, and the indices of those that it makes swing."""
+    drives = get_args(Drive)
+    problems = (
+        [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
+    )
     if scene.support.kind != "cart":
-        raise SceneError(["--input cart_force: the support is fixed"])
-    return [
-        Swing(mode.omega, mode.damping_ratio)
-        for mode in natural_modes(scene)
-        if mode.oscillates and mode.cart_participation != 0
-    ]
+        problems.append("the support is fixed: a shaper is for what moves a cart")
+    if problems:
+        raise SceneError(problems)
+    pushed = drive == "cart_force"
+    modes = natural_modes(scene if pushed else fixed(scene))
+    every = list(modes)
+    if growing := next((mode for mode in every if mode.growth_rate), None):
+        raise ComputationError(
+            f"the rest is unstable: it is left at {growing.growth_rate:.4g} 1/s, and no shaper brings that to rest"
+        )
+    return modes, [mode.number - 1 for mode in every if mode.oscillates and (not pushed or mode.cart_participation)]
+
+
+def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
+    """What a shaper for the `count` slowest modes assumes, then a line for each, the table's mode beside it."""
+    modes, rows = _swinging(scene, drive)
+    pushed, told = drive == "cart_force", scene.n_links <= MOST_COMPARED
+    beside = [""] * len(modes) if pushed or not told else _beside(modes, natural_modes(scene))
+    yield ASSUMED[drive]
+    for number, (row, mode) in enumerate(zip(rows[:count], modes.rows(rows[:count]), strict=True), start=1):
+        name = f"mode {mode.number}" if pushed else f"fixed-base mode {number}"
+        yield f"{name}: {mode.omega:.9g} rad/s, damping ratio {mode.damping_ratio:.4g}{beside[row]}"
+
+
+def _beside(modes: Modes, table: Modes) -> list[str]:
+    """For every mode of a held support the table's, with the cart free, that is most like it."""
+    moving = {mode.number - 1: mode for mode in table if mode.oscillates and mode.cart_participation}
+    if not moving:
+        return [""] * len(modes)
+    found = (moving[row] for row in counterparts(modes, table, list(moving)).tolist())
+    return [f"; the table, with the trolley free: mode {mode.number}, {mode.omega:.9g} rad/s" for mode in found]
 
 
 def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) -> Floats:
@@ -174,11 +214,11 @@ def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int =
     entry = scene.pendulum[pendulum]
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():
-        changed = entry.links[link].model_copy(update={"length": length})
+        changed = entry.links[link].replace(length=length)
         links = (*entry.links[:link], changed, *entry.links[link + 1 :])
         pendula = list(scene.pendulum)
-        pendula[pendulum] = entry.model_copy(update={"links": links})
-        found.append(scene.model_copy(update={"pendulum": tuple(pendula)}))
+        pendula[pendulum] = entry.replace(links=links)
+        found.append(scene.replace(pendulum=tuple(pendula)))
     return found
 
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import SceneError, meant
 from modal.rig import Floats, rig_of
 from modal.scene import Scene
 
@@ -185,9 +185,12 @@ OF_A_CART = {"cart_force", "cart_position", "cart_velocity", "cart_acceleration"
 
 def checked(words: tuple[str, ...], known: tuple[str, ...], what: str, *, on_cart: bool) -> tuple[str, ...]:
     """The words themselves; SceneError names every one that is unknown, repeated or needs a cart."""
-    problems = [f"--{what} {word}: must be one of {', '.join(known)}" for word in words if word not in known]
-    problems += [f"--{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
-    problems += [f"--{what} {word}: the support is fixed" for word in words if word in OF_A_CART and not on_cart]
+    if isinstance(words, str):
+        raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
+    there = ", ".join(known)
+    problems = [f"{what} {word}: must be one of {there}{meant(word, known)}" for word in words if word not in known]
+    problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
+    problems += [f"{what} {word}: the support is fixed" for word in words if word in OF_A_CART and not on_cart]
     if problems:
         raise SceneError(problems)
     return words

@@ -26,7 +26,7 @@ from modal.dense import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.linear import Matrices, matrices
 from modal.rig import Floats
-from modal.scene import Scene
+from modal.scene import Scene, insist_scene
 from modal.signals import (
     DRIVES,
     INPUTS,
@@ -82,7 +82,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     absolute angles.  Raises SceneError for groups that the scene has not, ComputationError where M is singular or the
     model has more than LARGEST_STATE states.
     """
-    if 2 * scene.n_links > LARGEST_STATE:
+    if 2 * insist_scene(scene).n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)
     default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
@@ -90,8 +90,11 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     read = checked(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
     found, motion = matrices(scene), {None: _free, "cart_acceleration": _accelerated, "cart_velocity": _moved}[drive]
-    moved = motion(found, geometry, push.F)
-    C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
+    with np.errstate(all="ignore"):
+        moved = motion(found, geometry, push.F)
+        C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
+    if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
+        raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
     own = [DRIVES[drive]] if drive else []
     resting = (
         (f"theta_{label}", 0.0 if way > 0 else np.pi)
@@ -113,7 +116,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 def _drive(wanted: tuple[str, ...]) -> str | None:
     prescribed = [name for name in wanted if name in DRIVES]
     if len(prescribed) > 1 or (prescribed and "cart_force" in wanted):
-        raise SceneError(["--input: the cart has one of a force, an acceleration and a velocity"])
+        raise SceneError(["input: the cart has one of a force, an acceleration and a velocity"])
     return prescribed[0] if prescribed else None
 
 
@@ -175,13 +178,14 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
 
 
 def _solved(M: Floats, right: Floats) -> Floats:
-    """M⁻¹ right; ComputationError where M is singular."""
+    """M⁻¹ right, M with its diagonal brought near 1; ComputationError where it is singular."""
     if is_singular(M):
         raise ComputationError(
             "the mass matrix is singular to double precision (as with a massless cart over bobs): a force gives no "
             "finite acceleration; give the cart or the links some inertia, or prescribe the cart's motion"
         )
-    return np.asarray(np.linalg.solve(M, right), dtype=np.float64)
+    scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
+    return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
 
 
 def _positions(geometry: Geometry) -> list[Signal]:
@@ -206,7 +210,7 @@ def _outputs(
             (reading.acceleration, moved.acceleration),
         ):
             if part is not None and maps is None:
-                raise SceneError(["--output pivot_forces: a cart whose velocity jumps has impulses there"])
+                raise SceneError(["output pivot_forces: a cart whose velocity jumps has impulses there"])
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
         if reading.pushed and push.signals:

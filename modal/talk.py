@@ -9,13 +9,20 @@ amplitudes obey i a' = H a with
 so that of the energy given to one the other gets at most 4g²/(4g² + δ²), once in every 2π/√(4g² + δ²)
 (two coupled oscillators: Landau & Lifshitz, Mechanics, §23).  More than half passes over where |δ| < 2|g|.  All of
 this takes m for a constant: where it changes between ω_a and ω_b, something else takes part in the exchange.
+
+Dampers make H complex.  One of c_c on the cart adds c_c/iω to m, those of the joints add iσ_a to H_aa.  With
+Ω = √(g² + δ²/4) and h half the trace of H,
+
+    a = e^{iht} (cos Ωt + iδ/2 sin Ωt / Ω),    b = ig e^{iht} sin Ωt / Ω,
+
+the energy is on its way back after π/Re Ω; where Im Ω is larger than Re Ω it never comes back.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
-from math import hypot, inf, pi, sqrt
+from math import isfinite, pi, sqrt
 
 import numpy as np
 
@@ -23,6 +30,7 @@ from modal.dynamic_mass import DynamicMass
 from modal.own_modes import OwnModes
 from modal.rig import Booleans, Floats, Ints
 
+SAMPLES = 2001
 MOST_MODES = 40
 """Modes up to which pairs say anything: among more, so many lie within reach of each other that no two are alone."""
 STRONG = 0.5
@@ -32,11 +40,55 @@ STEADY = 0.2
 
 
 @dataclass(frozen=True)
+class Exchange:
+    """What becomes of the energy given to one of two coupled amplitudes, as shares of it.
+
+    `most` is what the other ever holds; after `period` seconds, from one to the other and back, `left` is the most
+    that the first has again.  `beats` if any of it comes back: dampers can part the two before.  `lossless` without
+    dampers.
+    """
+
+    period: float
+    most: float
+    left: float
+    beats: bool
+    lossless: bool
+
+
+def exchange(first: complex, second: complex, coupling: complex) -> Exchange:
+    """Of the amplitudes a' = iHa, H = [[first, coupling], [coupling, second]] in rad/s."""
+    half, decay = np.complex128(first - second) / 2, (first.imag + second.imag) / 2
+    with np.errstate(all="ignore"):
+        turn = np.sqrt(np.complex128(coupling) ** 2 + half**2)
+        period = float(pi / abs(turn.real))
+        if not (first.imag or second.imag or coupling.imag):
+            most = float(abs(coupling / turn) ** 2) if turn else 0.0
+            return Exchange(period, most, 1.0, beats=isfinite(period), lossless=True)
+        rate = max(float(abs(turn)), decay)
+        early, late = np.linspace(0.0, min(period, 100 / rate), SAMPLES), np.geomspace(1e-3, 1e6, SAMPLES) / rate
+        other = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
+        left = float(max(_returned(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
+    return Exchange(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
+
+
+def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
+    """|e^{iht} sin Ωt / Ω|² at these times: every exponential by itself, none of them grows."""
+    grown = np.exp((1j * turn - decay) * times) - np.exp((-1j * turn - decay) * times)
+    return np.abs(grown / (2 * turn) if turn else times * np.exp(-decay * times)) ** 2
+
+
+def _returned(half: np.complex128, turn: np.complex128, decay: float, time: float) -> float:
+    """|a|² at a time."""
+    up, down = (np.exp((sign * 1j * turn - decay) * time) for sign in (1, -1))
+    return float(np.abs((up + down) / 2 + half * (up - down) / (2 * turn)) ** 2)
+
+
+@dataclass(frozen=True)
 class Talk:
     """Modes `first` and `second`, indices into `OwnModes`, all copies of each kind swinging alike.
 
-    `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them; `alone` if no other mode takes
-    part and g is small enough for all this.
+    `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them, all without dampers, and `exchange`
+    what passes with them; `alone` if no other mode takes part and g is small enough for all this.
     """
 
     first: int
@@ -45,28 +97,24 @@ class Talk:
     coupling: float
     cart_mass: float
     alone: bool
-
-    @property
-    def beat(self) -> float:
-        """√(4g² + δ²) in rad/s."""
-        return hypot(2 * self.coupling, self.detuning)
+    exchange: Exchange
 
     @property
     def period(self) -> float:
         """Seconds from one pendulum to the other and back."""
-        return 2 * pi / self.beat if self.beat else inf
+        return self.exchange.period
 
     @property
     def share(self) -> float:
-        """The most of one's energy that the other gets, 0 … 1."""
-        return (2 * self.coupling / self.beat) ** 2 if self.beat else 0.0
+        """The most of one's energy that the other ever holds, 0 … 1."""
+        return self.exchange.most
 
 
-def talks(own: OwnModes, dynamic: DynamicMass, pole: Ints) -> tuple[Talk, ...]:
-    """Pairs of modes of different kinds, those that share most first; `pole` (K,) is the pole that each mode stands in.
+def talks(own: OwnModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0) -> tuple[Talk, ...]:
+    """Pairs of modes of different kinds, those that share most first.
 
-    A pair with nothing between them, m = 0, is tied together, and left out: it does not exchange anything.  None of
-    more than MOST_MODES modes.
+    `pole` (K,) is the pole that each mode stands in, `damping` (N s/m) the cart's.  A pair with nothing between them,
+    m = 0, is tied together, and left out: it does not exchange anything.  None of more than MOST_MODES modes.
     """
     places = range(len(own.omega)) if len(own.omega) <= MOST_MODES else ()
     pairs = [(a, b) for a, b in combinations(places, 2) if own.kind[a] != own.kind[b]]
@@ -74,7 +122,7 @@ def talks(own: OwnModes, dynamic: DynamicMass, pole: Ints) -> tuple[Talk, ...]:
     masses = _between(dynamic, pole[chosen])
     alone = _alone(own, dynamic, pole, chosen, masses)
     every = zip(pairs, masses.tolist(), alone.tolist(), strict=True)
-    found = [_talk(own, a, b, m, by_itself) for (a, b), m, by_itself in every if m]
+    found = [_talk(own, a, b, m, damping, alone=by_itself) for (a, b), m, by_itself in every if m]
     return tuple(sorted(found, key=lambda talk: -talk.share))
 
 
@@ -104,9 +152,13 @@ def _alone(own: OwnModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floa
     return alone
 
 
-def _talk(own: OwnModes, a: int, b: int, m: float, alone: bool) -> Talk:
-    """Pair (a, b) on a cart that resists with m."""
+def _talk(own: OwnModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> Talk:
+    """Pair (a, b) on a cart that resists with m and a damper."""
     wa, wb = float(own.omega[a]), float(own.omega[b])
     ma, mb = (float(own.mass[k] * own.count[k]) for k in (a, b))
     detuning = (wa - wb) + (wa * ma - wb * mb) / (2 * m)
-    return Talk(a, b, detuning, sqrt(ma * mb * wa * wb) / (2 * abs(m)), m, alone)
+    coupling, yielding = sqrt(ma * mb * wa * wb), 1 / (2 * m - 2j * damping / sqrt(wa * wb)) if isfinite(m) else 0.0
+    first, second = (w * (1 + mu * yielding) + 1j * float(own.rate[k]) for w, mu, k in ((wa, ma, a), (wb, mb, b)))
+    passed = exchange(first, second, coupling * yielding)
+    creeps = float(own.rate[a]) >= wa or float(own.rate[b]) >= wb
+    return Talk(a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not creeps))

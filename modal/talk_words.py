@@ -7,9 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from modal.coupling import Coupling
-from modal.family_words import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, member
-from modal.prose import capital, percent, rad, short
+from modal.family_words import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered
+from modal.prose import capital, listed, percent, rad, short
 from modal.talk import MOST_MODES, STRONG, Talk
+
+HALF = 0.5
 
 
 def exchanges(coupling: Coupling) -> Iterator[str]:
@@ -29,7 +31,6 @@ def exchanges(coupling: Coupling) -> Iterator[str]:
 def _pair(coupling: Coupling, talk: Talk) -> str:
     own = coupling.own
     a, b = (member(coupling, k) for k in (talk.first, talk.second))
-    verdict = "they talk" if abs(talk.detuning) < 2 * talk.coupling else "detuning keeps them apart"
     strength = max(float(own.mass[k] * own.count[k]) for k in (talk.first, talk.second)) / abs(talk.cart_mass)
     if strength > STRONG:
         return (
@@ -41,13 +42,34 @@ def _pair(coupling: Coupling, talk: Talk) -> str:
             f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
             "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
         )
+    creeping = [capital(member(coupling, k)) for k in (talk.first, talk.second) if own.rate[k] >= own.omega[k]]
+    if creeping:
+        return f"{listed(creeping, len(creeping))}: joint dampers let it creep back without a swing [σ ≥ ω], no beats."
     return (
         f"{capital(a)} and {b}: detuning {short(abs(talk.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
         f"ω_b(1 + μ_b/2m)] against coupling {short(talk.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "
-        f"{short(talk.cart_mass)} kg]: {verdict}. One passes at most {percent(talk.share)} of its energy to the other "
-        f"[4g²/(4g² + δ²)] in beats of {short(talk.period)} s [2π/√(4g² + δ²)]"
-        f"{GUIDE if strength > ROUGH else ''}."
+        f"{short(talk.cart_mass)} kg]: {_passed(talk)}{GUIDE if strength > ROUGH else ''}."
     )
+
+
+def _passed(talk: Talk) -> str:
+    """Whether they talk, what passes and what comes back."""
+    passed, tuned = talk.exchange, abs(talk.detuning) < 2 * talk.coupling
+    if passed.lossless:
+        return (
+            f"{'they talk' if tuned else 'detuning keeps them apart'}. One passes at most {percent(talk.share)} of its "
+            f"energy to the other [4g²/(4g² + δ²)] in beats of {short(talk.period)} s [2π/√(4g² + δ²)]"
+        )
+    verdict = (
+        ("they talk" if talk.share > HALF else "dampers keep them apart") if tuned else "detuning keeps them apart"
+    )
+    back = (
+        f"after a beat of {short(talk.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most {left(passed.left)} "
+        "is back"
+        if passed.beats
+        else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
+    )
+    return f"{verdict}. With the dampers the other never holds more than {left(talk.share)} of one's energy, and {back}"
 
 
 def _crowd(coupling: Coupling) -> Iterator[str]:
@@ -72,6 +94,6 @@ def _crowd(coupling: Coupling) -> Iterator[str]:
     )
     top = max(coupling.cart_modes, key=lambda mode: mode.participation)
     yield (
-        f"The mode that moves the cart most, at {rad(top.omega)}, has {percent(top.participation)} of its velocity "
-        "after a push [φ_x²/Σφ_x²]."
+        f"The mode that moves the cart most, at {rad(top.omega)}{numbered(coupling, top.omega)}, has "
+        f"{percent(top.participation)} of its velocity after a push [φ_x²/Σφ_x²]."
     )

@@ -29,7 +29,9 @@ def target(
     found = _TARGET.fullmatch(name)
     if not found:
         if ways or kind != KINDS[0]:
-            raise SceneError([f"{name}: --links and --equilibrium are for chain: and cart:, a scene has its own"])
+            raise SceneError(
+                [f"{name}: a kind of link and an equilibrium are for chain: and cart:, a scene has its own"]
+            )
         scene = load(name)
         return symbolic.of_scene(scene, chosen), scene
     support, count, links = found[1], int(found[2] or 1), int(found[3])

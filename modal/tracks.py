@@ -19,6 +19,7 @@ from modal.errors import ComputationError
 from modal.linear import matrices
 from modal.mode import UNCERTAIN
 from modal.modes import Modes, natural_modes
+from modal.numbering import paired
 from modal.places import varied
 from modal.rig import Floats, Ints
 from modal.scene import Scene
@@ -33,18 +34,20 @@ class Point:
     """All R modes at one value of the parameter, one for each independent shape.
 
     `omega` (R,) in rad/s; `shapes` (planes, n, R) with φᵀMφ = 1 over the coordinates of `M` (n, n), along the rail and,
-    in space, across it; `group` (R,): modes of one number have frequencies that error bounds do not tell apart.
+    in space, across it; `group` (R,): modes of one number have frequencies that error bounds do not tell apart; `row`
+    (R,) of each in the table there, from 0.
     """
 
     value: float
     omega: Floats
     shapes: Floats
     group: Ints
+    row: Ints
     M: Floats
 
     def reordered(self, order: Ints, shapes: Floats) -> Point:
         """The same modes in another order, with shapes that span the same spaces."""
-        return replace(self, omega=self.omega[order], group=self.group[order], shapes=shapes)
+        return replace(self, omega=self.omega[order], group=self.group[order], row=self.row[order], shapes=shapes)
 
 
 def solved(scene: Scene, path: str, value: float) -> Point:
@@ -63,7 +66,8 @@ def solved(scene: Scene, path: str, value: float) -> Point:
     if np.any(modes.eigenvalue.real):
         raise ComputationError(f"{where} some modes decay or grow: loci are of undamped scenes about a stable rest")
     fold = modes.multiplicity
-    return Point(value, np.repeat(modes.omega, fold), _shapes(modes), np.repeat(_groups(modes), fold), matrices(here).M)
+    group, row = (np.repeat(each, fold) for each in (_groups(modes), np.arange(len(modes))))
+    return Point(value, np.repeat(modes.omega, fold), _shapes(modes), group, row, matrices(here).M)
 
 
 def _groups(modes: Modes) -> Ints:
@@ -105,23 +109,13 @@ def followed(before: Point, after: Point) -> tuple[Point, bool]:
     np.add.at(shares, members, overlap**2)
     best, free = np.argmax(shares, axis=0), np.bincount(members)
     sure = bool(np.all(shares.max(axis=0) >= SURE) and np.array_equal(np.bincount(best, minlength=names.size), free))
-    chosen = best if sure else _one_to_one(shares, free)
+    chosen = best if sure else paired(shares.T, free)
     order, shapes = np.zeros_like(members), np.zeros_like(after.shapes)
     for number in range(names.size):
         rows, tracks = np.flatnonzero(members == number), np.flatnonzero(chosen == number)
         order[tracks] = rows
         shapes[..., tracks] = after.shapes[..., rows] @ _turn(before, after, rows, tracks)
     return after.reordered(order, shapes), sure
-
-
-def _one_to_one(shares: Floats, free: Ints) -> Ints:
-    """The group of every track, largest shares first, no group taking more than it has."""
-    left, chosen = free.copy(), np.full(shares.shape[1], -1)
-    for flat in np.argsort(-shares, axis=None):
-        group, track = np.unravel_index(flat, shares.shape)
-        if chosen[track] < 0 and left[group]:
-            chosen[track], left[group] = group, left[group] - 1
-    return chosen
 
 
 def _turn(before: Point, after: Point, rows: Ints, tracks: Ints) -> Floats:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 import sympy as sp
 from test_cli import printed, refused
 
-from modal import load, natural_modes
+from modal import catalogue, displayed, load, natural_modes
 from modal.lagrange import coordinate
-from modal.typeset import plain
+from modal.typeset import plain, typeset
 
 
 def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:
@@ -37,6 +39,59 @@ def test_latex_is_balanced(capsys: pytest.CaptureFixture[str], target: str) -> N
     assert latex.count("$") % 2 == 0
     assert latex.count("{") == latex.count("}")
     assert latex.isascii()
+
+
+PAPERS = pytest.mark.parametrize("number", ["000", "001", "002"])
+ENGINE = shutil.which("pdflatex")
+DOCUMENT = "\\documentclass{{article}}\n\\usepackage{{amsmath}}\n\\begin{{document}}\n{}\n\\end{{document}}\n"
+LETTERS = ("".join(map(chr, range(0xA1, 0x180))), "".join(map(chr, range(0x20, 0x7F))), "日本語 Ωδ שלום 🙂 ﬁ ✓ \ufffe")
+
+
+def set_by_latex(latex: str, folder: Path) -> str:
+    """The log of pdfLaTeX, which must not stop."""
+    (folder / "page.tex").write_text(DOCUMENT.format(latex), encoding="utf-8")
+    command = [str(ENGINE), "-interaction=nonstopmode", "-halt-on-error", "page.tex"]
+    ran = subprocess.run(command, cwd=folder, capture_output=True, check=False)
+    log = (folder / "page.log").read_text(encoding="utf-8", errors="replace")
+    assert ran.returncode == 0, log[-2000:]
+    return log
+
+
+@PAPERS
+def test_formulas_of_the_papers_fit_the_line(capsys: pytest.CaptureFixture[str], number: str, tmp_path: Path) -> None:
+    latex = printed(capsys, "derive", f"paper:{number}", "--format", "latex")
+    displays = re.findall(r"\\begin\{(?:equation|align)\*\}\n(.*?)\n\\end", latex, flags=re.DOTALL)
+    rows = [row for display in displays for row in display.split("\\\\\n")]
+    assert max(map(displayed.width, rows)) <= displayed.LINE
+    assert len(rows) > len(displays) > 10
+    if ENGINE:
+        assert "Overfull" not in set_by_latex(latex, tmp_path)
+
+
+@PAPERS
+def test_a_broken_formula_has_all_its_parts(number: str) -> None:
+    for equation in (line.formula for section in catalogue.paper(number)[1] for line in section.lines):
+        whole = sp.latex(equation, long_frac_ratio=2)
+        parts = displayed.lines(whole, 20.0)
+        joined = "".join(parts).replace(r"\bigl", r"\left").replace(r"\bigr", r"\right")
+        assert re.sub(r"\s", "", joined) == re.sub(r"\s", "", whole)
+        assert len(parts) > 1 or displayed.width(whole) <= 20.0 or "matrix" in whole
+
+
+def test_the_estimate_of_widths_bites() -> None:
+    assert not displayed.fits(" + ".join(["x"] * 40))
+    assert displayed.lines(r"a \left(b + c\right)", 3.0) == [r"a \bigl(b", r"+ c\bigr)"]
+    assert displayed.width(r"\frac{x + y}{z}") < displayed.width("x + y + z") < 2 * displayed.width("x + y")
+
+
+@pytest.mark.parametrize("title", LETTERS)
+def test_titles_beyond_the_fonts_compile(title: str, tmp_path: Path) -> None:
+    latex = typeset(title, [], "latex")
+    guarded = re.sub(r"\\ifdefined\\Umathchar .\\else(.*?)\\fi\{\}", r"\1", latex)
+    assert guarded.isascii()
+    assert not set("&%$#_^~") & set(re.sub(r"\\.|\$[^$]*\$", "", guarded))
+    if ENGINE:
+        set_by_latex(latex, tmp_path)
 
 
 def test_markdown(capsys: pytest.CaptureFixture[str]) -> None:

@@ -140,3 +140,13 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(MissingExtraError, match=r"multipendula\[certified\]"):
         enclosures(bobs(1))
+
+
+def test_progress_is_told_frequency_by_frequency() -> None:
+    done: list[float] = []
+    scene = Scene(
+        gravity=9.81, support=Cart(mass=2.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), count=3),)
+    )
+    found = enclosures(scene, 25, done.append)
+    assert len(found) == 1 + len(done)
+    assert done == pytest.approx([0.5, 1.0])

@@ -214,5 +214,5 @@ def test_a_picture_is_drawn(kind: str) -> None:
     stream = io.BytesIO()
     draw_loci(found, stream, kind)
     assert len(stream.getvalue()) > 5000
-    words = encounter_words(found.encounters[0], found.variation)
+    words = encounter_words(found.encounters[0], found)
     assert words == "veering 2 · 3 at 10.083 m, gap 0.09444 rad/s"

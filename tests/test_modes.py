@@ -19,12 +19,15 @@ from modal import (
     Pendulum,
     Rod,
     Scene,
+    SceneError,
     load,
     matrices,
     natural_modes,
 )
 from modal.damped import Dampers, damped
 from modal.modes import Modes
+from modal.statespace import state_space
+from nonlinear import simulate
 
 
 def mild(seed: int, **link: float) -> Scene:
@@ -169,7 +172,7 @@ def test_equal_pendula_written_apart_are_found() -> None:
 
 def test_space_is_two_plane_problems() -> None:
     chain = load("chain-spatial")
-    modes, plane = natural_modes(chain), natural_modes(chain.model_copy(update={"space": "plane"}))
+    modes, plane = natural_modes(chain), natural_modes(chain.in_plane)
     assert modes.omega.tolist() == plane.omega.tolist()
     assert modes.multiplicity.tolist() == [2, 2, 2]
     assert [modes.shape(0, copy).across for copy in range(2)] == [False, True]
@@ -188,7 +191,7 @@ def test_a_cart_in_space_is_a_fixed_support_across_the_rail() -> None:
 @pytest.mark.parametrize("seed", range(16))
 def test_joint_springs_agree_with_the_many_digit_pencil(seed: int) -> None:
     modes = natural_modes(mild(seed, stiffness=1.5))
-    assert "dense" in modes.route
+    assert "mass and moment" in modes.route
     exact = dense(modes.scene)
     j = 0
     for omega, fold, error in zip(modes.omega, modes.multiplicity, modes.error, strict=True):
@@ -612,7 +615,7 @@ def test_an_immense_cart_and_joint_springs_are_not_called_antiphase() -> None:
     bobs = (Bob(mass=1.0, length=1.0, stiffness=1.0), Bob(mass=1.0, length=2.0))
     pendula = [Pendulum(links=(bob,)) for bob in bobs]
     rows = natural_modes(Scene(gravity=9.81, support=Cart(mass=1e20), pendulum=pendula))
-    assert [row.family for row in rows][1:] == ["cart still: mostly pendulum 2", "cart still: mostly pendulum 1"]
+    assert [row.family for row in rows][1:] == ["cart moves: mostly pendulum 2", "cart moves: mostly pendulum 1"]
     five = Pendulum(links=bobs[1:], count=5)
     equal = natural_modes(Scene(gravity=9.81, support=Cart(mass=1e20), pendulum=[five]))
     assert equal[1].family == "cart moves, 5-fold: antiphase 4, in phase"
@@ -624,3 +627,30 @@ def test_an_overdamped_mode_is_nobodys_resonance() -> None:
     still = next(row for row in rows if row.family.startswith("cart still"))
     assert rows[1].damping_ratio == 1.0
     assert still.resonances == ()
+
+
+def test_what_is_no_scene_is_told_what_was_meant() -> None:
+    for question in (natural_modes, matrices, state_space, lambda name: simulate(name, 1.0)):
+        with pytest.raises(SceneError, match=r'type str: load\("paper-cart-2"\) gives one'):
+            question("paper-cart-2")
+    with pytest.raises(SceneError, match="a scene is needed, and this is of type Modes"):
+        natural_modes(natural_modes(load("chain-1")))
+    with pytest.raises(SceneError, match=r'input cart_force: must be a tuple of names: \("cart_force",\)'):
+        state_space(load("paper-cart-2"), "cart_force")
+
+
+def test_an_index_that_is_not_there_says_which_are() -> None:
+    modes = natural_modes(load("paper-cart-2"))
+    with pytest.raises(IndexError, match=r"^there is no mode of index 9: 5 modes have indices 0 to 4$"):
+        modes[9]
+    with pytest.raises(IndexError, match=r"mode 5 of the table is modes\[4\]"):
+        modes[5]
+    assert modes[-1].number == len(modes[:]) == 5
+
+
+@pytest.mark.parametrize("name", ["paper-cart-3", "huygens", "chain-spatial"])
+def test_what_is_at_hand_for_all_modes_is_read_only(name: str) -> None:
+    modes = natural_modes(load(name))
+    for values in (modes.omega, modes.eigenvalue, modes.error, modes.multiplicity):
+        with pytest.raises(ValueError, match="read-only"):
+            values[0] = 1

@@ -137,6 +137,19 @@ def test_energies_and_lagrangian(n: int) -> None:
         assert at(L.corrected.rhs - (T - V), state) == 0 != at(L.printed.rhs - (T - V), state)
 
 
+def test_the_printed_potential_holds_without_gravity_and_with_level_links() -> None:
+    E_p, (a, b) = paper.potential_energy(1), (link.theta.q for link in paper.links(1))
+    level, down = {a: sp.pi / 2, b: -sp.pi / 2}, {a: sp.S.Zero, b: sp.S.Zero}
+    for angles, g, holds in ((level, 9, True), (down, 0, True), (down, 9, False)):
+        here = {**dict.fromkeys(constants(1), sp.S.One), **angles, paper.g: sp.Integer(g)}
+        assert (E_p.holds_when.subs(here) == sp.true) is holds
+        assert (E_p.printed.rhs.subs(here) == E_p.corrected.rhs.subs(here)) is holds
+    m, y = [link.m for link in paper.links(1)], [r.printed.rhs[0] for r in paper.positions(1)]
+    told = 2 * m[0] * y[0] + (m[0] + m[1]) * y[1]
+    assert sp.expand(E_p.printed.rhs - E_p.corrected.rhs - paper.g * told) == 0
+    assert "m_1 y_1" in E_p.condition
+
+
 def test_hanging_is_the_lowest_point() -> None:
     E_p, angles = paper.potential_energy(1), [link.theta.q for link in paper.links(1)]
     down = {angles[0]: 0, angles[1]: 0, **dict.fromkeys(constants(1), 1)}

@@ -9,6 +9,7 @@ import pytest
 import sympy as sp
 from test_paper_cart import at, rational, rational_state
 
+from modal import catalogue
 from modal.lagrange import lagrange_equations, time_derivative
 from modal.pair import first_moments, inertia_matrix
 from modal.papers import planar, residual
@@ -69,6 +70,20 @@ def test_lagrange_equations_are_exact(n: int) -> None:
     for i, true in enumerate(lagrange_equations(T - V, planar.angles(n)), 1):
         form = sp.expand_trig(residual(planar.lagrange_equation(i, n).corrected))
         assert [at(form - true, state_of(n, seed)) for seed in range(3)] == [0, 0, 0]
+
+
+@pytest.mark.parametrize("i", [1, 2, 3])
+def test_a_generalized_force_stands_on_the_right_of_the_first(i: int) -> None:
+    """(1) with Φ_i, the power of the forces being dE/dt of the Cartesian energies."""
+    equation, (T, V), theta = planar.forced_equation(i), true_energies(3), planar.angles(3)
+    assert (equation.number, equation.right) == ("1", True)
+    true = lagrange_equations(T - V, theta)[i - 1] - sp.Symbol(f"Phi_{i}")
+    form = sp.expand_trig(residual(equation.printed))
+    for seed in range(3):
+        assert at(form - true, state_of(3, seed) | {sp.Symbol(f"Phi_{i}"): sp.Rational(7, 3)}) == 0
+    shown = [section.title for section in catalogue.paper("001")[1]]
+    assert shown[0].startswith("(1) d/dt")
+    assert "(1) momentum" not in shown
 
 
 def test_a_velocity_is_no_momentum() -> None:

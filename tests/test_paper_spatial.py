@@ -383,3 +383,11 @@ def test_unit_vectors_move_as_the_angles_do(n: int) -> None:
         rows = list(azimuth.vector_equation(i, n))
         assert [value(row, state) for row in rows] == [0, 0, 0]
         assert any(value(row, off) != 0 for row in rows)
+
+
+def test_restored_dots_are_told() -> None:
+    """The copy of (4) has θ_i θ_j and φ_i without dots in its cross terms; here they have them."""
+    for equation in (paper.cross_term(1, 2), paper.squared_speed(2)):
+        assert "without dots, restored" in equation.note
+    assert paper.cross_term(1, 2).printed.rhs.has(paper.theta(1).v, paper.theta(2).v)
+    assert paper.cross_term(1, 2).printed.rhs.has(paper.phi(1).v)

@@ -168,8 +168,8 @@ def test_the_error_bound_holds_and_is_not_idle(count: int) -> None:
 @pytest.mark.parametrize(
     ("scene", "why"),
     [
-        (crane(), "mode 1 is a rigid translation"),
-        (hanging(0.0), "mode 1 has ζ = 0"),
+        (crane(), "a mode is a rigid translation"),
+        (hanging(0.0), "a mode has ζ = 0"),
         (mixed(cart=1.0, spring=5.0), "has ζ = 0"),
         (load("cart-upright"), "needs a stable, damped model"),
     ],

@@ -88,8 +88,8 @@ def test_shapes_at_once_are_the_shapes_one_by_one() -> None:
         assert len(copies) == modes.multiplicity[number]
         for copy, shape in enumerate(copies):
             alone = modes.shape(number, copy, "mass")
-            assert shape.cart == alone.cart
-            assert np.array_equal(shape.angles, alone.angles)
+            assert shape.cart == pytest.approx(alone.cart, rel=1e-15, abs=0)
+            assert np.allclose(shape.angles, alone.angles, rtol=1e-15, atol=0)
 
 
 def test_what_cannot_be_taken_apart_is_refused() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import copy
 import io
 import json
 import sys
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import jsonschema
@@ -303,3 +305,42 @@ def test_a_count_may_come_from_numpy() -> None:
     for wrong in (True, np.array([1, 2]), np.float64(2.0), np.int64(0)):
         with pytest.raises(SceneError, match="count"):
             Bob(mass=1.0, length=1.0, count=wrong)
+
+
+COPIES = [
+    lambda part, **changes: part.replace(**changes),
+    lambda part, **changes: part.model_copy(update=changes),
+    lambda part, **changes: part.copy(update=changes),
+]
+
+
+@pytest.mark.parametrize("changed", COPIES)
+def test_what_is_changed_is_checked_like_a_file(changed: Callable[..., object]) -> None:
+    scene = load("paper-cart-2")
+    with pytest.raises(SceneError) as caught:
+        changed(scene, gravity=-9.81, suport=Fixed(), pendulum=[GOOD["pendulum"][0] | {"count": 0}])
+    assert caught.value.problems == (
+        "gravity = -9.81: must be positive",
+        "pendulum[0].count = 0: must be positive",
+        "suport: is not a known key (did you mean support?)",
+    )
+    with pytest.raises(SceneError, match=r"^mass = -1.0: must be positive$"):
+        changed(scene.pendulum[0].links[0], mass=-1.0)
+    with pytest.raises(SceneError, match="has 1 values for 2 links"):
+        changed(scene.pendulum[0], equilibrium=("up",))
+
+
+@pytest.mark.parametrize("changed", COPIES)
+def test_a_changed_scene_is_the_one_that_the_file_would_give(changed: Callable[..., object]) -> None:
+    scene = load("crane-two-loads")
+    support = changed(scene.support, damping=5.0)
+    written = dumps(scene).replace('kind = "cart"', 'kind = "cart"\ndamping = 5.0').encode()
+    assert changed(scene, support=support) == parse(written) != scene
+    assert changed(scene) == scene == scene.model_copy(deep=True) == copy.copy(scene)
+
+
+def test_a_part_where_a_list_belongs_says_how_to_write_it() -> None:
+    with pytest.raises(SceneError, match=r"^links: must be a list: write \[Bob\(…\)\]$"):
+        Pendulum(links=Bob(mass=1.0, length=1.0))
+    with pytest.raises(SceneError, match=r"^pendulum: must be a list: write \[Pendulum\(…\)\]$"):
+        load("chain-1").replace(pendulum=load("chain-1").pendulum[0])

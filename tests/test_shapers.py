@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from control_scenes import crane, mixed, of_control
 
-from modal import ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, natural_modes
+from modal import Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load, natural_modes
 from modal.shapers import (
     Shaper,
     Swing,
@@ -20,6 +20,7 @@ from modal.shapers import (
     robustness,
     shaper,
     shaper_for,
+    swing_words,
     swings_of,
 )
 from modal.statespace import state_space
@@ -89,8 +90,53 @@ def test_a_prescribed_motion_meets_the_fixed_frequencies_and_a_force_the_free_on
     assert [s.omega for s in swings_of(crane())] == pytest.approx([np.sqrt(g / 20), np.sqrt(g / 10)], rel=1e-14)
     equal = swings_of(crane(20.0, 20.0), "cart_force")
     assert [s.omega for s in equal] == pytest.approx([np.sqrt(g / 20 * (1 + 2 * m / M))], rel=1e-14)
+
+
+@pytest.mark.parametrize("drive", ["cart_acceleration", "cart_velocity", "cart_force"])
+def test_a_fixed_support_has_no_shaper(drive: str) -> None:
     with pytest.raises(SceneError, match="the support is fixed"):
-        swings_of(load("chain-2"), "cart_force")
+        shaper_for(load("chain-2"), drive=drive)
+
+
+def test_another_drive_is_refused_with_the_nearest_word() -> None:
+    for call in (shaper_for, swings_of):
+        with pytest.raises(SceneError, match=r"drive = 'force': must be one of .*\(did you mean cart_force\?\)"):
+            call(load("crane-hook"), drive="force")
+    with pytest.raises(SceneError) as caught:
+        swings_of(load("chain-2"), drive="cart_aceleration")
+    assert len(caught.value.problems) == 2
+    assert "did you mean cart_acceleration?" in caught.value.problems[0]
+
+
+@pytest.mark.parametrize("drive", ["cart_acceleration", "cart_force"])
+def test_an_unstable_rest_has_no_shaper(drive: str) -> None:
+    with pytest.raises(ComputationError, match="the rest is unstable"):
+        shaper_for(load("cart-upright"), drive=drive)
+
+
+@pytest.mark.parametrize("name", ["crane-hook", "crane-two-loads", "paper-cart-3", "huygens"])
+def test_what_a_shaper_assumes_is_told_with_the_table_beside_it(name: str) -> None:
+    """The table's modes that move the cart go to the held ones as the cart gets heavier: followed by their order."""
+    scene = load(name)
+    held = swings_of(scene)
+    told = list(swing_words(scene, len(held)))
+    assert told[0].startswith("trolley motion prescribed")
+    moving = [mode for mode in natural_modes(scene) if mode.oscillates and mode.cart_participation]
+    heavy = [s.omega for s in swings_of(scene.replace(support=Cart(mass=1e9)), "cart_force")]
+    assert heavy == pytest.approx([s.omega for s in held], rel=1e-6)
+    for number, (swing, mode, words) in enumerate(zip(held, moving, told[1:], strict=True), 1):
+        assert words == (
+            f"fixed-base mode {number}: {swing.omega:.9g} rad/s, damping ratio {swing.zeta:.4g}; the table, with the "
+            f"trolley free: mode {mode.number}, {mode.omega:.9g} rad/s"
+        )
+
+
+def test_under_a_force_a_shaper_is_for_modes_of_the_table() -> None:
+    modes = natural_modes(load("crane-hook"))
+    assert list(swing_words(load("crane-hook"), 1, "cart_force")) == [
+        "trolley pushed by a force: it swings with its load, as in the table",
+        f"mode 2: {modes.omega[1]:.9g} rad/s, damping ratio 0",
+    ]
 
 
 @pytest.mark.parametrize("drive", ["cart_acceleration", "cart_force"])
@@ -146,7 +192,7 @@ def test_what_does_not_swing_is_refused() -> None:
         shaper([])
     with pytest.raises(ComputationError, match="makes 2 modes swing"):
         shaper_for(crane(), 3)
-    assert len(swings_of(crane().model_copy(update={"support": Fixed()}))) == len(natural_modes(crane())) - 1
+    assert len(swings_of(crane())) == len(natural_modes(crane())) - 1
 
 
 def test_the_example_of_feedback_runs(capsys: pytest.CaptureFixture[str]) -> None:

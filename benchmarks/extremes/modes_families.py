@@ -55,7 +55,7 @@ def four_kinds(mass: float) -> Scene:
 
 
 def fallen(gravity: float) -> Scene:
-    return chain([Rod(mass=1.0, length=1.0, count=TEN)], Cart(mass=1.0)).model_copy(update={"gravity": gravity})
+    return chain([Rod(mass=1.0, length=1.0, count=TEN)], Cart(mass=1.0)).replace(gravity=gravity)
 
 
 def detuned(delta: float, cart: float = 1.0) -> Scene:

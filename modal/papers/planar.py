@@ -69,18 +69,27 @@ def lagrangian(n: int = 3) -> Equation:
     return correct(PAPER, "5", "Lagrangian", L, beyond=n != 3)
 
 
+def forced_equation(i: int, n: int = 3) -> Equation:
+    """(1) d/dt (∂L/∂q_i') − ∂L/∂q_i = Φ_i, a generalized force, written out for θ_i."""
+    form = lagrange_equations(lagrangian(n).corrected.rhs, angles(n))[i - 1]
+    title = f"d/dt (∂L/∂q') − ∂L/∂q = Φ, for q = theta_{i}"
+    return correct(PAPER, "1", title, equal(form, sp.Symbol(f"Phi_{i}")))
+
+
 def lagrange_equation(i: int, n: int = 3) -> Equation:
-    """(2) Lagrange's equation of θ_i, exact at any angle; (1) has a generalized force on its right."""
+    """(2) The same without a force, exact at any angle."""
     form = lagrange_equations(lagrangian(n).corrected.rhs, angles(n))[i - 1]
     return correct(PAPER, "2", f"Lagrange's equation of theta_{i}", equal(form, 0))
 
 
 def momentum(i: int, n: int = 3) -> Equation:
-    """(1) The paper calls q_i' the momentum: it is the velocity, the momentum is ∂L/∂q_i'."""
+    """The words below (1) call q_i' the momentum: it is the velocity, the momentum is ∂L/∂q_i'."""
     p, theta = sp.Symbol(f"p_{i}"), angles(n)[i - 1]
     found = sp.diff(lagrangian(n).corrected.rhs, theta.v)
     words = "for q' a momentum only where ∂L/∂q' = q'"
-    return Equation(PAPER, "1", "momentum", equal(p, theta.v), equal(p, found), words, sp.Eq(found, theta.v))
+    return Equation(
+        PAPER, "words below 1", "momentum", equal(p, theta.v), equal(p, found), words, sp.Eq(found, theta.v)
+    )
 
 
 def accelerations(n: int = 3) -> list[Equation]:

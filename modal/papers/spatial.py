@@ -8,8 +8,8 @@ With θ from the vertical, φ the azimuth, Δ = φ_i − φ_j and u_i = (sin θ_
 
 The paper has θ_i'θ_j' cos(θ_i − θ_j) + φ_i'φ_j' sin θ_i sin θ_j instead, which differs by `cross_error`: the two agree
 for all rates where Δ = 0, that is when the links share one vertical plane (measured by one azimuth, so θ is signed).
-Where the copy of the paper drops dots, they are restored from (5), except in the first term of (4).  The azimuth
-equations (8)-(15) are `modal.papers.spatial_azimuth`.
+Where the copy of the paper drops dots, they are restored from (5), except in the first term of (4); notes say so.
+The azimuth equations (8)-(15) are `modal.papers.spatial_azimuth`.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from modal.papers import Equation, correct, equal
 PAPER = "002"
 g = sp.Symbol("g")
 NEVER = "never as a whole", sp.false
+DOTS = "the copy has θ_i θ_j and φ_i in the cross terms without dots, restored here as in (5)"
 
 
 def theta(i: int) -> Coordinate:
@@ -125,7 +126,7 @@ def cross_term(i: int, j: int) -> Equation:
         equal(sp.Symbol(f"c_{i}_{j}"), product(i, j)),
         "for all rates where phi_i = phi_j (mod 2π); at one state, where `cross_error` vanishes",
         sp.Eq(cross_error(i, j), 0),
-        "the one other place: one link level, the other vertical and Δ = π, where its azimuth is arbitrary anyway",
+        f"{DOTS}; the one other place: one link level, the other vertical, Δ = π, its azimuth arbitrary anyway",
     )
 
 
@@ -151,7 +152,7 @@ def squared_speed(k: int) -> Equation:
     exact = sp.Add(*(length(i) ** 2 * term.corrected.rhs for i, term in enumerate(terms, 1)))
     printed = squares + 2 * sp.Add(*(length(i) * length(j) * printed_product(i, j) for i, j in pairs(k)))
     corrected = exact + sp.Add(*(length(i) * length(j) * product(i, j) for i, j in pairs(k)))
-    note = "the cross terms, a missing dot, a sum to e for k, and a double sum without ½"
+    note = f"the cross terms, a missing dot, a sum to e for k, and a double sum without ½; {DOTS}"
     return Equation(PAPER, "4", f"squared speed of bob {k}", equal(name, printed), equal(name, corrected), *NEVER, note)
 
 
