@@ -35,7 +35,7 @@ def _cart() -> list[Equation]:
 
 
 def _planar() -> list[Equation]:
-    general = [planar.momentum(1), *(planar.lagrange_equation(i) for i in (1, 2, 3))]
+    general = [planar.forced_equation(1), planar.momentum(1), *(planar.lagrange_equation(i) for i in (1, 2, 3))]
     energies = [planar.kinetic_energy(), planar.potential_energy(), planar.lagrangian()]
     small = [*planar.accelerations(), *planar.equal_accelerations()]
     polynomials = [planar.eigen_equation(n) for n in range(1, 6)]

@@ -1,19 +1,28 @@
 """Everything this project refuses to do, under one base class."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
+from itertools import islice
+
+from modal.escaping import visible
+
+MOST_TOLD = 50
+"""Mistakes that a message names before it counts the rest."""
 
 
 class MultipendulaError(Exception):
-    """Base of every error raised on purpose."""
+    """Base of every error raised on purpose; whatever its message quotes is escaped, and safe on a terminal."""
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__("\n".join(map(visible, str(message).split("\n"))))
 
 
 class SceneError(MultipendulaError, ValueError):
-    """A scene that cannot be used: `problems` names every mistake and where it stands."""
+    """A scene that cannot be used: `problems` names its mistakes and where they stand, the message the first ones."""
 
     def __init__(self, problems: Sequence[str]) -> None:
-        self.problems = tuple(problems)
-        super().__init__("\n".join(self.problems))
+        self.problems = tuple(map(visible, problems))
+        super().__init__("\n".join(first_of(iter(self.problems), len(self.problems))))
 
 
 class ComputationError(MultipendulaError, ArithmeticError):
@@ -25,6 +34,15 @@ class MissingExtraError(MultipendulaError, ImportError):
 
     def __init__(self, package: str, extra: str) -> None:
         super().__init__(f'{package} is missing: pip install "multipendula[{extra}]"')
+
+
+def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
+    """At most MOST_TOLD of `count` mistakes, then how many more there are; a single one more is named, not counted."""
+    yield from islice(problems, MOST_TOLD)
+    if count > MOST_TOLD + 1:
+        yield f"and {count - MOST_TOLD} more mistakes"
+    else:
+        yield from problems
 
 
 def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> str:

@@ -1,13 +1,14 @@
 """A validator's findings in the user's words: `pendulum[2].links[0].mass = -1.0: must be positive`."""
 
 import json
+import re
 from collections.abc import Iterator, Mapping
 from datetime import date, time
 from typing import Any
 
 from pydantic import ValidationError
 
-from modal.errors import meant
+from modal.errors import first_of, meant
 
 TAGS = frozenset({"bob", "rod", "body", "fixed", "cart", "van-der-pol", "escapement"})
 KEYS = (
@@ -34,10 +35,15 @@ LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "links": "links = [{ … }, …]"
 
 
 def problems_of(error: ValidationError) -> Iterator[str]:
-    """One line a mistake, in the order of the file."""
-    for finding in error.errors(include_url=False):
-        if finding["type"] != "too_short" or not finding["input"]:
-            yield from (_problem(finding, words) for words in _words(finding).splitlines())
+    """One line a mistake, in the order of the file, and how many more there are where they are many."""
+    found = [one for one in error.errors(include_url=False) if one["type"] != "too_short" or not one["input"]]
+    lines = (_problem(one, words) for one in found for words in _words(one).splitlines())
+    yield from first_of(lines, sum(map(_size, found)))
+
+
+def _size(finding: Mapping[str, Any]) -> int:
+    """How many mistakes are found in one."""
+    return str(finding["ctx"]["error"]).count("\n") + 1 if finding["type"] == "value_error" else 1
 
 
 def _problem(finding: Mapping[str, Any], words: str) -> str:
@@ -60,8 +66,13 @@ def _place(location: tuple[int | str, ...], is_key: bool) -> str:
         behind = before[-1:] in {("support",), ("drive",)} or (before[:1] == ("links",) and isinstance(before[-1], int))
         added = part in TAGS and behind and not (is_key and position == len(location) - 1)
         if not added:
-            parts.append(f"[{part}]" if isinstance(part, int) else f".{part}")
+            parts.append(f"[{part}]" if isinstance(part, int) else f".{_key(part)}")
     return "".join(parts).removeprefix(".")
+
+
+def _key(name: str) -> str:
+    """A key as a scene file writes it."""
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else _shown(name)
 
 
 def _words(finding: Mapping[str, Any]) -> str:

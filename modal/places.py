@@ -35,6 +35,11 @@ def places(scene: Scene, path: str) -> list[Place]:
     return found
 
 
+def number_at(scene: Scene, place: Place) -> float:
+    """The number at one of the scene's `places`."""
+    return float(_at(scene, place))
+
+
 def written(place: Place) -> str:
     """A place as messages write it."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).removeprefix(".")

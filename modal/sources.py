@@ -4,7 +4,7 @@
     Alone          pendula on a support that does not move for them: a fixed one, across the rail, or because equal
                    pendula in antiphase hold the cart still
     Together       one pendulum of each kind, as heavy as all its copies, and the cart
-These are the structured forms; `modal.matrix_source` is for joint springs and dampers.  All in natural units.
+These are the structured forms; `modal.matrix_source` is for dampers.  All in natural units.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ class Problem(Protocol):
         """The route in words."""
 
     @property
-    def slack(self) -> int:
-        """The factor on the error bound."""
+    def slack(self) -> float | Floats:
+        """The factor on the error bound, one for all or (R,)."""
 
     @property
     def squares(self) -> Floats:
@@ -97,8 +97,8 @@ class Problem(Protocol):
 
 
 def _oscillating(squares: Floats) -> NDArray[np.complex128]:
-    """iω."""
-    return 1j * np.sqrt(squares)
+    """iω; where ω² < 0 the growth rate."""
+    return np.sqrt(np.abs(squares)) * np.where(squares < 0, 1.0, 1j)
 
 
 def _structured_error(links: int, chains: int) -> float:
@@ -203,7 +203,7 @@ class Together:
     def details(self, rows: Ints) -> Details:
         """Shapes in which all copies of a kind move alike."""
         x, motion = self.problem.squares[rows], self.problem.shapes(rows)
-        angles = tuple(a / b.length[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
+        angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
         parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
         return _details(
             motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.bare_accelerance
@@ -223,7 +223,7 @@ def _details(
         momentum=motion.momentum,
         cart=motion.cart,
         participation=motion.cart**2 / motion.modal_mass / bare_accelerance,
-        kappa=coefficient(gamma, motion.modal_mass, x, largest_angle(angles)),
+        kappa=np.where(x > 0, coefficient(gamma, motion.modal_mass, x, largest_angle(angles)), np.nan),
         residual=motion.residual,
         angles=angles,
         shares=tuple(part / motion.modal_mass for part in energies),

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
 from math import isfinite, log10
 from typing import Any
 
 from modal.errors import ComputationError
+from modal.escaping import csv_rows, html, json_text, markdown, one_line, visible
 from modal.mode import Mode
 from modal.modes import Modes
 from modal.scene import described
@@ -134,11 +131,11 @@ def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
         if numbers > MOST_SHAPE_NUMBERS:
-            raise ComputationError(f"the shapes asked for hold {numbers} angles: choose fewer modes with --modes")
+            raise ComputationError(f"the shapes asked for hold {numbers} angles: choose fewer modes")
         for record, row in zip(found, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
     whole = {"scene": described(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
-    return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(whole) + "\n"
 
 
 def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
@@ -174,11 +171,7 @@ def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
 
 
 def _csv(rows: Sequence[Mode]) -> str:
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, [column.key for column in COLUMNS], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(_records(rows))
-    return stream.getvalue()
+    return csv_rows([[column.key for column in COLUMNS], *(record.values() for record in _records(rows))])
 
 
 def _dressed(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:
@@ -197,9 +190,8 @@ def _text(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes
     headings = [column.heading for column in columns]
     widths = [max(map(len, column)) for column in zip(headings, *cells, strict=True)]
     lines = [headings, ["-" * width for width in widths], *cells]
-    return (
-        "\n".join([_title(modes), "", *(_aligned(columns, widths, line) for line in lines), "", *notes]).rstrip() + "\n"
-    )
+    grid = (_aligned(columns, widths, line) for line in lines)
+    return "\n".join([visible(_title(modes)), "", *grid, "", *notes]).rstrip() + "\n"
 
 
 def _aligned(columns: Sequence[Column], widths: list[int], cells: list[str]) -> str:
@@ -212,7 +204,7 @@ def _aligned(columns: Sequence[Column], widths: list[int], cells: list[str]) -> 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
     body = _dressed("github", columns, cells, [column.heading for column in columns])
-    return "\n".join([f"**{_title(modes)}**", "", body, *(f"\n{note}" for note in notes)]) + "\n"
+    return "\n".join([f"**{markdown(_title(modes))}**", "", body, *(f"\n{note}" for note in notes)]) + "\n"
 
 
 def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
@@ -221,13 +213,13 @@ def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], note
         for row in cells
     ]
     body = _dressed("latex_raw", columns, plain, [column.headed for column in columns])
-    return "\n".join([f"% {line}" for line in (_title(modes), *notes)] + [body]) + "\n"
+    return "\n".join([f"% {line}" for line in (one_line(_title(modes)), *notes)] + [body]) + "\n"
 
 
 def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
     body = _dressed("html", columns, cells, [column.heading for column in columns])
-    caption = f"<table>\n<caption>{escape(_title(modes))}</caption>"
-    return "\n".join([body.replace("<table>", caption, 1), *(f"<p>{escape(note)}</p>" for note in notes)]) + "\n"
+    caption = f"<table>\n<caption>{html(_title(modes))}</caption>"
+    return "\n".join([body.replace("<table>", caption, 1), *(f"<p>{html(note)}</p>" for note in notes)]) + "\n"
 
 
 _DRESSES = {"text": _text, "markdown": _markdown, "latex": _latex, "html": _html}

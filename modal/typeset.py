@@ -8,10 +8,10 @@ from typing import Any
 
 import sympy as sp
 
+from modal import displayed
+from modal.escaping import LETTERS, latex, markdown, visible
 from modal.sections import Section
 
-TERMS, WIDE = 2, 240
-"""Terms on a line of a long sum, and how many letters of LaTeX make it one."""
 GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ"}
 _NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|[pxyzu])(ddot|dot)?((?:_\d+)*)\b")
 
@@ -45,7 +45,7 @@ def _grid(matrix: Any) -> str:
 
 
 def _text(title: str, sections: list[Section]) -> str:
-    lines = [title, ""]
+    lines = [visible(title), ""]
     for section in sections:
         heading = _readable(section.title)
         lines += [heading, "-" * len(heading)]
@@ -60,7 +60,7 @@ def _readable(words: str) -> str:
 
 
 def _latex(title: str, sections: list[Section]) -> str:
-    lines = [rf"\section*{{{_literal(title)}}}"]
+    lines = [rf"\section*{{{latex(title)}}}"]
     for section in sections:
         lines += [rf"\subsection*{{{_escaped(section.title)}}}"]
         for words, formula in section.lines:
@@ -70,7 +70,7 @@ def _latex(title: str, sections: list[Section]) -> str:
 
 
 def _markdown(title: str, sections: list[Section]) -> str:
-    blocks = [f"# {title}"]
+    blocks = [f"# {markdown(title)}"]
     for section in sections:
         blocks.append(f"## {_readable(section.title)}")
         for words, formula in section.lines:
@@ -82,57 +82,44 @@ def _markdown(title: str, sections: list[Section]) -> str:
 
 
 def _display(formula: Any) -> str:
-    """A displayed formula, long sums broken into lines."""
+    """A displayed formula, one that is too long for it broken into lines."""
+    whole = _tex(formula)
+    if displayed.fits(whole):
+        return f"\\begin{{equation*}}\n{whole}\n\\end{{equation*}}"
+    left, right = "", formula
     if isinstance(formula, sp.Equality):
-        left, right = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
-        if isinstance(right, sp.Add) and len(_tex(right)) > WIDE:
-            broken = str(sp.multiline_latex(left, right, TERMS, environment="align*"))
-            return _with_commas(broken)
-    return f"\\begin{{equation*}}\n{_tex(formula)}\n\\end{{equation*}}"
+        sides = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
+        left, right = f"{_tex(sides[0])} ={{}}", sides[1]
+    if displayed.width(left) > displayed.LINE / 3:
+        left, right = "", formula
+    room = displayed.LINE - displayed.width(left)
+    body = " \\\\\n& ".join(displayed.lines(_tex(right, long_frac_ratio=2), room))
+    return f"\\begin{{align*}}\n{left}& {body}\n\\end{{align*}}"
 
 
 def _inline(words: str) -> str:
     """Coordinates, other named symbols and letters with an index in words, as mathematics."""
     words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "pxyzu" else found[0], words)
-    words = _INDEXED.sub(lambda found: f"${_LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
+    words = _INDEXED.sub(lambda found: f"${LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
     return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
 
 
-def _tex(formula: Any) -> str:
-    return _with_commas(str(sp.latex(formula)))
+def _tex(formula: Any, **settings: Any) -> str:
+    return _with_commas(str(sp.latex(formula, **settings)))
 
 
-def _with_commas(latex: str) -> str:
+def _with_commas(formula: str) -> str:
     """SymPy's LaTeX with commas between the two numbers of an index."""
-    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", latex)
+    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", formula)
 
 
-_LETTERS = {"θ": r"\theta", "φ": r"\phi", "λ": r"\lambda", "ω": r"\omega", "σ": r"\sigma", "Δ": r"\Delta"}
 _INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
-_SIGNS = {
-    **_LETTERS,
-    **{"∂": r"\partial", "π": r"\pi", "√": r"\surd", "Σ": r"\Sigma", "½": r"\frac{1}{2}", "¼": r"\frac{1}{4}"},
-    **{"×": r"\times", "·": r"\cdot", "−": "-", "≠": r"\neq", "≤": r"\leq", "≥": r"\geq", "→": r"\to", "∈": r"\in"},
-    **{"²": "^2", "³": "^3", "⁴": "^4", "₁": "_1", "₂": "_2", "°": r"^\circ"},
-    **{"±": r"\pm", "≡": r"\equiv", "…": r"\ldots", "ζ": r"\zeta", "ψ": r"\psi", "κ": r"\kappa", "μ": r"\mu"},
-    **{"ĵ": r"\hat{\jmath}", "î": r"\hat{\imath}", "ẍ": r"\ddot{x}", "ÿ": r"\ddot{y}", "⅓": r"\frac{1}{3}", "′": "'"},
-}
-_SPECIAL = {
-    **{letter: "\\" + letter for letter in "&%$#_{}"},
-    **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "–": "--", "’": "'"},
-    **{letter: f"${sign}$" for letter, sign in _SIGNS.items()},
-}
-
-
-def _literal(words: str) -> str:
-    """For LaTeX text, letter by letter."""
-    return "".join(_SPECIAL.get(letter, letter) for letter in words)
 
 
 def _escaped(words: str) -> str:
     """For LaTeX text: named symbols as mathematics, everything else letter by letter."""
     parts = re.split(r"(\$[^$]*\$)", _inline(words))
-    return "".join(part if part.startswith("$") else _literal(part) for part in parts)
+    return "".join(part if part.startswith("$") else latex(part) for part in parts)
 
 
 _DRESSES: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}

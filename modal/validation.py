@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from operator import index
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 
@@ -36,6 +36,15 @@ def _whole(value: object) -> object:
         return value
 
 
+def _several(value: object) -> object:
+    """What is to be a list; a part by itself is none, though its fields could be gone through."""
+    if isinstance(value, BaseModel):
+        raise ValueError(f"must be a list: write [{type(value).__name__}(…)]")
+    return value
+
+
+Several = BeforeValidator(_several)
+"""Marks a list of parts."""
 Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES), BeforeValidator(_whole)]
 
 
@@ -56,9 +65,27 @@ class _Raising(ModelMetaclass):
 
 
 class Checked(BaseModel, metaclass=_Raising):
-    """An immutable part of a scene."""
+    """An immutable part of a scene: `replace` gives one like it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    def replace(self, **changes: Any) -> Self:
+        """The same with other values under these keys, checked anew; SceneError names every mistake and its place.
+
+        >>> from modal import load
+        >>> scene = load("paper-cart-2")
+        >>> scene.replace(gravity=1.62, support=scene.support.replace(mass=7.0)).support.mass
+        7.0
+        """
+        return type(self)(**{name: getattr(self, name) for name in type(self).model_fields} | changes)
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Pydantic's way to the same: `update` is checked as in `replace`."""
+        return self.replace(**update) if update else super().model_copy(deep=deep)
+
+    def copy(self, **options: Any) -> Self:
+        """The older name of `model_copy`."""
+        return self.model_copy(**options)
 
 
 P = TypeVar("P", bound=BaseModel)

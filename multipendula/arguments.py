@@ -94,7 +94,7 @@ def _models(command: Add) -> None:
     _signals(add)
     formats = "control, mat, m, json, npz, csv, c, fmu or modelica"
     add.add_argument("--to", required=True, metavar="FORMAT", help=formats)
-    add.add_argument("-o", dest="file", metavar="FILE", required=True, help="the file to write")
+    add.add_argument("-o", dest="file", metavar="FILE", required=True, help="the file to write, - for standard output")
     add.add_argument("--discrete", metavar="SECONDS", type=seconds, help="sample it, with inputs held in between")
     smaller = add.add_mutually_exclusive_group()
     smaller.add_argument("--minimal", action="store_true", help="without what no input reaches or no output sees")

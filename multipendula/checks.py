@@ -7,8 +7,8 @@ import sys
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
-from multipendula.commands import chosen, drawn, picture
-from multipendula.runs import bar, in_a_folder, recorded, start_of, whole
+from multipendula.commands import bar, chosen, drawn, picture
+from multipendula.runs import in_a_folder, recorded, start_of, whole
 
 if TYPE_CHECKING:
     from modal.scene import Scene

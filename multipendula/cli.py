@@ -1,65 +1,191 @@
 """The command line: parse, run one of `multipendula.commands`, and turn what it refuses into an exit code.
 
-Exit codes: 0, 1 for what could not be computed or written, 2 for bad input.
+Exit codes: 0, 1 for what could not be computed or written, 2 for bad input, 130 for Ctrl-C and other requests to end.
+Nothing but the standard library is imported before `main` answers Ctrl-C.
 """
 
 from __future__ import annotations
 
-import argparse
 import errno
 import os
 import re
+import signal
 import sys
-from collections.abc import Callable, Sequence
-from io import TextIOWrapper
+import threading
+import warnings
+from _thread import interrupt_main
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
+from io import TextIOBase, TextIOWrapper
+from typing import TYPE_CHECKING
 
-from multipendula.arguments import GROUPS
-from multipendula.completion import complete
-from multipendula.pages import Page, pointer
-from multipendula.topics import ABOUT, TELLS
+if TYPE_CHECKING:
+    import argparse
+
+    from modal.errors import SceneError
+    from multipendula.pages import Page
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 USER_ERRORS = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG}
+PLACE = re.compile(r"(pendulum\[|support\b|gravity\b)")
+ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
+    alone = arguments is None
+    if alone:
+        warnings.simplefilter("ignore", RuntimeWarning)
+    with _stoppable(alone) as stopped:
+        try:
+            return _obey(arguments, stopped)
+        except BaseException as error:
+            if not stopped and not isinstance(error, KeyboardInterrupt):
+                raise
+        return _refuse("interrupted", 130)
+
+
+@contextmanager
+def _stoppable(alone: bool) -> Iterator[list[int]]:
+    """Ctrl-C and requests to end raise KeyboardInterrupt in here; those that came are kept, lest a library lose them.
+
+    Where this is `alone` in its process they are ignored afterwards, as it ends anyway.
+    """
+    came: list[int] = []
+
+    def stop(number: int, frame: object) -> None:
+        came.append(number)
+        raise KeyboardInterrupt
+
+    def unheard(lost: sys.UnraisableHookArgs) -> None:
+        """Where a destructor has swallowed a KeyboardInterrupt, it comes again."""
+        if isinstance(lost.exc_value, KeyboardInterrupt):
+            threading.Timer(0.01, interrupt_main).start()
+        else:
+            told(lost)
+
+    numbers = [getattr(signal, name) for name in ENDING if hasattr(signal, name)]
+    here = threading.current_thread() is threading.main_thread()
+    before = {n: was for n in numbers if here and (was := signal.getsignal(n)) not in {None, signal.SIG_IGN}}
+    told, sys.unraisablehook = sys.unraisablehook, unheard
+    for number in before:
+        signal.signal(number, stop)
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_IGN if alone else handler)
+        sys.unraisablehook = told
+
+
+def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     parser = _parser()
     if "_ARGCOMPLETE" in os.environ:
+        from multipendula.completion import complete
+
         complete(parser)
-    options, strangers = parser.parse_known_args(arguments)
+    try:
+        options, strangers = parser.parse_known_args(arguments)
+    except SystemExit as leaving:
+        return _left(leaving)
+    except OSError as error:
+        return _answer(error, None)
     if strangers:
         options.page.error(f"unrecognized arguments: {' '.join(strangers)}")
-    from modal.errors import MultipendulaError, SceneError
-
     if sys.stdout is None:
         return _refuse("standard output is closed", 1)
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     try:
-        options.run(options)
+        with _words_aside(options):
+            options.run(options)
         sys.stdout.flush()
-    except SceneError as error:
-        return _refuse(error, 2, options.page.name)
-    except MultipendulaError as error:
-        return _refuse(error, 1)
-    except MemoryError:
-        return _refuse("there is not enough memory for this scene", 1)
-    except KeyboardInterrupt:
-        return _refuse("interrupted", 130)
-    except BrokenPipeError:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
-    except OSError as error:
-        return _refuse(
-            f"cannot write{_named(error)}: {error.strerror or error}", 2 if error.errno in USER_ERRORS else 1
-        )
+    except BaseException as error:
+        if stopped:
+            raise KeyboardInterrupt from None
+        return _answer(error, options)
     return 0
 
 
+def _left(leaving: SystemExit) -> int:
+    """A page of help that could not be printed is no success."""
+    try:
+        if sys.stdout:
+            sys.stdout.flush()
+    except OSError as error:
+        return _answer(error, None)
+    raise leaving
+
+
+def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
+    """The exit code of what a command raises, once it is told; what nobody has foreseen is raised again."""
+    from modal.errors import MultipendulaError, SceneError
+    from modal.escaping import visible
+
+    if isinstance(error, SceneError):
+        return _refuse(_in_its_file(error, options), 2, options.page.name if options else "")
+    if isinstance(error, MultipendulaError):
+        return _refuse(error, 1)
+    if isinstance(error, MemoryError):
+        return _refuse("there is not enough memory for this scene", 1)
+    if isinstance(error, OSError):
+        if not error.filename:
+            with suppress(OSError):
+                os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            return 0
+        name = f" {error.filename}" if error.filename else ""
+        words = visible(f"cannot write{name}: {error.strerror or error}")
+        return _refuse(words, 2 if error.errno in USER_ERRORS else 1)
+    raise error
+
+
+def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
+    """Places in a scene with the file that they are in, where nothing else gave them their values."""
+    from modal.escaping import visible
+
+    scene = getattr(options, "scene", None) if not hasattr(options, "vary") else None
+    lines = str(error).splitlines()
+    return "\n".join(f"{visible(scene)}: {line}" if scene and PLACE.match(line) else line for line in lines)
+
+
+@contextmanager
+def _words_aside(options: argparse.Namespace) -> Iterator[None]:
+    """Standard output is kept for the file that is written to it, if one is: words go to standard error then."""
+    from modal.errors import SceneError
+    from modal.files import STANDARD
+
+    files = [action for action in options.page._actions if action.metavar == "FILE"]
+    to_output = [max(action.option_strings, key=len) for action in files if vars(options)[action.dest] == STANDARD]
+    if len(to_output) > 1:
+        raise SceneError([f"{', '.join(to_output)}: one of them at most can be - (standard output)"])
+    with redirect_stdout(_Aside() if to_output else sys.stdout):
+        yield
+
+
+class _Aside(TextIOBase):
+    """Standard output whose words go to standard error, and whose bytes go where they went."""
+
+    def __init__(self) -> None:
+        self.output = sys.stdout
+        if hasattr(self.output, "buffer"):
+            self.buffer = self.output.buffer
+
+    def write(self, text: str) -> int:
+        return sys.stderr.write(text)
+
+    def flush(self) -> None:
+        self.output.flush()
+
+    def isatty(self) -> bool:
+        return self.output.isatty()
+
+
 def _refuse(problem: object, code: int, command: str = "") -> int:
-    lines = str(problem).splitlines()
+    from multipendula.pages import in_options, pointer
+
+    lines = [in_options(line) for line in str(problem).split("\n")]
     if any(re.match("--?[a-z]", line) for line in lines):
         lines.append(pointer(command))
     for line in lines:
@@ -67,13 +193,13 @@ def _refuse(problem: object, code: int, command: str = "") -> int:
     return code
 
 
-def _named(error: OSError) -> str:
-    return f" {error.filename}" if error.filename else ""
-
-
 def _parser() -> Page:
+    from multipendula.arguments import GROUPS
+    from multipendula.pages import Page, Version
+    from multipendula.topics import ABOUT, TELLS
+
     parser = Page(prog="multipendula", description=ABOUT)
-    parser.add_argument("--version", action=_Version, nargs=0, help="print the version and leave")
+    parser.add_argument("--version", action=Version, nargs=0, help="print the version and leave")
     added = parser.add_subparsers(metavar="COMMAND", required=True)
 
     def command(run: Callable[[argparse.Namespace], None], name: str) -> argparse.ArgumentParser:
@@ -85,11 +211,3 @@ def _parser() -> Page:
     for group in GROUPS:
         group(command)
     return parser
-
-
-class _Version(argparse.Action):
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from importlib.metadata import version
-
-        print(f"multipendula {version('multipendula')}")
-        parser.exit()

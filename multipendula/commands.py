@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -107,8 +106,8 @@ def enclose(options: argparse.Namespace) -> None:
     from modal.certified import enclosures
     from modal.files import load
 
-    with _output(options.output) as write:
-        for row in enclosures(small_swings(load(options.scene)), options.digits):
+    with _output(options.output) as write, bar(1.0, "scene") as report:
+        for row in enclosures(small_swings(load(options.scene)), options.digits, report):
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
             write(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}\n")
 
@@ -155,14 +154,11 @@ def listed(text: str | None) -> tuple[str, ...]:
     return tuple(word.strip() for word in text.split(",")) if text else ()
 
 
-def picture(name: str) -> str:
+def picture(name: str, option: str = "-o") -> str:
     """The kind of picture that a file name asks for."""
-    from modal.errors import SceneError
+    from modal.files import kind_of
 
-    kind = os.path.splitext(name)[1].removeprefix(".").lower()
-    if kind not in {"png", "svg", "pdf"}:
-        raise SceneError([f"-o {name}: the name must end in .png, .svg or .pdf"])
-    return kind
+    return kind_of(name, ("png", "svg", "pdf"), f"{option} ")
 
 
 def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
@@ -199,6 +195,18 @@ def chosen(text: str | None, total: int, option: str = "--modes") -> range:
     if low < 1 or low > total:
         raise SceneError([f"{option} {text}: the scene has modes 1 to {total}"])
     return range(low - 1, min(high, total))
+
+
+@contextmanager
+def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
+    """A progress bar, by default in seconds of pendulum time, on a terminal and for what takes a while."""
+    if not sys.stderr.isatty():
+        yield lambda elapsed: None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False) as shown:
+        yield lambda elapsed: shown.update(elapsed - shown.n)
 
 
 @contextmanager

@@ -64,12 +64,12 @@ def response(options: argparse.Namespace) -> None:
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that leaves the slowest modes of a crane at rest."""
     from modal.files import load
-    from modal.shapers import shaper_for, swings_of
+    from modal.shapers import shaper_for, swing_words
 
     scene = small_swings(load(options.scene))
     found = shaper_for(scene, options.count, options.kind, options.drive)
-    for number, swing in enumerate(swings_of(scene, options.drive)[: options.count], 1):
-        print(f"mode {number}: {swing.omega:.9g} rad/s, damping ratio {swing.zeta:.4g}")
+    for words in swing_words(scene, options.count, options.drive):
+        print(f"# {words}")
     print("time_s,amplitude")
     for time, amplitude in zip(found.times, found.amplitudes, strict=True):
         print(f"{float(time)!r},{float(amplitude)!r}")

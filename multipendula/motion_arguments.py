@@ -96,7 +96,7 @@ def synchrony(command: Add) -> None:
     add = command(keeping_time.sync, "sync")
     add.add_argument("scene", metavar="SCENE", help=SCENE_HELP)
     add.add_argument("--duration", metavar="SECONDS", type=number("seconds above 0"), help="default: as predicted")
-    add.add_argument("--start", metavar="WORDS", help="as in simulate, of modes without dampers")
+    add.add_argument("--start", metavar="WORDS", help="as in simulate, in shapes without dampers")
     ways = "follow every way to keep swinging along one number instead, such as support.mass=1:100:30log"
     add.add_argument("--vary", metavar="PLACE=VALUES", help=ways)
     add.add_argument("--format", choices=("text", "json", "csv"), default="text", help="csv with --vary only")

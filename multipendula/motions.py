@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from time import perf_counter
 
-from multipendula.commands import drawn, picture
-from multipendula.runs import bar, in_few_modes, run_of, shown_of, whole
+from multipendula.commands import bar, drawn, picture
+from multipendula.runs import in_few_modes, run_of, shown_of, whole
 
 FILMS = ("gif", "mp4", "html")
 
 
 def simulate(options: argparse.Namespace) -> None:
     """Simulate the motion at large angles, with its certificates."""
+    from modal.escaping import visible
+    from modal.files import STANDARD
     from nonlinear import recordings, summary
     from nonlinear.preparation import SimulationError
     from nonlinear.saved_files import checked_kind
@@ -29,8 +30,9 @@ def simulate(options: argparse.Namespace) -> None:
     spent = perf_counter() - begun
     if options.output:
         recordings.save(trajectory, options.output)
+    target = "standard output" if options.output == STANDARD else options.output
     print(summary.text(trajectory))
-    print(f"computed in {spent:.3g} s" + (f", kept in {options.output}" if options.output else ""))
+    print(f"computed in {spent:.3g} s" + (f", kept in {visible(target)}" if options.output else ""))
     if options.explain:
         from nonlinear.inventory import inventory
 
@@ -61,11 +63,8 @@ def animate(options: argparse.Namespace) -> None:
         print(f"multipendula: {shown.left_out:.3g} s of the run left out; --seconds or --speed", file=sys.stderr)
 
 
-def film_form(name: str) -> str:
+def film_form(name: str, option: str = "-o") -> str:
     """The kind of film that a file name asks for."""
-    from modal.errors import SceneError
+    from modal.files import kind_of
 
-    form = os.path.splitext(name)[1].removeprefix(".").lower()
-    if form not in FILMS:
-        raise SceneError([f"-o {name}: the name must end in .gif, .mp4 or .html"])
-    return form
+    return kind_of(name, FILMS, f"{option} ")

@@ -80,7 +80,9 @@ class Page(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, which options there are not, and where help is; leave with 2."""
         self.print_usage(sys.stderr)
-        lines = [f"error: {message}", *self._strangers(), pointer(self.name)]
+        from modal.escaping import visible
+
+        lines = map(visible, [f"error: {message}", *self._strangers(), pointer(self.name)])
         self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))
 
     def _strangers(self) -> Iterator[str]:
@@ -92,6 +94,18 @@ class Page(argparse.ArgumentParser):
             name = word.partition("=")[0]
             if name[:2] == "--" and not any(option.startswith(name) for option in known):
                 yield f"{name}: no such option{meant(name, known)}"
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """OSError, unlike argparse's own, where it cannot be written."""
+        stream = file or sys.stderr
+        if message and stream:
+            stream.write(message)
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        """What argparse does, but `--option=--` gives an option no value."""
+        if action.option_strings and arg_strings == ["--"]:
+            raise argparse.ArgumentError(action, "expected one argument")
+        return super()._get_values(action, arg_strings)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         """ArgumentError for a value that is no choice, with the nearest one."""
@@ -117,6 +131,44 @@ def _title(action: argparse.Action) -> str:
     return next((title for title, names in TITLES.items() if name in names), "more")
 
 
+OPTIONS = (
+    (r"^(input|output)(?=[ :])", r"--\1"),
+    (r"^format (\S+):", r"--to \1:"),
+    (r"^step (\S+) s:", r"--discrete \1:"),
+    (r"(a C header is of a sampled model)", r"--to c needs --discrete SECONDS, \1"),
+    (r"^(\d+) modes: (?=the model)", r"--modes \1: "),
+    (r"choose (fewer|at most \d+) modes$", r"\g<0> with --modes"),
+    (r"choose at most \d+ outputs$", r"\g<0> with --of"),
+    (r"choose polynomial and modes alone$", "choose --show polynomial,modes"),
+    (r"a kind of link and an equilibrium are", "--links and --equilibrium are"),
+    (r", (\d+) samples$", r", --samples \1"),
+    (r"give another start: .*", "ask for --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."),
+)
+"""What the packages speak of, which know no options, in those of the command."""
+
+
+def in_options(line: str) -> str:
+    """A line of an error with the options that it is about.
+
+    >>> in_options("input wind: must be one of cart_force")
+    '--input wind: must be one of cart_force'
+    """
+    for words, options in OPTIONS:
+        line = re.sub(words, options, line)
+    return line
+
+
 def pointer(command: str) -> str:
     """Where help is."""
     return f"see `{' '.join(('multipendula', command)).strip()} --help`"
+
+
+class Version(argparse.Action):
+    """Print the version and leave."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print it."""
+        from importlib.metadata import version
+
+        print(f"multipendula {version('multipendula')}")
+        parser.exit()

@@ -1,12 +1,12 @@
-"""What the commands about motion share: which run is meant, where it starts, how its progress is shown."""
+"""What the commands about motion share: which run is meant and where it starts."""
 
 from __future__ import annotations
 
 import argparse
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import TYPE_CHECKING
+
+from multipendula.commands import bar
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -100,8 +100,11 @@ def _unstarted(options: argparse.Namespace) -> None:
         raise SceneError(["--start: a saved run goes on from its last state"])
 
 
-def start_of(scene: Scene, words: str | None) -> State | None:
-    """None for the file's own start, mode:R:DEG for a mode's shape, angles:A,B,... for angles at rest."""
+def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> State | None:
+    """None for the file's own start, mode:R:DEG for a mode's shape, angles:A,B,... for angles at rest.
+
+    `undamped` takes the shape without dampers; R is the number in the table of the scene all the same.
+    """
     from modal.errors import SceneError
     from nonlinear import starts
 
@@ -113,18 +116,21 @@ def start_of(scene: Scene, words: str | None) -> State | None:
         if kind == "angles":
             return starts.released(scene, [float(word) for word in rest.split(",")])
         if kind == "mode":
-            return _in_mode(scene, int(number), float(degrees))
+            return _in_mode(scene, int(number), float(degrees), undamped=undamped)
     except ValueError as error:
         if isinstance(error, SceneError):
             raise
     raise SceneError([f"--start {words}: must be scene, mode:R:DEG such as mode:2:10, or angles:A,B,... in degrees"])
 
 
-def _in_mode(scene: Scene, number: int, degrees: float) -> State:
+def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> State:
     from math import radians
+
+    import numpy as np
 
     from modal.errors import SceneError
     from modal.modes import natural_modes
+    from modal.numbering import table_numbers
     from nonlinear.directions import of_plane
     from nonlinear.modal_coordinates import start_in_mode
 
@@ -135,20 +141,15 @@ def _in_mode(scene: Scene, number: int, degrees: float) -> State:
         raise SceneError([f"--start mode:{number}: a rigid translation has no angle"])
     if not 0 < abs(degrees) <= 180:
         raise SceneError([f"--start mode:{number}:{degrees:g}: the largest angle must be a number of at most 180 deg"])
-    state = start_in_mode(scene, modes, number - 1, 0, radians(degrees))
+    row = number - 1
+    if undamped:
+        found = np.flatnonzero(table_numbers(scene) == number)
+        if not found.size:
+            raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, without a swing"])
+        scene, row = scene.conservative, int(found[0])
+        modes = natural_modes(scene)
+    state = start_in_mode(scene, modes, row, 0, radians(degrees))
     return state if scene.space == "plane" else of_plane(state)
-
-
-@contextmanager
-def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
-    """A progress bar, by default in seconds of pendulum time, on a terminal and for what takes a while."""
-    if not sys.stderr.isatty():
-        yield lambda elapsed: None
-        return
-    from tqdm import tqdm
-
-    with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False) as shown:
-        yield lambda elapsed: shown.update(elapsed - shown.n)
 
 
 def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from multipendula.commands import drawn, picture
-from multipendula.runs import bar, in_a_folder
+from multipendula.commands import bar, drawn, picture
+from multipendula.runs import in_a_folder
 
 if TYPE_CHECKING:
     from nonlinear.crews import Crew
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 def sweep(options: argparse.Namespace) -> None:
     """Measure a scene over a grid of its parameters, or follow its frequencies along one."""
-    kind = picture(options.picture) if options.picture else ""
+    kind = picture(options.picture, "--picture") if options.picture else ""
     for path in (options.picture, options.output):
         in_a_folder(path)
     (_loci if options.loci else _map)(options, kind)
@@ -27,15 +27,15 @@ def sweep(options: argparse.Namespace) -> None:
 
 def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import ComputationError
+    from modal.escaping import visible
     from modal.files import load
     from modal.variations import parsed
-    from nonlinear.journals import remove
     from nonlinear.measures import asked
     from nonlinear.requests import gathered
     from nonlinear.saved_files import checked_kind
     from nonlinear.studies import Study
     from nonlinear.sweep_files import save
-    from nonlinear.sweep_tables import sweep_text
+    from nonlinear.sweep_tables import reasons, sweep_text
     from nonlinear.sweeps import sweep as swept
 
     _, scene, axes, measures = gathered(
@@ -49,29 +49,38 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         from nonlinear.sweep_figures import draw_sweep, insist
 
         insist(axes)
-    with _journal(options, study) as kept, _crew(options) as crew, bar(study.size, "point") as report:
-        found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
-    sys.stdout.write(sweep_text(found))
-    if found.interrupted:
+    with _journal(options, study) as kept:
+        with _crew(options) as crew, bar(study.size, "point") as report:
+            found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
+        if len(found.failures) == study.size:
+            kept.finish()
+            raise ComputationError("\n".join(["no point could be measured", *reasons(found)]))
+        sys.stdout.write(sweep_text(found))
+        if found.interrupted:
+            if _has_journal(options):
+                print(f"the same command goes on from {visible(options.output)}.journal", file=sys.stderr)
+            raise KeyboardInterrupt
         if options.output:
-            print(f"the same command goes on from {options.output}.journal", file=sys.stderr)
-        raise KeyboardInterrupt
-    if len(found.failures) == study.size:
-        raise ComputationError("no point could be measured")
-    if options.output:
-        save(found, options.output)
-        remove(f"{options.output}.journal")
+            save(found, options.output)
+            kept.finish()
     if options.picture:
         with drawn(options.picture, options.theme) as stream:
             draw_sweep(found, stream, kind)
 
 
-@contextmanager
-def _journal(options: argparse.Namespace, study: Study) -> Iterator[Journal | None]:
-    from nonlinear.journals import journal
+def _has_journal(options: argparse.Namespace) -> bool:
+    """Whether what is done is kept beside the file to come: not beside standard output."""
+    from modal.files import STANDARD
 
-    if not options.output:
-        yield None
+    return bool(options.output) and options.output != STANDARD
+
+
+@contextmanager
+def _journal(options: argparse.Namespace, study: Study) -> Iterator[Journal]:
+    from nonlinear.journals import Journal, journal
+
+    if not _has_journal(options):
+        yield Journal()
         return
     with journal(f"{options.output}.journal", study, fresh=options.fresh) as kept:
         yield kept
@@ -90,7 +99,7 @@ def _crew(options: argparse.Namespace) -> Iterator[Crew | None]:
 
 def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import SceneError
-    from modal.files import load, whole_file
+    from modal.files import STANDARD, load, whole_file
     from modal.loci import loci
     from modal.loci_tables import loci_csv, loci_text
     from modal.variations import parsed
@@ -99,7 +108,7 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     problems = [f"--{name}: goes without --loci" for name in asked]
     if len(options.vary) != 1:
         problems.append("--loci: follows frequencies over one --vary")
-    if options.output and not options.output.lower().endswith(".csv"):
+    if options.output and options.output != STANDARD and not options.output.lower().endswith(".csv"):
         problems.append(f"-o {options.output}: loci are kept in a .csv file")
     if problems:
         raise SceneError(problems)

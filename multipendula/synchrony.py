@@ -7,9 +7,9 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.commands import drawn, picture
+from multipendula.commands import bar, drawn, picture
 from multipendula.motions import film_form
-from multipendula.runs import bar, in_a_folder, start_of
+from multipendula.runs import in_a_folder, start_of
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -27,7 +27,7 @@ def sync(options: argparse.Namespace) -> None:
         lambda: options.vary and parsed([options.vary]),
         lambda: _fitting(options),
         lambda: options.picture and picture(options.picture),
-        lambda: options.film and film_form(options.film),
+        lambda: options.film and film_form(options.film, "--film"),
         lambda: in_a_folder(options.picture),
         lambda: in_a_folder(options.film),
     )
@@ -54,7 +54,7 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 def _run(scene: Scene, options: argparse.Namespace) -> None:
     from nonlinear.synchrony import synchrony
 
-    start = start_of(scene.conservative, options.start)
+    start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
         found = synchrony(scene, options.duration, start=start, report=lambda now, end: report(now / end))
     sys.stdout.write(_told(found, options.format))

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import base64
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import reduce
-from html import escape
 from io import BytesIO
 from itertools import chain
 from pathlib import Path
-from subprocess import CalledProcessError
+from subprocess import DEVNULL, PIPE, Popen
 from tempfile import TemporaryDirectory
 from typing import IO
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.animation import FFMpegWriter
 from matplotlib.colors import to_rgb
 from PIL import Image
 
 from modal.errors import ComputationError, SceneError
+from modal.escaping import html
 from modal.palette import colour, ink, paper
 from modal.pictures import any_letters
-from nonlinear.film import DPI, Film
+from nonlinear.film import Film
+from nonlinear.interrupts import deaf_children
 from nonlinear.trajectory import Trajectory
 
 FORMS = ("gif", "mp4", "html")
@@ -93,7 +93,7 @@ def animate(
         elif form == "html":
             _write_html(film, shot, stream)
         else:
-            _write_mp4(film, executable, stream, report)
+            _write_mp4(film, shot, executable, stream)
     motion = min(frames * speed / rate, length * speed)
     return Shown(frames, rate, motion, max(0.0, (length * speed) - motion))
 
@@ -140,19 +140,42 @@ def _on_paper(image: Image.Image) -> Image.Image:
     return image
 
 
-def _write_mp4(film: Film, executable: str, stream: IO[bytes], report: Report) -> None:
-    with TemporaryDirectory() as folder, rc_context({"animation.ffmpeg_path": executable}):
+def _write_mp4(film: Film, shot: Callable[[int], Image.Image], executable: str, stream: IO[bytes]) -> None:
+    """Frames go to ffmpeg through a pipe; it never hears Ctrl-C, which is for this process to answer."""
+    width, height = film.canvas.get_width_height()
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-framerate", repr(film.rate)]
+    coded = ["-vcodec", "h264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart"]
+    with TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
-        writer = FFMpegWriter(film.rate, codec="h264", extra_args=["-crf", "18", "-movflags", "+faststart"])  # type: ignore[arg-type]
         try:
-            with writer.saving(film.figure, str(path), DPI):
-                for frame in range(len(film.times)):
-                    film.show(frame)
-                    writer.grab_frame()
-                    report((frame + 1) / film.rate)
-            stream.write(path.read_bytes())
-        except (CalledProcessError, OSError) as error:
-            raise ComputationError(f"ffmpeg ({executable}) could not write the film: {error}") from None
+            with deaf_children():
+                command = [executable, "-loglevel", "error", *raw, "-i", "pipe:", *coded, str(path)]
+                encoder = Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=PIPE)
+        except OSError as error:
+            raise _failed(executable, str(error.strerror)) from None
+        with encoder:
+            try:
+                said = _fed(encoder, (shot(frame).tobytes() for frame in range(len(film.times))))
+            except BaseException:
+                encoder.kill()
+                raise
+        if encoder.returncode:
+            raise _failed(executable, said or f"it ended with {encoder.returncode}")
+        stream.write(path.read_bytes())
+
+
+def _fed(encoder: Popen[bytes], frames: Iterable[bytes]) -> str:
+    """What a program says last of all that it is given; one that has ended takes no more."""
+    assert encoder.stdin
+    with suppress(BrokenPipeError):
+        for frame in frames:
+            encoder.stdin.write(frame)
+    said = encoder.communicate()[1].decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(said) if line.strip()), "")
+
+
+def _failed(executable: str, words: str) -> ComputationError:
+    return ComputationError(f"ffmpeg ({executable}) could not write the film: {words}")
 
 
 def _ffmpeg() -> str:
@@ -170,7 +193,7 @@ def _ffmpeg() -> str:
 
 def _write_html(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
     """A page that needs nothing else: frames as PNG, a button, a slider."""
-    words = {"RATE": f"{film.rate:g}", "INK": ink(), "PAPER": paper(), "HUE": colour(0), "TITLE": escape(film.title)}
+    words = {"RATE": f"{film.rate:g}", "INK": ink(), "PAPER": paper(), "HUE": colour(0), "TITLE": html(film.title)}
     head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
     stream.write(head.encode())
     for part in chain.from_iterable(_embedded(shot(k)) for k in range(len(film.times))):

@@ -7,10 +7,12 @@ import signal
 from collections.abc import Iterator
 from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
+from threading import Thread
 from typing import NamedTuple
 
 from modal.errors import ComputationError
+from nonlinear.interrupts import deaf_children
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
@@ -31,11 +33,12 @@ def cores() -> int:
 def processes(count: int) -> Iterator[Crew]:
     """So many processes, each with one thread, started afresh on every platform and deaf to Ctrl-C.
 
-    An error or Ctrl-C in the block ends them at once.  Raises ComputationError where they cannot start.
+    An error or Ctrl-C in the block ends them at once, and so does the end of this process, however it comes.  Raises
+    ComputationError where they cannot start.
     """
     others = set(active_children())
     with _one_thread_each():
-        pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_deaf)
+        pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begun)
         try:
             _start(pool, count)
             yield Crew(pool, count)
@@ -47,14 +50,22 @@ def processes(count: int) -> Iterator[Crew]:
         pool.shutdown()
 
 
-def _deaf() -> None:
-    """Ctrl-C is for the process that has started this one."""
+def _begun() -> None:
+    """Ctrl-C is for the process that has started this one, and this one ends with that one, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent:
+        parent.join()
+        os._exit(1)
 
 
 def _start(pool: ProcessPoolExecutor, count: int) -> None:
     try:
-        with _deaf_from_birth():
+        with deaf_children():
             first, *_ = [pool.submit(int) for _ in range(count)]
         first.result()
     except BrokenExecutor:
@@ -62,19 +73,6 @@ def _start(pool: ProcessPoolExecutor, count: int) -> None:
             "worker processes cannot start: in a script of one's own a sweep belongs under "
             '`if __name__ == "__main__":`, or takes workers=1'
         ) from None
-
-
-@contextmanager
-def _deaf_from_birth() -> Iterator[None]:
-    """Processes that start in here hear no Ctrl-C while they still import, where the platform can; this one later."""
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from matplotlib.text import Text
 from PIL import Image
 
 from modal.dress import SMALL
+from modal.escaping import visible
 from modal.palette import muted
 from modal.pictures import sheet
 from modal.rig import Floats
@@ -30,7 +31,7 @@ class Film:
 
     def __init__(self, trajectory: Trajectory, times: Floats, rate: float, speed: float) -> None:
         self.times, self.rate = times, rate
-        self.title = trajectory.scene.title or "Pendula"
+        self.title = visible(trajectory.scene.title) or "Pendula"
         self.figure = sheet(*SIZE)
         self.figure.set(dpi=DPI, layout_engine="none")
         self.canvas = FigureCanvasAgg(self.figure)

@@ -1,4 +1,4 @@
-"""Ctrl-C put off while foreign code is loaded and compiled, which an interrupt would leave half done."""
+"""Ctrl-C put off while foreign code is loaded and compiled, and kept from processes that are started."""
 
 from __future__ import annotations
 
@@ -7,18 +7,36 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """A block that Ctrl-C ends only when it is through."""
+    """A block that Ctrl-C, or what else has the process end in its own time, ends only when it is through."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
     caught: list[int] = []
-    before = signal.signal(signal.SIGINT, lambda number, frame: caught.append(number))
+    handlers = {number: handler for number in ENDING if callable(handler := signal.getsignal(number))}
+    for number in handlers:
+        signal.signal(number, lambda number, frame: caught.append(number))
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
-    if caught:
-        raise KeyboardInterrupt
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+    for number in caught:
+        handlers[signal.Signals(number)](number, None)
+
+
+@contextmanager
+def deaf_children() -> Iterator[None]:
+    """Processes that start in here never hear Ctrl-C, where the platform can; this one hears it later."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,42 +1,44 @@
 """Trajectories on disk: NPZ holds everything to the last bit, CSV the same numbers to read and plot elsewhere.
 
 Both begin with a header in JSON: the scene, how the run was made and what happened.  In a CSV it stands in a comment on
-the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.
+the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both hold a
+checksum, and a file that is not what was saved is refused whole.
 """
 
 from __future__ import annotations
 
 import io
-import json
 import os
 import warnings
 from collections.abc import Iterator
 from dataclasses import asdict, fields, replace
-from pathlib import Path
+from math import isnan
 from typing import Any
 
 import numpy as np
 
 from modal.files import whole_file
 from modal.rig import Floats
-from modal.scene import described, scene_from
+from modal.scene import Scene, described, scene_from
+from modal.sealed import finite, index, insist_keys, reading
 from nonlinear.events import NO_KICKS, Happening, Kicks
 from nonlinear.methods import FORMS, choose
 from nonlinear.plant import Plant, plant_of
-from nonlinear.saved_files import checked_kind, reading
+from nonlinear.saved_files import as_csv, as_npz, checked_kind, from_csv, from_npz
 from nonlinear.state import Motion, State
 from nonlinear.superposition import CORRECTED, LINEAR
 from nonlinear.trajectory import TRUNCATED, Run, Trajectory
 
 VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
+TIMES = "times_s"
 AXES = ("x", "y", "z")
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """Write a .npz or .csv file, whole or not at all; SceneError for another name."""
-    content = _npz(trajectory) if checked_kind(path) == ".npz" else _csv(trajectory)
+    content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)
     with whole_file(path) as stream:
         stream.write(content)
 
@@ -47,8 +49,8 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     Applied forces are code and are not saved: a driven run can be read, but not its reaction forces.
     """
     name, kind = os.fspath(path), checked_kind(path)
-    with reading(name, "a trajectory"):
-        header, times, parts = _read_npz(name) if kind == ".npz" else _read_csv(name)
+    with reading(name, "trajectory"):
+        header, times, parts = _read_npz(name) if kind == "npz" else _read_csv(name)
         return _trajectory(header, times, parts)
 
 
@@ -71,47 +73,62 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
+    insist_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
+    if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
+        raise ValueError
     scene = scene_from(header["scene"])
     plant = plant_of(scene)
     shape = (len(times), plant.n_links, *([3] if plant.spatial else []))
-    expected = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
-    if {name: values.shape for name, values in parts.items()} != expected or len(times) == 0:
+    shapes = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
+    insist_keys(parts, *PARTS)
+    motion = Motion(**{name: finite(parts[name], *shapes[name]) for name in PARTS})
+    if len(times) == 0 or np.any(np.diff(finite(times, len(times))) <= 0):
         raise ValueError
-    if not all(np.all(np.isfinite(values)) for values in (times, *parts.values())) or np.any(np.diff(times) <= 0):
-        raise ValueError
-    events = tuple(Happening(e["name"], e["time_s"], _state(e)) for e in header["events"])
-    run = Run(**header["run"])
-    if any(type(getattr(run, field.name)).__name__ != field.type for field in fields(Run)):
+    events = tuple(_happening(event, shape[1:]) for event in header["events"])
+    kicks = _kicks(header["kicks"], plant.n_links)
+    return Trajectory(scene, plant, times, motion, _run(header["run"], plant, scene), events, kicks, header["driven"])
+
+
+def _run(found: dict[str, Any], plant: Plant, scene: Scene) -> Run:
+    run = Run(**found)
+    values = [(getattr(run, field.name), field.type) for field in fields(Run)]
+    if any(type(value).__name__ != kind or (kind == "float" and isnan(value)) for value, kind in values):
         raise TypeError
     if run.form in FORMS:
         integrated = replace(plant, spatial=plant.spatial and run.form == "spatial")
         choose(scene, 1.0, run.tolerance, run.method, run.form, plant=integrated)
     elif run.form not in REDUCED:
         raise ValueError
-    kept = header.get("kicks", NO_KICKS._asdict())
-    kicks = Kicks(*(np.array(kept[name], dtype=own.dtype) for name, own in NO_KICKS._asdict().items()))
-    return Trajectory(scene, plant, times, Motion(**parts), run, events, kicks, driven=bool(header["driven"]))
+    return run
 
 
-def _state(event: dict[str, Any]) -> State:
-    return State(np.array(event["links"]), np.array(event["link_rates"]), event["cart"], event["cart_rate"])
+def _happening(event: dict[str, Any], shape: tuple[int, ...]) -> Happening:
+    insist_keys(event, "name", "time_s", *PARTS[:4])
+    time, cart, cart_rate = finite([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
+    state = State(finite(event["links"], *shape), finite(event["link_rates"], *shape), cart, cart_rate)
+    return Happening(str(event["name"]), time, state)
+
+
+def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
+    insist_keys(found, *NO_KICKS._fields)
+    size = len(found["time"])
+    link = np.array([index(own, n_links) for own in found["link"]], dtype=np.int64)
+    if len(link) != size:
+        raise ValueError
+    return Kicks(link=link, **{name: finite(found[name], size) for name in ("time", "impulse", "energy")})
 
 
 # ---------------------------------------------------------------------------------------------------------- NPZ
 
 
 def _npz(trajectory: Trajectory) -> bytes:
-    stream, motion = io.BytesIO(), trajectory.motion
-    parts = {name: getattr(motion, name) for name in PARTS}
-    np.savez_compressed(stream, header=json.dumps(_header(trajectory)), times_s=trajectory.times, **parts)
-    return stream.getvalue()
+    parts = {name: getattr(trajectory.motion, name) for name in PARTS}
+    return as_npz(_header(trajectory), {TIMES: trajectory.times} | parts)
 
 
 def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
-    content = io.BytesIO(Path(name).read_bytes())
-    with np.load(content, allow_pickle=False) as data:
-        parts = {part: np.asarray(data[part], dtype=float) for part in PARTS}
-        return json.loads(str(data["header"])), np.asarray(data["times_s"], dtype=float), parts
+    header, arrays = from_npz(name)
+    return header, arrays.pop(TIMES), arrays
 
 
 # ---------------------------------------------------------------------------------------------------------- CSV
@@ -133,24 +150,22 @@ def _csv(trajectory: Trajectory) -> bytes:
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
     rows = np.hstack([trajectory.times[:, None], *blocks])
-    return "".join(_lines(json.dumps(_header(trajectory)), columns(trajectory.plant), rows)).encode()
+    return as_csv(_header(trajectory), _lines(columns(trajectory.plant), rows))
 
 
-def _lines(header: str, names: list[str], rows: Floats) -> Iterator[str]:
-    yield f"# {header}\n"
+def _lines(names: list[str], rows: Floats) -> Iterator[str]:
     yield ",".join(names) + "\n"
     for row in rows.tolist():
         yield ",".join(map(repr, row)) + "\n"
 
 
 def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
-    with open(name, encoding="utf-8") as stream:
-        header = json.loads(stream.readline().removeprefix("# "))
-        names = stream.readline().strip().split(",")
-        with warnings.catch_warnings(action="ignore"):
-            rows = np.loadtxt(stream, delimiter=",", ndmin=2)
+    header, text = from_csv(name)
+    names, _, numbers = text.partition("\n")
+    with warnings.catch_warnings(action="ignore"):
+        rows = np.loadtxt(io.StringIO(numbers), delimiter=",", comments=None, ndmin=2)
     plant = plant_of(scene_from(header["scene"]))
-    if names != columns(plant):
+    if names.split(",") != columns(plant):
         raise ValueError
     size, width = len(rows), 3 if plant.spatial else 1
     count = plant.n_links * width

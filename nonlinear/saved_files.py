@@ -1,33 +1,50 @@
-"""What all files of results share: the two kinds they come in, and what is said of one that cannot be read."""
+"""What all files of results share: the two kinds they come in, and the header that both begin with."""
 
 from __future__ import annotations
 
+import json
 import os
-import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from typing import Any
 
-from modal.errors import SceneError
+import numpy as np
 
-KINDS = (".npz", ".csv")
+from modal import sealed
+from modal.escaping import csv_comment
+from modal.files import kind_of
+
+KINDS = ("npz", "csv")
+HEADER = "header"
+COMMENT = "# {"
 
 
 def checked_kind(path: str | os.PathLike[str]) -> str:
-    """The ending of a file's name; SceneError for any other than .npz and .csv."""
-    kind = os.path.splitext(os.fspath(path))[1].lower()
-    if kind not in KINDS:
-        raise SceneError([f"{os.fspath(path)}: the name must end in {' or '.join(KINDS)}"])
-    return kind
+    """The ending of a file's name, npz for standard output; SceneError for any other than .npz and .csv."""
+    return kind_of(path, KINDS)
 
 
-@contextmanager
-def reading(name: str, what: str) -> Iterator[None]:
-    """Whatever goes wrong within is told as a SceneError about the file: it is not `what` multipendula has saved."""
-    try:
-        yield
-    except SceneError as error:
-        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
-    except OSError as error:
-        raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
-    except (ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, zipfile.BadZipFile):
-        raise SceneError([f"{name}: is not {what} that multipendula has saved"]) from None
+def as_csv(header: dict[str, Any], lines: Iterable[str]) -> bytes:
+    """The header in a comment on the first line, its checksum before everything else, and the lines below."""
+    return sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + "".join(lines))
+
+
+def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
+    """The header, and what stands below it."""
+    found = sealed.content(path)
+    sealed.insist_sealed_text(found, COMMENT)
+    first, _, rest = found.decode().partition("\n")
+    header: dict[str, Any] = json.loads(first.removeprefix("# "))
+    del header["sha256"]
+    return header, rest
+
+
+def as_npz(header: dict[str, Any], arrays: dict[str, Any]) -> bytes:
+    """The header as an array of one text, beside the others."""
+    return sealed.archive({HEADER: np.array(json.dumps(header))} | arrays)
+
+
+def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The header, and the arrays beside it."""
+    arrays = sealed.unpacked(sealed.content(path))
+    header: dict[str, Any] = json.loads(str(arrays.pop(HEADER)))
+    return header, arrays

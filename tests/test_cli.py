@@ -10,6 +10,7 @@ import signal
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
@@ -460,3 +461,89 @@ def test_gains_say_what_grows(capsys: pytest.CaptureFixture[str]) -> None:
     assert "grows 4.81261 1/s" in upright
     assert "decays" not in upright
     assert [line.split()[2] for line in printed(capsys, "gains", "chain-spatial").splitlines()[1:4]] == ["1"] * 3
+
+
+LINE = "support.mass=90:110:3"
+
+
+@pytest.mark.parametrize(
+    ("words", "begins"),
+    [
+        (("table", "paper-cart-2", "-o", "-"), b"Two double"),
+        (("matrices", "paper-cart-2", "-o", "-"), b"coordinates"),
+        (("derive", "chain:2", "--show", "polynomial", "--output", "-"), b"2 bobs"),
+        (("shapes", "chain-1", "-o", "-"), b"\x89PNG"),
+        (("explain", "paper-cart-2", "-o", "-"), b"\x89PNG"),
+        (("export", "crane-hook", "--to", "npz", "-o", "-"), b"PK"),
+        (("export", "crane-hook", "--to", "json", "-o", "-"), b"{"),
+        (("response", "crane-hook", "-o", "-"), b"\x89PNG"),
+        (("simulate", "chain-1", "--duration", "1", "-o", "-"), b"PK"),
+        (("advise", "chain-1", "--start", "mode:1:5", "--accuracy", "1e-2", "--duration", "1", "-o", "-"), b"PK"),
+        (("plot", "chain-1", "--duration", "1", "-o", "-"), b"\x89PNG"),
+        (("animate", "chain-1", "--duration", "0.2", "--fps", "10", "-o", "-"), b"GIF8"),
+        (("check", "chain-1", "--amplitude", "5", "-o", "-"), b"\x89PNG"),
+        (("sweep", "paper-cart-2", "--vary", LINE, "--output", "-"), b"PK"),
+        (("sweep", "paper-cart-2", "--vary", LINE, "--picture", "-"), b"\x89PNG"),
+        (("sweep", "paper-cart-2", "--vary", LINE, "--loci", "--output", "-"), b"support.mass_kg,"),
+    ],
+    ids=lambda value: " ".join(value[:1] + value[-2:]) if isinstance(value, tuple) else "",
+)
+def test_a_dash_is_standard_output(
+    words: tuple[str, ...],
+    begins: bytes,
+    capfdbinary: pytest.CaptureFixture[bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from multipendula.cli import main
+
+    monkeypatch.chdir(tmp_path)
+    stream = open(os.dup(1), "w", encoding="utf-8")  # noqa: SIM115
+    monkeypatch.setattr(sys, "stdout", stream)
+    assert main(words) == 0
+    stream.close()
+    streams = capfdbinary.readouterr()
+    assert streams.out.startswith(begins)
+    if begins == b"PK":
+        assert zipfile.ZipFile(io.BytesIO(streams.out)).testzip() is None
+    if begins == b"\x89PNG":
+        assert streams.out.endswith(b"IEND\xaeB`\x82")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_two_things_do_not_fit_into_standard_output(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("sweep", "paper-cart-2", "--vary", LINE, "--output", "-", "--picture", "-")
+    assert "--output, --picture: one of them at most can be -" in refused(capsys, 2, *words)
+
+
+def test_a_terminal_gets_no_bytes(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True, raising=False)
+    assert "is a terminal" in refused(capsys, 2, "export", "chain-1", "--to", "npz", "-o", "-")
+    assert "title" in printed(capsys, "export", "chain-1", "--to", "json", "-o", "-")
+
+
+def test_more_modes_than_there_are_cannot_be_kept(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    words = ("export", "chain-3", "--to", "json", "-o", str(tmp_path / "m.json"))
+    assert "--modes 99: the model has 3" in refused(capsys, 2, *words, "--modes", "99")
+    assert list(tmp_path.iterdir()) == []
+    printed(capsys, *words, "--modes", "3")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("gains", "crane-hook", "--input", "wind"), "--input wind: must be one of"),
+        (("export", "crane-hook", "--to", "jsn", "-o", "m"), "--to jsn: must be one of"),
+        (("export", "crane-hook", "--to", "c", "-o", "m.h"), "--to c needs --discrete SECONDS"),
+        (("shapes", "rope", "--modes", "1:100", "-o", "m.png"), "choose at most 24 modes with --modes"),
+        (("derive", "chain:50"), "choose --show polynomial,modes"),
+        (("derive", "chain-3", "--links", "rod"), "--links and --equilibrium are for chain:"),
+    ],
+)
+def test_errors_name_the_options_that_the_packages_do_not_know(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], told: str
+) -> None:
+    from multipendula.cli import main
+
+    assert main(words) in {1, 2}
+    assert told in capsys.readouterr().err

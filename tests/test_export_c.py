@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,16 +16,18 @@ from exported import DT, SCENES, assert_close, assert_matrices, assert_poles, he
 from numpy.typing import NDArray
 
 from modal import Bob, Pendulum, Scene, SceneError, load
+from modal.escaping import c_comment
 from modal.exports import FORMATS
 from modal.exports.c import write_c
-from modal.exports.c_text import c_comment, c_matrix
+from modal.exports.c_text import c_matrix
 from modal.exports.control_ import to_control
 from modal.exports.discrete import sampled
 from modal.names import identifier
 from modal.signals import Signal
 from modal.statespace import StateSpace, state_space
 
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
+STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic")
+CPP = ("c++", "g++", "clang++")
 STEPS = 400
 MAIN = """\
 #include <stdio.h>
@@ -56,26 +59,27 @@ int main(void)
 """
 
 
-def compiled(folder: Path, header: bytes, main: str) -> Path:
-    compiler = shutil.which("cc") or shutil.which("gcc")
+def compiled(folder: Path, header: bytes, main: str, compilers: Sequence[str] = ("cc", "gcc")) -> Path:
+    compiler = next(filter(None, map(shutil.which, compilers)), None)
     if compiler is None:
-        pytest.skip("no C compiler is installed")
+        pytest.skip(f"no compiler is installed: {', '.join(compilers)}")
+    language, source = ("c++14", "main.cpp") if compilers is CPP else ("c99", "main.c")
     (folder / "model.h").write_bytes(header)
-    (folder / "main.c").write_text(main)
-    ran = subprocess.run(
-        [compiler, *STRICT, "main.c", "-o", "main"], cwd=folder, capture_output=True, text=True, check=False
-    )
+    (folder / source).write_text(main)
+    command = [compiler, f"-std={language}", *STRICT, source, "-o", "main"]
+    ran = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert ran.returncode == 0, ran.stderr
     return folder / "main"
 
 
 def run(
-    folder: Path, model: StateSpace, inputs: NDArray[np.float64]
+    folder: Path, model: StateSpace, inputs: NDArray[np.float64], compilers: Sequence[str] = ("cc", "gcc")
 ) -> tuple[list[NDArray[np.float64]], NDArray[np.float64]]:
     """The matrices that a C program sees and the outputs that it computes."""
     name = identifier(model.title).lower()
     (n, m), p = model.B.shape, len(model.C)
-    program = compiled(folder, write_c(model), MAIN.format(n=n, m=m, p=p, name=name, NAME=name.upper(), dt=model.dt))
+    main = MAIN.format(n=n, m=m, p=p, name=name, NAME=name.upper(), dt=model.dt)
+    program = compiled(folder, write_c(model), main, compilers)
     given = "\n".join(" ".join(map(repr, row)) for row in inputs.T.tolist())
     lines = subprocess.run([program], input=given, capture_output=True, text=True, check=True).stdout.splitlines()
     shapes = (n, n), (n, m), (p, n), (p, m)
@@ -93,6 +97,32 @@ def test_a_c_program_steps_as_control_does(scene: str, tmp_path: Path) -> None:
     expected = control.forced_response(to_control(model), np.arange(STEPS) * DT, inputs).outputs
     assert outputs.shape == expected.shape == (len(model.outputs), STEPS)
     assert_close(outputs, expected, 1e-10)
+
+
+@pytest.mark.parametrize("scene", ["crane-hook", "many"])
+def test_a_program_in_cpp_does_the_same(scene: str, tmp_path: Path) -> None:
+    """Twelve pendula too, whose sampled matrices of tip positions are mostly zeros."""
+    if scene == "many":
+        many = load("crane-hook").replace(pendulum=[p.replace(count=12) for p in load("crane-hook").pendulum])
+        model = sampled(state_space(many, outputs=("tip_positions",)), DT)
+        assert np.count_nonzero(model.C) < model.C.size / 8
+    else:
+        model = model_of(scene, DT)
+    inputs = held_inputs(model, 50)
+    found, outputs = run(tmp_path, model, inputs, CPP)
+    assert_matrices(model, found)
+    assert outputs.tolist() == run(tmp_path, model, inputs)[1].tolist()
+
+
+def test_two_titles_without_letters_go_into_one_program(tmp_path: Path) -> None:
+    titles = ("振り子", "時計", "∀ 2", "∃ 2", "2", "", "!")
+    headers = [write_c(replace(model_of("chain-3", DT), title=title)) for title in titles]
+    functions = [re.search(rb"(\w+)_step\(", header)[1] for header in headers]  # type: ignore[index]
+    assert len(set(functions)) == len(titles)
+    for number, header in enumerate(headers):
+        (tmp_path / f"model{number}.h").write_bytes(header)
+    included = "".join(f'#include "model{number}.h"\n' for number in range(len(headers)))
+    compiled(tmp_path, headers[0], f"{included}int main(void) {{ return 0; }}\n")
 
 
 def test_every_signal_has_its_place_by_name(tmp_path: Path) -> None:
@@ -142,7 +172,7 @@ def test_names_and_titles_that_c_would_not_like(tmp_path: Path) -> None:
 
 
 def test_a_continuous_model_is_refused() -> None:
-    with pytest.raises(SceneError, match="--to c needs --discrete SECONDS"):
+    with pytest.raises(SceneError, match="a C header is of a sampled model"):
         FORMATS["c"].write(model_of("chain-3"))
 
 
@@ -152,12 +182,12 @@ def test_comments_and_matrices() -> None:
     assert "\n".join(c_matrix("M", np.zeros((0, 3)))) == "static const double M[1][3] = {\n    {0.0}\n};"
     sparse = np.zeros((2, 12))
     sparse[1, 3] = 2.5
-    assert list(c_matrix("M", sparse))[1:3] == ["    {0.0},", "    {[3] = 2.5},"]
+    assert list(c_matrix("M", sparse, by_place=True))[1:3] == ["    {0.0},", "    {[3] = 2.5},"]
 
 
 def test_long_rows_of_zeros_compile_to_the_same_matrix(tmp_path: Path) -> None:
     links = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=12)])])
     model = sampled(state_space(links, ("joint_torques",), ("angles", "tip_positions", "pivot_forces")), DT)
-    assert b"{[11] = 1.0}" in write_c(replace(model, title="t"))
+    assert b"[11] =" not in write_c(replace(model, title="t"))
     matrices, _ = run(tmp_path, replace(model, title="t"), held_inputs(model, 2))
     assert_matrices(model, matrices)

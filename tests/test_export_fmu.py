@@ -337,3 +337,21 @@ def test_units_outside_the_grammar_are_left_out() -> None:
     assert "kg(" not in write_modelica(model).decode()
     with ZipFile(BytesIO(FORMATS["fmu"].write(model))) as packed:
         assert b"kg(" not in packed.read("modelDescription.xml")
+
+
+def test_inputs_are_held_and_the_description_says_so(tmp_path: Path) -> None:
+    """A ramp handed over in steps of h gives the answer to stairs: exactly that of the model sampled with h."""
+    model, h = model_of("crane-hook"), 0.05
+    with ZipFile(BytesIO(fmu.write_fmu(model))) as archive:
+        about = archive.read("modelDescription.xml").decode()
+    assert "inputs are held over every communication step" in about
+    assert 'canInterpolateInputs="false"' in about
+    ramp = np.outer(np.ones(len(model.inputs)), np.arange(40) * h)
+    held = sampled(model, h)
+    z, stairs = np.zeros(len(held.A)), []
+    for u in ramp.T:
+        stairs.append(held.C @ z + held.D @ u)
+        z = held.A @ z + held.B @ u
+    with instance(tmp_path, model) as slave:
+        found = stepped(slave, model, ramp, h)
+    assert_close(found, np.array(stairs).T, 1e-9)

@@ -360,7 +360,7 @@ def test_sampling_does_not_depend_on_the_units() -> None:
 
 @pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, np.inf])
 def test_a_step_must_be_positive(dt: float) -> None:
-    with pytest.raises(SceneError, match=f"--discrete {dt}: must be a positive number"):
+    with pytest.raises(SceneError, match=f"step {dt} s: must be a positive number"):
         sampled(model_of("chain-3"), dt)
 
 
@@ -384,7 +384,9 @@ def test_reach_bounds_every_pole() -> None:
 
 
 def test_an_unknown_format_lists_the_others() -> None:
-    with pytest.raises(SceneError, match="--to word: must be one of control, mat, m, json, npz, csv, c, fmu, modelica"):
+    with pytest.raises(
+        SceneError, match="format word: must be one of control, mat, m, json, npz, csv, c, fmu, modelica"
+    ):
         format_named("word")
     assert format_named("mat").extension == ".mat"
     assert len({form.extension for form in FORMATS.values()}) == len(FORMATS)
@@ -472,3 +474,15 @@ def test_the_checks_bite() -> None:
 
 def test_every_method_is_tested() -> None:
     assert set(METHODS) == {"zoh", "foh", "tustin"}
+
+
+def test_models_are_read_from_paths_as_from_bytes(tmp_path: Path) -> None:
+    model = model_of("crane-hook", DT)
+    for name, write, read in (("m.json", write_json, read_json), ("m.npz", write_npz, read_npz)):
+        path = tmp_path / name
+        path.write_bytes(write(model))
+        for source in (path, str(path), path.read_bytes()):
+            found = read(source)
+            assert (found.A.tolist(), found.inputs, found.title) == (model.A.tolist(), model.inputs, model.title)
+        with pytest.raises(SceneError, match=r"not there.*: cannot be read: No such file"):
+            read(tmp_path / "not there")

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from forged import forged
 
 import modal
 from modal import Scene, SceneError
 from modal.errors import ComputationError
+from modal.sealed import archive
 from nonlinear import recordings, summary
 from nonlinear.events import crossing
 from nonlinear.plant import plant_of
@@ -93,9 +95,9 @@ def broken(tmp_path: Path) -> dict[str, Path]:
     }
     for name, content in files.items():
         if content is not None:
-            (tmp_path / name).write_bytes(content)
+            (tmp_path / name).write_bytes(forged(content))
     data["links"] = data["links"][:-1]
-    np.savez(tmp_path / "shapes.npz", **data)
+    (tmp_path / "shapes.npz").write_bytes(archive(data))
     np.savez(tmp_path / "foreign.npz", a=np.zeros(3))
     np.savez(tmp_path / "pickled.npz", header=np.array([{}], dtype=object))
     return {name: tmp_path / name for name in (*files, "shapes.npz", "foreign.npz", "pickled.npz", "run.txt")}
@@ -112,7 +114,7 @@ def test_anything_else_is_refused_in_one_line(tmp_path: Path) -> None:
 def test_a_bad_scene_in_the_header_is_named(tmp_path: Path) -> None:
     recordings.save(short_run("chain-2"), tmp_path / "run.csv")
     text = (tmp_path / "run.csv").read_text().replace('"gravity": 9.81', '"gravity": -1.0')
-    (tmp_path / "run.csv").write_text(text)
+    (tmp_path / "run.csv").write_bytes(forged(text.encode()))
     with pytest.raises(SceneError, match=r"run.csv: gravity = -1.0: must be"):
         recordings.load(tmp_path / "run.csv")
 

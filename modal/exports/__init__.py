@@ -6,7 +6,7 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from modal.errors import SceneError
+from modal.errors import SceneError, meant
 from modal.statespace import StateSpace
 
 
@@ -36,7 +36,7 @@ def _function(place: str) -> Callable[..., Any]:
 def format_named(name: str) -> Format:
     """The format of a name; SceneError lists all of them for an unknown one."""
     if name not in FORMATS:
-        raise SceneError([f"--to {name}: must be one of {', '.join(FORMATS)}"])
+        raise SceneError([f"format {name}: must be one of {', '.join(FORMATS)}{meant(name, FORMATS)}"])
     return FORMATS[name]
 
 
@@ -47,7 +47,7 @@ FORMATS = {
     "json": Format(".json", "JSON", "json_.write_json"),
     "npz": Format(".npz", "a NumPy archive", "npz.write_npz"),
     "csv": Format(".csv", "a table in long form", "csv_.write_csv"),
-    "c": Format(".h", "a C99 header with a step function", "c.write_c"),
+    "c": Format(".h", "a header for C99 and C++ with a step function", "c.write_c"),
     "fmu": Format(".fmu", "an FMI 2.0 co-simulation unit", "fmu.write_fmu", "fmu.note"),
     "modelica": Format(".mo", "a Modelica block", "modelica.write_modelica"),
 }

@@ -1,11 +1,12 @@
-"""A C99 header for embedded controllers: the discrete matrices and one step, no includes, no memory of its own."""
+"""A header in C99 and C++ for controllers: the discrete matrices and one step, no includes, no memory of its own."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from modal.errors import SceneError
-from modal.exports.c_text import c_comment, c_matrix
+from modal.escaping import c_comment
+from modal.exports.c_text import c_matrix
 from modal.exports.text import heading, joined, matrices, meaning, preamble
 from modal.names import identifier, identifiers
 from modal.signals import Signal
@@ -34,7 +35,7 @@ static inline void {name}_step(double z[], const double u[], double y[])
 def write_c(model: StateSpace) -> bytes:
     """The header; every name in it begins with the title's identifier.  Raises SceneError for a continuous model."""
     if not model.dt:
-        raise SceneError(["--to c needs --discrete SECONDS: a controller steps in time"])
+        raise SceneError(["a C header is of a sampled model: a controller steps in time"])
     return joined(_lines(model, identifier(heading(model)).lower()))
 
 

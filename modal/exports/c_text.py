@@ -1,4 +1,4 @@
-"""Numbers and comments in C99."""
+"""Matrices in C99 and, but for those `by_place`, in C++."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ def hexadecimal(number: float) -> str:
     return number.hex() if number else "0.0"
 
 
-def c_matrix(name: str, values: Floats, number: Callable[[float], str] = repr) -> Iterator[str]:
-    """A constant; C has no arrays of no elements, so an empty side has length one and holds a zero."""
+def c_matrix(
+    name: str, values: Floats, number: Callable[[float], str] = repr, *, by_place: bool = False
+) -> Iterator[str]:
+    """A constant; C has no arrays of no elements, so an empty side has length one and holds a zero.
+
+    `by_place` leaves most zeros out, which C can say and C++ cannot.
+    """
     rows, columns = (max(1, size) for size in values.shape)
     yield f"static const double {name}[{rows}][{columns}] = {{"
-    yield from (_row(row) for row in digits(values, number) if row)
+    yield from (_row(row, by_place=by_place) for row in digits(values, number) if row)
     if not values.size:
         yield "    {0.0}"
     yield "};"
 
 
-def c_comment(text: str) -> str:
-    """A comment that ends where it should and holds no other."""
-    return f"/* {text.replace('*/', '* /').replace('/*', '/ *')} */"
-
-
-def _row(row: list[str]) -> str:
-    """A row; of a long one that is mostly zeros only the rest, by their places."""
-    if len(row) > LONG_ROW and row.count("0.0") > MOSTLY * len(row):
+def _row(row: list[str], *, by_place: bool) -> str:
+    """A row; `by_place`, of a long one that is mostly zeros only the rest, by their places."""
+    if by_place and len(row) > LONG_ROW and row.count("0.0") > MOSTLY * len(row):
         kept = [f"[{place}] = {number}" for place, number in enumerate(row) if number != "0.0"]
         row = kept or ["0.0"]
     lines = [", ".join(row[k : k + NUMBERS_A_LINE]) for k in range(0, len(row), NUMBERS_A_LINE)]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
-from io import StringIO
 from typing import Any
 
+from modal.escaping import csv_rows
 from modal.exports.text import matrices
 from modal.statespace import StateSpace
 
@@ -18,18 +17,15 @@ def write_csv(model: StateSpace) -> bytes:
 
     A row of A and B is named after the state that it moves.
     """
-    stream = StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(HEADER)
-    writer.writerow(("title", "", "", "", "", "", "", model.title))
-    writer.writerow(("dt", "", "", "s", "", "", "", repr(model.dt)))
-    for number, (name, value) in enumerate(model.operating_point, 1):
-        writer.writerow(("operating_point", number, name, "rad", "", "", "", repr(value)))
-    writer.writerows(_rows(model))
-    return stream.getvalue().encode()
+    return csv_rows(_rows(model)).encode()
 
 
 def _rows(model: StateSpace) -> Iterator[tuple[Any, ...]]:
+    yield HEADER
+    yield "title", "", "", "", "", "", "", model.title
+    yield "dt", "", "", "s", "", "", "", repr(model.dt)
+    for number, (name, value) in enumerate(model.operating_point, 1):
+        yield "operating_point", number, name, "rad", "", "", "", repr(value)
     sides = {
         "A": (model.states, model.states),
         "B": (model.states, model.inputs),

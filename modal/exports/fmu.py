@@ -1,6 +1,7 @@
 """FMI 2.0 co-simulation: a zip of description, C source and, where a compiler is found, a Linux binary.
 
-Over the default step the input is held and the step is exact; `linear_fmu.c` bridges any other step to rounding.
+Inputs are held over every communication step, as co-simulation has it without derivatives of inputs: the answer to a
+ramp lags by half a step.  Over the default step the step is exact; `linear_fmu.c` bridges any other one to rounding.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from tempfile import TemporaryDirectory
 from uuid import NAMESPACE_URL, uuid5
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from modal.exports.c_text import c_comment, c_matrix, hexadecimal
+from modal.escaping import c_comment
+from modal.exports.c_text import c_matrix, hexadecimal
 from modal.exports.discrete import reach, sampled
 from modal.exports.fmu_description import description
 from modal.exports.text import heading, joined
@@ -80,7 +82,7 @@ def _matrices(model: StateSpace, held: StateSpace) -> Iterator[str]:
         listed |= {"A": model.A, "B": model.B}
         yield f"#define REACH {reach(model.A)!r}"
     for name, values in listed.items():
-        yield from c_matrix(name, values, hexadecimal)
+        yield from c_matrix(name, values, hexadecimal, by_place=True)
 
 
 def _compiled(sources: dict[str, bytes]) -> bytes:

@@ -6,8 +6,9 @@ from collections.abc import Iterator
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
+from modal.escaping import one_line
 from modal.exports.modelica import unit
-from modal.exports.text import heading, law, one_line, rest
+from modal.exports.text import heading, law, rest
 from modal.names import identifier, identifiers
 from modal.signals import Signal
 from modal.statespace import StateSpace
@@ -21,6 +22,7 @@ UNITS = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N.m": {"kg": 1, "m": 2, "s": -2},
 }
+HELD = "inputs are held over every communication step"
 ROLES = {
     "input": {"causality": "input", "variability": "continuous"},
     "state": {"causality": "local", "variability": "continuous", "initial": "exact"},
@@ -68,7 +70,7 @@ def _about(model: StateSpace, guid: str) -> dict[str, str]:
         "fmiVersion": "2.0",
         "modelName": heading(model),
         "guid": guid,
-        "description": "; ".join([law(model), "deviations from the rest", *rest(model)[:8]]),
+        "description": "; ".join([law(model), HELD, "deviations from the rest", *rest(model)[:8]]),
         "generationTool": "multipendula",
         "variableNamingConvention": "structured",
         "numberOfEventIndicators": "0",
@@ -80,6 +82,7 @@ def _interface(root: ET.Element, model: StateSpace, source: str) -> None:
         root,
         "CoSimulation",
         modelIdentifier=identifier(heading(model)),
+        canInterpolateInputs="false",
         canHandleVariableCommunicationStepSize="false" if model.dt else "true",
         canNotUseMemoryManagementFunctions="true",
         canGetAndSetFMUstate="true",

@@ -1,36 +1,61 @@
-"""JSON, bit for bit there and back."""
+"""JSON, bit for bit there and back, sealed by a checksum."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from math import prod
 from typing import Any
 
 import numpy as np
 
-from modal.exports.text import digits, joined, matrices
+from modal.exports.text import digits, matrices
 from modal.rig import Floats
+from modal.sealed import Source, content, finite, insist_keys, insist_sealed_text, reading, sealed_text
 from modal.signals import Signal
 from modal.statespace import StateSpace
 
 KINDS = ("states", "inputs", "outputs")
 SHAPES = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs", "states"), "D": ("outputs", "inputs")}
 
+OPENING = "{\n  "
+Rests = Sequence[tuple[str, float]]
+
 
 def write_json(model: StateSpace) -> bytes:
     """An object of title, dt, operating_point, states, inputs, outputs and the matrices, a row a line."""
     fields = list(_fields(model))
-    return joined(["{", *(f"{line}," for line in fields[:-1]), fields[-1], "}"])
+    return sealed_text(OPENING, "\n" + ",\n".join(fields) + "\n}\n")
 
 
-def read_json(content: bytes) -> StateSpace:
-    """The model that was written."""
-    data: dict[str, Any] = json.loads(content)
-    signals = {kind: tuple(Signal(s["name"], s["unit"], s["meaning"]) for s in data[kind]) for kind in KINDS}
-    sizes = {name: tuple(len(signals[kind]) for kind in kinds) for name, kinds in SHAPES.items()}
-    A, B, C, D = (np.array(data[name], dtype=np.float64).reshape(sizes[name]) for name in SHAPES)
-    resting = tuple((angle["name"], float(angle["value"])) for angle in data["operating_point"])
-    return StateSpace(A, B, C, D, **signals, dt=float(data["dt"]), title=data["title"], operating_point=resting)
+def read_json(source: Source) -> StateSpace:
+    """The model that was written, from the bytes of the file or its path; SceneError for any other content."""
+    with reading(source, "model"):
+        found = content(source)
+        insist_sealed_text(found, OPENING)
+        data: dict[str, Any] = json.loads(found)
+        insist_keys(data, "sha256", "title", "dt", "operating_point", *KINDS, *SHAPES)
+        signals = {kind: [(s["name"], s["unit"], s["meaning"]) for s in data[kind]] for kind in KINDS}
+        resting = [(angle["name"], angle["value"]) for angle in data["operating_point"]]
+        return assembled(data, signals, resting)
+
+
+def assembled(found: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[str]]], resting: Rests) -> StateSpace:
+    """The model of A, B, C, D, dt and title; ValueError where they do not fit together or are not finite."""
+    named = {kind: tuple(Signal(*map(str, row)) for row in rows) for kind, rows in signals.items()}
+    sizes = {name: tuple(len(named[kind]) for kind in kinds) for name, kinds in SHAPES.items()}
+    A, B, C, D = (finite(found[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
+    angles = finite([value for _, value in resting], len(resting)) if resting else np.zeros(0)
+    states, inputs, outputs = (named[kind] for kind in KINDS)
+    return StateSpace(
+        *(A, B, C, D),
+        states,
+        inputs,
+        outputs,
+        dt=float(finite(found["dt"])),
+        title=str(found["title"]),
+        operating_point=tuple(zip((str(name) for name, _ in resting), angles.tolist(), strict=True)),
+    )
 
 
 def _fields(model: StateSpace) -> Iterator[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from modal.escaping import matlab_text
 from modal.exports.text import digits, joined, matrices, meaning, preamble
 from modal.rig import Floats
 from modal.signals import Signal
@@ -45,9 +46,9 @@ def _lines(model: StateSpace) -> Iterator[str]:
 
 def _names(kind: str, signals: tuple[Signal, ...]) -> Iterator[str]:
     yield f"{kind}_names = {{"
-    yield from (f"  {_quoted(signal.name)}  % {meaning(signal)}" for signal in signals)
+    yield from (f"  {matlab_text(signal.name)}  % {meaning(signal)}" for signal in signals)
     yield "};"
-    yield f"{kind}_units = {{{'; '.join(_quoted(signal.unit) for signal in signals)}}};"
+    yield f"{kind}_units = {{{'; '.join(matlab_text(signal.unit) for signal in signals)}}};"
 
 
 def _matrix(name: str, values: Floats) -> Iterator[str]:
@@ -57,7 +58,3 @@ def _matrix(name: str, values: Floats) -> Iterator[str]:
     yield f"{name} = ["
     yield from (f"  {' '.join(row)}" for row in digits(values))
     yield "];"
-
-
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from modal.exports.text import digits, heading, joined, matrices, one_line, rest
+from modal.escaping import modelica_text
+from modal.exports.text import digits, heading, joined, matrices, rest
 from modal.names import identifier, identifiers
 from modal.rig import Floats
 from modal.signals import Signal
@@ -49,7 +50,7 @@ def _lines(model: StateSpace) -> Iterator[str]:
     inner = identifiers([*(s.name for s in (*model.inputs, *model.outputs)), *words], [*TAKEN, name])
     m, p = len(model.inputs), len(model.outputs)
     inputs, outputs, starts = inner[:m], inner[m : m + p], inner[m + p :]
-    yield f"block {name} {_quoted(heading(model))}"
+    yield f"block {name} {modelica_text(heading(model))}"
     yield from (f"  // {line}" for line in rest(model))
     yield from _declared("input Real", inputs, model.inputs)
     yield from _declared("output Real", outputs, model.outputs)
@@ -65,19 +66,19 @@ def _lines(model: StateSpace) -> Iterator[str]:
 
 def _declared(what: str, words: Sequence[str], signals: Sequence[Signal], value: str = "") -> Iterator[str]:
     for word, signal in zip(words, signals, strict=True):
-        given = f"(unit = {_quoted(unit(signal))})" if unit(signal) else ""
-        yield f"  {what} {word}{given}{value} {_quoted(one_line(signal.meaning))};"
+        given = f"(unit = {modelica_text(unit(signal))})" if unit(signal) else ""
+        yield f"  {what} {word}{given}{value} {modelica_text(signal.meaning)};"
 
 
 def _vectors(model: StateSpace, inputs: Sequence[str], starts: Sequence[str]) -> Iterator[str]:
     n, p = len(starts), len(model.outputs)
-    names = ", ".join(one_line(f"{s.name} ({s.unit})") for s in model.states)
+    names = ", ".join(f"{s.name} ({s.unit})" for s in model.states)
     kind, held = ("discrete Real", "z_next") if model.dt else ("Real", "z")
     begin = f"(start = {_array(starts)}, each fixed = true)"
     yield f"  Real u[{len(inputs)}] = {_array(inputs)};"
-    yield f"  {kind} z[{n}]{begin if held == 'z' else ''} {_quoted(names)};"
+    yield f"  {kind} z[{n}]{begin if held == 'z' else ''} {modelica_text(names)};"
     if model.dt:
-        yield f"  {kind} z_next[{n}]{begin} {_quoted('the states one step on')};"
+        yield f"  {kind} z_next[{n}]{begin} {modelica_text('the states one step on')};"
     yield f"  {kind} y[{p}];"
 
 
@@ -92,7 +93,3 @@ def _matrix(name: str, values: Floats) -> Iterator[str]:
 
 def _array(words: Sequence[str]) -> str:
     return "{" + ", ".join(words) + "}" if words else "zeros(0)"
-
-
-def _quoted(text: str) -> str:
-    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 
-from modal.exports.text import digits, heading, joined, matrices, meaning, preamble
+from modal.escaping import python_text
+from modal.exports.text import digits, heading, joined, matrices, meaning, rest
 from modal.names import identifier
 from modal.rig import Floats
 from modal.signals import Signal
 from modal.statespace import StateSpace
+
+FIRST = (
+    "# -*- coding: utf-8 -*-",
+    "# A linear state-space model for python-control, in SI units, deviations from the rest.",
+)
+"""Python looks into the first two lines of a file for its encoding: no words of a scene stand there."""
 
 
 def write_script(model: StateSpace) -> bytes:
@@ -18,20 +24,21 @@ def write_script(model: StateSpace) -> bytes:
 
 
 def _lines(model: StateSpace) -> Iterator[str]:
-    yield from (f"# {line}" for line in preamble(model))
-    yield from ("", "import control", "import numpy as np", "")
+    yield from FIRST
+    yield from (f"# {line}" for line in rest(model))
+    yield from ("", "import control", "import numpy as np", "", f"title = {python_text(heading(model))}")
     for name, signals in (("states", model.states), ("inputs", model.inputs), ("outputs", model.outputs)):
         yield from _names(name, signals)
     for name, values in matrices(model):
         yield from _matrix(name, values)
     yield from ("", "system = control.StateSpace(", f"    A, B, C, D, {model.dt!r},")
-    yield f'    name="{identifier(heading(model))}", states=states, inputs=inputs, outputs=outputs,'
+    yield f"    name={python_text(identifier(heading(model)))}, states=states, inputs=inputs, outputs=outputs,"
     yield ")"
 
 
 def _names(name: str, signals: tuple[Signal, ...]) -> Iterator[str]:
     yield f"{name} = ["
-    yield from (f"    {json.dumps(signal.name)},  # {meaning(signal)}" for signal in signals)
+    yield from (f"    {python_text(signal.name)},  # {meaning(signal)}" for signal in signals)
     yield "]"
 
 

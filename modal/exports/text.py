@@ -1,9 +1,10 @@
-"""What every text format needs: numbers that read back bit for bit, comments that cannot end early."""
+"""What every text format needs: numbers that read back bit for bit, and what a file says of itself."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
+from modal.escaping import one_line
 from modal.rig import Floats
 from modal.signals import Signal
 from modal.statespace import StateSpace
@@ -14,11 +15,6 @@ UNTITLED = "Pendula"
 def heading(model: StateSpace) -> str:
     """The title on one line."""
     return one_line(model.title) or UNTITLED
-
-
-def one_line(text: str) -> str:
-    """The words of a text with one space between them, whatever cannot be printed left out."""
-    return "".join(c for c in " ".join(text.split()) if c.isprintable())
 
 
 def meaning(signal: Signal) -> str:
@@ -35,7 +31,7 @@ def law(model: StateSpace) -> str:
 
 def rest(model: StateSpace) -> list[str]:
     """The operating point, one angle a line."""
-    return [f"{name} = {value!r} rad at rest" for name, value in model.operating_point]
+    return [one_line(f"{name} = {value!r} rad at rest") for name, value in model.operating_point]
 
 
 def preamble(model: StateSpace) -> list[str]:
