@@ -6,18 +6,26 @@ An error is the largest angle (rad) by which any link is off at any instant so f
     a few modes              of long chains, their error from more modes (`nonlinear.truncation`)
     integration, twice       at tolerances Rτ and τ, then at tighter ones
 
-Errors of integration follow the tolerance, e ≈ Cτ.  Where little grows, C is a few times the motion's size, more over
-many periods and at large angles; where small errors grow it is millions.  Two runs that differ by d say C ≈ d/Rτ, and
+Two runs that differ by d say that the tighter one is off by no more than ALONE d: nothing is taken for granted but that
+it is the better one.  Where a third has shown how errors follow the tolerance, e ∝ τ^p with p at most 1, that is
+credited,
 
-    e(τ) ≤ SAFETY d / R
+    e(τ) ≤ SAFETY d / R^p
 
-of the tighter one, as measured on hundreds of random scenes.  Where that is too much, C says which tolerance comes
-next.  Where even the finest is too coarse the motion is known up to a horizon and no further.
+at R times the tolerance of the run before.  Errors are lucky or unlucky by factors of ten, wherever steps are few or
+held down by something else than the tolerance, as by stiff joints: hence SAFETY, and no credit without a third run.
+Where that is too much the next tolerance follows from C in e ≈ Cτ: a few times the motion's size where little grows,
+more over many periods and at large angles, and millions where small errors grow.  Where even the finest tolerance is
+too coarse the motion is known up to a horizon and no further.
+
+Two runs that share a symmetry agree longer than they are right.  Where the start has one that holds digit by digit, or
+is an unstable rest, a twin in the same way from a start that differs in its last digits (`nonlinear.twins`) judges as
+well, and a promise ends where that one is PARTED⁻¹ of it away.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from math import inf
@@ -26,7 +34,7 @@ from time import perf_counter
 import numpy as np
 
 from modal.rig import Floats
-from nonlinear.attempts import AIM, SAFETY, Attempt, Found, Goal
+from nonlinear.attempts import AIM, Attempt, Found, Goal
 from nonlinear.methods import Choice
 from nonlinear.preparation import Request
 from nonlinear.requests import LOOSEST
@@ -34,12 +42,16 @@ from nonlinear.shortcuts import in_closed_form, in_few_modes
 from nonlinear.state import apart
 from nonlinear.steppers import SMALLEST
 from nonlinear.trajectory import Trajectory
+from nonlinear.twins import rounded
 
-RATIO, CLIMB = 32.0, 16.0  # of the first two tolerances, and of the next ones at least
+RATIO, CLIMB = 10.0, 16.0  # of the first two tolerances, and of the next ones at least
+ALONE, SAFETY = 2.0, 16.0  # what is promised over what two runs differ by, and over what three let expect
+SHORTER = 0.7  # share by which steps are shorter from run to run where not the tolerance holds them down
 NEAREST = 4.0  # ratio of tolerances below which two runs may be one
 FARTHEST = 100.0  # ratio beyond which none is trusted to be better still
 ROUNDING = 4 * float(np.finfo(float).eps)  # a tolerance below which errors do not follow it
 LOST, LEAP = 0.3, 1e-4  # a difference (rad) that says nothing of C; the next tolerance over this one then
+PARTED = 2.0  # what is promised at least, over the distance of a twin
 TOGETHER = 2  # instants by which an event may end two runs apart
 
 
@@ -47,7 +59,8 @@ TOGETHER = 2  # instants by which an event may end two runs apart
 class Advice:
     """The trajectory for a wished accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
 
-    `horizon` is the time (s) up to which the accuracy is met, and one of the trajectory's.
+    `horizon` is the time (s) up to which the accuracy is met, and one of the trajectory's; `parted` says whether a
+    twin ends it.
     """
 
     accuracy: float
@@ -55,6 +68,7 @@ class Advice:
     errors: Floats
     attempts: tuple[Attempt, ...]
     horizon: float
+    parted: bool = False
 
     @property
     def met(self) -> bool:
@@ -64,9 +78,10 @@ class Advice:
     @property
     def limit(self) -> str:
         """What is to be said where it is not met."""
-        finest = self.attempts[-1].tolerance <= FARTHEST * SMALLEST
-        why = ": beyond it the digits of double precision do not tell where the links are" if finest else ""
-        return f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further{why}"
+        told = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
+        if self.parted or self.attempts[-1].tolerance <= FARTHEST * SMALLEST:
+            told += ": beyond it the digits of double precision do not tell where the links are"
+        return told + (", since starts that differ in their last digits alone part" if self.parted else "")
 
     @property
     def certain(self) -> Trajectory:
@@ -91,27 +106,33 @@ def advised(goal: Goal) -> Advice:
         attempts.append(found.attempt)
         if found.errors[-1] <= goal.accuracy or found.trajectory.run.interrupted:
             break
+    alone = found
+    if not found.trajectory.run.interrupted and (beside := rounded(goal.looked_at)):
+        found = _with_twin(found, beside)
+        attempts[-1] = found.attempt
     run = replace(found.trajectory.run, error=found.attempt.error)
     times, last = found.trajectory.times, max(int(np.sum(found.errors <= goal.accuracy)) - 1, 0)
     kept = np.isin(times, goal.request.times)
     kept[[last, -1]] = True
     trajectory = replace(found.trajectory, run=run).at(kept)
-    return Advice(goal.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]))
+    parted = last + 1 < len(times) and bool(alone.errors[last + 1] <= goal.accuracy)
+    return Advice(goal.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]), parted)
 
 
 def _integrated(goal: Goal) -> Iterator[Found]:
-    """Runs at tighter and tighter tolerances, each judged by the one before."""
+    """Runs at tighter and tighter tolerances, each judged by those before."""
     asked = goal.looked_at
     choice = asked.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
-    before = _run(asked, replace(choice, tolerance=RATIO * choice.tolerance))
-    yield before
+    runs = [_run(asked, replace(choice, tolerance=RATIO * choice.tolerance))]
+    yield runs[0]
     while True:
-        found = _beside(_run(asked, choice), before, ROUNDING * goal.constant)
-        yield found
-        tighter = asked.choice(max(_next(goal, found, before), SMALLEST))
+        asked = replace(asked, pace=replace(asked.pace, share=SHORTER * asked.pace.share))
+        runs.append(_beside(_run(asked, choice), runs, ROUNDING * goal.constant))
+        yield runs[-1]
+        tighter = asked.choice(max(_next(goal, runs[-1], runs[-2]), SMALLEST))
         if tighter.tolerance * NEAREST > 1.01 * choice.tolerance:
             return
-        before, choice = found, tighter
+        choice = tighter
 
 
 def _run(asked: Request, choice: Choice) -> Found:
@@ -119,15 +140,47 @@ def _run(asked: Request, choice: Choice) -> Found:
     trajectory = asked.run(choice)
     words = " ".join(part for part in (choice.form, choice.method, "compiled" * choice.compiled) if part)
     attempt = Attempt(words, choice.tolerance, perf_counter() - begun, trajectory.run.calls, inf)
-    return Found(trajectory, np.full(len(trajectory.times), inf), attempt)
+    errors = np.full(len(trajectory.times), inf)
+    return Found(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)))
 
 
-def _beside(found: Found, before: Found, rounding: float) -> Found:
-    """A run with its errors, as a looser one tells them, and what rounding (rad) adds where they differ at all."""
-    ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
+def _with_twin(found: Found, beside: Request) -> Found:
+    """A run that a twin in the same way judges as well."""
+    begun = perf_counter()
+    trajectory, twin = found.trajectory, found.again(beside)
+    errors = np.maximum(found.errors, PARTED * _difference(trajectory, twin))
+    if twin.run.interrupted:
+        run = replace(trajectory.run, interrupted=True, stopped=twin.run.stopped)
+        trajectory = replace(trajectory.at(trajectory.times <= twin.times[-1]), run=run)
+    spent, calls = found.attempt.seconds + perf_counter() - begun, found.attempt.calls + twin.run.calls
+    attempt = replace(found.attempt, seconds=spent, calls=calls, error=float(errors[-1]))
+    return replace(found, trajectory=trajectory, errors=errors[: len(trajectory.times)], attempt=attempt)
+
+
+def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
+    """A run with its errors, as looser ones tell them, and what rounding (rad) adds where they differ at all."""
+    before = runs[-1]
     difference = _difference(found.trajectory, before.trajectory)
-    errors = SAFETY / ratio * difference + rounding * (difference > 0)
+    credit = np.full(len(difference), 1 / ALONE)
+    if len(runs) > 1:
+        ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
+        fallen = _difference(found.trajectory, runs[-2].trajectory), difference
+        order = _order(*fallen, runs[-2].attempt.tolerance / before.attempt.tolerance)
+        credit = np.maximum(credit, ratio**order / SAFETY)
+    errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
     return replace(found, errors=errors, attempt=replace(found.attempt, error=float(errors[-1])))
+
+
+def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
+    """The p of e ∝ τ^p so far, (T,), from 0 to 1, of two runs whose tolerances have this ratio, from their errors.
+
+    Where one of them has parted, it is what it was before.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        order = np.log(looser / tighter) / np.log(ratio)
+    known = np.isfinite(order)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(order)), 0))
+    return np.where(known[last], np.clip(order[last], 0.0, 1.0), 0.0)
 
 
 def _difference(one: Trajectory, other: Trajectory) -> Floats:

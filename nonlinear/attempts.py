@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import ceil, pi
@@ -13,8 +14,7 @@ from nonlinear.preparation import Request
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import Trajectory
 
-SAFETY = 8.0  # what is promised over what two runs say
-AIM = 1.1 * SAFETY  # accuracy wished for over the error that is aimed at
+AIM = 35.0  # accuracy wished for over the error that is aimed at
 SOME, A_PERIOD = 3.0, 0.15  # of C over the motion's size: always, and for every period of the fastest swing
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # instants at which errors are looked for
 
@@ -35,11 +35,15 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A trajectory, what its angles may be off by until every of its times (T,) in rad, and what it cost."""
+    """A trajectory, what its angles may be off by until every of its times (T,) in rad, and what it cost.
+
+    `again` goes the same way from another start.
+    """
 
     trajectory: Trajectory
     errors: Floats
     attempt: Attempt
+    again: Callable[[Request], Trajectory]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from modal.palette import QUIET, colour, muted
 from modal.pictures import WIDE, WIDTH, save, sheet
 from modal.scene import Scene
 from nonlinear.chaos_studies import Case, Finding
-from nonlinear.lyapunov import COVERAGE, Exponent
+from nonlinear.lyapunov import Exponent
 
 MARKERS = ("o", "s", "D", "^")
 MOST_LINES = 24
@@ -39,8 +39,7 @@ def exponent_figure(exponent: Exponent) -> Figure:
     if exponent.ensemble > 1:
         axis.plot(since, running[:, :MOST_LINES], color=colour(0), lw=0.6, alpha=0.4, gid=QUIET)
     axis.plot([], [], color=colour(0), lw=0.8, label="single starts")
-    half = COVERAGE * exponent.error
-    words = f"± {COVERAGE:g} standard uncertainties"
+    half, words = exponent.half_width, "95 % interval of the mean"
     axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=0.25, lw=0, label=words)
     axis.plot(since, mean, color=colour(1), lw=2.2, label=f"mean of {exponent.ensemble}: {exponent.equation}")
     axis.plot(since, exponent.regular(since), "--", color=muted(), lw=1.4, label="what regular motion can look like")
@@ -59,7 +58,7 @@ def draw_finding(finding: Finding, stream: IO[bytes], *, kind: str = "png") -> N
 
 
 def finding_figure(finding: Finding) -> Figure:
-    """λ with twice its standard uncertainty for every case; a hollow triangle is what λ lies below."""
+    """λ with its 95 % interval for every case; a hollow triangle is what λ lies below."""
     return _DRAWN[finding.study.paper](finding)
 
 
@@ -91,7 +90,7 @@ def _carts(finding: Finding) -> Figure:
     axis = figure.subplots()
     for k, (name, rows) in enumerate(finding.series().items()):
         fixed = next(exponent for case, exponent in rows if case.at is None)
-        half = COVERAGE * fixed.error
+        half = fixed.half_width
         axis.axhspan(fixed.value - half, fixed.value + half, color=colour(k), alpha=0.16, lw=0)
         axis.axhline(fixed.value, color=colour(k), ls="--", lw=1.1)
         carts = [(case, exponent) for case, exponent in rows if case.at is not None]
@@ -111,7 +110,7 @@ _DRAWN = {"000": _carts, "001": _chains}
 def _points(axis: Axes, at: Sequence[float], rows: Rows, units: Sequence[float], k: int, name: str) -> None:
     hue, marker = colour(k), MARKERS[k]
     triples = list(zip(at, (exponent for _, exponent in rows), units, strict=True))
-    told = np.array([(x, e.value / unit, COVERAGE * e.error / unit) for x, e, unit in triples if e.is_positive])
+    told = np.array([(x, e.value / unit, e.half_width / unit) for x, e, unit in triples if e.is_positive])
     bounds = np.array([(x, e.bound / unit) for x, e, unit in triples if not e.is_positive])
     if told.size:
         axis.errorbar(*told.T, color=hue, marker=marker, ms=5.5, lw=1.4, label=name)

@@ -14,7 +14,7 @@ import numpy as np
 
 from modal.rig import Floats
 from modal.scene import Scene
-from nonlinear.lyapunov import COVERAGE, Exponent, lyapunov_exponent
+from nonlinear.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.plant import Group, plant_of
 from nonlinear.state import State
 
@@ -93,7 +93,7 @@ def _level(group: Group, rng: np.random.Generator) -> Floats:
 def scaled(exponent: Exponent, factor: float) -> tuple[float, float]:
     """λ and its standard uncertainty times a factor; of what cannot be told from zero, all that it may be."""
     value = exponent.value if exponent.is_positive else 0.0
-    error = exponent.error if exponent.is_positive else exponent.bound / COVERAGE
+    error = exponent.error if exponent.is_positive else exponent.bound / exponent.coverage
     return factor * value, factor * error
 
 

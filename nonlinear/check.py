@@ -140,7 +140,9 @@ def _checked(
 def limit(runs: Sequence[Measurement]) -> tuple[float, float]:
     """(ω(a)/ω − 1)/a² at a → 0 and its uncertainty, from those neighbouring amplitudes that make it most certain.
 
-    The last difference of the extrapolation is taken for its error, next to what the errors of the frequencies make.
+    The last difference of the extrapolation is taken for its error, next to what the errors of the frequencies make and
+    what companions do: modes that swing along shift a frequency by about their share of the energy, which no longer
+    goes with a² alone.
     """
     certain = sorted((run for run in runs if run.error < CERTAIN * abs(run.shift)), key=lambda run: run.effective)
     pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]
@@ -149,7 +151,8 @@ def limit(runs: Sequence[Measurement]) -> tuple[float, float]:
 
 def _extrapolated(runs: Sequence[Measurement]) -> tuple[float, float]:
     x = np.array([run.effective**2 for run in runs])
-    y, error = np.array([run.shift for run in runs]) / x, np.array([run.error for run in runs]) / x
+    y = np.array([run.shift for run in runs]) / x
+    error = np.array([run.error for run in runs]) / x + np.abs(y) * [run.outside for run in runs]
     value, coarser = (float(_at_zero(part) @ y[: len(part)]) for part in (x, x[:-1] if len(x) > 1 else x))
     doubt = abs(value - coarser) if len(x) > 1 else abs(value) * float(x[0])
     return value, doubt + float(np.abs(_at_zero(x)) @ error)

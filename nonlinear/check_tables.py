@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from collections.abc import Sequence
 from math import degrees, isfinite, isinf, log10
 from typing import Any
 
 from tabulate import tabulate
 
+from modal.escaping import csv_rows, json_text, markdown, visible
 from modal.scene import Scene, described
 from modal.tables import NOTHING
 from nonlinear.check import FARTHEST, Check, ModeCheck
@@ -44,7 +42,7 @@ def check_table(found: Check, form: str) -> str:
 def titled(scene: Scene, what: str, parts: Sequence[str], form: str) -> str:
     """The parts that are not empty under one title."""
     title = f"{scene.title or 'Modes'}: {what}"
-    head = f"**{title}**" if form == "markdown" else title
+    head = f"**{markdown(title)}**" if form == "markdown" else visible(title)
     return "\n\n".join([head, *(part for part in parts if part)]) + "\n"
 
 
@@ -59,16 +57,12 @@ def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str) -> 
 
 def as_csv(records: Sequence[dict[str, Any]]) -> str:
     """One line a record."""
-    stream = io.StringIO()
-    writer = csv.DictWriter(stream, list(records[0]) if records else [], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(records)
-    return stream.getvalue()
+    return csv_rows([list(records[0]) if records else [], *(record.values() for record in records)])
 
 
 def as_json(whole: dict[str, Any]) -> str:
     """Readable JSON."""
-    return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+    return json_text(whole) + "\n"
 
 
 def digits(value: float, relative_error: float, most: int) -> str:

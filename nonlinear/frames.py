@@ -35,6 +35,19 @@ def resampled(times: Floats, motion: Motion, at: Floats) -> Motion:
     return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work))
 
 
+def extremes(times: Floats, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
+    """The lowest and the highest (...) that samples (T, ...) and the cubics between them come to."""
+    h = np.diff(times).reshape(-1, *[1] * (values.ndim - 1))
+    turns = rates[:-1] * rates[1:] < 0
+    v, v1, rise = rates[:-1], rates[1:], np.diff(values, axis=0) / h
+    with np.errstate(divide="ignore", invalid="ignore"):
+        B, A = 3 * rise - 2 * v - v1, 3 * (v + v1 - 2 * rise)  # slope v + 2 B s + A s²
+        s = np.abs(v) / (np.sqrt(B * B - A * v) - np.sign(v) * B)
+        inside = values[:-1] + h * s * (v + s * (B + s * A / 3))
+    between = np.where(turns, inside, values[:-1])
+    return np.minimum(values.min(0), between.min(0)), np.maximum(values.max(0), between.max(0))
+
+
 def picked(motion: Motion, links: Ints) -> Motion:
     """The same motion with these links only."""
     return Motion(motion.links[:, links], motion.link_rates[:, links], motion.cart, motion.cart_rate, motion.work)
@@ -78,5 +91,5 @@ def _insist(times: Floats, motion: Motion, place: _Place) -> None:
         closer = min(float(np.max(h)) * (WIDEST / worst) ** (1 / 3), WIDEST / float(np.max(np.abs(rates))))
         raise ComputationError(
             f"samples {np.max(h):.3g} s apart are too far from each other to draw what lies between: "
-            f"simulate with one every {closer:.2g} s, --samples {int((times[-1] - times[0]) / closer) + 2}"
+            f"simulate with one every {closer:.2g} s, {int((times[-1] - times[0]) / closer) + 2} samples"
         )

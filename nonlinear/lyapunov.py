@@ -16,9 +16,11 @@ from math import log, sqrt
 from typing import Any
 
 import numpy as np
+from scipy.special import stdtrit
 
 from modal.drives import Escapement
 from modal.errors import SceneError
+from modal.escaping import visible
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.mechanics import Mechanics
@@ -34,8 +36,15 @@ SHORTEST, USUAL = 20.0, 200.0
 """The shortest duration and the one where nobody says how long, in sqrt(l/g) of the longest link."""
 TOLERANCE = 1e-7
 """Of the integrator: one trajectory soon leaves the true one, but their growth is the same on average."""
-BLOCKS, COVERAGE = 10, 2.0
-"""Blocks of time that give an uncertainty; standard uncertainties in an interval."""
+BLOCKS, FEWEST = 10, 4
+"""Blocks of time that give an uncertainty; starts that give one by what they differ."""
+STICKY = 1.4
+"""How much too sure blocks of time are by themselves: chaotic motion sticks to regular islands for longer than a block.
+
+Measured on 700 single runs: 2 standard uncertainties from the blocks hold λ in 84 to 92 of 100, not in 95.
+"""
+CONFIDENCE = 0.95
+"""Share of the intervals that hold λ."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,10 +101,28 @@ class Exponent:
         return float(self.members.std(ddof=1)) if self.ensemble > 1 else 0.0
 
     @property
+    def by_starts(self) -> bool:
+        """Whether there are starts enough to tell the uncertainty by what they differ."""
+        return self.ensemble >= FEWEST
+
+    @property
     def error(self) -> float:
-        """Standard uncertainty (1/s): from the blocks of time or from the starts, whichever is larger."""
+        """Standard uncertainty (1/s): from the blocks of time or from the starts, whichever is larger.
+
+        Of fewer than four starts the blocks count STICKY times.
+        """
         in_time = float(self.blocks.std(ddof=1)) / sqrt(BLOCKS)
-        return max(in_time, self.spread / sqrt(self.ensemble))
+        return max(in_time if self.by_starts else STICKY * in_time, self.spread / sqrt(self.ensemble))
+
+    @property
+    def coverage(self) -> float:
+        """Student's t: the standard uncertainties in half an interval that holds λ 95 times in 100."""
+        return float(stdtrit((self.ensemble if self.by_starts else BLOCKS) - 1, (1 + CONFIDENCE) / 2))
+
+    @property
+    def half_width(self) -> float:
+        """Half the interval (1/s) that holds λ 95 times in 100."""
+        return self.coverage * self.error
 
     def regular(self, since: Any) -> Any:
         """What regular motion can look like (1/s), `since` seconds after the transient: |v| grows to e sqrt(g/l) t."""
@@ -110,17 +137,22 @@ class Exponent:
     @property
     def is_positive(self) -> bool:
         """Whether λ can be told from zero."""
-        return self.value - COVERAGE * self.error > self.floor
+        return self.value - self.half_width > self.floor
 
     @property
     def bound(self) -> float:
         """What λ is below (1/s), where it cannot be told from zero."""
-        return max(1 / self.duration, self.value + COVERAGE * self.error)
+        return max(1 / self.duration, self.value + self.half_width)
 
     @property
     def chaotic(self) -> int:
         """How many of the starts have a λ that regular motion could not look like."""
         return int(np.sum(self.members > self.floor))
+
+    @property
+    def of_the_chaotic(self) -> Exponent:
+        """The same of those starts alone: where islands of regular motion lie among chaos, λ of all is a mixture."""
+        return replace(self, growth=self.growth[:, self.members > self.floor])
 
     def running(self) -> tuple[Floats, Floats]:
         """Times (s) after the transient and λ as it stood then, for every start: (K,) and (K, E)."""
@@ -141,15 +173,23 @@ class Exponent:
 
     def text(self) -> str:
         """λ, what it means and how it was measured, in a few lines."""
-        lines = [f"{self.scene.title or 'scene'}: largest Lyapunov exponent"]
+        lines = [f"{visible(self.scene.title) or 'scene'}: largest Lyapunov exponent"]
         if self.is_positive:
             lines.append(f"  {self.equation}: a small error doubles every {log(2) / self.value:.3g} s")
+            low, high = (f"{self.value + side * self.half_width:.3g}" for side in (-1, 1))
+            lines.append(f"  ± is one standard uncertainty; 95 % confidence interval: {low} to {high} 1/s")
         else:
             lines.append(f"  {self.equation}: not distinguishable from zero in so long a run")
         lines.append(
             f"  {self.ensemble} starts over {self.duration:.4g} s each, after {self.times[self._first]:.3g} s; "
             f"{self.chaotic} of them above {self.floor:.2g} 1/s, what regular motion can look like"
         )
+        if FEWEST <= self.chaotic < self.ensemble:
+            lines.append(f"  of those alone {self.of_the_chaotic.equation}")
+        if not self.by_starts:
+            lines.append(
+                f"  the uncertainty rests on blocks of time, widened {STICKY:g}-fold: take {FEWEST} starts or more"
+            )
         if np.isfinite(self.energy_drift):
             lines.append(f"  energy drift {self.energy_drift:.1e}")
         return "\n".join(lines)
@@ -170,8 +210,8 @@ def lyapunov_exponent(
 
     Left out, the duration is 200 sqrt(l/g) of the longest link, and the `starts` are the scene's own and `ensemble` − 1
     more whose angles differ from it by up to `spread` (rad): in chaos they soon have nothing in common, and together
-    they say how certain λ is.  `report` hears of the seconds gone through, of 1.5 times the duration.
-    After Ctrl-C λ is what was measured so far, if that is enough to say anything.
+    they say how certain λ is, if there are at least four.  `report` hears of the seconds gone through, of 1.5 times the
+    duration.  After Ctrl-C λ is what was measured so far, if that is enough to say anything.
 
     Raises SceneError for a scene in space or a duration too short to say anything.
     """
@@ -229,13 +269,13 @@ def _grown(
     try:
         while stepper.time < end:
             stepper.step()
+            report(stepper.time)
             if stepper.time >= min(times[-1] + interval, end):
                 y, v = tangent.parts(stepper.y)
                 length = tangent.norm(v)
                 times.append(stepper.time)
                 growth.append(np.log(length))
                 stepper.restart(tangent.packed(y, v / length))
-                report(stepper.time)
     except KeyboardInterrupt:
         if times[-1] < least:
             raise

@@ -163,22 +163,25 @@ def _frail(group: Group) -> bool:
     return bool(np.any(group.block.mass < FRAIL * heaviest))
 
 
-def _insist_room(plant: Plant) -> None:
+def insist_room(scene: Scene, plant: Plant) -> None:
+    """SceneError that names the two ends of what a `plant`, the scene in the units it is integrated in, cannot hold."""
     moments = plant.mass * plant.by_link("length") ** 2
-    low, high = float(moments.min()), float(moments.max())
-    if not 1 / ROOM < low <= high < ROOM:
-        numbers = f"masses and lengths: m l² goes from {low:.3g} to {high:.3g}"
-        raise SceneError([f"{numbers} kg m², which double precision cannot square: choose other units"])
+    if 1 / ROOM < float(moments.min()) <= float(moments.max()) < ROOM:
+        return
+    places = {
+        f"pendulum[{i}].links[{j}]": link.mass * link.length**2
+        for i, pendulum in enumerate(scene.pendulum)
+        for j, link in enumerate(pendulum.links)
+    }
+    low, high = min(places, key=places.__getitem__), max(places, key=places.__getitem__)
+    numbers = f"m l² goes from {places[low]:.3g} kg m² here to {places[high]:.3g} kg m² in {high}"
+    raise SceneError([f"{low}: {numbers}, which double precision cannot square: choose other units"])
 
 
 def system_of(plant: Plant, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()) -> System:
-    """The equations of motion in the chosen form, of what symmetries leave to be integrated.
-
-    SceneError where double precision cannot hold them.
-    """
+    """The equations of motion in the chosen form, of what symmetries leave to be integrated."""
     if symmetries:
         return Reduced(plant, system_of(symmetries[-1].plant, choice), symmetries)
-    _insist_room(plant)
     if choice.form == "spatial":
         from nonlinear.spatial import Recursion as InSpace
         from nonlinear.spatial import Spatial

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import cast
 
@@ -15,18 +15,19 @@ from modal.scene import Scene
 from nonlinear.escapements import escapements
 from nonlinear.events import NO_KICKS, Event, Kicks
 from nonlinear.integrate import Drive, Record
-from nonlinear.methods import Choice, choose, system_of
+from nonlinear.methods import Choice, choose, insist_room, system_of
 from nonlinear.minimal import Minimal
 from nonlinear.plant import Plant, plant_of
 from nonlinear.reduced import Reduced
 from nonlinear.requests import extent
 from nonlinear.state import Load, State, System
-from nonlinear.steppers import SciPyStepper, Stepper, first_step, sharpened
+from nonlinear.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.symmetries import Symmetry, symmetries
 from nonlinear.timescales import timescales
 from nonlinear.trajectory import Run, Trajectory
 
 FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
+HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much
 NEAR_ZERO = 0.1  # share of the motion's size that the tolerance is relative to where a quantity passes zero
 
 
@@ -56,7 +57,8 @@ class Prepared:
         record = Drive(self.stepper, self.system, self.times, events, report, kicking).run()
         trajectory = self._trajectory(record)
         if record.failed:
-            raise SimulationError(f"{record.stopped}{_hint(self.system.plant)}", trajectory)
+            hint = _hint(plant) or _haste(self.scene, float(self.times[-1] - self.times[0]))
+            raise SimulationError(f"{record.stopped}{hint}", trajectory)
         return trajectory
 
     def _trajectory(self, record: Record) -> Trajectory:
@@ -88,6 +90,7 @@ def prepared(
     times: Floats,
     size: float,
     before: Kicks = NO_KICKS,
+    pace: Pace = AT_EASE,
 ) -> Prepared:
     """The equations of a scene with the chosen integrator, for a motion of this size (`extent`).
 
@@ -95,15 +98,16 @@ def prepared(
     """
     y = system.begin(start)
     slope = _slope(system, float(times[0]), y)
-    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, slope, times, size), times, before)
+    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, slope, times, size, pace), times, before)
 
 
 @dataclass(frozen=True, eq=False)
 class Request:
     """What is asked: the motion of a scene from a start on, kept at these times (T,) in s.
 
-    Method and form are chosen where they are "auto".  `before` are the kicks of escapements until then.  `report`
-    hears of the seconds gone through after every step.
+    Method and form are chosen where they are "auto".  `before` are the kicks of escapements until then.  `pace` says
+    where the integrator begins anew and how long a step may be.  `report` hears of the seconds gone through after every
+    step.
     """
 
     scene: Scene
@@ -114,6 +118,7 @@ class Request:
     load: Load | None = None
     events: Sequence[Event] = ()
     before: Kicks = NO_KICKS
+    pace: Pace = AT_EASE
     report: Callable[[float], object] = lambda elapsed: None
 
     @cached_property
@@ -126,6 +131,11 @@ class Request:
         """What symmetry leaves out."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         return () if self.load or self.plant.kicked else symmetries(self.plant, self.start, planar=flat)
+
+    @property
+    def integrated(self) -> Plant:
+        """What is left of it by symmetry."""
+        return self.smaller[-1].plant if self.smaller else self.plant
 
     @cached_property
     def size(self) -> float:
@@ -147,13 +157,14 @@ class Request:
             self.form,
             driven=self.load is not None,
             size=self.size,
-            plant=self.smaller[-1].plant if self.smaller else self.plant,
+            plant=self.integrated,
         )
 
     def prepared(self, choice: Choice) -> Prepared:
         """Ready to go in this way."""
+        insist_room(self.scene, self.integrated)
         system = system_of(self.plant, choice, self.load, self.smaller)
-        return prepared(self.scene, system, choice, self.start, self.times, self.size, self.before)
+        return prepared(self.scene, system, choice, self.start, self.times, self.size, self.before, self.pace)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion in this way; SimulationError where the integrator gives up."""
@@ -161,20 +172,20 @@ class Request:
 
 
 def _stepper(
-    scene: Scene, system: System, choice: Choice, y: Floats, slope: Floats, times: Floats, size: float
+    scene: Scene, system: System, choice: Choice, y: Floats, slope: Floats, times: Floats, size: float, pace: Pace
 ) -> Stepper:
     """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
     first, last = float(times[0]), float(times[-1])
     if choice.method == "taylor":
         from nonlinear import taylor
 
-        cap = taylor.first_step(timescales(scene).swing)
+        pace = replace(pace, first=taylor.first_step(timescales(scene).swing))
         series = system.inner if isinstance(system, Reduced) else system
-        return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, cap)
+        return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, pace)
     relative = choice.tolerance * sharpened(slope, system.scale)
     absolute = NEAR_ZERO * relative * size * system.scale
-    tried = first_step(y, slope, absolute + relative * np.abs(y), FIRST / system.plant.rate)
-    return SciPyStepper(choice.method, system.derivative, first, y, last, relative, absolute, tried)
+    pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / system.plant.rate))
+    return SciPyStepper(choice.method, system.derivative, first, y, last, relative, absolute, pace)
 
 
 def _slope(system: System, time: float, y: Floats) -> Floats:
@@ -191,3 +202,11 @@ def _hint(plant: Plant) -> str:
     if plant.cart is None or plant.cart.mass:
         return ""
     return "; a massless cart has no equation of motion where all that pulls it hangs straight down: give it a mass"
+
+
+def _haste(scene: Scene, duration: float) -> str:
+    swing = timescales(scene).swing
+    if swing * duration < HASTE:
+        return ""
+    words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
+    return f"{words}: leave out what is so light or so stiff, or ask for less time"

@@ -2,14 +2,14 @@
 
 The reference is the finest run at hand, held against a second one by another body or form of the equations and another
 integrator; in space, where there is one form, by the same at another tolerance.  With d(t) the largest difference of
-angles so far, an error e may be judged where d < e/100.  A twin of the run whose start is disturbed by 1e-9 shows
+angles so far, an error e may be judged where d < e/100.  A twin of the run (`nonlinear.twins`), 1e-9 aside, shows
 besides by which factor G(t) an error grows here: a reference of relative accuracy ε cannot know more than ε G(t), and
 where G = exp λt this ends at ln(tolerable/ε)/λ.  So both
 
     d(t) < 1e-8   and   ε G(t) < 1e-8     (rad; for small motions of the motion's own size)
 
 hold up to the horizon: until then errors from 1e-6 on are certain, and smaller ones where d and ε G leave it.
-The disturbance has no symmetry, as the start may have: two runs that share a symmetry agree longer than they are right.
+The twin has no symmetry, as the start may have: two runs that share a symmetry agree longer than they are right.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from nonlinear import taylor
 from nonlinear.ladder import Question, Rung
 from nonlinear.plant import plant_of
 from nonlinear.requests import extent
-from nonlinear.state import State, apart
+from nonlinear.state import apart
 from nonlinear.steppers import SMALLEST
 from nonlinear.trajectory import Trajectory
+from nonlinear.twins import aside, slightly
 
 SHARE = 1e-2  # of an error, what the references may differ by
 JUDGED = 1e-6  # error (rad at angles of order 1) that must still be certain at the horizon
-ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # of the twin's start; rad, far above the rounding of an angle
 TWIN = Rung("minimal", "DOP853", 1e-12)
 FEWEST = 10  # samples before the horizon
 
@@ -81,7 +81,7 @@ def reference_of(question: Question) -> Reference:
     finest, check = references(scene)
     size = extent(question.start, plant_of(scene))
     tolerable = SHARE * JUDGED * size
-    growth = _growth(question, size)
+    growth = _growth(question)
     question = _cut(question, finest.tolerance * growth * size < tolerable)
     found, other = (rung.prepare(question)() for rung in (finest, check))
     difference = np.maximum.accumulate(apart(found.motion, other.motion))
@@ -102,22 +102,14 @@ def references(scene: Scene) -> tuple[Rung, Rung]:
     return Rung("minimal", "DOP853", SMALLEST), Rung("hamiltonian", "DOP853", 1e-13)
 
 
-def _growth(question: Question, size: float) -> Floats:
+def _growth(question: Question) -> Floats:
     """G (T,): how far a twin is from the run, over the disturbance of its start, at most so far."""
     rung = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
-    twin = replace(question, start=_disturbed(question.start, size))
+    plant = plant_of(question.scene)
+    twin = replace(question, start=aside(plant, question.start, slightly(plant, question.start)))
     one, other = (rung.prepare(each)().motion for each in (question, twin))
     gone = np.maximum.accumulate(apart(one, other))
     return np.asarray(gone / gone[0])
-
-
-def _disturbed(start: State, size: float) -> State:
-    """Every angle a little aside, in space every unit vector."""
-    by = max(ASIDE * size, LEAST) * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
-    links = start.links + by
-    if links.ndim == 2:
-        links /= np.linalg.norm(links, axis=1, keepdims=True)
-    return replace(start, links=links)
 
 
 def _cut(question: Question, trusted: Any) -> Question:

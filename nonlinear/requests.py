@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import ceil, isfinite, pi
+from math import ceil, inf, isfinite, pi
 from numbers import Integral, Real
 from typing import Any
 
@@ -14,6 +14,7 @@ from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.plant import Plant
 from nonlinear.state import Load, Push, State
+from nonlinear.steppers import Pace
 from nonlinear.timescales import timescales
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
@@ -77,6 +78,30 @@ def sampled(scene: Scene, duration: float, start_time: float, output: int | Sequ
     if np.any(np.diff(times) <= 0):
         raise SceneError([f"duration {duration:g}: too short beside the start at {start_time:g} s"])
     return np.asarray(times)
+
+
+def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
+    """The pace whose steps end at these times (s), in any order, none longer than `max_step` (s); else SceneError."""
+    try:
+        times = np.array([] if breaks is None else breaks, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    problems = []
+    if times.ndim != 1 or not np.all(np.isfinite(times)):
+        problems.append("breaks: must be times in seconds")
+    if max_step is not None and not (_real(max_step) and max_step > 0):
+        problems.append(f"max_step {max_step!r}: must be a positive number of seconds")
+    if problems:
+        raise SceneError(problems)
+    return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(np.unique(times).tolist()))
+
+
+def insist_seen(load: Load | None, accuracy: float | None, *told: object) -> None:
+    """SceneError for an accuracy under a load where nothing is `told` of how soon that changes."""
+    if load is not None and accuracy is not None and all(each is None for each in told):
+        what = "a short one can fall between the steps of every run, so that all agree and are wrong"
+        times = "the times at which it jumps as breaks, [] where it never does"
+        raise SceneError([f"load: {what}: for an accuracy give {times}, or the shortest time that it acts as max_step"])
 
 
 def _listed(output: Any, duration: float) -> Floats:

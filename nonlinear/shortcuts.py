@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from math import inf, nan
 from time import perf_counter
 
@@ -11,6 +12,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from nonlinear.attempts import Attempt, Found, Goal
 from nonlinear.defect import LARGEST, defect_error
+from nonlinear.preparation import Request
 from nonlinear.requests import LOOSEST
 from nonlinear.superposition import CORRECTED, LINEAR, Superposition, superposed
 from nonlinear.trajectory import CLOSED, Run, Trajectory
@@ -44,7 +46,12 @@ def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> F
     elapsed = asked.times - asked.times[0]
     errors = estimate.bounds[np.minimum(np.searchsorted(estimate.times, elapsed), len(estimate.at) - 1)]
     trajectory = Trajectory(asked.scene, asked.plant, asked.times, motion(elapsed), Run(kind, CLOSED, MODAL, inf))
-    return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])))
+
+    def again(other: Request) -> Trajectory:
+        moved = superposed(other.scene, other.start, corrected=kind == CORRECTED)
+        return replace(trajectory, motion=moved(elapsed))
+
+    return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])), again)
 
 
 def in_few_modes(goal: Goal) -> Iterator[Found]:
@@ -63,5 +70,10 @@ def in_few_modes(goal: Goal) -> Iterator[Found]:
     tolerance = min(goal.tolerance, LOOSEST)
     found = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)
     run, way = found.trajectory.run, f"{len(found.kept)} mode shapes"
-    errors = np.full(len(found.trajectory.times), found.error)
-    yield Found(found.trajectory, errors, Attempt(way, run.tolerance, perf_counter() - begun, run.calls, found.error))
+
+    def again(other: Request) -> Trajectory:
+        beside = replace(survey, start=other.start)
+        return in_modes(beside, modes, other.times, tolerance=tolerance, report=other.report).trajectory
+
+    attempt = Attempt(way, run.tolerance, perf_counter() - begun, run.calls, found.error)
+    yield Found(found.trajectory, found.errors, attempt, again)

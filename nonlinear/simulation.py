@@ -7,14 +7,14 @@ from typing import Any
 
 from modal.errors import SceneError
 from modal.rig import Floats
-from modal.scene import Scene
+from modal.scene import Scene, insist_scene
 from nonlinear.advice import Advice, advised
 from nonlinear.attempts import Goal
 from nonlinear.events import NO_KICKS, Event, Kicks
 from nonlinear.methods import ASKED, FORMS, choose
 from nonlinear.plant import plant_of
 from nonlinear.preparation import Request, SimulationError
-from nonlinear.requests import gathered, insist_accuracy, insist_numbers, insist_push, sampled
+from nonlinear.requests import gathered, insist_accuracy, insist_numbers, insist_push, insist_seen, paced, sampled
 from nonlinear.starts import checked, start_of
 from nonlinear.state import Load, State
 from nonlinear.trajectory import Trajectory
@@ -37,6 +37,8 @@ def simulate(
     start: State | None = None,
     start_time: float = 0.0,
     load: Load | None = None,
+    breaks: Sequence[float] | Floats | None = None,
+    max_step: float | None = None,
     events: Sequence[Event] = (),
     before: Kicks = NO_KICKS,
     report: Report = lambda elapsed: None,
@@ -49,18 +51,22 @@ def simulate(
     `accuracy` is given in its place by who wants no angle to be off by more (rad): the cheapest way that meets it is
     found and judged (`nonlinear.advice`), `run.error` and `run.reason` say how.  `output` is a number of evenly spaced
     samples or their times after the start (s), ascending; `start` replaces the scene file's own, at `start_time` (s).
-    `load(t, state)` returns the `Push` from outside; one that acts for less than a step may be missed, and an accuracy
-    with it.  `before` are the kicks of escapements until the start, which say on which side the next ones come.
-    `report` hears of the seconds gone through after every step.
+    `load(t, state)` returns the `Push` from outside.  One that acts for less than a step may be missed: at the times t
+    (s) that are its `breaks` steps end and the integrator begins anew, and no step is longer than `max_step` (s).  An
+    accuracy under a load needs one of them; `breaks=[]` says that it changes no faster than the scene swings.  `before`
+    are the kicks of escapements until the start, which say on which side the next ones come.  `report` hears of the
+    seconds gone through after every step.
 
     On Ctrl-C what was computed is returned, `run.stopped` saying how far it goes.  Raises SceneError for arguments
     that cannot be, SimulationError (with the part that was computed) where the integrator gives up or an accuracy
     cannot be met to the end.
     """
+    insist_scene(scene)
     if accuracy is not None and tolerance is not None:
         raise SceneError(["accuracy: goes without a tolerance, which it chooses"])
     used = USUAL if tolerance is None else tolerance
-    more = {"method": method, "form": form, "load": load, "events": events, "before": before, "report": report}
+    more: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
+    more |= {"load": load, "breaks": breaks, "max_step": max_step}
     request = _request(scene, duration, used, accuracy, output, start, start_time, more)
     if accuracy is not None:
         return certain(advised(Goal(request, float(accuracy))))
@@ -96,8 +102,14 @@ def _request(
     more: dict[str, Any],
 ) -> Request:
     """What is asked; SceneError names every mistake."""
-    gathered(lambda: insist_numbers(duration, tolerance, start_time), lambda: insist_accuracy(accuracy))
     plant, load = plant_of(scene), more.get("load")
+    told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
+    *_, pace = gathered(
+        lambda: insist_numbers(duration, tolerance, start_time),
+        lambda: insist_accuracy(accuracy),
+        lambda: insist_seen(load, accuracy, *told.values()),
+        lambda: paced(**told),
+    )
     words = {name: more[name] for name in ("method", "form") if name in more}
     state, _, times = gathered(
         lambda: checked(start if start is not None else start_of(scene), plant),
@@ -105,7 +117,7 @@ def _request(
         lambda: sampled(scene, duration, start_time, output),
     )
     insist_push(load, plant, state, start_time)
-    return Request(scene, state, times, **more)
+    return Request(scene, state, times, pace=pace, **more)
 
 
 def certain(advice: Advice) -> Trajectory:

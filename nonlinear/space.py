@@ -8,7 +8,8 @@ link the generalized force on u, J = I + m c², P = 1 − u uᵀ,
     J α + P (m c ã + l f') = Q      f' = M'(ã + l u'') + p'      f = m (ã + c u'') + f'.
 
 The reflection 1 − β v vᵀ, v = u ± e_z, β = 1/(1 + |u_z|), lays the link along the vertical without a singular
-direction (its sign is that of u_z; no result depends on it).  In the mirror M' has the blocks N (2×2, across), r and μ,
+direction (its sign is that of u_z; where |u| = 1 no result depends on it).  In the mirror M' has the blocks N (2×2,
+across), r and μ,
 
     D = J + l² N     δ = det N     τ = tr N     det D = J (J + l² τ) + l⁴ δ     y = p'_T − l |w|² r
     M_TT = (m I + far N) D⁻¹ = [(m I (J + l² τ) + far l² δ) 1 + cross² N] / det D     far J − m I l² = cross²

@@ -23,7 +23,12 @@ class Recursion:
         self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
 
     def pull(self, u: Any, w: Any, torque: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """The effective mass (kg) and force (N) along the rail, summed over the pendula."""
+        """The effective mass (kg) and force (N) along the rail, summed over the pendula.
+
+        The stages of an integrator's step leave the sphere, where the two mirrors of `space` would give two answers and
+        y' would jump as a link passes level: so the directions are made unit vectors first.
+        """
+        u = u / np.sqrt(dot(u, u))
         answer, turns = upward(self.links, u, w, torque, facing(u))
         force = answer.p[0] - gravity * answer.M[0, 2]
         return answer.M[0, 0].sum(0), force.sum(0), (turns, gravity, answer.p)

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Callable
-from math import sqrt
+from dataclasses import dataclass
+from math import inf, sqrt, ulp
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +20,34 @@ OTHERS = {"Radau": integrate.Radau, "BDF": integrate.BDF, "LSODA": integrate.LSO
 SCIPY = {**EXPLICIT, **OTHERS}
 SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
 FEW = 32  # components among which resting ones hide no error worth a step
+BESIDE = 4  # units in the last place by which a time keeps clear of a break
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How an integrator steps: it ends a step at each of the `breaks` (s, ascending) and begins anew there.
+
+    `first` (s) is the step to try where it begins, the method's own where it is None; none is longer than `longest`
+    (s).  A `share` below 1 makes every step shorter than that part of `longest` and of the stretch between two breaks,
+    so that runs with different shares step differently, whatever holds their steps down.
+    """
+
+    first: float | None = None
+    longest: float = inf
+    breaks: tuple[float, ...] = ()
+    share: float = 1.0
+
+    def stretch(self, time: float) -> tuple[float, float]:
+        """The breaks around a time, one at that time before it; infinite where there is none."""
+        at = bisect_right(self.breaks, time)
+        return (self.breaks[at - 1] if at else -inf), (self.breaks[at] if at < len(self.breaks) else inf)
+
+    def most(self, start: float, end: float) -> float:
+        """The longest step (s) between these two times, breaks or the ends of the run."""
+        return self.longest if self.share == 1 else self.share * min(self.longest, end - start)
+
+
+AT_EASE = Pace()
 
 
 def first_step(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
@@ -83,8 +113,8 @@ class Stepper(Protocol):
 class SciPyStepper:
     """A method of `scipy.integrate` (see there for the papers behind each).
 
-    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is what it leaves of components near zero.  `first`
-    (s) is the first step to try, SciPy's own where it is None.
+    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is what it leaves of components near zero.  What
+    jumps at a break is asked for just beside it, on the side of the step.
     """
 
     def __init__(
@@ -96,19 +126,31 @@ class SciPyStepper:
         end: float,
         tolerance: float,
         absolute: Floats,
-        first: float | None = None,
+        pace: Pace = AT_EASE,
     ) -> None:
-        self.method, self.f, self.end, self.tolerance, self.absolute = method, f, end, tolerance, absolute
-        self._done = 0
+        self.method, self.f, self.tolerance, self.absolute, self.pace = method, f, tolerance, absolute, pace
+        self.start, self.end, self._done = start, end, 0
         self.before, self.y_before = start, y
         self._within: integrate.DenseOutput | None = None
         with np.errstate(all="ignore"):
-            self._solver = self._made(start, y, end, first)
+            self._solver = self._begun(start, y, pace.first)
 
-    def _made(self, start: float, y: Floats, end: float, first: float | None) -> integrate.OdeSolver:
-        tried = None if first is None or self.method == "LSODA" else min(first, end - start) or None
+    def _begun(self, time: float, y: Floats, first: float | None) -> integrate.OdeSolver:
+        """An integrator from here to the next break or the end."""
+        self._low, self._high = self.pace.stretch(time)
+        return self._made(time, y, min(self._high, self.end), first)
+
+    def _made(self, time: float, y: Floats, end: float, first: float | None) -> integrate.OdeSolver:
+        tried = None if first is None or self.method == "LSODA" else min(first, end - time) or None
+        longest = self.pace.most(max(self._low, self.start), min(self._high, self.end))
         options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
-        return SCIPY[self.method](self.f, start, y, end, **options)
+        f = self._beside if self.pace.breaks else self.f
+        return SCIPY[self.method](f, time, y, end, max_step=longest, **options)
+
+    def _beside(self, time: float, y: Floats) -> Floats:
+        """The derivative, as it is between the breaks around."""
+        clear = BESIDE * ulp(time)
+        return self.f(min(max(time, self._low + clear), self._high - clear), y)
 
     @property
     def time(self) -> float:
@@ -127,6 +169,9 @@ class SciPyStepper:
 
     def step(self) -> None:
         """Go one step on."""
+        if self._high <= self.time < self.end:
+            self._done += self._solver.nfev
+            self._solver = self._begun(self.time, self.y, self.pace.first)
         self.before, self.y_before, self._within = self.time, self.y, None
         message = self._solver.step()
         if self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
@@ -154,4 +199,4 @@ class SciPyStepper:
             self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
             return
         self._done += self._solver.nfev
-        self._solver = self._made(self.time if time is None else time, y, self.end, self.time - self.before)
+        self._solver = self._begun(self.time if time is None else time, y, self.time - self.before)

@@ -7,8 +7,11 @@ from math import isfinite
 
 import numpy as np
 
+from modal.escaping import visible
+from nonlinear.starts import rests_unstably
 from nonlinear.superposition import CORRECTED, LINEAR
 from nonlinear.trajectory import CLOSED, TRUNCATED, Trajectory
+from nonlinear.twins import departure
 
 FORMS = {
     "minimal": "minimal coordinates",
@@ -27,7 +30,7 @@ def text(trajectory: Trajectory) -> str:
     lines = list(_lines(trajectory))
     width = max(len(name) for name, _ in lines)
     title = trajectory.scene.title or "untitled scene"
-    return "\n".join([title, *(f"{name:<{width}}  {words}" for name, words in lines)])
+    return "\n".join(map(visible, [title, *(f"{name:<{width}}  {words}" for name, words in lines)]))
 
 
 def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
@@ -35,14 +38,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield "time", f"{times[0]:g} to {times[-1]:.9g} s in {len(times)} samples"
     if run.stopped:
         yield "stopped", run.stopped
-    yield "equations", FORMS[run.form]
-    if run.reduced:
-        yield "integrated", run.reduced
-    if run.method == CLOSED:
-        yield "integrator", f"none: {run.reason}"
-    else:
-        yield "integrator", f"{run.method} at tolerance {run.tolerance:g}: {run.reason}"
-        yield "cost", f"{run.steps} steps, {run.calls} derivatives"
+    yield from _way(trajectory)
     if isfinite(run.error):
         yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
     yield from _ranges(trajectory)
@@ -61,6 +57,22 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"
     if (more := len(trajectory.happenings) - MOST_EVENTS) > 0:
         yield "", f"and {more} more"
+
+
+def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    run = trajectory.run
+    yield "equations", FORMS[run.form]
+    if rests_unstably(trajectory.plant, trajectory.motion[0]):
+        yield "start", "an unstable rest: what follows is rounding"
+    if run.reduced:
+        yield "integrated", run.reduced
+    if found := departure(trajectory):
+        yield "symmetry", found.words
+    if run.method == CLOSED:
+        yield "integrator", f"none: {run.reason}"
+    else:
+        yield "integrator", f"{run.method} at tolerance {run.tolerance:g}: {run.reason}"
+        yield "cost", f"{run.steps} steps, {run.calls} derivatives"
 
 
 def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

@@ -143,8 +143,8 @@ def superposed(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
     along, across = split(scene, start)
-    plane = scene.model_copy(update={"space": "plane"})
-    held = plane.model_copy(update={"support": Fixed()})
+    plane = scene.in_plane
+    held = plane.replace(support=Fixed())
     return Superposition(scene, (_flat(plane, along, corrected), _flat(held, across, corrected)))
 
 

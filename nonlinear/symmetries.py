@@ -10,12 +10,14 @@ large that integrators would measure their tolerance by them, they are taken off
 double precision cannot square m l² are counted in powers of two next to the largest; gravity goes with lengths, so that
 time stays what it is.
 
-What symmetry ties together stays together however unstable that is; real pendula would not.
+What symmetry ties together stays together however unstable that is; real pendula would not.  The same holds of equal
+pendula that swing against each other about a cart that they leave still, where nothing is made smaller: numbers are as
+symmetric as the motion (`exactly_symmetric`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import frexp
 
@@ -32,12 +34,16 @@ WIDE = 200  # powers of two of m l² (kg m²)
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """Another `plant` that moves in the same way: how to begin there, and how the whole moves, and this in words."""
+    """Another `plant` that moves in the same way: how to begin there, and how the whole moves, and this in words.
+
+    `ties` says whether it holds together what would part in a motion beside this one.
+    """
 
     plant: Plant
     restrict: Callable[[State], State]
     extend: Callable[[Motion], Motion]
     words: str
+    ties: bool = False
 
 
 def symmetries(plant: Plant, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
@@ -53,13 +59,29 @@ def symmetries(plant: Plant, start: State, *, planar: bool = True) -> tuple[Symm
     return tuple(found)
 
 
+def symmetrized(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Motion]:
+    """A state as a motion of one instant, and the one nearest by that has these symmetries."""
+    like = state
+    for symmetry in symmetries:
+        like = symmetry.restrict(like)
+    image = _instant(like)
+    for symmetry in reversed(symmetries):
+        image = symmetry.extend(image)
+    return _instant(state), image
+
+
+def _instant(state: State) -> Motion:
+    cart, rate = np.array([state.cart]), np.array([state.cart_rate])
+    return Motion(state.links[None], state.link_rates[None], cart, rate, np.zeros(1))
+
+
 def in_one_plane(plant: Plant, start: State) -> Symmetry | None:
     """The planar scene of a spatial one whose start has nothing across the rail, None for any other."""
     if not plant.spatial or any(group.sprung for group in plant.groups):
         return None
     if np.any(start.links[:, 1]) or np.any(start.link_rates[:, 1]):
         return None
-    return Symmetry(replace(plant, spatial=False), _angles, _vectors, "one vertical plane of space")
+    return Symmetry(replace(plant, spatial=False), _angles, _vectors, "one vertical plane of space", ties=True)
 
 
 def _angles(state: State) -> State:
@@ -88,19 +110,24 @@ def synchronous(plant: Plant, start: State) -> Symmetry | None:
         return None
     small = replace(plant, groups=tuple(groups), labels=())
     words = f"{small.n_pendula} of {plant.n_pendula} pendula, the others moving with them"
-    return Symmetry(small, lambda state: _picked(state, kept), lambda motion: _spread(motion, whole), words)
+    return Symmetry(small, lambda state: _picked(state, kept), lambda motion: _spread(motion, whole), words, ties=True)
 
 
 def _kinds(group: Group, start: State) -> tuple[Ints, Ints, Ints]:
     """The first pendulum (by column) of each kind, every pendulum's kind, and how many there are of each."""
+    table = _table(group, start)
+    _, first, place, count = np.unique(table, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    order = np.argsort(first)
+    return first[order], np.argsort(order)[place.ravel()], count[order]
+
+
+def _table(group: Group, start: State) -> Floats:
+    """All that a pendulum is and how it starts, one row for each."""
     columns = [getattr(group.block, name) for name in ARRAYS]
     columns += [part[group.index].reshape(group.n, -1, part[0].size) for part in (start.links, start.link_rates)]
     if group.excitation:
         columns += list(group.excitation.table)
-    table = np.hstack([np.moveaxis(column, 1, 0).reshape(group.index.shape[1], -1) for column in columns])
-    _, first, place, count = np.unique(table, axis=0, return_index=True, return_inverse=True, return_counts=True)
-    order = np.argsort(first)
-    return first[order], np.argsort(order)[place.ravel()], count[order]
+    return np.hstack([np.moveaxis(column, 1, 0).reshape(group.index.shape[1], -1) for column in columns])
 
 
 def _picked(state: State, kept: Ints) -> State:
@@ -109,6 +136,44 @@ def _picked(state: State, kept: Ints) -> State:
 
 def _spread(motion: Motion, whole: Ints) -> Motion:
     return replace(motion, links=motion.links[:, whole], link_rates=motion.link_rates[:, whole])
+
+
+def exactly_symmetric(plant: Plant, start: State) -> bool:
+    """Whether a symmetry of the start holds digit by digit, so that no run of it shows how motions beside it leave it.
+
+    Equal pendula with equal starts; pendula on a cart that are each other's mirror images, or their own; in space also
+    a pendulum in the plane of the rail or across it.
+    """
+    if plant.spatial and _flat(plant, start):
+        return True
+    return synchronous(plant, start) is not None or _mirrored(plant, start)
+
+
+def _flat(plant: Plant, start: State) -> bool:
+    """Whether any pendulum has nothing along the rail, or nothing across it."""
+    most = np.zeros((plant.n_pendula, 2))
+    for part in (start.links, start.link_rates):
+        np.maximum.at(most, plant.pendulum, np.abs(part[:, :2]))
+    return bool(np.any(most == 0))
+
+
+def _mirrored(plant: Plant, start: State) -> bool:
+    """Whether the scene and its start look the same from behind, whole turns left out."""
+    cart = plant.cart
+    if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
+        return False
+    if plant.spatial:
+        image = [part * [-1, 1, 1] + 0.0 for part in (start.links, start.link_rates)]
+    else:
+        turned = start.links - 2 * np.pi * np.round(start.links / (2 * np.pi))
+        start = replace(start, links=np.where(turned == -np.pi, np.pi, turned))
+        image = [np.where(start.links == np.pi, np.pi, 0.0 - start.links), 0.0 - start.link_rates]
+    behind = replace(start, links=image[0], link_rates=image[1])
+    for group in plant.groups:
+        one, other = (np.unique(_table(group, state), axis=0, return_counts=True) for state in (start, behind))
+        if not (np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1])):
+            return False
+    return True
 
 
 def near(plant: Plant, start: State) -> Symmetry | None:

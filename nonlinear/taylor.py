@@ -20,10 +20,12 @@ from modal.errors import ComputationError, MissingExtraError
 from modal.rig import Floats
 from nonlinear.interrupts import undisturbed
 from nonlinear.minimal import Minimal, Recursion
+from nonlinear.steppers import Pace
 
 FIRST = 0.05
 TIGHTEST = 1e-15
 LONGEST_CHAIN, MOST_LINKS = 24, 400
+GIVES_UP = {"err_nf_state": "its series leave the finite numbers; choose another method"}
 
 
 def available() -> bool:
@@ -39,14 +41,14 @@ def first_step(omega: float) -> float:
 class TaylorStepper:
     """One Taylor series after another.
 
-    The first is no longer than `first` (s), for which `first_step` is meant; `tolerance` sets the order.  Raises
+    The first is no longer than `pace.first` (s), for which `first_step` is meant; `tolerance` sets the order.  Raises
     MissingExtraError without heyoka, ComputationError under a load and where
     compiling so many links would take longer than another method takes to run.
     """
 
-    def __init__(self, system: Minimal, y: Floats, start: float, end: float, tolerance: float, first: float) -> None:
+    def __init__(self, system: Minimal, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
         begun = np.array(y, dtype=float)
-        self.end, self.first, self.calls = end, first, 0
+        self.start, self.end, self.pace, self.calls = start, end, pace, 0
         with undisturbed():
             self.integrator = _heyoka().taylor_adaptive(
                 equations(system), begun, time=start, tol=uneven(tolerance), compact_mode=True
@@ -64,11 +66,16 @@ class TaylorStepper:
         return np.array(self.integrator.state)
 
     def step(self) -> None:
-        """One series further, never beyond the end; ComputationError where it leaves the finite numbers."""
-        start, cap = self.time, inf if self.calls else self.first
-        outcome, _ = self.integrator.step(max_delta_t=min(cap, self.end - start), write_tc=True)
+        """One series further, never beyond a break; ComputationError where it leaves the finite numbers."""
+        start, (low, high) = self.time, self.pace.stretch(self.time)
+        since, until = max(low, self.start), min(high, self.end)
+        first = self.pace.first or inf if start == since else inf
+        longest = min(first, self.pace.most(since, until), until - start)
+        outcome, _ = self.integrator.step(max_delta_t=longest, write_tc=True)
         if outcome.name not in {"success", "time_limit"}:
-            raise ComputationError(f"taylor stopped at {start:.9g} s: {outcome.name}")
+            raise ComputationError(f"taylor stopped at {start:.9g} s: {GIVES_UP.get(outcome.name, outcome.name)}")
+        if outcome.name == "time_limit" and longest == until - start:
+            self.integrator.time = until
         self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
 
     def inside(self, times: Floats) -> Floats:

@@ -1,8 +1,9 @@
 """Time against accuracy: every rung of the ladder on one scene and start, measured beside a reference.
 
 All rungs run up to the reference's horizon and no further (`nonlinear.references`).  An error is the largest angle by
-which any link is off at any sample.  The error in phase is the shift τ (s) in time that explains most of what is
-off in the last fifth, by least squares on the coordinates q (lengths in the longest link),
+which any link is off at any sample, whole turns left out: it never exceeds π.  The error in phase is the shift τ (s) in
+time that explains most of what is off in the last fifth, by least squares on the coordinates q (lengths in the longest
+link),
 
     q(t) ≈ q_ref(t − τ),     τ = −Σ q_ref'·(q − q_ref) / Σ q_ref'·q_ref',
 

@@ -55,7 +55,7 @@ def _notes(found: Tradeoff) -> list[str]:
     notes += [f"{name} was left out: {reason}." for name, reason in found.skipped]
     notes.append(
         "*: no other rung is both faster and closer. time: a run, once prepared; derivatives: right-hand sides, of "
-        "Taylor methods series. error: the largest of any link. "
+        "Taylor methods series. error: the largest of any link, whole turns left out, so never above 3.14 rad. "
         f"late: shift in time in the last {100 * LAST:.0f} %. energy: drift, relative."
     )
     return notes

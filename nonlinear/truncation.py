@@ -6,12 +6,12 @@ mode of 2 to 10 bobs by itself swings at the wrong frequency by 0.006 % at 20°,
 more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  What is left out is stated.  The largest angle by which
 any link is wrong is taken to be the sum of
 
-- SAFETY times the largest distance to a second run, with the next modes up to about twice as many shapes, at a tenth
-  of the tolerance (so that it sees the integrator's error too);
+- SAFETY times the largest distance, so far and within the slowest period to come, to a second run, which judges: with
+  the next MORE shapes, or about twice as many as there are, and every mode within NEAR of 1:1, 1:2 or 1:3 of a kept
+  one, wherever it stands in the table, at a tenth of the tolerance (so that it sees the integrator's error too);
 - what of the start lies outside even those, by their linear motion: max_i Σ_s |φ_is| (η_s² + (η_s'/ω_s)²)^½.
 
-It is an estimate, not a bound: it trusts that twice the modes are nearer to all of them.  Where a mode beyond those is
-in 1:3 resonance with one that swings, both runs may miss it.
+It grows with the time, and is an estimate, not a bound: it trusts that the judge is nearer to all modes.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from modal.all_shapes import all_shapes
 from modal.errors import SceneError
 from modal.linear import matrices
 from modal.modes import Modes, natural_modes
-from modal.rig import Floats
+from modal.rig import Floats, Ints
 from modal.scene import Scene
 from nonlinear.methods import Choice
 from nonlinear.modal_coordinates import rest_angles
@@ -44,6 +44,8 @@ from nonlinear.truncated import Truncated
 SAFETY = 2.0
 NEGLIGIBLE = 1e-8  # share of the start's energy that an automatic choice may leave out
 MARGIN = 4  # modes that it keeps beyond those of the start: a twentieth of the error, a quarter more calls
+MORE = 8  # shapes that judge beyond the kept ones, at least
+RATIOS, NEAR = (1, 2, 3), 0.1  # of frequencies at which a mode answers a kept one, and how near to them, relative
 FURTHEST = 600.0  # the largest exponent of a growth that is written out
 
 
@@ -58,15 +60,20 @@ class Kept(NamedTuple):
 class Truncation:
     """A trajectory in the `kept` shapes (R,) with natural frequencies `omega` (R,) in rad/s.
 
-    `outside` is the share of the start's linear energy that they leave out, `error` (rad) what the largest angle of
-    any link is stated to be wrong by at the times kept, `frozen` the shortest period kept (s).
+    `outside` is the share of the start's linear energy that they leave out, `errors` (T,) in rad what the largest angle
+    of any link is stated to be wrong by so far, `frozen` the shortest period kept (s).
     """
 
     trajectory: Trajectory
     kept: tuple[Kept, ...]
     omega: Floats
     outside: float
-    error: float
+    errors: Floats
+
+    @property
+    def error(self) -> float:
+        """What the largest angle of any link is stated to be wrong by at the end (rad)."""
+        return float(self.errors[-1])
 
     @property
     def frozen(self) -> float:
@@ -93,16 +100,21 @@ class Survey:
         return self.modes.eigenvalue[[one.mode - 1 for one in self.kept]]
 
     @cached_property
+    def swings(self) -> Floats:
+        """ω of every shape (rad/s), or its rate of growth (1/s), (C,)."""
+        return np.asarray(np.abs(self.value))
+
+    @cached_property
     def amplitude(self) -> Floats:
         """(η² + (η'/ω)²)^½ of every shape, (C,); 0 of a translation, which is always kept."""
-        y, omega = self.system(len(self.kept)).begin(self.start), np.abs(self.value)
+        y, omega = self.system(np.arange(len(self.kept))).begin(self.start), self.swings
         swings = omega > 0
         return np.where(swings, np.hypot(y[: len(omega)], y[len(omega) : 2 * len(omega)] / (omega + ~swings)), 0.0)
 
     @cached_property
     def outside(self) -> Floats:
         """Share of the start's energy in the shapes from each one on, (C + 1,)."""
-        energy = (self.amplitude * np.abs(self.value)) ** 2
+        energy = (self.amplitude * self.swings) ** 2
         left = np.append(np.cumsum(energy[::-1])[::-1], 0.0)
         return left / (left[0] or 1.0)
 
@@ -115,15 +127,24 @@ class Survey:
         count = int(np.argmax(self.outside <= NEGLIGIBLE))
         return min(self.kept[max(count, 1) - 1].mode + MARGIN, len(self.modes))
 
-    def missed(self, count: int, duration: float) -> float:
-        """Largest angle (rad) to which the shapes from the count-th on can add up in their linear motion."""
-        growth = np.exp(np.minimum(self.value.real[count:] * duration, FURTHEST))
-        angles = np.abs(self.shapes[-self.plant.n_links :, count:]) @ (self.amplitude[count:] * growth)
-        return float(angles.max())
+    def judging(self, count: int) -> Ints:
+        """The shapes of the model that judges the first so many: the next ones, and all that resonate with them."""
+        tuned = np.multiply.outer(RATIOS, self.swings[:count]).ravel()
+        answers = np.any(np.abs(self.swings[:, None] - tuned) < NEAR * tuned, axis=1)
+        answers[: self.columns(self.kept[min(max(2 * count, count + MORE), len(self.kept)) - 1].mode)] = True
+        return np.flatnonzero(answers)
 
-    def system(self, count: int) -> Truncated:
-        """The reduced equations in the first so many shapes."""
-        shapes, dual = (np.ascontiguousarray(part[:, :count]) for part in (self.shapes, self.dual))
+    def missed(self, judging: Ints, elapsed: Floats) -> Floats:
+        """Largest angle (rad) to which the shapes beside these can add up in their linear motion so far, (T,)."""
+        left = np.delete(np.arange(len(self.kept)), judging)
+        angles, rate = np.abs(self.shapes[-self.plant.n_links :, left]) * self.amplitude[left], self.value.real[left]
+        grows = rate > 0
+        growth = np.exp(np.minimum(np.multiply.outer(elapsed, rate[grows]), FURTHEST))
+        return np.asarray(angles[:, ~grows].sum(axis=1).max() + growth @ angles[:, grows].max(axis=0))
+
+    def system(self, chosen: Ints) -> Truncated:
+        """The reduced equations in these shapes."""
+        shapes, dual = (np.ascontiguousarray(part[:, chosen]) for part in (self.shapes, self.dual))
         return Truncated(self.plant, rest_angles(self.scene), shapes, dual)
 
 
@@ -171,18 +192,27 @@ def in_modes(
 ) -> Truncation:
     """The motion of a survey's start at these times (T,) in s, in so many of its lowest modes."""
     fewer = survey.columns(modes)
-    more = survey.columns(_next(survey, fewer))
-    first = _run(survey, fewer, times, method, tolerance, report)
-    second = _run(survey, more, first.times, method, tolerance / 10, report)
-    apart = np.inf if second.run.stopped else float(np.abs(first.motion.links - second.motion.links).max())
-    error = SAFETY * apart + survey.missed(more, float(times[-1] - times[0]))
+    judging = survey.judging(fewer)
+    first = _run(survey, np.arange(fewer), times, method, tolerance, report)
+    second = _run(survey, judging, first.times, method, tolerance / 10, report)
+    whole = second.complete
+    gone = np.abs(first.motion.links - second.motion.links).max(axis=1) if whole else np.full(len(first.times), np.inf)
+    elapsed, swings = first.times - first.times[0], survey.swings[:fewer]
+    period = 2 * np.pi / float(swings[swings > 0].min(initial=np.inf))
+    errors = SAFETY * _within(elapsed, gone, period) + survey.missed(judging, elapsed)
     return Truncation(
-        trajectory=replace(first, run=replace(first.run, error=error)),
+        trajectory=replace(first, run=replace(first.run, error=float(errors[-1]))),
         kept=survey.kept[:fewer],
-        omega=np.abs(survey.value[:fewer]),
+        omega=survey.swings[:fewer],
         outside=float(survey.outside[fewer]),
-        error=error,
+        errors=errors,
     )
+
+
+def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
+    """The largest of the values (T,) so far and in the period (s) to come."""
+    last = np.searchsorted(elapsed, elapsed + period, side="right") - 1
+    return np.asarray(np.maximum.accumulate(values)[last])
 
 
 def _insist(scene: Scene, modes: int | None, method: str) -> None:
@@ -210,16 +240,11 @@ def surveyed(scene: Scene, plant: Plant, start: State) -> Survey:
     return Survey(scene, plant, modes, tuple(kept for kept, _ in each), shapes, matrices(still).M @ shapes, start)
 
 
-def _next(survey: Survey, count: int) -> int:
-    """The number of modes that about doubles so many shapes."""
-    wanted = min(2 * count, len(survey.kept))
-    return survey.kept[wanted - 1].mode
-
-
 def _run(
-    survey: Survey, count: int, times: Floats, method: str, tolerance: float, report: Callable[[float], object]
+    survey: Survey, chosen: Ints, times: Floats, method: str, tolerance: float, report: Callable[[float], object]
 ) -> Trajectory:
-    system, size = survey.system(count), extent(survey.start, survey.plant)
-    choice = Choice(TRUNCATED, method, False, f"{count} of {len(survey.kept)} shapes", max(tolerance, SMALLEST))
+    system, size = survey.system(chosen), extent(survey.start, survey.plant)
+    words = f"{len(chosen)} of {len(survey.kept)} shapes"
+    choice = Choice(TRUNCATED, method, False, words, max(tolerance, SMALLEST))
     ready = prepared(survey.scene, system, choice, survey.start, times, size)
     return ready.go(report=report)

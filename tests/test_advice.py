@@ -8,18 +8,20 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, radians
+from pathlib import Path
 
 import numpy as np
 import pytest
 from motion_scenes import motion_scene
 from scipy.special import ellipj, ellipk
 
-from modal import Bob, Cart, Pendulum, Scene, SceneError, load, natural_modes
+from modal import Bob, Body, Cart, Pendulum, Rod, Scene, SceneError, load, natural_modes
 from multipendula.cli import main
 from nonlinear import Push, crossing, plant_of, recordings, released, resumed, simulate, start_of
 from nonlinear import load as load_run
-from nonlinear.advice import RATIO, _difference
+from nonlinear.advice import RATIO, _beside, _difference
 from nonlinear.advice_tables import advice_table
+from nonlinear.attempts import Attempt, Found
 from nonlinear.modal_coordinates import start_in_mode
 from nonlinear.preparation import SimulationError
 from nonlinear.simulation import advise
@@ -65,6 +67,69 @@ def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_
     ratios = np.array(spent) / needed
     assert np.median(ratios) < 3
     assert ratios.max() < 5
+
+
+def found_with(tolerance: float, error: float) -> Found:
+    """A run whose one angle is off by this at its end, half as much halfway."""
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    run = simulate(scene, 1.0, start=released(scene, [30.0]), tolerance=1e-12, output=3)
+    links = run.motion.links + error * np.array([[0.0], [0.5], [1.0]])
+    moved = replace(run, motion=replace(run.motion, links=links))
+    return Found(moved, np.full(3, inf), Attempt("minimal DOP853", tolerance, 0.0, 1, inf), lambda _: moved)
+
+
+def test_only_the_convergence_that_was_observed_is_credited() -> None:
+    """Errors fell to a third from the first tolerance to the second, whatever a hundredfold tolerance may promise."""
+    runs = [found_with(2.6e-4, 4.7e-3), found_with(8.0e-6, 1.9e-3)]
+    last = found_with(6.7e-8, 5.0e-4)
+    assert np.all(_beside(last, runs, 0.0).errors[1:] > [2.5e-4, 5.0e-4])
+    assert np.all(_beside(last, runs[1:], 0.0).errors[1:] > [2.5e-4, 5.0e-4])
+    falling = _beside(found_with(1e-8, 1e-7), [found_with(1e-4, 1e-3), found_with(1e-6, 1e-5)], 0.0)
+    assert 1e-7 < falling.errors[-1] < 1e-5
+    risen = _beside(found_with(1e-8, 1e-3), [found_with(1e-4, 2e-3), found_with(1e-6, 3e-3)], 0.0)
+    assert risen.errors[-1] > 1e-3
+
+
+def test_where_a_run_has_parted_errors_fall_as_they_did_before() -> None:
+    parted, loose, tight = found_with(1e-4, 0.5), found_with(1e-6, 2.6e-3), found_with(1e-8, 2.6e-5)
+    halfway, end = _beside(tight, [parted, loose], 0.0).errors[1:]
+    assert end == pytest.approx(2 * halfway)
+    assert 2.6e-5 < end < 2.6e-3
+
+
+def test_a_light_rod_above_a_heavy_body() -> None:
+    """Few steps, and an error that is larger than what the tolerances let expect."""
+    first = [
+        Rod(mass=0.2266, length=2.0298, damping=0.06733),
+        Body(mass=8.22, length=2.889, centre=1.7335, inertia=6.861, damping=14.146),
+    ]
+    second = [
+        Bob(mass=0.5862, length=1.1796, damping=0.016575),
+        Rod(mass=0.2173, length=2.013, damping=0.1594),
+    ]
+    third = [
+        Rod(mass=0.46185, length=0.77707),
+        Body(mass=1.4797, length=2.03956, centre=1.22374, inertia=0.6155),
+        Bob(mass=0.51275, length=0.49649, damping=0.01753),
+    ]
+    scene = Scene(
+        gravity=9.81,
+        support=Cart(mass=3.99755, damping=0.9687),
+        pendulum=[Pendulum(links=each) for each in (first, second, third)],
+    )
+    angles = 1e-4 * np.array([2.6398, 3.4145, -1.7269, -0.3626, -0.4716, -0.3325, 0.3259])
+    start = State(angles, 1e-4 * np.array([-2.2908, 3.2028, -2.685, 1.1676, -2.2873, 2.1908, -3.1429]))
+    sure = simulate(scene, 5.4, start=start, tolerance=1e-12, output=201)
+    for accuracy in (1e-2, 1e-3, 1e-4, 1e-5):
+        advice = advise(scene, 5.4, accuracy, start=start, output=201, method="DOP853")
+        assert apart(advice.trajectory.motion, sure.motion).max() < advice.errors[-1] <= accuracy
+
+
+def test_driven_pendula() -> None:
+    scene, accuracy = load(Path(__file__).parent / "data" / "driven.toml"), 2.2204330235142645e-4
+    advice = advise(scene, 15.0, accuracy)
+    sure = simulate(scene, 15.0, tolerance=1e-11, output=advice.trajectory.times)
+    assert apart(advice.trajectory.motion, sure.motion).max() < advice.errors[-1] <= accuracy
 
 
 def test_small_motions_are_not_integrated() -> None:
@@ -132,7 +197,9 @@ def test_loads_events_and_times_go_with_an_accuracy() -> None:
     def load_of(time: float, state: State) -> Push:
         return Push(cart=float(np.sin(time)))
 
-    pushed = simulate(scene, 4.0, start=start, load=load_of, accuracy=1e-6, output=[1.0, 4.0], start_time=3.0)
+    pushed = simulate(
+        scene, 4.0, start=start, load=load_of, accuracy=1e-6, output=[1.0, 4.0], start_time=3.0, breaks=[]
+    )
     sure = simulate(scene, 4.0, start=start, load=load_of, tolerance=1e-12, output=[1.0, 4.0], start_time=3.0)
     assert list(pushed.times) == [3.0, 4.0, 7.0]
     assert apart(pushed.motion, sure.motion).max() < 1e-6

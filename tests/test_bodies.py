@@ -28,6 +28,7 @@ from nonlinear.short import Dense
 from nonlinear.simulation import simulate
 from nonlinear.small import Small
 from nonlinear.state import Push, State
+from nonlinear.steppers import Pace
 from nonlinear.taylor import TaylorStepper
 
 fast = pytest.mark.skipif(not compiled.available(), reason="numba is not installed")
@@ -225,7 +226,7 @@ def released(scene: Scene, angles_deg: list[float]) -> tuple[Minimal, Floats, fl
 
 
 def by_series(system: Minimal, y0: Floats, end: float, cap: float, tolerance: float = 1e-15) -> Floats:
-    stepper = TaylorStepper(system, y0, 0.0, end, tolerance, cap)
+    stepper = TaylorStepper(system, y0, 0.0, end, tolerance, Pace(cap))
     while stepper.time < end:
         stepper.step()
     assert stepper.time == end
@@ -306,7 +307,7 @@ def test_series_of_damped_and_sprung_scenes(seed: int) -> None:
 def test_the_first_step_is_capped() -> None:
     """Of a pendulum at rest every coefficient is zero: heyoka would step to the end at once."""
     system, y0, cap = STARTS["hanging still"]()
-    stepper = TaylorStepper(system, y0, 0.0, 2.5, 1e-12, cap)
+    stepper = TaylorStepper(system, y0, 0.0, 2.5, 1e-12, Pace(cap))
     stepper.step()
     assert stepper.time == pytest.approx(cap)
     stepper.step()
@@ -335,7 +336,7 @@ def test_a_light_cart_does_not_hold_the_series_up() -> None:
 @series
 def test_series_between_the_steps() -> None:
     system, y0, cap = STARTS["three bobs at 90"]()
-    stepper = TaylorStepper(system, y0, 0.5, 2.0, 1e-15, cap)
+    stepper = TaylorStepper(system, y0, 0.5, 2.0, 1e-15, Pace(cap))
     assert np.array_equal(stepper.exact(0.5), y0)
     for _ in range(3):
         start = stepper.time, stepper.y
@@ -353,15 +354,15 @@ def test_series_between_the_steps() -> None:
 def test_series_refuse() -> None:
     y = np.zeros(2 * (taylor.LONGEST_CHAIN + 1))
     with pytest.raises(ComputationError, match="at most 24 links a chain and 400 in all, not 25 and 25"):
-        TaylorStepper(minimal(chain(25)), y, 0.0, 1.0, 1e-15, inf)
+        TaylorStepper(minimal(chain(25)), y, 0.0, 1.0, 1e-15, Pace())
     with pytest.raises(ComputationError, match="load"):
-        TaylorStepper(minimal(chain(1), load=lambda *_: Push()), np.zeros(3), 0.0, 1.0, 1e-15, inf)
-    stepper = TaylorStepper(minimal(chain(1)), np.array([np.nan, 0.0]), 0.0, 1.0, 1e-15, 0.1)
-    with pytest.raises(ComputationError, match="err_nf_state"):
+        TaylorStepper(minimal(chain(1), load=lambda *_: Push()), np.zeros(3), 0.0, 1.0, 1e-15, Pace())
+    stepper = TaylorStepper(minimal(chain(1)), np.array([np.nan, 0.0]), 0.0, 1.0, 1e-15, Pace(0.1))
+    with pytest.raises(ComputationError, match="its series leave the finite numbers"):
         stepper.step()
 
 
 def test_missing_heyoka_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "heyoka", None)
     with pytest.raises(MissingExtraError, match=r"multipendula\[taylor\]"):
-        TaylorStepper(minimal(chain(1)), np.zeros(2), 0.0, 1.0, 1e-15, inf)
+        TaylorStepper(minimal(chain(1)), np.zeros(2), 0.0, 1.0, 1e-15, Pace())

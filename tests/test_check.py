@@ -95,6 +95,18 @@ def test_one_percent_of_a_simple_pendulum() -> None:
     assert abs(kappa + 1 / 16) < error < 1e-4
 
 
+@pytest.mark.parametrize("angles", [(20.0, 30.0), (25.0, 35.0)])
+def test_the_uncertainty_of_kappa_counts_the_modes_that_swing_along(angles: tuple[float, float]) -> None:
+    links = (Bob(mass=1.0, length=1.0), Bob(mass=0.6, length=0.7))
+    modes = natural_modes(
+        Scene(gravity=9.81, support=Cart(mass=2.0, stiffness=21.4), pendulum=(Pendulum(links=links),))
+    )
+    runs = [measured(modes, 1, radians(angle)) for angle in angles]
+    kappa, error = limit(runs)
+    own = limit([replace(run, outside=0.0) for run in runs])[1]
+    assert own < abs(kappa - modes[1].kappa) < error < 0.05 * abs(kappa)
+
+
 def test_a_damped_mode_keeps_its_kappa() -> None:
     modes = natural_modes(load("metronomes").undriven)
     found = measured(modes, 3, radians(5.0), 20)

@@ -1,16 +1,10 @@
 """Motion at the ends of what can be written: against many digits, elliptic functions, and itself in other units."""
 
-import sys
-from pathlib import Path
-
-import numpy as np
-import pytest
-
-sys.path.insert(0, str(Path(__file__).parent.parent / "benchmarks" / "extremes"))
-
 import digits
 import elliptic
 import families
+import numpy as np
+import pytest
 import rival
 import simulation as extremes
 import units

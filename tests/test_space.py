@@ -12,11 +12,12 @@ from random_scenes import random_link
 from scipy.integrate import solve_ivp
 
 from modal import pair
-from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
 from nonlinear import ball_joints, joints, minimal, spatial
 from nonlinear.directions import angles_of, directions, of_plane, velocities
 from nonlinear.minimal import Minimal
 from nonlinear.plant import plant_of
+from nonlinear.simulation import simulate
 from nonlinear.space import facing
 from nonlinear.spatial import Spatial
 from nonlinear.state import Load, Push, State
@@ -316,6 +317,35 @@ def test_the_sign_of_the_mirror_changes_nothing(monkeypatch: pytest.MonkeyPatch)
     after = system.derivative(0, y)
     assert not np.array_equal(before, after)
     np.testing.assert_allclose(after, before, rtol=0, atol=1e-11 * np.abs(before).max())
+
+
+@pytest.mark.parametrize("seed", [1, 5, 8])
+def test_nor_does_it_where_a_stage_of_a_step_has_left_the_sphere(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
+    y = system.begin(any_state(system, rng))
+    y[: system.layout.half] *= 1.01
+    before = system.derivative(0, y)
+    monkeypatch.setattr(spatial, "facing", lambda u: -facing(u))
+    np.testing.assert_allclose(system.derivative(0, y), before, rtol=0, atol=1e-11 * np.abs(before).max())
+
+
+def test_links_that_pass_level_cost_no_accuracy() -> None:
+    """Three sprung links on a cart, the last of which passes level, against Lagrange's equations with multipliers."""
+    links = (Rod(mass=1, length=0.7, stiffness=4), Bob(mass=0.5, length=0.5, stiffness=2))
+    tip, start = Bob(mass=0.4, length=0.4, stiffness=1), Start(angles_deg=(70, 20, -60), azimuths_deg=(10, 80, 150))
+    pendulum = Pendulum(links=(*links, tip), start=start)
+    scene = Scene(gravity=9.81, space="space", support=Cart(mass=2), pendulum=(pendulum,))
+    found = simulate(scene, 0.8, tolerance=1e-10, output=17)
+    system, still = system_of(scene), Push(0.0, np.zeros((3, 3)))
+
+    def lagrange(time: float, y: np.ndarray) -> np.ndarray:
+        return np.concatenate((y[10:], oracle(system, system.layout.state(y), still)))
+
+    exact = solve_ivp(lagrange, (0, 0.8), system.begin(found.motion[0]), "DOP853", found.times, rtol=1e-11, atol=1e-12)
+    expected = system.read(exact.y.T).links
+    assert np.ptp(np.sign(found.motion.links[..., 2]), axis=0).max() == 2
+    assert np.abs(found.motion.links - expected).max() < 2e-10
+    assert found.run.drift < 3e-11
 
 
 # one pendulum

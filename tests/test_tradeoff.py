@@ -19,7 +19,8 @@ from nonlinear import tradeoff as module
 from nonlinear.directions import of_plane
 from nonlinear.ladder import GivenUpError, Question, Rung, ladder
 from nonlinear.modal_coordinates import deflection, rest_angles, start_in_mode
-from nonlinear.references import Reference, _disturbed, reference_of
+from nonlinear.plant import plant_of
+from nonlinear.references import Reference, reference_of
 from nonlinear.simulation import simulate
 from nonlinear.starts import start_of
 from nonlinear.state import Motion, State, apart
@@ -27,6 +28,7 @@ from nonlinear.superposition import CORRECTED, LINEAR, superposed
 from nonlinear.tradeoff import Row, Tradeoff, late, tradeoff
 from nonlinear.tradeoff_figures import draw_tradeoff
 from nonlinear.tradeoff_tables import tradeoff_table
+from nonlinear.twins import aside, slightly
 from nonlinear.two_planes import joined, split
 
 PAPER = load("paper-cart-2")
@@ -63,7 +65,7 @@ def instant(start: State) -> Motion:
     return Motion(start.links[None], start.link_rates[None], cart, rate, np.zeros(1))
 
 
-def aside(scene: Scene, seed: int) -> State:
+def off_rest(scene: Scene, seed: int) -> State:
     rng, on = np.random.default_rng(seed), scene.support.kind == "cart"
     angles, rates = 0.1 * rng.normal(size=(2, scene.n_links))
     return State(rest_angles(scene) + angles, rates, *(0.1 * rng.normal(size=2) if on else (0.0, 0.0)))
@@ -71,7 +73,7 @@ def aside(scene: Scene, seed: int) -> State:
 
 @pytest.mark.parametrize("scene", [*map(motion_scene, range(12)), PAPER, TRANSLATING, load("cart-upright")])
 def test_the_linear_rung_is_the_exponential_of_the_state_matrix(scene: Scene) -> None:
-    start, times = aside(scene, 5), np.linspace(0.0, 3.0, 7)
+    start, times = off_rest(scene, 5), np.linspace(0.0, 3.0, 7)
     found = deflection(scene, superposed(scene, start, corrected=False)(times))
     for ours, theirs in zip(found, by_exponential(scene, start, times), strict=True):
         assert np.abs(ours - theirs).max() < 1e-8 * np.abs(theirs).max()
@@ -248,8 +250,9 @@ def test_a_twin_of_a_tiny_start_is_another_start() -> None:
     """Where 1e-9 of the motion is less than the rounding of an angle near 180 degrees."""
     upright = load("cart-upright")
     start = State(rest_angles(upright) + 1e-8, np.zeros(upright.n_links))
-    aside = _disturbed(start, 1e-8).links - start.links
-    assert np.all((aside > 1e-13) & (aside < 1e-3 * 1e-8))
+    plant = plant_of(upright)
+    moved = aside(plant, start, slightly(plant, start)).links - start.links
+    assert np.all((moved > 1e-13) & (moved < 1e-3 * 1e-8))
 
 
 def test_a_reference_cut_short_without_growth_is_told_of(short: Tradeoff) -> None:
@@ -323,7 +326,14 @@ def test_an_interrupt_between_rungs_keeps_them_too() -> None:
 
 def test_tables(short: Tradeoff) -> None:
     text = tradeoff_table(short, "text")
-    for words in ("time (ms)", "error (rad)", "late (s)", "held against", "all 1.5 s are compared"):
+    for words in (
+        "time (ms)",
+        "error (rad)",
+        "late (s)",
+        "held against",
+        "all 1.5 s are compared",
+        "whole turns left out",
+    ):
         assert words in text
     assert tradeoff_table(short, "markdown").startswith("**Two double pendula")
     rows = list(csv.DictReader(io.StringIO(tradeoff_table(short, "csv"))))

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import few_modes
 import numpy as np
 import pytest
 from plane_scenes import blowing, minimal, plane_scene, random_state
@@ -107,7 +110,7 @@ def test_dampers_take_what_the_energy_loses() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_small_motions_swing_at_the_tables_frequencies(seed: int) -> None:
     scene = chain(seed, 7, Cart(mass=1.0, stiffness=2.0) if seed % 2 else None)
-    system, h = survey_of(scene).system(5), 1e-5
+    system, h = survey_of(scene).system(np.arange(5)), 1e-5
     slopes = [(system.derivative(0.0, h * unit) - system.derivative(0.0, -h * unit)) / (2 * h) for unit in np.eye(10)]
     omega = natural_modes(scene).omega[:5]
     np.testing.assert_allclose(np.array(slopes)[:5, 5:], -np.diag(omega**2), atol=1e-7 * omega[-1] ** 2)
@@ -144,6 +147,45 @@ def test_the_stated_error_is_honest() -> None:
         ratios.append(found.error / apart(found.trajectory, whole))
     assert np.sum(np.array(ratios) < 1) <= 1
     assert np.median(ratios) < 10
+
+
+TUNED = Scene(
+    gravity=9.81,
+    pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, count=5), Bob(mass=0.415, length=1.0))),),
+)
+
+
+def test_a_left_out_mode_at_three_times_the_frequency_is_seen() -> None:
+    """ω₃/ω₁ = 3.0005: the third mode takes energy for as long as the run lasts, and the second does not show it."""
+    modes = natural_modes(TUNED)
+    assert modes.omega[2] / modes.omega[0] == pytest.approx(3.0005, abs=5e-5)
+    start = start_in_mode(TUNED, modes, 0, 0, np.deg2rad(20.0))
+    found = truncated(TUNED, 25.0, 1, start=start, output=251, tolerance=1e-7)
+    whole = simulate(TUNED, 25.0, start=start, tolerance=1e-11, output=251)
+    true = np.maximum.accumulate(np.abs(found.trajectory.motion.links - whole.motion.links).max(axis=1))
+    assert np.all(found.errors >= true)
+    assert found.error == found.trajectory.run.error < 4 * true[-1]
+    assert true[-1] > 3 * true[50]
+    assert found.errors[-1] > 2 * found.errors[50]
+
+
+@pytest.mark.parametrize("kept", [1, 3, 6])
+def test_the_judge_holds_every_mode_in_resonance_with_a_kept_one(kept: int) -> None:
+    scene = chain(4, 60)
+    omega = natural_modes(scene).omega
+    judging = set(survey_of(scene).judging(kept).tolist())
+    near = {s for s in range(60) for r in range(kept) for n in (1, 2, 3) if abs(omega[s] / omega[r] - n) < 0.1 * n}
+    assert judging == near | set(range(kept + 8))
+    assert kept < 6 or max(near) > kept + 8
+
+
+@pytest.mark.parametrize("seed", [710003, 710006, 710007, 710010, 710012, 710016])
+def test_no_error_is_stated_below_the_true_one(seed: int) -> None:
+    """A share of `benchmarks/few_modes.py`: chains in and out of resonance, at every instant."""
+    found = few_modes.judged(replace(few_modes.held(seed), duration=8.0))
+    assert found.certain
+    assert found.least > 1.0
+    assert found.stated < 10 * found.true
 
 
 def test_what_lies_outside_is_what_is_left_out() -> None:
