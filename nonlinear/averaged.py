@@ -1,24 +1,31 @@
 """The slow motion of amplitudes and phases: averaged equations of a scene, from its modes.
 
-In the conservative small-angle scene nothing but phases moves.  With mass-normalised shapes φ_r and complex amplitudes
-z_r, the motion
+In the conservative small-angle scene nothing but phases moves.  Modes φ_r, φᵀMφ = 1, of nearly equal frequencies ω_r
+form a band b.  They exchange energy, may lock, and turn with one fast phase χ_b at one rate χ_b' = Ω_b.  With complex
+amplitudes z_r, w_r = z_r e^{iχ_b} = η_r − iη_r'/Ω_b of η_r = φ_rᵀMq, the motion
 
-    q(t) = Re Σ_r φ_r z_r exp(i ω_r t),     modal energy ½ ω_r² |z_r|²,
+    q = Re Σ φ_r z_r e^{iχ_b},     q' = Re Σ iΩ_b φ_r z_r e^{iχ_b},     q'' = −Re Σ Ω_b² φ_r z_r e^{iχ_b}
 
 is put into the full nonlinear equations (`nonlinear.residual`), drives and dampers included.  What it leaves of them,
-the forces ρ, moves the z_r slowly (first-order averaging: Krylov and Bogoliubov; Sanders, Verhulst & Murdock, Averaging
-Methods in Nonlinear Dynamical Systems, 2007, ch. 2):
+the forces ρ, moves the z_r slowly (averaging: Krylov and Bogoliubov; Sanders, Verhulst & Murdock, Averaging Methods in
+Nonlinear Dynamical Systems, 2007, ch. 2):
 
-    z_r' = (i/ω_r) ⟨φ_rᵀρ e^{−iχ_b}⟩ + i (ω_r − ω_b) z_r.
+    z_r' = (i/Ω_b) ⟨φ_rᵀρ e^{−iχ_b}⟩.
 
-Modes of nearly equal frequencies form a band b with one fast phase χ_b and mean frequency ω_b; they exchange energy.
-The phases of different bands are taken as unrelated, and the mean ⟨ ⟩ runs over all of them: over K points of a lattice
-on which no product of up to ORDER factors e^{±iχ_b} but those that truly are constant has a mean.
+Where z' = 0 this is harmonic balance.  A rate of its own for each mode, ω_r in place of Ω_b, would drop the
+counter-rotating part (1 − Ω_b/ω_r)/2 of a locked mode, and get signs of stability wrong.  The third harmonic of every
+band is slaved to the first,
 
-A free cart has no frequency of its own, so a damper c may well stop it within a swing: its motion in φ_r is divided by
-1 − i c/(M ω_r), M all masses together, as M x'' + c x' = −(b·q)'' has it.
+    A_r = −2 ⟨φ_rᵀρ e^{−3iχ_b}⟩/(ω_r² − 9Ω_b²);
 
-Escapements act by the first harmonics of their kicks (`nonlinear.describing`).
+Re Σ φ_r A_r e^{3iχ_b} is added to q, and ρ evaluated once more.  The phases of different bands are taken as unrelated,
+and the mean ⟨ ⟩ runs over all of them: over K points of a lattice on which no product of up to ORDER factors e^{±iχ_b}
+but those that truly are constant has a mean.
+
+A free cart has no frequency of its own, so a damper c may well stop it within a swing: in the h-th harmonic its motion
+in φ_r and the force on it are divided by 1 − i c/(h Ω_b M), M all masses together, as M x'' + c x' = −(b·q)'' has it.
+
+Escapements act by harmonics of their kicks (`nonlinear.describing`).
 """
 
 from __future__ import annotations
@@ -49,6 +56,9 @@ ORDER = 6
 MOST, MOST_BANDS = 400, 4
 CHUNK = 2_000_000
 STEP = 1e-6
+TURNS, FAR = 3, 4.0  # steps to the turning rate of a band, and how far from its mean frequency that may be
+NEAR = 0.05  # of 9Ω²: a resonance nearer than this is rounded off
+SMALL = 0.2  # of the first harmonic: a third that would be larger is none that follows, and is held to this
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,66 +107,107 @@ class Averaged:
         bands = (self.band == band for band in range(len(self.centre)))
         return float(np.sum([np.abs(links[:, own] @ z[own]) for own in bands], axis=0).max())
 
-    @cached_property
-    def detuning(self) -> Floats:
-        """ω_r − ω_b (rad/s) of every shape, (C,)."""
-        return np.asarray(self.omega - self.centre[self.band])
+    def turning(self, z: Complexes) -> Floats:
+        """The rates Ω_b (B, ...) at which bands with amplitudes (C, ...) turn by themselves, in the mean of |z|²."""
+        found = self.centre.reshape(-1, *[1] * (z.ndim - 1)) * np.ones((1, *z.shape[1:]))
+        for _ in range(TURNS):
+            found = self.turned(found, z, self.flow(z, found))
+        return np.asarray(found)
 
-    def flow(self, z: Complexes) -> Complexes:
-        """The rates z' (C, ...) of amplitudes (C, ...)."""
-        return np.asarray((self.forced(z).T + 1j * self.detuning * z.T).T)
+    def turned(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
+        """A better Ω_b (B, ...), by these rates z' (C, ...) in bands that turn at another."""
+        largest = np.maximum(np.abs(z).max(axis=0), np.finfo(float).tiny)
+        unit = z / largest
+        spin, sizes = self._by_band(np.imag(flow / largest * unit.conj())), self._by_band(np.abs(unit) ** 2)
+        middle = self.centre.reshape(-1, *[1] * (z.ndim - 1))
+        found = turning + np.divide(spin, sizes, out=0 * spin, where=sizes > 0)
+        return np.clip(found, middle / FAR, middle * FAR)
 
-    def forced(self, z: Complexes) -> Complexes:
-        """The same without the detuning."""
-        found = self.smooth(z)
-        if self._joints:
-            found += self._kicks(z.reshape(len(z), -1)).reshape(z.shape)
+    def _by_band(self, values: Floats) -> Floats:
+        """Sums (B, ...) of what modes (C, ...) have."""
+        found = np.zeros((len(self.centre), *values.shape[1:]))
+        np.add.at(found, self.band, values)
         return found
 
-    def smooth(self, z: Complexes) -> Complexes:
-        """And without escapements."""
+    def detuning(self, turning: Floats) -> Floats:
+        """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude turns in its band."""
+        own = turning[self.band]
+        return np.asarray((self.omega.reshape(-1, *[1] * (turning.ndim - 1)) ** 2 - own**2) / (2 * own))
+
+    def flow(self, z: Complexes, turning: Floats) -> Complexes:
+        """The rates z' (C, ...) of amplitudes (C, ...) in bands that turn at Ω (B, ...)."""
+        return self.forced(z, turning) + 1j * self.detuning(turning) * z
+
+    def forced(self, z: Complexes, turning: Floats) -> Complexes:
+        """The same rates without the detuning."""
+        return self._moved(z, turning, kicked=True)
+
+    def smooth(self, z: Complexes, turning: Floats) -> Complexes:
+        """Those without the kicks of escapements as well."""
+        return self._moved(z, turning, kicked=False)
+
+    def _moved(self, z: Complexes, turning: Floats, kicked: bool) -> Complexes:
         wide = z.reshape(len(z), -1)
+        pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), wide.shape[1]))
         step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
-        parts = [self._left(wide[:, start : start + step]) for start in range(0, wide.shape[1], step)]
+        chunks = [slice(start, start + step) for start in range(0, wide.shape[1], step)]
+        parts = [self._rates(wide[:, part], pace[:, part], kicked) for part in chunks]
         return np.asarray(np.hstack(parts).reshape(z.shape))
 
-    def _left(self, z: Complexes) -> Complexes:
-        """What the forces that are left do to z (C, S)."""
-        turn = self._phases[self.band]
-        moving = z[:, :, None] * turn[:, None, :]
-        first = 1j * self.omega[:, None, None]
-        shape = (len(self.shapes), -1)
-        q, v, a = (
-            np.tensordot(self._braked, part, axes=1).real.reshape(shape)
-            for part in (moving, first * moving, first**2 * moving)
-        )
-        left = residual(self.plant, [np.array([q, v, a])])[0]
-        along = (self.shapes.T @ left).reshape(len(self.omega), z.shape[1], -1)
-        return np.asarray(1j / self.omega[:, None] * np.mean(along * turn.conj()[:, None, :], axis=2))
+    def _rates(self, z: Complexes, turning: Floats, kicked: bool) -> Complexes:
+        """What all forces but those of the detuning do to z (C, S)."""
+        first = self._split(z)
+        waves = self._waves(first, turning, 1)
+        pull, third = self._kicks(first, turning) if kicked and self._joints else (0.0, 0.0)
+        fast = 9 * turning[:, None] ** 2
+        gap = (self.omega[:, None] ** 2 - fast) / fast
+        soft = gap / (gap**2 + NEAR**2) / fast
+        slaved = soft * (third - self._along(waves, turning, 3))
+        share = np.abs(slaved).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), np.finfo(float).tiny)
+        waves = waves + self._waves(slaved / np.hypot(1, share / SMALL), turning, 3)
+        force = (pull - self._along(waves, turning, 1))[self.band, np.arange(len(z))]
+        return np.asarray(-0.5j / turning[self.band] * force - 1j * self.detuning(turning) * z)
 
-    def _kicks(self, z: Complexes) -> Complexes:
-        """What escapements do to z (C, S)."""
+    def _split(self, z: Complexes) -> Complexes:
+        """Amplitudes (C, S) by bands, (B, C, S)."""
+        return np.where((self.band == np.arange(len(self.centre))[:, None])[..., None], z, 0.0).astype(complex)
+
+    def _waves(self, amplitudes: Complexes, turning: Floats, harmonic: int) -> Floats:
+        """Of amplitudes (B, C, S) in this harmonic of every band: q, q' and q'', (3, half, S, K)."""
+        rate = 1j * harmonic * turning
+        moving = np.moveaxis(np.tensordot(self.shapes, amplitudes, axes=(1, 1)), 1, -1)
+        if self._brake:
+            moving[0] /= (1 + self._brake / rate).T
+        each = np.array([moving, rate.T * moving, rate.T**2 * moving])
+        return (each @ self._phases**harmonic).real
+
+    def _along(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
+        """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S, K)."""
+        left = residual(self.plant, [waves.reshape(*waves.shape[:2], -1)])[0].reshape(waves.shape[1:])
+        points = self._phases.shape[1]
+        found = 2 / points * np.moveaxis(left @ (self._phases.conj() ** harmonic).T, -1, 0)
+        if self._brake:
+            found[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
+        return np.asarray(self.shapes.T @ found)
+
+    def _kicks(self, first: Complexes, turning: Floats) -> tuple[Complexes, Complexes]:
+        """What escapements pull in the first and the third harmonic of every band (B, C, S)."""
         joints = self._joints
         assert joints is not None
-        torque = pulls(joints.impulse, joints.angle, *self._swings(z), self._phases)[self.band]
-        return np.asarray(np.einsum("cj,cjs->cs", self._turns, torque) / (2j * self.omega[:, None]))
+        corner = joints.impulse * np.sum(self._turns**2, axis=0) / (2 * np.pi)
+        torques = pulls(joints.impulse, joints.angle, corner, self._turns.T @ first, turning, self._phases)
+        one, three = (self._turns @ torque for torque in torques)
+        return one, three
 
-    def _swings(self, z: Complexes) -> tuple[Complexes, Complexes]:
-        """Of z (C, S): Σ γ_r z_r and Σ ω_r γ_r z_r over every band at the joints with escapements, (B, J, S)."""
-        parts = np.where((self.band == np.arange(len(self.centre))[:, None])[..., None], z, 0.0).astype(complex)
-        return np.asarray(self._turns.T @ parts), np.asarray(self._turns.T @ (self.omega[:, None] * parts))
-
-    def mixed(self, z: Complexes) -> float:
+    def mixed(self, z: Complexes, turning: Floats) -> float:
         """How much several bands swing an escapement at once in z (C, S), see `nonlinear.describing`; 0 without."""
-        return mixed(self._joints.angle, *self._swings(z)) if self._joints else 0.0
+        return mixed(self._joints.angle, self._turns.T @ self._split(z), turning) if self._joints else 0.0
 
     @cached_property
-    def _braked(self) -> Complexes:
-        """The shapes as the damper of a free cart bends them, (half, C)."""
-        found, cart = self.shapes.astype(complex), self.plant.cart
-        if cart and not cart.stiffness:
-            found[0] /= 1 - 1j * cart.damping / (self.plant.total_mass * self.omega)
-        return found
+    def _brake(self) -> float:
+        """c/M (1/s) of a free cart."""
+        cart = self.plant.cart
+        return cart.damping / self.plant.total_mass if cart and not cart.stiffness else 0.0
 
     @cached_property
     def _phases(self) -> Complexes:
@@ -175,11 +226,11 @@ class Averaged:
         return self._joints.gamma(self.link_shapes.T)
 
 
-def derivative(rate: Callable[[Complexes], Complexes], z: Complexes) -> Floats:
+def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, turning: Floats) -> Floats:
     """Of a rate by the real and the imaginary parts of z (C,), (2C, 2C), by central differences."""
     width = STEP * (float(np.abs(z).max()) or 1.0)
     ways = width * np.hstack((np.eye(len(z)), 1j * np.eye(len(z))))
-    slope = (rate(z[:, None] + ways) - rate(z[:, None] - ways)) / (2 * width)
+    slope = (rate(z[:, None] + ways, turning[:, None]) - rate(z[:, None] - ways, turning[:, None])) / (2 * width)
     return np.vstack((slope.real, slope.imag))
 
 

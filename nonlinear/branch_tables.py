@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
+from collections.abc import Iterator
 from math import degrees
+from typing import Any
 
 import numpy as np
 from tabulate import tabulate
 
+from modal.escaping import csv_rows
 from modal.rig import Floats
 from nonlinear.agreement import agreement
 from nonlinear.branches import Branch, Branches, Change
@@ -31,16 +32,15 @@ def branches_text(found: Branches) -> str:
 
 def branches_csv(found: Branches) -> str:
     """One row a branch and value: does it last, frequency, largest angle, growth rate, and how pendula agree."""
-    stream = io.StringIO()
-    written = csv.writer(stream, lineterminator="\n")
     head = ("branch", found.variation.column, "lasts", "omega_rad_per_s", "angle_deg", "growth_per_s", "pendula")
-    written.writerow(head)
+    return csv_rows([head, *_rows(found)])
+
+
+def _rows(found: Branches) -> Iterator[tuple[Any, ...]]:
     for number, one in enumerate(found.branches, start=1):
         numbers = zip(one.values.tolist(), one.lasts, one.omega.tolist(), one.angle.tolist(), one.states, strict=True)
         for value, lasts, omega, angle, state in numbers:
-            figures = (repr(value), int(lasts), repr(omega), repr(degrees(angle)), repr(state.growth))
-            written.writerow((number, *figures, agreement(state)))
-    return stream.getvalue()
+            yield number, value, int(lasts), omega, degrees(angle), state.growth, agreement(state)
 
 
 def change_words(change: Change) -> str:

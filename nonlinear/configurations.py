@@ -1,12 +1,12 @@
 """How a self-excited scene can keep swinging: relative equilibria of its averaged equations, and which of them last.
 
-Where every band turns at its own constant rate, z_r(t) = z_r exp(iΩ_b t), shapes and amplitudes stay:
+Where every band turns at its own constant rate Ω_b, shapes and amplitudes stay:
 
-    F(z) = iΩ_b z.
+    F(z, Ω) = 0.
 
-In phase, in antiphase and whatever lies between are such states.  Neighbouring motions grow like exp(μt), μ the
-eigenvalues of the derivative of F − iΩ; one of them is 0 for every band that swings, for nobody sets its clock.  A
-state lasts if all others lie to the left.
+In phase, in antiphase and whatever lies between are such states: harmonic balance, z and Ω its unknowns.  Neighbouring
+motions grow like exp(μt), μ the eigenvalues of ∂F/∂z; one of them is 0 for every band that swings, for nobody sets its
+clock.  A state lasts if all others lie to the left.
 """
 
 from __future__ import annotations
@@ -17,12 +17,15 @@ from functools import cached_property
 
 import numpy as np
 
+from modal.numbering import table_numbers
 from modal.rig import Booleans, Complexes, Floats, Ints
-from nonlinear.averaged import Averaged, derivative
+from nonlinear.averaged import STEP, Averaged, derivative
 from nonlinear.slow_motion import settled
 
 FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
-NEWTON, DONE = 20, 1e-10
+LEAP = 0.1  # of the largest amplitude, in one of Newton's steps: families that hardly move throw it far
+NEWTON, DONE, FREE = 40, 1e-10, 1e-8  # FREE: of ω, rates below it are those of a family that stays beside itself
+GONE = 1e-9  # of the amplitudes of a start: what falls below it dies out
 FLAT = 1e-4  # of the recovery: an eigenvalue below it is taken for 0
 WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but for rounding
 SAME = 1e-3
@@ -34,7 +37,7 @@ EFFORT = 1_500  # steps after which a start that has not settled is left to Newt
 
 @dataclass(frozen=True, eq=False)
 class Configuration:
-    """A motion that keeps its shape: amplitudes z (C,), the turning rate Ω (rad/s) of every band, growth rates (1/s).
+    """A motion that keeps its shape: amplitudes z (C,), turning rates Ω (B,) in rad/s, growth rates (1/s).
 
     `rates` are the eigenvalues μ but the neutral ones, the slowest first, and `leaving` the share of the energy of
     each eigenvector that is not in the row that holds most: many pendula in antiphase may share it in many ways.
@@ -56,8 +59,13 @@ class Configuration:
 
     @property
     def row(self) -> int:
-        """The row of the table that holds most, from 0."""
+        """The row of the table without dampers that holds most, from 0."""
         return int(self.share.argmax())
+
+    @property
+    def number(self) -> int:
+        """The number of that mode in the table of the scene."""
+        return int(table_numbers(self.averaged.scene)[self.row])
 
     @property
     def growth(self) -> float:
@@ -88,7 +96,7 @@ class Configuration:
     @property
     def omega(self) -> float:
         """Frequency (rad/s) of the band that holds most, at this amplitude."""
-        return float(self.averaged.centre[self.band] + self.turning[self.band])
+        return float(self.turning[self.band])
 
 
 def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
@@ -112,17 +120,20 @@ def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
         return None
     active = np.isin(averaged.band, bands)
     z = np.where(active, z, 0.0)
-    turning = np.zeros(len(averaged.centre))
+    turning, least = averaged.turning(z), GONE * np.abs(z).max()
     for _ in range(NEWTON):
-        turning = _turning(averaged, z)
-        left = np.where(active, averaged.flow(z) - 1j * turning[averaged.band] * z, 0.0)
+        left = np.where(active, averaged.flow(z, turning), 0.0)
         if not np.all(np.isfinite(left)):
             return None
         if np.abs(left).max() <= DONE * np.abs(averaged.omega * z).max():
             return Configuration(averaged, z, turning, *_rates(averaged, z, turning, len(bands)))
-        z = z + np.where(active, _step(averaged, z, turning, left, active), 0.0)
-        if np.any(_sizes(averaged, z)[bands] <= 0):
+        step, change = _step(averaged, z, turning, left, bands)
+        part = min(1.0, LEAP * np.abs(z).max() / np.abs(step).max()) if np.any(step) else 1.0
+        z, turning = z + part * step, turning + part * change
+        if not np.all(np.isfinite(z)) or not np.all(turning > 0):
             return None
+        if len(dead := bands[_sizes(averaged, z)[bands] <= least]):
+            return configuration(averaged, np.where(np.isin(averaged.band, dead), 0.0, z))
     return None
 
 
@@ -172,35 +183,35 @@ def _sizes(averaged: Averaged, z: Complexes) -> Floats:
     return found
 
 
-def _turning(averaged: Averaged, z: Complexes) -> Floats:
-    """The Ω (B,) that fits z' = iΩz best; 0 of a band at rest."""
-    spin = np.imag(averaged.flow(z) * z.conj())
-    sizes = np.bincount(averaged.band, weights=np.abs(z) ** 2)
-    return np.bincount(averaged.band, weights=spin) / np.where(sizes > 0, sizes, 1.0)
-
-
-def _step(averaged: Averaged, z: Complexes, turning: Floats, left: Complexes, active: Booleans) -> Complexes:
-    """Newton's step, the shortest one that leaves the phase of every band where it is."""
-    count, bands = len(z), len(turning)
-    turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in range(bands)]).T
-    turns /= np.maximum(np.linalg.norm(turns, axis=0), np.finfo(float).tiny)
+def _step(averaged: Averaged, z: Complexes, turning: Floats, left: Complexes, bands: Ints) -> tuple[Complexes, Floats]:
+    """Newton's step of z and Ω, the shortest one that leaves the phase of every band where it is."""
+    count, size, scale = len(z), np.abs(z).max(), averaged.omega.max()
+    turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in bands]).T
+    turns /= np.linalg.norm(turns, axis=0)
     columns = np.vstack((turns.real, turns.imag))
-    system = np.block([[_jacobian(averaged, z, turning), -columns], [columns.T, np.zeros((bands, bands))]])
-    kept = np.concatenate((active, active, np.ones(bands, dtype=bool)))
-    right = -np.concatenate((left.real, left.imag, np.zeros(bands)))
-    step = np.zeros(len(kept))
-    step[kept] = np.linalg.lstsq(system[np.ix_(kept, kept)], right[kept], rcond=1e-9)[0]
-    return np.asarray(step[:count] + 1j * step[count : 2 * count])
+    slope, faster = derivative(averaged.flow, z, turning) / scale, _faster(averaged, z, turning, bands) / size
+    system = np.block([[slope, faster], [columns.T, np.zeros((len(bands), len(bands)))]])
+    active = np.isin(averaged.band, bands)
+    kept = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
+    right = -np.concatenate((left.real, left.imag, np.zeros(len(bands)))) / (scale * size)
+    step, change = np.zeros(len(kept)), np.zeros(len(turning))
+    step[kept] = np.linalg.lstsq(system[np.ix_(kept, kept)], right[kept], rcond=FREE)[0]
+    change[bands] = scale * step[2 * count :]
+    return np.asarray(size * (step[:count] + 1j * step[count : 2 * count])), change
 
 
-def _jacobian(averaged: Averaged, z: Complexes, turning: Floats) -> Floats:
-    """Of F(z) − iΩz by its real and imaginary parts, (2C, 2C)."""
-    return derivative(lambda near: averaged.flow(near) - 1j * turning[averaged.band][:, None] * near, z)
+def _faster(averaged: Averaged, z: Complexes, turning: Floats, bands: Ints) -> Floats:
+    """∂F/∂Ω by these bands, (2C, len(bands)), by central differences."""
+    ways = STEP * turning[:, None] * (np.arange(len(turning))[:, None] == bands)
+    wide = np.repeat(z[:, None], len(bands), axis=1)
+    ends = [averaged.flow(wide, turning[:, None] + sign * ways) for sign in (1, -1)]
+    slope = (ends[0] - ends[1]) / (2 * STEP * turning[bands])
+    return np.vstack((slope.real, slope.imag))
 
 
 def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats, float]:
     """All μ but the `neutral` ones next to 0, the slowest first, how much of each leaves the row of z, the recovery."""
-    jacobian, parts = _jacobian(averaged, z, turning), np.concatenate((z.real, z.imag))
+    jacobian, parts = derivative(averaged.flow, z, turning), np.concatenate((z.real, z.imag))
     values, vectors = np.linalg.eig(jacobian)
     energy = np.sum([averaged.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
     leaving = 1 - energy[int(averaged.energies(z).argmax())] / energy.sum(axis=0)

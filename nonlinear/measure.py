@@ -15,18 +15,21 @@ from modal.scene import Scene
 
 @dataclass(frozen=True)
 class Measure:
-    """A function of a scene and one number, `usual` where nobody says which; `words` say what it finds and what of.
+    """A function of a scene and one number, `usual` where nobody says which (0: it finds one by itself).
+
+    `words` say what it finds and what of.
 
     The function stands in a module, not in another function, so that other processes find it.  `whole` says that its
-    number counts something.
+    number counts something, `numbered` that it is told, third, in the table of which scene modes have their numbers.
     """
 
     name: str
-    function: Callable[[Scene, float], dict[str, float]]
+    function: Callable[..., dict[str, float]]
     usual: float
     words: str
     whole: bool = True
     most: float = 1000
+    numbered: bool = False
 
 
 @dataclass(frozen=True)
@@ -37,16 +40,22 @@ class Asked:
     number: float
 
     def __post_init__(self) -> None:
+        if self.number != self.measure.usual:
+            self.insist()
+
+    def insist(self) -> Asked:
+        """Itself; SceneError where its number is out of range."""
         kind = f"a {'whole ' * self.measure.whole}number above 0 and at most {self.measure.most:g}"
         fits = isfinite(self.number) and 0 < self.number <= self.measure.most
         if not fits or (self.measure.whole and self.number != int(self.number)):
             raise SceneError([f"{self.measure.name}:{self.number:g}: must have {kind}"])
+        return self
 
     @property
     def text(self) -> str:
         """As it is asked for: `frequencies:4`."""
-        return f"{self.measure.name}:{self.number:g}"
+        return f"{self.measure.name}:{self.number:g}" if self.number else self.measure.name
 
-    def of(self, scene: Scene) -> dict[str, float]:
-        """Its numbers of a scene."""
-        return self.measure.function(scene, self.number)
+    def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
+        """Its numbers of a scene; modes have their numbers in the table of `table`, left out of the scene itself."""
+        return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))

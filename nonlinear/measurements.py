@@ -64,7 +64,7 @@ def measured(
     bend = max(modes[number].kappa * amplitude**2, -0.5)
     times, clock = sampled(2 * pi * periods / value.imag, count, bend, 2 * value.real)
     trajectory = simulate(
-        scene.model_copy(update={"space": "plane"}),
+        scene.in_plane,
         float(times[-1]),
         method=method,
         tolerance=float(np.clip(PRECISION * amplitude, TIGHTEST, LOOSEST)),

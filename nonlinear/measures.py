@@ -17,7 +17,7 @@ def asked(texts: Sequence[str]) -> tuple[Asked, ...]:
     """The measures in texts such as "frequencies" or "frequencies:6"; SceneError names every mistake.
 
     >>> [one.text for one in asked(["frequencies:6", "beat"])]
-    ['frequencies:6', 'beat:1']
+    ['frequencies:6', 'beat']
     """
     found: dict[str, Asked] = {}
     problems: list[str] = []
@@ -42,7 +42,7 @@ def _asked(text: str) -> Asked:
         raise SceneError([f"{text}: no such measure{hint}"])
     measure = MEASURES[name]
     try:
-        return Asked(measure, float(number) if colon else measure.usual)
+        return Asked(measure, float(number)).insist() if colon else Asked(measure, measure.usual)
     except ValueError as error:
         if isinstance(error, SceneError):
             raise

@@ -129,7 +129,7 @@ class Phases:
             count = ceil((self.times[-1] - self.times[0]) / enough) + 2
             raise ComputationError(
                 f"samples {widest:.3g} s apart are too far from each other to follow phases that turn at "
-                f"{fastest:.4g} rad/s: simulate with one every {enough:.2g} s, --samples {count}"
+                f"{fastest:.4g} rad/s: simulate with one every {enough:.2g} s, {count} samples"
             )
 
     @property

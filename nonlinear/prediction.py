@@ -11,6 +11,7 @@ from math import degrees, pi
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.numbering import table_numbers
 from modal.rig import Complexes, Floats
 from modal.scene import Scene
 from nonlinear.averaged import Averaged, averaged
@@ -28,21 +29,33 @@ NEAR, FORCED = 0.1, 0.3  # largest sum of resonant frequencies over the lowest: 
 MARGIN, SLOW = 2.0, 5.0  # least rate at which other modes are driven out, over its error: the same two
 SWINGS, TIMED = 10, 0.2  # the shortest locking time in periods; how far those of neighbours may lie off
 OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, and how far from the start they are
+PATIENCE = 10  # relaxation times that a motion is given to leave where neighbours leave
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The slow `motion` from a start, those of its neighbours, and the configuration it ends in, if it does."""
+    """The slow `motion` from a `start`, those of its neighbours, and the configuration it ends in, if it does.
+
+    A symmetric start may end in an `unstable` configuration that no real pendula keep to.  Then `start` is a start
+    beside it, ASIDE in amplitude, and all else is of that one.
+    """
 
     averaged: Averaged
+    start: State
+    unstable: Configuration | None
     motion: SlowMotion
     neighbours: tuple[SlowMotion, ...]
     ending: Configuration | None
 
     @property
     def row(self) -> int:
-        """The row of the table that survives, from 0."""
+        """The row of the table without dampers that survives, from 0."""
         return self.motion.survivor
+
+    @property
+    def number(self) -> int:
+        """The number of that mode in the table of the scene."""
+        return int(table_numbers(self.averaged.scene)[self.row])
 
     @property
     def share(self) -> float:
@@ -116,14 +129,14 @@ class Prediction:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
         if (angle := found.largest(self.motion.z)) > WIDE:
             yield f"links may reach {degrees(angle):.3g} deg, more than first order bears"
-        if found.mixed(self.motion.z) > MIXED:
+        if found.mixed(self.motion.z, found.turning(self.motion.z)) > MIXED:
             yield "an escapement is swung by several frequencies at once, and may kick out of turn"
         if resonant(found.centre, NEAR):
             yield "frequencies of different bands are in resonance"
 
 
 def predicted(scene: Scene, start: State | None = None) -> Prediction:
-    """Of a scene that excites itself, from its own start or another.
+    """Of a scene that excites itself, from its own start or another, or from beside it where it ends unstably.
 
     Raises ComputationError where nothing excites it or `nonlinear.averaged` cannot take it, for a start at rest, and
     where drives are so strong that averages grow without end.
@@ -135,10 +148,30 @@ def predicted(scene: Scene, start: State | None = None) -> Prediction:
     z = found.amplitudes(state)
     if not np.abs(z).max():
         raise ComputationError("the scene starts at rest, where nothing says which mode grows")
-    motion, *others = settled(found, np.array([z, *_beside(z)]).T)
-    if runs_away(found, motion.z):
+    starts, unstable = np.array([z, *_beside(z)]).T, None
+    motions = settled(found, starts)
+    if runs_away(found, motions[0].z):
         raise ComputationError("drives are too strong for averaged equations: their amplitudes run away")
-    return Prediction(found, motion, tuple(others), None if motion.dies else configuration(found, motion.z[:, -1]))
+    if (ending := _ending(motions[0])) and ending.lasts is False:
+        motions = settled(found, starts, least=PATIENCE * ending.relaxation)
+        if (ending := _ending(motions[0])) and ending.lasts is False:
+            state, unstable, motions = _aside(found, state), ending, motions[1:]
+            ending = _ending(motions[0])
+    return Prediction(found, state, unstable, motions[0], motions[1:], ending)
+
+
+def _ending(motion: SlowMotion) -> Configuration | None:
+    return None if motion.dies else configuration(motion.averaged, motion.z[:, -1])
+
+
+def _aside(found: Averaged, start: State) -> State:
+    """The first of the neighbouring starts."""
+    z = found.amplitudes(start)
+    off = next(_beside(z)) - z
+    q, v = (found.shapes @ off).real, (found.shapes @ (1j * found.omega * off)).real
+    on = int(found.plant.cart is not None)
+    cart, rate = (float(value[0]) if on else 0.0 for value in (q, v))
+    return State(start.links + q[on:], start.link_rates + v[on:], start.cart + cart, start.cart_rate + rate)
 
 
 def _beside(z: Complexes) -> Iterator[Complexes]:
@@ -161,5 +194,6 @@ def fastest(found: Averaged) -> float:
     """The largest rate at which a small swing grows or decays, over its frequency."""
     every: Complexes = np.eye(len(found.omega), dtype=complex)
     tiny = 1e-6 / found.largest(every)
-    linear = found.smooth((tiny * every).astype(complex)) / tiny
+    small = (tiny * every).astype(complex)
+    linear = found.smooth(small, found.turning(small)) / tiny
     return float(np.abs(np.linalg.eigvals(linear).real).max() / found.omega.min())

@@ -7,6 +7,7 @@ from functools import lru_cache
 import numpy as np
 
 from modal.scene import Scene
+from nonlinear.frames import extremes
 from nonlinear.measure import Measure
 from nonlinear.simulation import simulate
 from nonlinear.trajectory import Trajectory
@@ -27,14 +28,19 @@ def energy_drift(scene: Scene, seconds: float) -> dict[str, float]:
 
 
 def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
-    """The largest angle of any link from hanging and how far the cart goes from one side to the other."""
+    """The largest angle of any link from hanging and how far the cart goes from one side to the other.
+
+    Both are read at the turning points between the samples.
+    """
     run = run_of(scene, seconds)
-    links = run.motion.links
-    angles = np.arccos(np.clip(links[..., 2], -1.0, 1.0)) if run.plant.spatial else np.abs(links)
-    return {
-        "largest_angle_deg": float(np.degrees(angles.max())),
-        "cart_travel_m": float(np.ptp(run.motion.cart)),
-    }
+    times, motion = run.times, run.motion
+    if run.plant.spatial:
+        height, _ = extremes(times, motion.links[..., 2], motion.link_rates[..., 2])
+        largest = np.arccos(np.clip(height, -1.0, 1.0)).max()
+    else:
+        largest = np.abs(extremes(times, motion.links, motion.link_rates)).max()
+    left, right = extremes(times, motion.cart, motion.cart_rate)
+    return {"largest_angle_deg": float(np.degrees(largest)), "cart_travel_m": float(right - left)}
 
 
 RUNS = (

@@ -69,15 +69,22 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
 
 
 @np.errstate(all="ignore")
-def settled(averaged: Averaged, starts: Complexes, most: int = MOST_STEPS) -> tuple[SlowMotion, ...]:
+def settled(
+    averaged: Averaged, starts: Complexes, most: int = MOST_STEPS, least: float = 0.0
+) -> tuple[SlowMotion, ...]:
     """From each of these amplitudes (C, S) until nothing changes anywhere, or for so many steps.
 
-    Pendula that drift past each other never settle; what drives make wider than AWAY is not followed any further.
+    Each is followed for `least` seconds, however little changes: motions leave an unstable one slowly.  Pendula that
+    drift past each other never settle; what drives make wider than AWAY is not followed any further.
     """
     period = 2 * pi / float(averaged.omega.min())
     times, z = _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
     going = _going(averaged, z, starts)
-    while going.any() and not runs_away(averaged, z[..., -1]) and times[-1] * _pace(averaged, z[..., -1]) < most / 2:
+    while (
+        (going.any() or times[-1] < least)
+        and not runs_away(averaged, z[..., -1])
+        and times[-1] * _pace(averaged, z[..., -1]) < most / 2
+    ):
         more, further = _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
@@ -92,14 +99,15 @@ def runs_away(averaged: Averaged, z: Complexes) -> bool:
 def _part(averaged: Averaged, starts: Complexes, begin: float, duration: float) -> tuple[Floats, Complexes]:
     """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every stretch between."""
     span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
+    turning = averaged.turning(starts)
     while len(found) <= PER_PART:
-        z = _moved(averaged, found[-1], span, ceil(span * pace))
+        z, turned = _moved(averaged, found[-1], turning, span, ceil(span * pace))
         if _alike(found[-1], z):
-            found.append(z)
+            found, turning = [*found, z], turned
             continue
         used, pace = pace, _pace(averaged, z) if averaged.largest(z) < FAR else 2 * pace
         if pace <= HASTE * used:
-            found.append(z)
+            found, turning = [*found, z], turned
         elif span * pace > MOST_STEPS and runs_away(averaged, z):
             found += [z] * (PER_PART + 1 - len(found))
         elif span * pace > MOST_STEPS:
@@ -112,23 +120,29 @@ def _alike(one: Complexes, other: Complexes) -> bool:
     return bool(np.abs(np.abs(one) - np.abs(other)).max() <= ALIKE * np.abs(one).max())
 
 
-def _moved(averaged: Averaged, z: Complexes, duration: float, steps: int) -> Complexes:
-    """By Lawson's form of the classical Runge–Kutta method: the detuning turns exactly."""
-    forced, h = averaged.forced, duration / max(1, steps)
-    turn = np.exp(0.5j * h * averaged.detuning)[:, None]
+def _moved(averaged: Averaged, z: Complexes, turning: Floats, duration: float, steps: int) -> tuple[Complexes, Floats]:
+    """Amplitudes, and the rates at which their bands turn, after steps of Lawson's form of the Runge–Kutta method."""
+    h = duration / max(1, steps)
     for _ in range(max(1, steps)):
-        a = forced(z)
-        b = forced(turn * (z + h / 2 * a))
-        c = forced(turn * z + h / 2 * b)
-        d = forced(turn**2 * z + h * turn * c)
-        z = turn**2 * (z + h / 6 * a) + h / 3 * turn * (b + c) + h / 6 * d
-    return z
+        a, spin = averaged.forced(z, turning), 1j * averaged.detuning(turning)
+        turn = np.exp(h / 2 * spin)
+        half = turn * z
+        b = averaged.forced(half + h / 2 * turn * a, turning)
+        c = averaged.forced(half + h / 2 * b, turning)
+        d = averaged.forced(turn * half + h * turn * c, turning)
+        turning, z = (
+            averaged.turned(turning, z, a + spin * z),
+            turn * half + h / 6 * (turn**2 * a + 2 * turn * (b + c) + d),
+        )
+    return z, turning
 
 
 def _pace(averaged: Averaged, z: Complexes) -> float:
     """Steps a second from these amplitudes (C, S) on."""
-    fast = max(np.linalg.norm(derivative(averaged.smooth, start), 2) for start in z.T)
-    return max(float(fast) / GAIN, float(np.abs(averaged.detuning).max()) / TURN)
+    turning = averaged.turning(z)
+    slopes = (derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True))
+    fast = max(np.linalg.norm(slope, 2) for slope in slopes)
+    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)).max()) / TURN)
 
 
 def _going(averaged: Averaged, z: Complexes, starts: Complexes) -> Booleans:

@@ -113,7 +113,7 @@ def _row(task: Task, index: int, values: dict[str, float]) -> Row:
     try:
         scene = varied(task.scene, values)
         for one in task.measures:
-            numbers |= {name: float(number) for name, number in one.of(scene).items()}
+            numbers |= {name: float(number) for name, number in one.of(scene, task.scene).items()}
     except MultipendulaError as error:
         return Row(index, {}, " ".join(str(error).split()))
     except Exception as error:

@@ -21,7 +21,9 @@ from modal.errors import ComputationError
 from modal.linear import matrices
 from modal.mode import Mode
 from modal.modes import Modes, natural_modes
+from modal.numbering import table_numbers
 from modal.rig import Floats, Ints
+from modal.scene import Scene
 from nonlinear.modal_coordinates import deflection, rest_angles
 from nonlinear.phases import from_rest
 from nonlinear.slow_motion import LOCKED
@@ -35,9 +37,10 @@ MOST = 2000  # coordinates of a scene whose modes are told apart
 class Survival:
     """Energies of the R rows that swing: `row` (R,) their numbers from 1 in the table `modes`, `energy` (T, R) in J.
 
-    `modes` are those of the scene without dampers and drives.
+    `modes` are those of the `scene` without dampers and drives.
     """
 
+    scene: Scene
     times: Floats
     modes: Modes
     row: Ints
@@ -60,6 +63,11 @@ class Survival:
     def survivor(self) -> int:
         """The row, from 1, that holds most at the end; ComputationError where nothing is left."""
         return int(self.row[self._place])
+
+    @property
+    def number(self) -> int:
+        """The number of that mode in the table of the scene, dampers included."""
+        return int(table_numbers(self.scene)[self.survivor - 1])
 
     @property
     def mode(self) -> Mode:
@@ -99,7 +107,7 @@ def survival(trajectory: Trajectory) -> Survival:
     omega = modes.omega[swinging]
     energy = _energies(modes, swinging, q, v)
     period = 2 * pi / float(omega[np.argmax(energy.sum(0))])
-    return Survival(trajectory.times, modes, swinging + 1, smoothed(trajectory.times, energy, period))
+    return Survival(trajectory.scene, trajectory.times, modes, swinging + 1, smoothed(trajectory.times, energy, period))
 
 
 def _energies(modes: Modes, rows: Ints, q: Floats, v: Floats) -> Floats:

@@ -83,7 +83,7 @@ def words(column: str) -> tuple[str, str]:
 def label(column: str) -> str:
     """A column as the label of an axis."""
     name, unit = words(column)
-    shown = re.sub(r"^omega (\d+)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
+    shown = re.sub(r"^omega (\d+[a-z]*)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
     return f"{shown} ({unit or NUMBER})"
 
 
@@ -94,7 +94,7 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
     """One panel for each kind of number, a kind being a name without its number."""
     panels: dict[str, list[str]] = {}
     for name in known:
-        panels.setdefault(re.sub(r"_\d+(?=_|$)", "", name), []).append(name)
+        panels.setdefault(re.sub(r"_\d+[a-z]*(?=_|$)", "", name), []).append(name)
     figure = sheet(WIDTH, 1.6 + 2.9 * len(panels))
     variation = sweep.study.variations[0]
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))

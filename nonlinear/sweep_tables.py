@@ -8,9 +8,11 @@ from collections.abc import Iterator
 import numpy as np
 from tabulate import tabulate
 
+from modal.escaping import visible
 from nonlinear.sweeps import Sweep
 
 MOST_REASONS = 5
+NUMBERED = "Modes have their numbers in the table of the scene as it is given."
 
 
 def sweep_text(sweep: Sweep) -> str:
@@ -19,15 +21,21 @@ def sweep_text(sweep: Sweep) -> str:
 
 
 def _lines(sweep: Sweep) -> Iterator[str]:
-    done, failed = len(sweep.rows), sweep.failures
-    yield f"{done} of {sweep.study.size} points, {len(failed)} failed"
+    yield f"{len(sweep.rows)} of {sweep.study.size} points, {len(sweep.failures)} failed"
     rows = [_range(sweep, name) for name in sweep.columns]
     yield tabulate(rows, headers=("number", "smallest", "at", "largest", "at"), disable_numparse=True)
-    reasons = Counter(failed.values()).most_common()
-    for reason, count in reasons[:MOST_REASONS]:
-        yield f"{count} × {reason}"
-    if len(reasons) > MOST_REASONS:
-        yield f"and {len(reasons) - MOST_REASONS} other reasons"
+    yield from reasons(sweep)
+    if any(one.measure.numbered for one in sweep.study.measures):
+        yield NUMBERED
+
+
+def reasons(sweep: Sweep) -> Iterator[str]:
+    """Why points failed, the most frequent reasons first."""
+    found = Counter(sweep.failures.values()).most_common()
+    for reason, count in found[:MOST_REASONS]:
+        yield f"{count} × {visible(reason)}"
+    if len(found) > MOST_REASONS:
+        yield f"and {len(found) - MOST_REASONS} other reasons"
 
 
 def _range(sweep: Sweep, name: str) -> tuple[str, ...]:

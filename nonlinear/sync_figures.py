@@ -112,7 +112,7 @@ def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> t
 def _order(axis: Axes, phases: Phases) -> None:
     axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4)
     axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
-    which = f" (own mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
+    which = f" (fixed-base mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
     framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 in balance")
 
 

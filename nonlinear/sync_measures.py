@@ -10,6 +10,7 @@ import numpy as np
 from modal.rig import Floats
 from modal.scene import Scene
 from nonlinear.measure import Measure
+from nonlinear.modal_measures import numbers_in, swinging
 from nonlinear.phases import ENDING, Phases, phases_of
 from nonlinear.run_measures import run_of
 from nonlinear.smoothing import last
@@ -35,10 +36,13 @@ def order(scene: Scene, seconds: float) -> dict[str, float]:
     return {"order": float(_ending(phases, phases.order)[phases.leading])}
 
 
-def survivor(scene: Scene, seconds: float) -> dict[str, float]:
-    """The row of the table that holds most energy at the end, and its share."""
+def survivor(scene: Scene, seconds: float, table: Scene) -> dict[str, float]:
+    """The number in the table of the mode that holds most energy at the end, and its share."""
     found = _survival(scene, seconds)
-    return {"survivor": float(found.survivor), "survivor_share": found.survivor_share}
+    number, own = found.number, swinging(scene)[1]
+    if number in own:
+        number = numbers_in(scene, table)[own.index(number)]
+    return {"survivor": float(number), "survivor_share": found.survivor_share}
 
 
 def locking(scene: Scene, seconds: float) -> dict[str, float]:
@@ -65,10 +69,10 @@ def _ending(phases: Phases, values: Floats) -> Floats:
 
 
 SYNC = tuple(
-    Measure(function.__name__, function, USUAL, words, whole=False, most=MOST)
+    Measure(function.__name__, function, USUAL, words, whole=False, most=MOST, numbered=function is survivor)
     for function, words in (
         (order, "how far the phases agree after N seconds, from 0 to 1"),
-        (survivor, "the row of modes that holds most energy after N seconds, without dampers, and its share"),
+        (survivor, "the mode that holds most energy after N seconds, and its share"),
         (locking, "from when on it holds 99 %, within N seconds"),
         (pendulum_energy, "mean energies of pendula and cart after N seconds"),
     )

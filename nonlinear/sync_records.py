@@ -20,7 +20,7 @@ from nonlinear.synchrony import Synchrony
 
 
 def records(found: Synchrony) -> dict[str, Any]:
-    """What `json` writes: modes count from 1 in the table without dampers and drives; null where there is no value."""
+    """What `json` writes: modes have their numbers in the table; null where there is no value."""
     theory = found.theory
     return {
         "scene": described(found.scene),
@@ -35,7 +35,7 @@ def records(found: Synchrony) -> dict[str, Any]:
 def _configuration(one: Configuration) -> dict[str, Any]:
     eta = own_amplitudes(one)
     return {
-        "mode": one.row + 1,
+        "mode": one.number,
         "family": one.averaged.modes[one.row].family,
         "pendula": agreement(one),
         "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
@@ -48,8 +48,9 @@ def _configuration(one: Configuration) -> dict[str, Any]:
 
 def _prediction(prediction: Prediction) -> dict[str, Any]:
     return {
+        "unstable": _configuration(prediction.unstable) if prediction.unstable else None,
         "dies_out": prediction.motion.dies,
-        "survivor": None if prediction.motion.dies else prediction.row + 1,
+        "survivor": None if prediction.motion.dies else prediction.number,
         "survivor_share": None if prediction.motion.dies else prediction.share,
         "certain": prediction.certain,
         "doubts": list(prediction.doubts),
@@ -79,7 +80,7 @@ def _simulation(found: Synchrony) -> dict[str, Any]:
 def _survival(survival: Survival) -> dict[str, Any]:
     try:
         return {
-            "survivor": survival.survivor,
+            "survivor": survival.number,
             "survivor_share": survival.survivor_share,
             "locking_time_s": survival.locking_time(),
         }

@@ -9,29 +9,31 @@ from textwrap import TextWrapper, fill
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.escaping import visible
 from modal.prose import WIDTH, capital, counted, listed, percent, rad, short
 from nonlinear.agreement import agreement, own_amplitudes
 from nonlinear.check_tables import grid
 from nonlinear.configurations import Configuration
 from nonlinear.phases import ENDING
 from nonlinear.plant import Plant
-from nonlinear.prediction import Prediction
+from nonlinear.prediction import ASIDE, Prediction
 from nonlinear.smoothing import last
 from nonlinear.survival import Survival
 from nonlinear.synchrony import Synchrony, Theory
 
 HEAD = ("mode", "family", "pendula", "largest angle (deg)", "frequency (rad/s)", "neighbours")
 NOT_COVERED = (
-    "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles. They "
-    "leave out: what happens within a swing, dry friction and play, motion across the rail, links that stand, noise."
+    "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
+    "the third harmonic of every swing. They leave out: what else happens within a swing, dry friction and play, "
+    "motion across the rail, links that stand, noise."
 )
-NUMBERED = "Modes are numbered as in the table of this scene without its dampers and drives."
+NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
 MOST_FREQUENCIES = 6
 
 
 def sync_text(found: Synchrony) -> str:
     """For a terminal."""
-    parts = [found.scene.title or "untitled scene", *_sections(found)]
+    parts = [visible(found.scene.title) or "untitled scene", *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -41,7 +43,8 @@ def _sections(found: Synchrony) -> Iterator[str]:
     else:
         yield "Ways to keep swinging, by the averaged equations\n" + _table(found.theory)
         yield _paragraph("Predicted from this start", _prediction(found.theory.prediction))
-    yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s", _simulation(found))
+    beside = ", from beside it too" if found.theory is not None and found.theory.prediction.unstable else ""
+    yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s{beside}", _simulation(found))
     if found.scene.has_damping:
         yield NUMBERED
     if found.theory is not None:
@@ -63,7 +66,14 @@ def _cells(one: Configuration) -> list[str]:
     modes = one.averaged.modes
     mode = modes[one.row]
     angle = degrees(float(np.abs(own_amplitudes(one)).max()))
-    return [str(one.row + 1), mode.family, agreement(one), f"{angle:.4g}", f"{one.omega:.6g}", _fate(one)]
+    return [
+        str(one.number),
+        mode.family,
+        agreement(one),
+        f"{angle:.4g}",
+        f"{one.omega:.6g}",
+        _fate(one),
+    ]
 
 
 def _fate(one: Configuration) -> str:
@@ -73,12 +83,14 @@ def _fate(one: Configuration) -> str:
 
 
 def _prediction(prediction: Prediction) -> Iterator[str]:
+    if prediction.unstable:
+        yield from _unstable(prediction.unstable)
     if prediction.motion.dies:
         yield "The swing dies out: no drive keeps it up."
         return
     mode = prediction.averaged.modes[prediction.row]
     share = percent(prediction.share)
-    yield f"Mode {mode.number} survives ({mode.family}; {rad(mode.omega)}), with {share} of the energy."
+    yield f"Mode {prediction.number} survives ({mode.family}; {rad(mode.omega)}), with {share} of the energy."
     if prediction.certain:
         yield "This is certain as far as the averaged equations reach."
     else:
@@ -89,6 +101,15 @@ def _prediction(prediction: Prediction) -> Iterator[str]:
     yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
     if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
         yield f"That time is a guide: {'; '.join(doubts)}."
+
+
+def _unstable(kept: Configuration) -> Iterator[str]:
+    """Of the configuration that only a start without any error keeps."""
+    yield (
+        f"Exactly this start keeps to mode {kept.number} ({agreement(kept)}), but that motion is unstable: the least "
+        f"disturbance grows by e in {kept.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
+        f"{100 * ASIDE:.0f} % beside this one."
+    )
 
 
 def _simulation(found: Synchrony) -> Iterator[str]:
@@ -105,7 +126,7 @@ def _survivor(survival: Survival) -> Iterator[str]:
     except ComputationError as error:
         yield f"{capital(str(error))}."
         return
-    yield f"Mode {mode.number} holds {percent(survival.survivor_share)} of the energy at the end ({mode.family})."
+    yield f"Mode {survival.number} holds {percent(survival.survivor_share)} of the energy at the end ({mode.family})."
     time = survival.locking_time()
     if len(survival.row) == 1:
         return
@@ -118,7 +139,7 @@ def _survivor(survival: Survival) -> Iterator[str]:
 def _phases(found: Synchrony) -> Iterator[str]:
     phases, late = found.phases, last(found.trajectory.times, ENDING)
     order = float(phases.order[late, phases.leading].mean())
-    which = f"in own mode {phases.leading + 1}, mean of the last tenth"
+    which = f"in fixed-base mode {phases.leading + 1}, mean of the last tenth"
     if phases.z.shape[1] > 1:
         yield f"Order parameter R = {order:.4f} [|Σ exp(i phase)|/N {which}]."
     try:

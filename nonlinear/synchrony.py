@@ -77,10 +77,13 @@ def synchrony(
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
     `start` replaces the scene file's own, `options` are those of `simulate`; `report` hears of the seconds gone
-    through and of all of them.  KeyboardInterrupt where Ctrl-C cuts the run short.
+    through and of all of them.  A start that ends unstably is judged by one beside it, in prediction and simulation.
+    KeyboardInterrupt where Ctrl-C cuts the run short.
     """
     theory, silent = _tried(lambda: theory_of(scene, start))
     length = duration or usual_duration(scene, theory)
+    if theory is not None and theory.prediction.unstable:
+        start = theory.prediction.start
     trajectory = simulate(scene, length, start=start, report=lambda elapsed: report(elapsed, length), **options)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt

@@ -28,7 +28,7 @@ def test_a_map_is_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[s
     kept, drawn = tmp_path / "m.npz", tmp_path / "m.png"
     sweep(options("support.mass=1:100:3log", "gravity=5:10:3", measure=["beat"], output=str(kept), picture=str(drawn)))
     assert capsys.readouterr().out.startswith("9 of 9 points, 0 failed")
-    assert sweep_files.load(kept).values("beat_1_s").shape == (3, 3)
+    assert sweep_files.load(kept).values("beat_2_s").shape == (3, 3)
     assert drawn.read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["m.npz", "m.png"]
 
@@ -89,7 +89,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused_at_once(capsys: pytest.Captur
 
 def test_a_sweep_without_a_number_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kept = tmp_path / "m.npz"
-    with pytest.raises(ComputationError, match="no point could be measured"):
+    with pytest.raises(ComputationError, match="no point could be measured\n3 × mode 9 of the table does not swing"):
         sweep(options("support.mass=1:2:3", measure=["beat:9"], output=str(kept)))
-    assert "3 × 4 modes swing" in capsys.readouterr().out
-    assert not kept.exists()
+    assert not capsys.readouterr().out
+    assert not list(tmp_path.iterdir())

@@ -8,11 +8,15 @@ from math import pi
 from pathlib import Path
 from typing import Any
 
+import floquet
 import numpy as np
 import pytest
 from PIL import Image
 
+from modal import load
 from modal.errors import ComputationError
+from modal.numbering import table_numbers
+from modal.places import varied
 from modal.scene import Scene, scene_from
 from multipendula.cli import main
 from nonlinear.agreement import agreement, own_amplitudes
@@ -21,6 +25,7 @@ from nonlinear.configurations import Configuration, configurations
 from nonlinear.phases import phases_of
 from nonlinear.prediction import predicted
 from nonlinear.simulation import simulate
+from nonlinear.starts import released
 from nonlinear.strobe import APART, SECONDS, strobed
 from nonlinear.sync_records import records
 from nonlinear.sync_words import sync_text
@@ -94,10 +99,45 @@ def test_the_records_hold_the_same_numbers() -> None:
     found = pair()
     told = json.loads(json.dumps(records(found), allow_nan=False))
     assert found.survival
-    assert told["simulation"]["survivor"] == told["prediction"]["survivor"] == found.survival.survivor
+    assert told["simulation"]["survivor"] == told["prediction"]["survivor"] == found.survival.survivor + 1
     assert told["simulation"]["order_parameter"] == pytest.approx(1.0, abs=1e-3)
-    assert [one["mode"] for one in told["configurations"]] == [2, 3]
+    assert [one["mode"] for one in told["configurations"]] == [3, 4]
     assert all(one["lasts"] for one in told["configurations"])
+
+
+def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
+    """Metronomes in exact antiphase, that neighbours leave, go where real ones would: in phase."""
+    scene = floquet.metronomes(11.0).scene
+    found = synchrony(scene, start=released(scene, (21.0, -21.0)), tolerance=1e-7)
+    assert found.theory
+    assert found.survival
+    said = found.theory.prediction
+    assert said.unstable
+    assert (said.unstable.row, said.row, found.survival.survivor) == (1, 2, 3)
+    assert found.agrees is True
+    assert 0 < abs(found.trajectory.motion.links[0] - np.radians([21.0, -21.0])).max() < np.radians(3.0)
+    text, told, number = sync_text(found), records(found)["prediction"], table_numbers(scene)
+    exactly = f"Exactly this start keeps to mode {number[1]} (antiphase), but that motion is unstable"
+    assert exactly in " ".join(text.split())
+    assert "from beside it too" in text
+    assert (told["unstable"]["mode"], told["survivor"]) == (number[1], number[2])
+    assert told["unstable"]["growth_rate_per_s"] == pytest.approx(0.0232, abs=1e-3)
+
+
+def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
+    scene = varied(load("huygens"), {"support.mass": 40.0})
+    said = predicted(scene, released(scene, (7.0, 7.0)))
+    assert said.unstable
+    assert said.unstable.relaxation == pytest.approx(289, rel=0.05)
+    assert (said.unstable.row, said.row, said.share > 0.99) == (2, 1, True)
+
+
+def test_a_start_that_leaves_by_itself_is_its_own_judge() -> None:
+    scene = floquet.metronomes(11.0).scene
+    said = predicted(scene, start := released(scene, (21.0, -20.9)))
+    assert said.unstable is None
+    assert said.row == 2
+    np.testing.assert_array_equal(said.start.links, start.links)
 
 
 def test_what_does_not_excite_itself_has_no_prediction() -> None:
@@ -250,7 +290,9 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
 
 
 def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureFixture[str]) -> None:
-    """Row 2 of the table without dampers is antiphase; in that with dampers it is another."""
-    assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 0
-    assert "Mode 2 holds 100 % of the energy at the end (cart still: antiphase)" in (said := capsys.readouterr().out)
-    assert "Modes are numbered as in the table of this scene without its dampers" in said
+    """Row 3 of the table is antiphase; row 2 is the beam against its dampers, from which nothing can swing."""
+    assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 2
+    assert "--start mode:2: is a mode of the dampers alone, without a swing" in capsys.readouterr().err
+    assert main(["sync", "huygens", "--start", "mode:3:6", "--duration", "10"]) == 0
+    assert "Mode 3 holds 100 % of the energy at the end (cart still: antiphase)" in (said := capsys.readouterr().out)
+    assert "Modes have their numbers in the table" in said

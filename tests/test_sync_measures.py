@@ -22,6 +22,7 @@ from modal.own_modes import own_modes
 from modal.rig import rig_of
 from modal.scene import Start
 from nonlinear import run_measures, sync_figures
+from nonlinear.measure import Asked
 from nonlinear.mechanics import Mechanics
 from nonlinear.modal_coordinates import modal_motion, start_in_mode
 from nonlinear.phases import Phases, phases_of
@@ -220,9 +221,9 @@ def test_samples_too_far_apart_are_refused_and_the_advice_is_good() -> None:
     def run(output: int) -> Phases:
         return phases_of(simulate(bobs(1.0, 1.0, angles=(5.0, 5.0)), 60.0, output=output))
 
-    with pytest.raises(ComputationError, match=r"turn at 3\.\d+ rad/s: .* --samples \d+") as refusal:
+    with pytest.raises(ComputationError, match=r"turn at 3\.\d+ rad/s: .* \d+ samples") as refusal:
         _ = run(50).frequency
-    needed = int(str(refusal.value).rpartition(" ")[2])
+    needed = int(str(refusal.value).split()[-2])
     assert needed < 130
     assert run(needed).frequency == pytest.approx(run(2000).frequency, rel=1e-3)
 
@@ -338,7 +339,7 @@ def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     run = simulate(scene, 90.0)
     numbers: dict[str, float] = {}
     for measure in SYNC:
-        numbers |= measure.function(scene, 90.0)
+        numbers |= Asked(measure, 90.0).of(scene)
     assert len(runs) == 1
     late = slice(np.searchsorted(run.times, 81.0), None)
     found, mechanics = survival(run), run.mechanics
@@ -359,7 +360,7 @@ def test_crowds_and_fixed_supports_have_fewer_numbers() -> None:
     scene = bobs(*[1.0] * 5, cart=None)
     assert list(pendulum_energy(scene, 5.0)) == ["pendula_energy_J"]
     assert order(scene, 5.0)["order"] == pytest.approx(1.0)
-    assert survivor(scene, 5.0) == {"survivor": 1.0, "survivor_share": pytest.approx(1.0)}
+    assert survivor(scene, 5.0, scene) == {"survivor": 1.0, "survivor_share": pytest.approx(1.0)}
 
 
 def test_means_over_time() -> None:

@@ -45,7 +45,7 @@ def run(seconds: float, degrees: float) -> Trajectory:
 def shares(trajectory: Trajectory) -> Floats:
     """The second pendulum's share of each family's energy, (2, T)."""
     scene = trajectory.scene
-    alone = scene.model_copy(update={"support": Fixed(), "pendulum": scene.pendulum[:1]})
+    alone = scene.replace(support=Fixed(), pendulum=scene.pendulum[:1])
     own, A = natural_modes(alone), matrices(alone).M
     energies = []
     for r in range(2):

@@ -43,7 +43,7 @@ def on(mass: float) -> Scene:
     """The shipped clocks on a beam of another mass (kg) with the same damper."""
     scene = load("huygens")
     assert isinstance(scene.support, Cart)
-    return scene.model_copy(update={"support": scene.support.model_copy(update={"mass": mass})})
+    return scene.replace(support=scene.support.replace(mass=mass))
 
 
 def amplitudes_deg(scene: Scene) -> tuple[float, float]:

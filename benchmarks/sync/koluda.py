@@ -44,9 +44,9 @@ def varied(beam: float, lower: float) -> Scene:
     scene = load("clocks-double")
     assert isinstance(scene.support, Cart)
     top, low = scene.pendulum[0].links
-    links = (top, low.model_copy(update={"mass": lower}))
-    pendula = tuple(pendulum.model_copy(update={"links": links}) for pendulum in scene.pendulum)
-    return scene.model_copy(update={"support": scene.support.model_copy(update={"mass": beam}), "pendulum": pendula})
+    links = (top, low.replace(mass=lower))
+    pendula = tuple(pendulum.replace(links=links) for pendulum in scene.pendulum)
+    return scene.replace(support=scene.support.replace(mass=beam), pendulum=pendula)
 
 
 def modes(scene: Scene) -> tuple[Floats, Floats, Floats]:

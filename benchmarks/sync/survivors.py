@@ -29,7 +29,7 @@ from nonlinear.prediction import Prediction, predicted
 from nonlinear.simulation import simulate
 from nonlinear.survival import Survival, survival
 
-SCENES, QUICK, FIRST = 150, 6, 800_000
+SCENES, QUICK, FIRST = 150, 6, 900_000
 TOLERANCE, LONGER, MORE, LONGEST, SAMPLES = 1e-8, 1.5, 50, 1200, 12  # the last three in periods, samples a period
 CLOSE, BRAKED = 0.2, 0.3  # of a time; of the frequency, the rate at which dampers stop a cart at most
 GRAVITY = 9.81
@@ -156,7 +156,7 @@ def _time(value: float | None) -> float:
 
 def _run(said: Prediction, duration: float) -> Survival:
     output = int(SAMPLES * duration * said.averaged.omega.max() / (2 * pi)) + 2
-    return survival(simulate(said.averaged.scene, duration, tolerance=TOLERANCE, output=output))
+    return survival(simulate(said.averaged.scene, duration, start=said.start, tolerance=TOLERANCE, output=output))
 
 
 HEAD = "|   scene | N×n | drive       | row | certain | t lock (s) | run | share | t lock (s) | ratio | doubts"
