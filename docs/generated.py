@@ -132,7 +132,8 @@ def measures() -> str:
     """What a sweep can ask of every scene, and what its number means."""
     from nonlinear.measures import MEASURES
 
-    rows = [f"`{one.name}` | {_escaped(one.words)} | {one.usual:g}" for one in MEASURES.values()]
+    usual = {one: f"{one.usual:g}" if one.usual else "" for one in MEASURES.values()}
+    rows = [f"`{one.name}` | {_escaped(one.words)} | {number}" for one, number in usual.items()]
     return _table("measure | what it is | N unless told", rows)
 
 

@@ -68,9 +68,7 @@ def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float 
     Raises ComputationError for more modes than one picture holds.
     """
     if len(numbers) > MOST_PANELS:
-        raise ComputationError(
-            f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} with --modes"
-        )
+        raise ComputationError(f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} modes")
     rows, layout = list(modes.rows(numbers)), _layout(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns = min(len(rows), 4 if panel < WIDEST else 3)

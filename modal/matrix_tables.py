@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-
+from modal.escaping import json_text
 from modal.linear import Matrices
 from modal.rig import Floats
 from modal.scene import Scene, described
@@ -18,7 +17,7 @@ def matrices_table(scene: Scene, found: Matrices, form: str) -> str:
             "coordinates": list(found.labels),
             **{name: matrix.tolist() for name, matrix in named.items()},
         }
-        return json.dumps(whole, indent=2, ensure_ascii=False, allow_nan=False) + "\n"
+        return json_text(whole) + "\n"
     parts = [f"coordinates ({len(found.labels)}): {', '.join(found.labels)}"]
     for name, matrix in named.items():
         parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix)}")

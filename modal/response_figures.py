@@ -44,8 +44,8 @@ def bode_figure(
 ) -> Figure:
     """Magnitude and phase of G(iω) from input `source` to these outputs (indices; left out, all) over a band (rad/s).
 
-    Dotted lines with numbers mark the modes; of an undamped peak, which is infinite, the picture shows the foot.
-    Raises ComputationError for more curves than one picture holds.
+    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; of an undamped
+    peak, which is infinite, the picture shows the foot.  Raises ComputationError for more curves than a picture holds.
     """
     shown = _shown(form, outputs)
     low, high = band or _band(form)
@@ -64,7 +64,8 @@ def bode_figure(
     inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
     mark_modes(top, inside)
     mark_modes(bottom, inside, numbered=False)
-    _finish(figure, form, shown, f"response to {_named(form.model.inputs[source])}")
+    held = ", with the fixed-base modes" if any(block.mode is None for block in form.blocks) else ""
+    _finish(figure, form, shown, f"response to {_named(form.model.inputs[source])}{held}")
     return figure
 
 
@@ -114,7 +115,7 @@ def impulse_figure(
 def _shown(form: ModalForm, outputs: Sequence[int]) -> list[int]:
     shown = list(outputs) or list(range(len(form.model.outputs)))
     if len(shown) > MOST_CURVES:
-        raise ComputationError(f"{len(shown)} outputs do not fit a picture: choose at most {MOST_CURVES} (--of names)")
+        raise ComputationError(f"{len(shown)} outputs do not fit a picture: choose at most {MOST_CURVES} outputs")
     return shown
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from html import escape
 from io import BytesIO
 
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 
+from modal.escaping import html
 from modal.pictures import save
 
 PAGE = """<figure style="margin:0">
@@ -39,11 +39,11 @@ class Slider:
 
     def html(self) -> str:
         """A piece of a page that needs nothing else."""
-        label = escape(self.label)
+        label = html(self.label)
         pictures = (
             PICTURE.format(
                 data=base64.b64encode(picture).decode(),
-                value=escape(value),
+                value=html(value),
                 label=label,
                 style=f"max-width:100%;display:{'block' if k == self.at else 'none'}",
             )
@@ -51,7 +51,7 @@ class Slider:
         )
         last = len(self.values) - 1
         return PAGE.format(
-            label=label, first=escape(self.values[self.at]), last=last, at=self.at, pictures="\n".join(pictures)
+            label=label, first=html(self.values[self.at]), last=last, at=self.at, pictures="\n".join(pictures)
         )
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, object]:

@@ -37,7 +37,7 @@ HEAVY = {
     "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"}
     | {
         f"nonlinear.{name}"
-        for name in ("banded", "escapements", "integrate", "saddle", "slow_motion", "spectra", "steppers")
+        for name in ("banded", "escapements", "integrate", "lyapunov", "saddle", "slow_motion", "spectra", "steppers")
     },
     "sympy": {f"modal.{name}" for name in SYMPY.split()},
     "control": {"modal.exports.control_"},
@@ -119,6 +119,25 @@ def test_the_main_job_loads_no_heavy_package(job: str) -> None:
     assert "numpy" in loaded
 
 
-def test_modules_stay_small() -> None:
-    sizes = {name: len(path.read_text(encoding="utf-8").splitlines()) for name, path in sources().items()}
-    assert {name: size for name, size in sizes.items() if size > 250} == {}
+OPTION = re.compile(r"(?<![\w-])--[a-z]|(?<![\w-])-[a-z] |--?[a-z]+ FILE")
+
+
+def spoken(source: str) -> list[str]:
+    """All text in a module that is no docstring."""
+    tree = ast.parse(source)
+    homes = (ast.Module, ast.ClassDef, ast.FunctionDef)
+    told = {
+        id(node.body[0].value) for node in ast.walk(tree) if isinstance(node, homes) and hasattr(node.body[0], "value")
+    }
+    texts = (node for node in ast.walk(tree) if isinstance(node, ast.Constant) and id(node) not in told)
+    return [node.value for node in texts if isinstance(node.value, str)]
+
+
+@pytest.mark.parametrize("name", [name for name in sources() if not name.startswith("multipendula")])
+def test_the_packages_know_no_option_of_the_command(name: str) -> None:
+    assert [text for text in spoken(sources()[name].read_text(encoding="utf-8")) if OPTION.search(text)] == []
+
+
+def test_the_search_for_options_bites() -> None:
+    source = '"""About --modes."""\nraise ValueError(f"--to {name}: no", "write -o FILE", "a - b, -1, well-made, a--b")'
+    assert [text for text in spoken(source) if OPTION.search(text)] == ["write -o FILE", "--to "]
