@@ -1,5 +1,7 @@
 """Everything this project refuses to do, under one base class."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from itertools import islice
@@ -24,6 +26,10 @@ class SceneError(MultipendulaError, ValueError):
         self.problems = tuple(map(visible, problems))
         super().__init__("\n".join(first_of(iter(self.problems), len(self.problems))))
 
+    def __reduce__(self) -> tuple[type[SceneError], tuple[tuple[str, ...]]]:
+        """As it was made: a pickled one keeps its mistakes apart."""
+        return type(self), (self.problems,)
+
 
 class ComputationError(MultipendulaError, ArithmeticError):
     """A valid scene whose answer double precision or this machine's memory cannot give."""
@@ -33,7 +39,12 @@ class MissingExtraError(MultipendulaError, ImportError):
     """An optional package is not installed; the message names the extra that brings it."""
 
     def __init__(self, package: str, extra: str) -> None:
+        self.missing = package, extra
         super().__init__(f'{package} is missing: pip install "multipendula[{extra}]"')
+
+    def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
+        """As it was made."""
+        return type(self), self.missing
 
 
 def first_of(problems: Iterator[str], count: int) -> Iterator[str]:

@@ -70,7 +70,7 @@ class Study:
     @property
     def fingerprint(self) -> str:
         """The same for the same question only."""
-        functions = [f"{one.measure.function.__module__}.{one.measure.function.__qualname__}" for one in self.measures]
+        functions = [one.measure.function.__qualname__ for one in self.measures]
         return sha256(json.dumps([self.header(), functions]).encode()).hexdigest()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,7 +16,7 @@ import pytest
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes
 from modal.coupling import explained
 from modal.coupling_words import words
-from modal.errors import MOST_TOLD
+from modal.errors import MOST_TOLD, MissingExtraError, MultipendulaError
 from modal.files import DEEPEST, parse
 from modal.statespace import state_space
 from modal.tables import table
@@ -202,3 +203,10 @@ def test_extremes_are_told_or_refused_without_a_warning() -> None:
         told += not outcome(lambda scene=scene: table(found := natural_modes(scene), list(found), "text"))  # type: ignore[misc]
         told += not outcome(lambda scene=scene: words(explained(scene), "text"))  # type: ignore[misc]
     assert told > 20
+
+
+@pytest.mark.parametrize("error", [SceneError(["a", "b\x1b"]), MissingExtraError("flint", "certified")])
+def test_errors_come_whole_from_other_processes(error: MultipendulaError) -> None:
+    back = pickle.loads(pickle.dumps(error))
+    assert (type(back), str(back), back.args) == (type(error), str(error), error.args)
+    assert getattr(back, "problems", None) == getattr(error, "problems", None)
