@@ -35,17 +35,17 @@ from typing import Any
 import numpy as np
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene
-from modal.drives import VanDerPol
-from nonlinear.advice import Advice
-from nonlinear.ladder import Question, Rung
-from nonlinear.plant import plant_of
-from nonlinear.references import references
-from nonlinear.requests import extent, sampled
+from modal.scene.drives import VanDerPol
+from nonlinear.accuracy.advice import Advice
+from nonlinear.accuracy.candidates import Question, Rung
+from nonlinear.accuracy.references import references
+from nonlinear.integration.arguments import extent, sampled
+from nonlinear.integration.steppers import SMALLEST
+from nonlinear.integration.timescales import timescales
+from nonlinear.reduction.superposition import CORRECTED, LINEAR
 from nonlinear.simulation import advise
-from nonlinear.state import Motion, State, apart
-from nonlinear.steppers import SMALLEST
-from nonlinear.superposition import CORRECTED, LINEAR
-from nonlinear.timescales import timescales
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Motion, State, apart
 
 DOCS = Path(__file__).parent.parent / "docs"
 FINER, SHARE = 1e-4, 0.05  # of the accuracy: the judge's tolerance, and how far it and a looser one may differ
@@ -137,7 +137,7 @@ def kind(scene: Scene) -> str:
 @cache
 def loading(way: str) -> float:
     """Seconds to load what a way needs beside NumPy and SciPy, in a new process."""
-    module = "nonlinear.compiled" if "compiled" in way else "heyoka" if "taylor" in way else ""
+    module = "nonlinear.dynamics.compiled" if "compiled" in way else "heyoka" if "taylor" in way else ""
     if not module:
         return 0.0
     code = f"import time, nonlinear; t = time.perf_counter(); import {module}; print(time.perf_counter() - t)"

@@ -17,8 +17,8 @@ from routes import forget
 
 from modal import Scene
 from nonlinear import simulate, simulation
-from nonlinear.methods import Choice
-from nonlinear.taylor import LONGEST_CHAIN, MOST_LINKS
+from nonlinear.integration.methods import Choice
+from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS
 
 FORCED = {
     "NumPy": ("DOP853", False, "numpy"),

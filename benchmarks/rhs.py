@@ -20,11 +20,11 @@ import numpy as np
 import scipy
 
 from modal import Cart, Pendulum, Rod, Scene, matrices
-from nonlinear import compiled
-from nonlinear.banded import Banded
-from nonlinear.minimal import Minimal, Recursion
-from nonlinear.plant import plant_of
-from nonlinear.short import Dense
+from nonlinear.dynamics import compiled
+from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.short import Dense
+from nonlinear.system.plant import plant_of
 
 NUMBERS, CHAINS = (1, 2, 10, 100), (10, 100, 1000)
 QUICK_NUMBERS, QUICK_CHAINS = (1, 10), (10, 100)

@@ -16,17 +16,17 @@ from problems import Problem
 from scipy.integrate import solve_ivp
 
 from modal import Scene, matrices
-from modal.palette import colour, ink, muted
-from nonlinear import taylor as series
-from nonlinear.compiled import Compiled
-from nonlinear.directions import of_plane
-from nonlinear.integrate import Drive
-from nonlinear.methods import Choice, system_of
-from nonlinear.plant import Plant, plant_of
-from nonlinear.state import State, System
-from nonlinear.steppers import Pace, SciPyStepper, Stepper
-from nonlinear.taylor import TaylorStepper, first_step
-from nonlinear.timescales import timescales
+from modal.plotting.palette import colour, ink, muted
+from nonlinear.dynamics.compiled import Compiled
+from nonlinear.integration import taylor as series
+from nonlinear.integration.driver import Drive
+from nonlinear.integration.methods import Choice, system_of
+from nonlinear.integration.steppers import Pace, SciPyStepper, Stepper
+from nonlinear.integration.taylor import TaylorStepper, first_step
+from nonlinear.integration.timescales import timescales
+from nonlinear.system.directions import of_plane
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import State, System
 
 Task = Callable[[], np.ndarray]
 Maker = Callable[[Problem, float], Task]

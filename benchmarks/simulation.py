@@ -30,10 +30,10 @@ from rhs import microseconds
 from routes import DEFAULT, ROUTES, Maker, driven, forget, numba_body, numpy_body, taylor
 from simulation_figure import figure
 
-from nonlinear.compiled import Compiled
-from nonlinear.methods import Choice, system_of
-from nonlinear.plant import plant_of
-from nonlinear.steppers import SciPyStepper
+from nonlinear.dynamics.compiled import Compiled
+from nonlinear.integration.methods import Choice, system_of
+from nonlinear.integration.steppers import SciPyStepper
+from nonlinear.system.plant import plant_of
 
 DOCS = Path(__file__).parent.parent / "docs"
 REPEATS, LONG, TOO_LONG = 3, 0.7, 1.5  # runs; one run where it takes so many seconds; none finer after so many

@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from routes import ROUTES
 
-from modal.palette import paper, rest
-from modal.pictures import in_both_themes, sheet
+from modal.plotting.palette import paper, rest
+from modal.plotting.style import in_both_themes, sheet
 
 if TYPE_CHECKING:
     from simulation import Panel

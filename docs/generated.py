@@ -21,7 +21,7 @@ from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 
-from multipendula.examples import EXAMPLES
+from multipendula.commands.examples import EXAMPLES
 
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
@@ -123,14 +123,14 @@ def _documented(directive: str, name: str) -> str:
 
 def shipped() -> str:
     """The scenes that come with the package."""
-    from modal.files import load, shipped
+    from modal.scene.files import load, shipped
 
     return _table("name | what hangs there", [f"`{name}` | {_escaped(load(name).title)}" for name in shipped()])
 
 
 def measures() -> str:
     """What a sweep can ask of every scene, and what its number means."""
-    from nonlinear.measures import MEASURES
+    from nonlinear.sweeps.measures import MEASURES
 
     usual = {one: f"{one.usual:g}" if one.usual else "" for one in MEASURES.values()}
     rows = [f"`{one.name}` | {_escaped(one.words)} | {number}" for one, number in usual.items()]

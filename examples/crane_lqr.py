@@ -10,8 +10,8 @@ import control
 import numpy as np
 
 from modal import load, natural_modes
-from modal.gains import modal_gains, unreached, unseen
-from modal.statespace import StateSpace, state_space
+from modal.statespace.gains import modal_gains, unreached, unseen
+from modal.statespace.model import StateSpace, state_space
 
 SETTLING = 60.0  # s
 REST = 0.02  # of the largest deviation at the start

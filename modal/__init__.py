@@ -7,13 +7,13 @@
 """
 
 from modal._namesake import warn_about_namesake
+from modal.assembly.matrices import Matrices, matrices
 from modal.errors import ComputationError, MultipendulaError, SceneError
-from modal.files import dump, dumps, load, shipped
-from modal.linear import Matrices, matrices
-from modal.mode import Mode
-from modal.modes import Modes, natural_modes
-from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
-from modal.shapes import Shape
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes, natural_modes
+from modal.modes.shapes import Shape
+from modal.scene.files import dump, dumps, load, shipped
+from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
 
 __all__ = [
     "Bob",

@@ -52,7 +52,7 @@ def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
 
 
 class Constants(NamedTuple):
-    """What one link does to the motion of its two ends: in kg, but mJ in kg² and k in N/m (see `modal.chain`).
+    """What one link does to the motion of its two ends: in kg, but mJ in kg² and k in N/m (`modal.eigen.recursion`).
 
     With s = c/l and J = I/l², a link whose upper end moves by y and lower end by y + a has
     T = ½ r a'² + (q + r) a' y' + ½ m y'²; p is to the lower end what r is to the upper.

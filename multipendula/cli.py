@@ -1,4 +1,4 @@
-"""The command line: parse, run one of `multipendula.commands`, and turn what it refuses into an exit code.
+"""The command line: parse, run one of `multipendula.commands.modes`, and turn what it refuses into an exit code.
 
 Exit codes: 0, 1 for what could not be computed or written, 2 for bad input, 130 for Ctrl-C and other requests to end.
 Nothing but the standard library is imported before `main` answers Ctrl-C.
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import argparse
 
     from modal.errors import SceneError
-    from multipendula.pages import Page
+    from multipendula.parser import Page
 
 os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
@@ -121,7 +121,7 @@ def _left(leaving: SystemExit) -> int:
 def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
     """The exit code of what a command raises, once it is told; what nobody has foreseen is raised again."""
     from modal.errors import MultipendulaError, SceneError
-    from modal.escaping import visible
+    from modal.report.escaping import visible
 
     if isinstance(error, SceneError):
         return _refuse(_in_its_file(error, options), 2, options.page.name if options else "")
@@ -143,7 +143,7 @@ def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
 
 def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
     """Places in a scene with the file that they are in, where nothing else gave them their values."""
-    from modal.escaping import visible
+    from modal.report.escaping import visible
 
     scene = getattr(options, "scene", None) if not hasattr(options, "vary") else None
     lines = str(error).splitlines()
@@ -154,7 +154,7 @@ def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
 def _words_aside(options: argparse.Namespace) -> Iterator[None]:
     """Standard output is kept for the file that is written to it, if one is: words go to standard error then."""
     from modal.errors import SceneError
-    from modal.files import STANDARD
+    from modal.scene.files import STANDARD
 
     files = [action for action in options.page._actions if action.metavar == "FILE"]
     to_output = [max(action.option_strings, key=len) for action in files if vars(options)[action.dest] == STANDARD]
@@ -183,7 +183,7 @@ class _Aside(TextIOBase):
 
 
 def _refuse(problem: object, code: int, command: str = "") -> int:
-    from multipendula.pages import in_options, pointer
+    from multipendula.parser import in_options, pointer
 
     lines = [in_options(line) for line in str(problem).split("\n")]
     if any(re.match("--?[a-z]", line) for line in lines):
@@ -194,8 +194,8 @@ def _refuse(problem: object, code: int, command: str = "") -> int:
 
 
 def _parser() -> Page:
-    from multipendula.arguments import GROUPS
-    from multipendula.pages import Page, Version
+    from multipendula.commands.arguments import GROUPS
+    from multipendula.parser import Page, Version
     from multipendula.topics import ABOUT, TELLS
 
     parser = Page(prog="multipendula", description=ABOUT)

@@ -99,7 +99,7 @@ def shipped() -> list[str]:
 
     found = find_spec("modal")
     folders = (found and found.submodule_search_locations) or ()
-    names = [name for folder in folders for name in os.listdir(os.path.join(folder, "scenes"))]
+    names = [name for folder in folders for name in os.listdir(os.path.join(folder, "scene", "shipped"))]
     return sorted(name.removesuffix(".toml") for name in names if name.endswith(".toml"))
 
 
@@ -153,7 +153,7 @@ def _modes(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 def _places(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
     """The places of a scene's numbers, ready for values."""
     from modal import load
-    from modal.scene import described
+    from modal.scene.model import described
 
     return [f"{place}=" for place in _numbers(described(load(parsed_args.scene)))]
 

@@ -7,14 +7,14 @@
 (True, True)
 """
 
-from nonlinear.events import Event, Happening, crossing, turning
-from nonlinear.plant import Plant, plant_of
-from nonlinear.preparation import SimulationError
-from nonlinear.recordings import load, save
+from nonlinear.files import load, save
+from nonlinear.integration.run import SimulationError
+from nonlinear.integration.trajectory import Run, Trajectory
 from nonlinear.simulation import resumed, simulate
-from nonlinear.starts import released, start_of
-from nonlinear.state import Motion, Push, State
-from nonlinear.trajectory import Run, Trajectory
+from nonlinear.system.events import Event, Happening, crossing, turning
+from nonlinear.system.initial import released, start_of
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import Motion, Push, State
 
 __all__ = [
     "Event",

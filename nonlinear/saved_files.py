@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from modal import sealed
-from modal.escaping import csv_comment
-from modal.files import kind_of
+from modal.report import sealed
+from modal.report.escaping import csv_comment
+from modal.scene.files import kind_of
 
 KINDS = ("npz", "csv")
 HEADER = "header"

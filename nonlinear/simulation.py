@@ -6,18 +6,26 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from modal.errors import SceneError
-from modal.rig import Floats
-from modal.scene import Scene, insist_scene
-from nonlinear.advice import Advice, advised
-from nonlinear.attempts import Goal
-from nonlinear.events import NO_KICKS, Event, Kicks
-from nonlinear.methods import ASKED, FORMS, choose
-from nonlinear.plant import plant_of
-from nonlinear.preparation import Request, SimulationError
-from nonlinear.requests import gathered, insist_accuracy, insist_numbers, insist_push, insist_seen, paced, sampled
-from nonlinear.starts import checked, start_of
-from nonlinear.state import Load, State
-from nonlinear.trajectory import Trajectory
+from modal.scene.model import Scene, insist_scene
+from modal.types import Floats
+from nonlinear.accuracy.advice import Advice, advised
+from nonlinear.accuracy.attempts import Goal
+from nonlinear.integration.arguments import (
+    gathered,
+    insist_accuracy,
+    insist_numbers,
+    insist_push,
+    insist_seen,
+    paced,
+    sampled,
+)
+from nonlinear.integration.methods import ASKED, FORMS, choose
+from nonlinear.integration.run import Request, SimulationError
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.system.events import NO_KICKS, Event, Kicks
+from nonlinear.system.initial import checked, start_of
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Load, State
 
 USUAL = 1e-9  # tolerance
 
@@ -49,13 +57,13 @@ def simulate(
     `taylor`); `form` is "auto", "minimal", "hamiltonian" or "maximal" in the plane, "spatial" in space.  `tolerance`
     is the integrator's (default 1e-9), relative, and where a quantity passes through zero of the motion's own size.
     `accuracy` is given in its place by who wants no angle to be off by more (rad): the cheapest way that meets it is
-    found and judged (`nonlinear.advice`), `run.error` and `run.reason` say how.  `output` is a number of evenly spaced
-    samples or their times after the start (s), ascending; `start` replaces the scene file's own, at `start_time` (s).
-    `load(t, state)` returns the `Push` from outside.  One that acts for less than a step may be missed: at the times t
-    (s) that are its `breaks` steps end and the integrator begins anew, and no step is longer than `max_step` (s).  An
-    accuracy under a load needs one of them; `breaks=[]` says that it changes no faster than the scene swings.  `before`
-    are the kicks of escapements until the start, which say on which side the next ones come.  `report` hears of the
-    seconds gone through after every step.
+    found and judged (`nonlinear.accuracy.advice`), `run.error` and `run.reason` say how.  `output` is a number of
+    evenly spaced samples or their times after the start (s), ascending; `start` replaces the scene file's own, at
+    `start_time` (s). `load(t, state)` returns the `Push` from outside.  One that acts for less than a step may be
+    missed: at the times t (s) that are its `breaks` steps end and the integrator begins anew, and no step is longer
+    than `max_step` (s).  An accuracy under a load needs one of them; `breaks=[]` says that it changes no faster than
+    the scene swings.  `before` are the kicks of escapements until the start, which say on which side the next ones
+    come.  `report` hears of the seconds gone through after every step.
 
     On Ctrl-C what was computed is returned, `run.stopped` saying how far it goes.  Raises SceneError for arguments
     that cannot be, SimulationError (with the part that was computed) where the integrator gives up or an accuracy

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal import Scene, load, natural_modes
-from modal.exports.discrete import sampled
-from modal.statespace import StateSpace, state_space
+from modal.statespace.model import StateSpace, state_space
+from modal.statespace.sampling import sampled
 
 SCENES = ("crane-hook", "crane-two-loads", "paper-cart-2", "metronomes", "cart-upright", "chain-3")
 EVERYTHING = ("cart_position", "angles", "rates", "tip_positions", "pivot_forces")

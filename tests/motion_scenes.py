@@ -6,9 +6,9 @@ import random
 
 import numpy as np
 
-from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
-from nonlinear.plant import plant_of
-from nonlinear.state import State
+from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import State
 
 
 def motion_scene(

@@ -6,10 +6,10 @@ from math import sin
 
 import numpy as np
 
-from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.minimal import Minimal, Recursion
-from nonlinear.plant import Plant
-from nonlinear.state import Load, Push, State
+from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import Load, Push, State
 
 Generator = np.random.Generator
 

@@ -6,8 +6,8 @@ import os
 import time
 from pathlib import Path
 
-from modal.scene import Cart, Scene
-from nonlinear.measure import Measure
+from modal.scene.model import Cart, Scene
+from nonlinear.sweeps.measure import Measure
 
 
 def cart_of(scene: Scene) -> Cart:

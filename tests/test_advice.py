@@ -17,15 +17,16 @@ from scipy.special import ellipj, ellipk
 
 from modal import Bob, Body, Cart, Pendulum, Rod, Scene, SceneError, load, natural_modes
 from multipendula.cli import main
-from nonlinear import Push, crossing, plant_of, recordings, released, resumed, simulate, start_of
+from nonlinear import Push, crossing, plant_of, released, resumed, simulate, start_of
+from nonlinear import files as recordings
 from nonlinear import load as load_run
-from nonlinear.advice import RATIO, _beside, _difference
-from nonlinear.advice_tables import advice_table
-from nonlinear.attempts import Attempt, Found
-from nonlinear.modal_coordinates import start_in_mode
-from nonlinear.preparation import SimulationError
+from nonlinear.accuracy.advice import RATIO, _beside, _difference
+from nonlinear.accuracy.advice_tables import advice_table
+from nonlinear.accuracy.attempts import Attempt, Found
+from nonlinear.integration.run import SimulationError
+from nonlinear.reduction.modal_coordinates import start_in_mode
 from nonlinear.simulation import advise
-from nonlinear.state import State, apart
+from nonlinear.system.state import State, apart
 
 PAPER = load("paper-cart-2")
 

@@ -14,15 +14,15 @@ from PIL import Image
 
 import modal
 from modal.errors import ComputationError, SceneError
-from modal.scene import Bob, Body, Cart, Pendulum, Scene, Start
-from nonlinear.animation import Shown, animate
-from nonlinear.film import Film
-from nonlinear.frames import picked, resampled
-from nonlinear.mechanics import vectors
+from modal.scene.model import Bob, Body, Cart, Pendulum, Scene, Start
+from nonlinear.dynamics.mechanics import vectors
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.plotting.animation import Shown, animate
+from nonlinear.plotting.film import Film
+from nonlinear.plotting.scene import MOST_PENDULA, energies_of, stage_of
+from nonlinear.postprocessing.resampling import picked, resampled
 from nonlinear.simulation import simulate
-from nonlinear.stage import MOST_PENDULA, energies_of, stage_of
-from nonlinear.state import State
-from nonlinear.trajectory import Trajectory
+from nonlinear.system.state import State
 
 
 def run(name: str, duration: float = 1.0, **options: Any) -> Trajectory:
@@ -136,7 +136,7 @@ def test_mp4_of_the_extra() -> None:
 
 
 def test_a_failing_ffmpeg_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.animation._ffmpeg", lambda: "/bin/false")
+    monkeypatch.setattr("nonlinear.plotting.animation._ffmpeg", lambda: "/bin/false")
     with pytest.raises(ComputationError, match="could not write"):
         film(run("chain-1", 0.2), "mp4")
 

@@ -19,32 +19,32 @@ SYMPY += " papers papers.cart"
 SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
 HEAVY = {
     "matplotlib": {
-        "modal.palette",
-        "modal.pictures",
-        "modal.dress",
-        "modal.sliders",
-        "modal.figures",
-        "modal.response_figures",
+        "modal.plotting.palette",
+        "modal.plotting.style",
+        "modal.plotting.layout",
+        "modal.plotting.sliders",
+        "modal.plotting.shapes",
+        "modal.plotting.response",
     }
     | {f"modal.{name}" for name in ("mass_figures", "cart_mass_figures", "coupling_figures", "loci_figures")}
     | {
         f"nonlinear.{name}"
         for name in ("figures", "check_figures", "chaos_figures", "sweep_figures", "sync_figures", "tradeoff_figures")
     }
-    | {"nonlinear.branch_figures"}
+    | {"nonlinear.plotting.branches"}
     | {f"nonlinear.{name}" for name in ("scenery", "gauges", "film")}
-    | {"nonlinear.animation"},
-    "scipy": {"modal.exports.discrete", "modal.exports.mat", "modal.exports.scipy_"}
+    | {"nonlinear.plotting.animation"},
+    "scipy": {"modal.statespace.sampling", "modal.exports.mat", "modal.exports.scipy_"}
     | {
         f"nonlinear.{name}"
         for name in ("banded", "escapements", "integrate", "lyapunov", "saddle", "slow_motion", "spectra", "steppers")
     },
     "sympy": {f"modal.{name}" for name in SYMPY.split()},
     "control": {"modal.exports.control_"},
-    "flint": {"modal.balls"},
-    "numba": {"nonlinear.compiled"},
-    "heyoka": {"nonlinear.taylor"},
-    "distributed": {"nonlinear.cluster"},
+    "flint": {"modal.exact.balls"},
+    "numba": {"nonlinear.dynamics.compiled"},
+    "heyoka": {"nonlinear.integration.taylor"},
+    "distributed": {"nonlinear.sweeps.cluster"},
 }
 
 

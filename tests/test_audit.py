@@ -25,19 +25,16 @@ from modal import (
     Pendulum,
     Rod,
     Scene,
-    crowd,
-    dense,
-    effective,
     load,
     matrices,
-    matrix_source,
     natural_modes,
-    routes,
-    sources,
 )
-from modal.audit import PACKAGES, Audit, audit
-from modal.linear import assembled
-from modal.rig import rig_of
+from modal.assembly.arrays import rig_of
+from modal.assembly.matrices import assembled
+from modal.eigen import chains as effective
+from modal.eigen import coupled as crowd
+from modal.eigen import dense, matrix_source, routes, sources
+from modal.modes.solution_report import PACKAGES, Audit, audit
 
 
 def rods(n: int, count: int = 1, length: float = 1.0, **link: float) -> Pendulum:

@@ -12,20 +12,20 @@ import survivors
 from scipy.optimize import brentq
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
-from modal.coupling import explained
-from modal.drives import Drive, Escapement, VanDerPol
+from modal.assembly.matrices import matrices
+from modal.coupling.analysis import explained
 from modal.errors import ComputationError
-from modal.linear import matrices
-from modal.places import varied
-from modal.scene import Start
-from nonlinear.averaged import MOST_BANDS, ORDER, averaged, derivative, lattice
-from nonlinear.configurations import FIRST, configuration, configurations
-from nonlinear.prediction import predicted, resonant
+from modal.scene.drives import Drive, Escapement, VanDerPol
+from modal.scene.model import Start
+from modal.scene.places import varied
+from nonlinear.averaging.equations import MOST_BANDS, ORDER, averaged, derivative, lattice
+from nonlinear.averaging.equilibria import FIRST, configuration, configurations
+from nonlinear.averaging.prediction import predicted, resonant
+from nonlinear.averaging.slow_flow import below_for_good, runs_away, settled
 from nonlinear.simulation import simulate
-from nonlinear.slow_motion import below_for_good, runs_away, settled
-from nonlinear.starts import start_of
-from nonlinear.state import State
-from nonlinear.survival import survival
+from nonlinear.synchronization.modal_energy import survival
+from nonlinear.system.initial import start_of
+from nonlinear.system.state import State
 
 G = 9.81
 
@@ -238,7 +238,7 @@ def test_the_last_passage_counts() -> None:
 
 def test_steps_are_short_enough() -> None:
     """Eight times as many steps change nothing that is asked."""
-    import nonlinear.slow_motion as slow
+    import nonlinear.averaging.slow_flow as slow
 
     found = averaged(clocks(6.0, 4.0))
     z = found.amplitudes(start_of(found.scene))[:, None]
@@ -261,7 +261,7 @@ def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
     assert ending.lasts
     np.testing.assert_allclose(found.energies(motion.z[:, -1]).max(), found.energies(ending.z).max(), rtol=0.02)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("nonlinear.slow_motion.MOST_STEPS", 1)
+        patch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 1)
         assert runs_away(found, settled(found, start[:, None], 10**6)[0].z)
 
 

@@ -17,19 +17,20 @@ from scipy.integrate import solve_ivp
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, natural_modes, pair
 from modal.errors import MissingExtraError
-from modal.rig import Floats
-from nonlinear import banded, compiled, joints, taylor
-from nonlinear.banded import Banded
-from nonlinear.compiled import Compiled
-from nonlinear.minimal import Minimal, Recursion
-from nonlinear.plane import Link, downward, upward
-from nonlinear.plant import plant_of
-from nonlinear.short import Dense
+from modal.types import Floats
+from nonlinear.dynamics import banded, compiled, joints
+from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics.compiled import Compiled
+from nonlinear.dynamics.dense import Small
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.recursion import Link, downward, upward
+from nonlinear.dynamics.short import Dense
+from nonlinear.integration import taylor
+from nonlinear.integration.steppers import Pace
+from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
-from nonlinear.small import Small
-from nonlinear.state import Push, State
-from nonlinear.steppers import Pace
-from nonlinear.taylor import TaylorStepper
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Push, State
 
 fast = pytest.mark.skipif(not compiled.available(), reason="numba is not installed")
 series = pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")

@@ -14,21 +14,21 @@ from scipy.optimize import brentq, fsolve, minimize_scalar
 
 import modal
 from modal import Bob, Body, Cart, Pendulum, Scene
-from modal.drives import Escapement, VanDerPol
+from modal.assembly.matrices import matrices
 from modal.errors import ComputationError, SceneError
-from modal.linear import matrices
-from modal.places import varied
-from modal.variations import parsed
-from nonlinear.agreement import agreement, own_amplitudes
-from nonlinear.branch_figures import branches_figure, draw_branches
-from nonlinear.branch_tables import branches_csv, branches_text
-from nonlinear.branches import Branch, Branches, branches
-from nonlinear.configurations import Configuration
-from nonlinear.continuation import RESOLUTION, Walk
-from nonlinear.phases import Phases, phases_of
+from modal.scene.drives import Escapement, VanDerPol
+from modal.scene.parameters import parsed
+from modal.scene.places import varied
+from nonlinear.averaging.equilibria import Configuration
+from nonlinear.plotting.branches import branches_figure, draw_branches
 from nonlinear.simulation import simulate
-from nonlinear.state import State
-from nonlinear.survival import survival
+from nonlinear.synchronization.branch_tables import branches_csv, branches_text
+from nonlinear.synchronization.branches import Branch, Branches, branches
+from nonlinear.synchronization.continuation import RESOLUTION, Walk
+from nonlinear.synchronization.modal_energy import survival
+from nonlinear.synchronization.patterns import agreement, own_amplitudes
+from nonlinear.synchronization.phases import Phases, phases_of
+from nonlinear.system.state import State
 
 GRAVITY, ANGLE = 9.81, 5.0
 GENTLE = 0.01  # N m s/rad: a drive that leaves no trace of e/ω in what first order says

@@ -12,12 +12,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from modal import Bob, Cart, Pendulum, Scene, SceneError, load
-from modal.rig import Floats
-from nonlinear import Push, Trajectory, recordings, released, resumed, simulate
+from modal.types import Floats
+from nonlinear import Push, Trajectory, released, resumed, simulate
+from nonlinear import files as recordings
+from nonlinear.integration.steppers import Pace
+from nonlinear.integration.taylor import available
 from nonlinear.simulation import advise
-from nonlinear.state import Load, State
-from nonlinear.steppers import Pace
-from nonlinear.taylor import available
+from nonlinear.system.state import Load, State
 
 BOB = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
 IMPULSE, BEGINS = 0.5, 3.3  # N m s, s

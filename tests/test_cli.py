@@ -19,8 +19,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import load, matrices, natural_modes, shipped, tables
-from modal.files import parse, shipped_text
+from modal import load, matrices, natural_modes, shipped
+from modal.modes import table as tables
+from modal.scene.files import parse, shipped_text
 
 KEYS = {
     *("omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "multiplicity", "family", "cart_participation"),
@@ -247,8 +248,8 @@ def test_no_panel_is_empty_and_nothing_touches_the_edge(
     from matplotlib.colors import to_rgb
     from matplotlib.image import imread
 
-    from modal.palette import colour
-    from modal.pictures import theme
+    from modal.plotting.palette import colour
+    from modal.plotting.style import theme
 
     with theme("light"):
         front = np.array(to_rgb(colour(0)))

@@ -12,9 +12,11 @@ import pytest
 import sympy as sp
 from scipy.special import jn_zeros
 
-from modal import Bob, Cart, Pendulum, Rod, Scene, closed_forms, natural_modes, polynomials
-from modal.modes import Modes
-from modal.polynomial_roots import symbolic
+from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
+from modal.exact import characteristic as polynomials
+from modal.modes import closed_forms
+from modal.modes.modes import Modes
+from modal.symbolic.roots import symbolic
 
 G = 9.81
 LONG = np.array([50, 100, 200, 400, 800])

@@ -17,11 +17,11 @@ from oracle import Dense, dense
 from random_scenes import random_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
-from modal.coupling import Coupling, explained
-from modal.coupling_figures import draw_coupling
-from modal.coupling_words import sections, words
-from modal.drives import VanDerPol
-from modal.mass_figures import draw_mass
+from modal.coupling.analysis import Coupling, explained
+from modal.coupling.coupling_words import sections, words
+from modal.plotting.coupling import draw_mass
+from modal.plotting.coupling_figures import draw_coupling
+from modal.scene.drives import VanDerPol
 
 
 def bob(m: float, l: float, count: int = 1, **link: Any) -> Pendulum:

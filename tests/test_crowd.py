@@ -6,14 +6,15 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes, secular
-from modal.coincident import clusters
-from modal.crowd import Crowd
-from modal.effective import CartProblem, fixed_squares
+from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes
+from modal.assembly.arrays import rig_of
+from modal.eigen import secular
+from modal.eigen.chains import CartProblem, fixed_squares
+from modal.eigen.coupled import Crowd
+from modal.eigen.degenerate import clusters
+from modal.eigen.secular import Poles, solve
 from modal.errors import ComputationError
-from modal.modes import Modes
-from modal.rig import rig_of
-from modal.secular import Poles, solve
+from modal.modes.modes import Modes
 
 
 def random_crowd(seed: int, size: int = 40) -> Scene:

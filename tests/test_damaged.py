@@ -17,19 +17,21 @@ import pytest
 import sweep_measures as own
 from forged import forged
 
-from modal import SceneError, load, sealed
+from modal import SceneError, load
 from modal.exports.json_ import read_json, write_json
 from modal.exports.npz import read_npz, write_npz
-from modal.statespace import state_space
-from modal.variations import parsed
+from modal.report import sealed
+from modal.scene.parameters import parsed
+from modal.statespace.model import state_space
 from multipendula.cli import main
-from nonlinear import recordings, sweep_files
-from nonlinear.journals import journal
-from nonlinear.measure import Asked
-from nonlinear.measures import asked
+from nonlinear import files as recordings
 from nonlinear.simulation import simulate
-from nonlinear.studies import Study
-from nonlinear.sweeps import sweep
+from nonlinear.sweeps import files as sweep_files
+from nonlinear.sweeps.checkpoint import journal
+from nonlinear.sweeps.measure import Asked
+from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.running import sweep
+from nonlinear.sweeps.study import Study
 
 Reader = Callable[[Path], object]
 Files = dict[str, tuple[Path, Reader]]

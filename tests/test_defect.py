@@ -11,17 +11,17 @@ from plane_scenes import minimal
 from scipy.signal import cont2discrete
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
-from nonlinear.defect import SAFETY, Answer, defect_error, running
-from nonlinear.directions import directions, of_plane
-from nonlinear.mechanics import Mechanics
-from nonlinear.modal_coordinates import rest_angles, start_in_mode
-from nonlinear.plant import plant_of
-from nonlinear.references import apart
-from nonlinear.residual import residual
+from nonlinear.accuracy.references import apart
+from nonlinear.dynamics.mechanics import Mechanics
+from nonlinear.reduction.defect import SAFETY, Answer, defect_error, running
+from nonlinear.reduction.modal_coordinates import rest_angles, start_in_mode
+from nonlinear.reduction.residual import residual
+from nonlinear.reduction.superposition import superposed
+from nonlinear.reduction.two_planes import joined, split
 from nonlinear.simulation import simulate
-from nonlinear.state import Motion, State
-from nonlinear.superposition import superposed
-from nonlinear.two_planes import joined, split
+from nonlinear.system.directions import directions, of_plane
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Motion, State
 
 SIMPLE = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=0.7),)),))
 PAPER = load("paper-cart-2")

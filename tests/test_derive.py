@@ -11,9 +11,11 @@ import pytest
 import sympy as sp
 from test_cli import printed, refused
 
-from modal import catalogue, displayed, load, natural_modes
-from modal.lagrange import coordinate
-from modal.typeset import plain, typeset
+from modal import load, natural_modes
+from modal.symbolic import line_breaks as displayed
+from modal.symbolic.lagrange import coordinate
+from modal.symbolic.papers import catalogue
+from modal.symbolic.typeset import plain, typeset
 
 
 def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,15 +7,15 @@ import pytest
 from test_bodies import apart, exact, minimal
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
-from nonlinear.methods import Choice, body_of, system_of
-from nonlinear.minimal import Recursion
-from nonlinear.plant import plant_of
-from nonlinear.short import Dense
+from nonlinear.dynamics.dense import Small
+from nonlinear.dynamics.minimal import Recursion
+from nonlinear.dynamics.short import Dense
+from nonlinear.integration.methods import Choice, body_of, system_of
+from nonlinear.integration.steppers import sharpened
+from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.small import Small
-from nonlinear.state import Push, State
-from nonlinear.steppers import sharpened
-from nonlinear.trajectory import Trajectory
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Push, State
 
 MINIMAL = Choice("minimal", "", compiled=False, reason="")
 

@@ -14,30 +14,31 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from modal import load, natural_modes
-from modal.drives import Drive, Escapement, VanDerPol
+from modal.assembly.matrices import matrices
 from modal.errors import SceneError
-from modal.linear import matrices
-from modal.rig import Floats
-from modal.scene import Bob, Body, Cart, Pendulum, Rod, Scene, Start, described, scene_from
-from nonlinear import recordings, summary
-from nonlinear.banded import Banded
-from nonlinear.check import check
-from nonlinear.check_tables import check_table
-from nonlinear.compiled import Compiled
-from nonlinear.compiled import available as numba_here
-from nonlinear.escapements import escaping
-from nonlinear.events import Event, crossing, turning
-from nonlinear.lyapunov import lyapunov_exponent
-from nonlinear.mechanics import Mechanics
-from nonlinear.minimal import Minimal, Recursion
-from nonlinear.plant import plant_of
-from nonlinear.short import Dense
+from modal.scene.drives import Drive, Escapement, VanDerPol
+from modal.scene.model import Bob, Body, Cart, Pendulum, Rod, Scene, Start, described, scene_from
+from modal.types import Floats
+from nonlinear import files as recordings
+from nonlinear.accuracy.work_precision import tradeoff
+from nonlinear.chaos.lyapunov import lyapunov_exponent
+from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics.compiled import Compiled
+from nonlinear.dynamics.compiled import available as numba_here
+from nonlinear.dynamics.dense import Small
+from nonlinear.dynamics.mechanics import Mechanics
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.short import Dense
+from nonlinear.integration.escapements import escaping
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing import summary
+from nonlinear.reduction.truncation import truncated
 from nonlinear.simulation import resumed, simulate
-from nonlinear.small import Small
-from nonlinear.state import Motion, State
-from nonlinear.tradeoff import tradeoff
-from nonlinear.trajectory import Trajectory
-from nonlinear.truncation import truncated
+from nonlinear.system.events import Event, crossing, turning
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Motion, State
+from nonlinear.verification.modes import check
+from nonlinear.verification.tables import check_table
 from tests.motion_scenes import motion_scene, random_state
 
 TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="needs the extra `taylor`")

@@ -11,9 +11,9 @@ import pytest
 from random_scenes import random_scene
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load, natural_modes
-from modal.balls import flint
-from modal.certified import Enclosure, _decimal, _problems, enclosures
 from modal.errors import MissingExtraError
+from modal.exact.balls import flint
+from modal.exact.enclosures import Enclosure, _decimal, _problems, enclosures
 
 pytest.importorskip("flint")
 

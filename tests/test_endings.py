@@ -17,15 +17,15 @@ import sweep_measures as own
 from test_sweeps import SCRIPT
 
 from modal import SceneError, load
-from modal.files import whole_file
-from modal.variations import parsed
+from modal.scene.files import whole_file
+from modal.scene.parameters import parsed
 from multipendula.cli import main
-from nonlinear.animation import animate
-from nonlinear.interrupts import undisturbed
-from nonlinear.journals import journal
-from nonlinear.measure import Asked
+from nonlinear.dynamics.interrupts import undisturbed
+from nonlinear.plotting.animation import animate
 from nonlinear.simulation import simulate
-from nonlinear.studies import Study
+from nonlinear.sweeps.checkpoint import journal
+from nonlinear.sweeps.measure import Asked
+from nonlinear.sweeps.study import Study
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 COMMAND = [sys.executable, "-m", "multipendula"]
@@ -167,7 +167,7 @@ def test_an_interrupt_that_a_library_swallows_is_one_all_the_same(
         except KeyboardInterrupt:
             raise ImportError("numpy._core.multiarray failed to import") from None
 
-    monkeypatch.setattr("modal.files.load", loses)
+    monkeypatch.setattr("modal.scene.files.load", loses)
     assert main(["table", "chain-1"]) == 130
     assert capsys.readouterr().err == "multipendula: interrupted\n"
 

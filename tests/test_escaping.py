@@ -18,27 +18,31 @@ from xml.etree import ElementTree as ET
 import pytest
 from matplotlib.figure import Figure
 
-from modal import SceneError, escaping, load, natural_modes, tables
-from modal.coupling import explained
-from modal.coupling_words import words
+from modal import SceneError, load, natural_modes
+from modal.coupling.analysis import explained
+from modal.coupling.coupling_words import words
 from modal.exports import format_named
-from modal.exports.discrete import sampled
 from modal.exports.fmu_description import description
 from modal.exports.json_ import read_json, write_json
-from modal.files import dumps
-from modal.scene import Scene, described, scene_from
-from modal.signals import Signal
-from modal.sliders import slide
-from modal.statespace import StateSpace, state_space
-from modal.typeset import typeset
-from modal.variations import parsed
+from modal.modes import table as tables
+from modal.plotting.sliders import slide
+from modal.report import escaping
+from modal.scene.files import dumps
+from modal.scene.model import Scene, described, scene_from
+from modal.scene.parameters import parsed
+from modal.statespace.model import StateSpace, state_space
+from modal.statespace.sampling import sampled
+from modal.statespace.signals import Signal
+from modal.symbolic.typeset import typeset
 from multipendula.cli import main
-from nonlinear import check_tables, recordings, sweep_files
-from nonlinear.measures import asked
+from nonlinear import files as recordings
 from nonlinear.simulation import simulate
-from nonlinear.studies import Row, Study
-from nonlinear.sweep_tables import sweep_text
-from nonlinear.sweeps import Sweep
+from nonlinear.sweeps import files as sweep_files
+from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.running import Sweep
+from nonlinear.sweeps.study import Row, Study
+from nonlinear.sweeps.sweep_tables import sweep_text
+from nonlinear.verification import tables as check_tables
 
 PWNED = 'coding: unicode_escape \\u000aimport os;os.system("touch PWNED") # x'
 ENDS = """x' " */ ]]> %} --> \\ #} </caption> "); system('touch PWNED') // ' ; end"""

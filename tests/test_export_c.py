@@ -16,15 +16,15 @@ from exported import DT, SCENES, assert_close, assert_matrices, assert_poles, he
 from numpy.typing import NDArray
 
 from modal import Bob, Pendulum, Scene, SceneError, load
-from modal.escaping import c_comment
 from modal.exports import FORMATS
 from modal.exports.c import write_c
 from modal.exports.c_text import c_matrix
 from modal.exports.control_ import to_control
-from modal.exports.discrete import sampled
-from modal.names import identifier
-from modal.signals import Signal
-from modal.statespace import StateSpace, state_space
+from modal.exports.identifiers import identifier
+from modal.report.escaping import c_comment
+from modal.statespace.model import StateSpace, state_space
+from modal.statespace.sampling import sampled
+from modal.statespace.signals import Signal
 
 STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic")
 CPP = ("c++", "g++", "clang++")

@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 from modal import SceneError, load, natural_modes
 from modal.exports import FORMATS, fmu
 from modal.exports.control_ import to_control
-from modal.exports.discrete import reach, sampled
 from modal.exports.fmu_description import variables
-from modal.names import identifier
-from modal.statespace import StateSpace, state_space
+from modal.exports.identifiers import identifier
+from modal.statespace.model import StateSpace, state_space
+from modal.statespace.sampling import reach, sampled
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 needs_a_compiler = pytest.mark.skipif(fmu.compiler() is None, reason="no C compiler for 64-bit Linux is installed")
@@ -329,7 +329,7 @@ def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) 
 def test_units_outside_the_grammar_are_left_out() -> None:
     """Modal coordinates have units with roots, which neither Modelica nor FMI can write."""
     from modal.exports.modelica import write_modelica
-    from modal.reduction import truncated
+    from modal.statespace.reduction import truncated
 
     scene = load("crane-hook")
     model = truncated(natural_modes(scene), state_space(scene), 1)

@@ -34,14 +34,14 @@ from exported import (
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
 from modal.exports import FORMATS, format_named
 from modal.exports.control_ import to_control
-from modal.exports.discrete import METHODS, reach, sampled
+from modal.exports.identifiers import LONGEST, identifier, identifiers
 from modal.exports.json_ import read_json, write_json
 from modal.exports.mat import write_mat
 from modal.exports.npz import read_npz, write_npz
 from modal.exports.scipy_ import to_scipy
-from modal.names import LONGEST, identifier, identifiers
-from modal.signals import Signal
-from modal.statespace import StateSpace, state_space
+from modal.statespace.model import StateSpace, state_space
+from modal.statespace.sampling import METHODS, reach, sampled
+from modal.statespace.signals import Signal
 
 BOTH = pytest.mark.parametrize("dt", [0.0, DT], ids=["continuous", "discrete"])
 EVERY_SCENE = pytest.mark.parametrize("scene", SCENES)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from nonlinear.agreement import agreement
-from nonlinear.averaged import averaged
-from nonlinear.configurations import Configuration, configurations
+from nonlinear.averaging.equations import averaged
+from nonlinear.averaging.equilibria import Configuration, configurations
 from nonlinear.simulation import simulate
-from nonlinear.state import State
-from nonlinear.survival import survival
+from nonlinear.synchronization.modal_energy import survival
+from nonlinear.synchronization.patterns import agreement
+from nonlinear.system.state import State
 
 WITHIN = 6e-4  # 1/s
 

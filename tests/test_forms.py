@@ -9,9 +9,9 @@ import pytest
 from motion_scenes import motion_scene
 
 from modal import Scene
+from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.starts import released
-from nonlinear.trajectory import Trajectory
+from nonlinear.system.initial import released
 
 TIMES = np.linspace(0, 10, 21)
 

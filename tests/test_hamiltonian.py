@@ -8,10 +8,10 @@ from plane_scenes import blowing, minimal, plane_scene, random_state
 from test_identities import centres
 from test_maximal import final
 
-from modal.scene import Cart, Scene
-from nonlinear.hamiltonian import Hamiltonian, hamiltonian, momenta, velocities
-from nonlinear.plant import Plant, plant_of
-from nonlinear.state import State
+from modal.scene.model import Cart, Scene
+from nonlinear.dynamics.hamiltonian import Hamiltonian, hamiltonian, momenta, velocities
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import State
 
 SEEDS = range(60)
 STEP = 1e-30

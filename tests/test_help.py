@@ -16,8 +16,8 @@ import pytest
 from modal import shipped
 from multipendula import completion
 from multipendula.cli import _parser, main
-from multipendula.examples import EXAMPLES, FIRST
-from multipendula.pages import WIDTH, shown
+from multipendula.commands.examples import EXAMPLES, FIRST
+from multipendula.parser import WIDTH, shown
 from multipendula.topics import TELLS, TOPICS
 
 PAGES = next(action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)).choices
@@ -176,12 +176,12 @@ print(*sys.modules)"""
 
 
 def test_the_words_are_those_of_the_packages() -> None:
-    from modal.derivation import SECTIONS
     from modal.exports import FORMATS
-    from modal.signals import INPUTS, OUTPUTS
-    from modal.symbolic import SYMBOLIC
-    from nonlinear.measures import MEASURES
-    from nonlinear.methods import FORMS, METHODS
+    from modal.statespace.signals import INPUTS, OUTPUTS
+    from modal.symbolic.derivation import SECTIONS
+    from modal.symbolic.system import SYMBOLIC
+    from nonlinear.integration.methods import FORMS, METHODS
+    from nonlinear.sweeps.measures import MEASURES
 
     lists, words = completion.LISTS, completion.WORDS
     assert completion.shipped() == shipped()

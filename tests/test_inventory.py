@@ -13,12 +13,13 @@ import pytest
 from modal import Bob, Cart, Fixed, Pendulum, Scene, natural_modes
 from modal.errors import ComputationError
 from multipendula.cli import main
-from nonlinear import Push, recordings, released, simulate
-from nonlinear.inventory import inventory
-from nonlinear.modal_coordinates import start_in_mode
+from nonlinear import Push, released, simulate
+from nonlinear import files as recordings
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing.inventory import inventory
+from nonlinear.reduction.modal_coordinates import start_in_mode
+from nonlinear.reduction.truncation import truncated
 from nonlinear.simulation import advise
-from nonlinear.trajectory import Trajectory
-from nonlinear.truncation import truncated
 
 
 def scene_of(

@@ -24,11 +24,11 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.loci import Loci, loci
-from modal.loci_figures import draw_loci, encounter_words
-from modal.places import varied
-from modal.tracks import followed, overlaps, solved
-from modal.variations import parsed
+from modal.loci.following import Loci, loci
+from modal.loci.tracking import followed, overlaps, solved
+from modal.plotting.loci import draw_loci, encounter_words
+from modal.scene.parameters import parsed
+from modal.scene.places import varied
 
 LENGTH = "pendulum[0].links[0].length"
 G = 9.81

@@ -12,18 +12,18 @@ from random_scenes import random_scene
 from scipy.integrate import solve_ivp
 
 from modal.errors import SceneError
-from modal.modes import natural_modes
-from modal.scene import Bob, Cart, Pendulum, Rod, Scene, Start
-from nonlinear.chaos_claims import study, text, verdicts
-from nonlinear.chaos_figures import draw_finding, draw_running
-from nonlinear.chaos_studies import Case, Finding, Study, level_starts, measure
-from nonlinear.lyapunov import Exponent, lyapunov_exponent
-from nonlinear.mechanics import Mechanics
-from nonlinear.minimal import Minimal
-from nonlinear.plant import plant_of
-from nonlinear.short import Dense
-from nonlinear.state import State
-from nonlinear.tangent import Tangent
+from modal.modes.modes import natural_modes
+from modal.scene.model import Bob, Cart, Pendulum, Rod, Scene, Start
+from nonlinear.chaos.claims import study, text, verdicts
+from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
+from nonlinear.chaos.studies import Case, Finding, Study, level_starts, measure
+from nonlinear.chaos.tangent import Tangent
+from nonlinear.dynamics.mechanics import Mechanics
+from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.short import Dense
+from nonlinear.plotting.chaos import draw_finding, draw_running
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import State
 
 G = 9.81
 

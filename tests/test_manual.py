@@ -16,8 +16,8 @@ import pytest
 
 import modal
 import nonlinear
-from modal.drives import Escapement, VanDerPol
-from modal.scene import Bob, Body, Cart, Pendulum, Rod, Scene, Start
+from modal.scene.drives import Escapement, VanDerPol
+from modal.scene.model import Bob, Body, Cart, Pendulum, Rod, Scene, Start
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"

@@ -12,13 +12,13 @@ from scipy.integrate import solve_ivp
 from test_identities import centres
 
 from modal.errors import ComputationError
-from modal.papers import cart_dae as dae
-from modal.papers.cart import Y, g, links, m_c
-from modal.scene import Bob, Cart, Pendulum, Rod, Scene
-from nonlinear import saddle
-from nonlinear.maximal import Maximal
-from nonlinear.plant import Plant, plant_of
-from nonlinear.state import State, System
+from modal.scene.model import Bob, Cart, Pendulum, Rod, Scene
+from modal.symbolic.papers import cart_dae as dae
+from modal.symbolic.papers.cart import Y, g, links, m_c
+from nonlinear.dynamics import saddle
+from nonlinear.dynamics.maximal import Maximal
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import State, System
 
 SEEDS = range(60)
 

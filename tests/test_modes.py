@@ -24,9 +24,9 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.damped import Dampers, damped
-from modal.modes import Modes
-from modal.statespace import state_space
+from modal.eigen.quadratic import Dampers, damped
+from modal.modes.modes import Modes
+from modal.statespace.model import state_space
 from nonlinear import simulate
 
 
@@ -286,7 +286,7 @@ def test_light_damping_of_one_pendulum() -> None:
 
 def test_unstable_modes_are_recognised() -> None:
     """λ² + 0.2 λ − 1 = 0 grows, and decays a little faster; words for an oscillation that grows are there too."""
-    from modal.families import FIXED, family
+    from modal.modes.labels import FIXED, family
 
     dampers = Dampers(np.array([0.2]), np.array([-1]))
     found = damped(np.eye(1), -np.eye(1), np.ones(1), dampers, free=False)

@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from multipendula import checks, motions, runs
 from multipendula.cli import main
-from nonlinear import recordings
+from multipendula.commands import motion as motions
+from multipendula.commands import runs
+from multipendula.commands import verification as checks
+from nonlinear import files as recordings
 
 
 def run(*words: str) -> int:

@@ -9,19 +9,19 @@ import pytest
 from numpy.typing import NDArray
 
 from modal import Bob, Cart, Pendulum, Scene, load, matrices, natural_modes, shipped
-from modal.coupling import explained
-from modal.coupling_words import words
-from modal.gains import modal_gains
-from modal.loci import loci
-from modal.loci_tables import loci_csv, loci_text
-from modal.numbering import lettered, table_numbers
-from modal.statespace import state_space
-from modal.variations import parsed
-from nonlinear.check import check
-from nonlinear.measures import asked
-from nonlinear.studies import Study
-from nonlinear.sweep_tables import sweep_text
-from nonlinear.sweeps import sweep
+from modal.coupling.analysis import explained
+from modal.coupling.coupling_words import words
+from modal.loci.following import loci
+from modal.loci.loci_tables import loci_csv, loci_text
+from modal.modes.numbering import lettered, table_numbers
+from modal.scene.parameters import parsed
+from modal.statespace.gains import modal_gains
+from modal.statespace.model import state_space
+from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.running import sweep
+from nonlinear.sweeps.study import Study
+from nonlinear.sweeps.sweep_tables import sweep_text
+from nonlinear.verification.modes import check
 
 STEPS = 400
 DRIVEN = ("huygens", "metronomes", "clocks-double")

@@ -10,10 +10,10 @@ import sympy as sp
 from sympy.calculus.euler import euler_equations
 from sympy.polys.matrices import DomainMatrix
 
-from modal.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
-from modal.papers import Equation, residual
-from modal.papers import cart as paper
-from modal.papers import cart_dae as dae
+from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
+from modal.symbolic.papers import Equation, residual
+from modal.symbolic.papers import cart as paper
+from modal.symbolic.papers import cart_dae as dae
 
 State = dict[Any, Any]
 SEEDS = range(4)

@@ -9,10 +9,9 @@ import pytest
 import sympy as sp
 from test_paper_cart import at, rational, rational_state
 
-from modal import catalogue
-from modal.lagrange import lagrange_equations, time_derivative
 from modal.pair import first_moments, inertia_matrix
-from modal.papers import planar, residual
+from modal.symbolic.lagrange import lagrange_equations, time_derivative
+from modal.symbolic.papers import catalogue, planar, residual
 
 LITERAL = {
     4: [[4, 3, 2, 1], [3, 3, 2, 1], [2, 2, 2, 1], [1, 1, 1, 1]],

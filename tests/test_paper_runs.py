@@ -10,10 +10,10 @@ import pytest
 
 import modal
 from modal import natural_modes
-from modal.rig import Floats
+from modal.types import Floats
 from nonlinear.simulation import simulate
-from nonlinear.starts import released
-from nonlinear.state import State
+from nonlinear.system.initial import released
+from nonlinear.system.state import State
 
 TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="an hour needs the extra `taylor`")
 

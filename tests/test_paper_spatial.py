@@ -10,10 +10,10 @@ import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 from test_paper_cart import at, rational_state
 
-from modal.lagrange import lagrange_equations, time_derivative
-from modal.papers import Equation
-from modal.papers import spatial as paper
-from modal.papers import spatial_azimuth as azimuth
+from modal.symbolic.lagrange import lagrange_equations, time_derivative
+from modal.symbolic.papers import Equation
+from modal.symbolic.papers import spatial as paper
+from modal.symbolic.papers import spatial_azimuth as azimuth
 
 State = dict[Any, Any]
 SEEDS = range(3)

@@ -17,8 +17,8 @@ from scipy.optimize import root
 from test_amplitude import chains
 
 from modal import Bob, Body, Cart, Pendulum, Rod, Scene, natural_modes
-from modal.mode import Mode
-from modal.rig import Floats
+from modal.modes.mode import Mode
+from modal.types import Floats
 
 KEPT, STEP = 0.03, 0.07
 """What a printed angle without a star is right to, and the largest step along the orbits (rad)."""

@@ -19,43 +19,43 @@ from seen import LEAST, contrast, flaws
 
 import modal
 from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
-from modal.coupling import Coupling, explained
-from modal.coupling_figures import coupling_figure
-from modal.dress import headline, key
-from modal.drives import VanDerPol
-from modal.figures import shapes_figure
-from modal.loci import Loci, loci
-from modal.loci_figures import loci_figure
-from modal.modal_form import ModalForm, modal_form
-from modal.modes import Modes
-from modal.palette import HUES, QUIET, colour, ink, muted, paper, shade, thickness
-from modal.pictures import in_both_themes, save, sheet, theme
-from modal.response_figures import bode_figure, impulse_figure
-from modal.scene import Start
-from modal.statespace import state_space
-from modal.variations import parsed
+from modal.coupling.analysis import Coupling, explained
+from modal.loci.following import Loci, loci
+from modal.modes.modes import Modes
+from modal.plotting.coupling_figures import coupling_figure
+from modal.plotting.layout import headline, key
+from modal.plotting.loci import loci_figure
+from modal.plotting.palette import HUES, QUIET, colour, ink, muted, paper, shade, thickness
+from modal.plotting.response import bode_figure, impulse_figure
+from modal.plotting.shapes import shapes_figure
+from modal.plotting.style import in_both_themes, save, sheet, theme
+from modal.scene.drives import VanDerPol
+from modal.scene.model import Start
+from modal.scene.parameters import parsed
+from modal.statespace.modal_form import ModalForm, modal_form
+from modal.statespace.model import state_space
 from multipendula.cli import main
-from nonlinear.branch_figures import branches_figure
-from nonlinear.branches import branches
-from nonlinear.chaos_claims import study
-from nonlinear.chaos_figures import exponent_figure, finding_figure
-from nonlinear.chaos_studies import Finding
-from nonlinear.check import check
-from nonlinear.check_figures import check_figure, spectrum_figure
-from nonlinear.compare import Comparison, compare
-from nonlinear.figures import run_figure
-from nonlinear.film import Film
-from nonlinear.ladder import ladder
-from nonlinear.lyapunov import Exponent, lyapunov_exponent
-from nonlinear.phases import phases_of
+from nonlinear.accuracy.candidates import ladder
+from nonlinear.accuracy.work_precision import tradeoff
+from nonlinear.chaos.claims import study
+from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
+from nonlinear.chaos.studies import Finding
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.plotting.branches import branches_figure
+from nonlinear.plotting.chaos import exponent_figure, finding_figure
+from nonlinear.plotting.film import Film
+from nonlinear.plotting.run import run_figure
+from nonlinear.plotting.sweeps import sweep_figure
+from nonlinear.plotting.synchronization import sync_figure
+from nonlinear.plotting.verification import check_figure, spectrum_figure
+from nonlinear.plotting.work_precision import tradeoff_figure
 from nonlinear.simulation import simulate
-from nonlinear.studies import Study
-from nonlinear.sweep_figures import sweep_figure
-from nonlinear.sweeps import Sweep, sweep
-from nonlinear.sync_figures import sync_figure
-from nonlinear.tradeoff import tradeoff
-from nonlinear.tradeoff_figures import tradeoff_figure
-from nonlinear.trajectory import Trajectory
+from nonlinear.sweeps.running import Sweep, sweep
+from nonlinear.sweeps.study import Study
+from nonlinear.synchronization.branches import branches
+from nonlinear.synchronization.phases import phases_of
+from nonlinear.verification.modes import check
+from nonlinear.verification.motion import Comparison, compare
 
 THEMES = ("light", "dark")
 LONG = "A crane of the northern harbour, its trolley on worn rails, two hooks of unequal weight and loads that lean $x_"
@@ -102,7 +102,7 @@ def form(scene: str | Scene, outputs: tuple[str, ...] = ()) -> ModalForm:
 
 @cache
 def swept(*vary: str, measures: tuple[str, ...] = ("frequencies", "beat")) -> Sweep:
-    from nonlinear.measures import asked
+    from nonlinear.sweeps.measures import asked
 
     return sweep(Study(modal.load("paper-cart-2"), parsed(list(vary)), asked(list(measures))), workers=1)
 

@@ -14,9 +14,9 @@ import pytest
 import sympy as sp
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes, pair
-from modal.isolation import above, isolated
-from modal.polynomial_roots import closed_forms, roots, symbolic
-from modal.polynomials import Factor, Polynomial, equal_bobs, exact, exact_links, of_scene
+from modal.exact.characteristic import Factor, Polynomial, equal_bobs, exact, exact_links, of_scene
+from modal.exact.roots import above, isolated
+from modal.symbolic.roots import closed_forms, roots, symbolic
 
 X = sp.Symbol("x")
 PAPER = {

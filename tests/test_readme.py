@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from modal import SceneError, natural_modes
-from modal.files import parse
+from modal.scene.files import parse
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
@@ -34,7 +34,7 @@ def test_the_message_it_quotes_is_the_real_one() -> None:
 
 
 def test_every_column_is_explained() -> None:
-    from modal.tables import COLUMNS
+    from modal.modes.table import COLUMNS
 
     manual = (Path(__file__).parent.parent / "docs" / "reference" / "columns.md").read_text(encoding="utf-8")
     explained = re.findall(r"\*\*(.*?)\*\*", manual)

@@ -13,14 +13,15 @@ from forged import forged
 import modal
 from modal import Scene, SceneError
 from modal.errors import ComputationError
-from modal.sealed import archive
-from nonlinear import recordings, summary
-from nonlinear.events import crossing
-from nonlinear.plant import plant_of
-from nonlinear.reactions import reactions
+from modal.report.sealed import archive
+from nonlinear import files as recordings
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing import summary
+from nonlinear.postprocessing.reaction_forces import reactions
 from nonlinear.simulation import resumed, simulate
-from nonlinear.state import Push
-from nonlinear.trajectory import Trajectory
+from nonlinear.system.events import crossing
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Push
 
 
 def short_run(name: str, **options: Any) -> Trajectory:

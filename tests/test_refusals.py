@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes
-from modal.coupling import explained
-from modal.coupling_words import words
+from modal.coupling.analysis import explained
+from modal.coupling.coupling_words import words
 from modal.errors import MOST_TOLD, MissingExtraError, MultipendulaError
-from modal.files import DEEPEST, parse
-from modal.statespace import state_space
-from modal.tables import table
+from modal.modes.table import table
+from modal.scene.files import DEEPEST, parse
+from modal.statespace.model import state_space
 from multipendula.cli import main
 
 GOOD = 'gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1.0, length = 1.0 }]\n'
@@ -48,7 +48,7 @@ def refused(capsys: pytest.CaptureFixture[str], code: int, *given: str) -> list[
 @pytest.mark.parametrize("key", ["a." * 20_000 + "a", "['a' ." + "a." * 20_000 + "a]\nx", '"a" . ' * 20_000 + "a"])
 def test_a_key_without_end_is_not_followed(key: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its parts cost time and memory by their square, 40 s and 1.6 GB for these: the parser never sees it."""
-    monkeypatch.setattr("modal.files.tomllib.loads", lambda text: pytest.fail("parsed"))
+    monkeypatch.setattr("modal.scene.files.tomllib.loads", lambda text: pytest.fail("parsed"))
     assert problems(f"{GOOD}{key} = 1") == [f"broken TOML: line 4: a key of over {DEEPEST} parts"]
     assert problems(f"x = {{ {key.splitlines()[0].strip('[]')} = 1 }}")[0].startswith("broken TOML: line 1: a key")
 

@@ -13,13 +13,13 @@ from matplotlib.figure import Figure
 
 import modal
 from modal import Bob, Cart, Pendulum, Scene
-from modal.dress import headline
 from modal.errors import ComputationError
-from nonlinear.figures import draw_run, run_figure
+from modal.plotting.layout import headline
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.plotting.run import draw_run, run_figure
+from nonlinear.postprocessing.spectra import power_spectrum
 from nonlinear.simulation import simulate
-from nonlinear.spectra import power_spectrum
-from nonlinear.starts import released
-from nonlinear.trajectory import Trajectory
+from nonlinear.system.initial import released
 
 
 def run(name: str, seconds: float = 8.0, **options: Any) -> Trajectory:

@@ -17,7 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, SceneError, Start, dump, dumps, load, shipped
-from modal.files import parse, schema, shipped_text, whole_file
+from modal.scene.files import parse, schema, shipped_text, whole_file
 
 GOOD = {"gravity": 9.81, "pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
 

@@ -11,7 +11,8 @@ import pytest
 from control_scenes import crane, mixed, of_control
 
 from modal import Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load, natural_modes
-from modal.shapers import (
+from modal.statespace.model import state_space
+from modal.statespace.shapers import (
     Shaper,
     Swing,
     insensitivity,
@@ -23,7 +24,6 @@ from modal.shapers import (
     swing_words,
     swings_of,
 )
-from modal.statespace import state_space
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

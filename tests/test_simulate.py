@@ -13,22 +13,22 @@ from scipy.special import ellipk
 
 import modal
 from modal import Bob, Cart, Pendulum, Rod, Scene, SceneError, Start
-from modal.lagrangian import lagrangian
-from modal.linear import matrices
-from modal.symbolic import of_scene
-from nonlinear.banded import Banded
-from nonlinear.events import Event, crossing, turning
-from nonlinear.maximal import Maximal
-from nonlinear.methods import Choice, body_of, choose, system_of
-from nonlinear.minimal import Recursion
-from nonlinear.plant import plant_of
-from nonlinear.preparation import SimulationError
-from nonlinear.reactions import reactions
-from nonlinear.short import Dense
+from modal.assembly.matrices import matrices
+from modal.symbolic.lagrangian import lagrangian
+from modal.symbolic.system import of_scene
+from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics.maximal import Maximal
+from nonlinear.dynamics.minimal import Recursion
+from nonlinear.dynamics.short import Dense
+from nonlinear.integration.methods import Choice, body_of, choose, system_of
+from nonlinear.integration.run import SimulationError
+from nonlinear.integration.timescales import timescales
+from nonlinear.postprocessing.reaction_forces import reactions
 from nonlinear.simulation import resumed, simulate
-from nonlinear.starts import released, start_of
-from nonlinear.state import Push, State, System
-from nonlinear.timescales import timescales
+from nonlinear.system.events import Event, crossing, turning
+from nonlinear.system.initial import released, start_of
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Push, State, System
 
 MINIMAL = Choice("minimal", "DOP853", compiled=False, reason="")
 

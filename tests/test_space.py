@@ -12,15 +12,16 @@ from random_scenes import random_link
 from scipy.integrate import solve_ivp
 
 from modal import pair
-from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
-from nonlinear import ball_joints, joints, minimal, spatial
-from nonlinear.directions import angles_of, directions, of_plane, velocities
-from nonlinear.minimal import Minimal
-from nonlinear.plant import plant_of
+from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
+from nonlinear.dynamics import joints, minimal, spatial
+from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.spatial import Spatial
+from nonlinear.dynamics.spatial_recursion import facing
 from nonlinear.simulation import simulate
-from nonlinear.space import facing
-from nonlinear.spatial import Spatial
-from nonlinear.state import Load, Push, State
+from nonlinear.system.directions import angles_of, directions, of_plane, velocities
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Load, Push, State
 
 EZ = np.array([0.0, 0.0, 1.0])
 

@@ -14,13 +14,14 @@ from random_scenes import random_link
 from scipy.linalg import eigh
 from test_modes import whole_basis
 
-from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes, routes
-from modal.audit import audit
-from modal.chain import count_and_mass as unsprung
-from modal.linear import assembled
-from modal.modes import Modes
-from modal.rig import rig_of
-from modal.sprung_chain import SprungProblem, count_and_mass
+from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
+from modal.assembly.arrays import rig_of
+from modal.assembly.matrices import assembled
+from modal.eigen import routes
+from modal.eigen.recursion import count_and_mass as unsprung
+from modal.eigen.sprung_chains import SprungProblem, count_and_mass
+from modal.modes.modes import Modes
+from modal.modes.solution_report import audit
 
 EVERY_DIGIT = 1e-15
 EXTREMES = (0.3, 3.0, 12.0)

@@ -11,9 +11,9 @@ import pytest
 import sweep_measures as own
 
 from modal import ComputationError, SceneError
-from multipendula.sweeps import sweep
-from nonlinear import sweep_files
-from nonlinear.measures import MEASURES
+from multipendula.commands.sweeps import sweep
+from nonlinear.sweeps import files as sweep_files
+from nonlinear.sweeps.measures import MEASURES
 
 
 def options(*places: str, **given: Any) -> Namespace:

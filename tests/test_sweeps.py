@@ -21,18 +21,18 @@ from forged import forged
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneError, load, matrices, natural_modes
 from modal.errors import MissingExtraError
-from modal.places import places, varied, written
-from modal.scene import Start
-from modal.variations import MOST_VALUES, Variation, insist, parsed
-from nonlinear import sweep_files
-from nonlinear.cluster import cluster
-from nonlinear.journals import journal
-from nonlinear.measure import Asked, Measure
-from nonlinear.measures import MEASURES, asked
+from modal.scene.model import Start
+from modal.scene.parameters import MOST_VALUES, Variation, insist, parsed
+from modal.scene.places import places, varied, written
+from nonlinear.plotting.sweeps import draw_sweep, label, sweep_figure
 from nonlinear.simulation import simulate
-from nonlinear.studies import MOST_POINTS, Row, Study
-from nonlinear.sweep_figures import draw_sweep, label, sweep_figure
-from nonlinear.sweeps import DIED, Sweep, sweep
+from nonlinear.sweeps import files as sweep_files
+from nonlinear.sweeps.checkpoint import journal
+from nonlinear.sweeps.cluster import cluster
+from nonlinear.sweeps.measure import Asked, Measure
+from nonlinear.sweeps.measures import MEASURES, asked
+from nonlinear.sweeps.running import DIED, Sweep, sweep
+from nonlinear.sweeps.study import MOST_POINTS, Row, Study
 
 PAPER = load("paper-cart-2")
 G = 9.81
@@ -405,11 +405,11 @@ SCRIPT = """
 import sys
 import sweep_measures as own
 from modal import load
-from modal.variations import parsed
-from nonlinear.journals import journal
-from nonlinear.measure import Asked
-from nonlinear.studies import Study
-from nonlinear.sweeps import sweep
+from modal.scene.parameters import parsed
+from nonlinear.sweeps.checkpoint import journal
+from nonlinear.sweeps.measure import Asked
+from nonlinear.sweeps.study import Study
+from nonlinear.sweeps.running import sweep
 
 if __name__ == "__main__":
     study = Study(load("paper-cart-2"), parsed(["support.mass=1:400:400"]), (Asked(own.SLOW, 0.05),))

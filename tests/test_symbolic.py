@@ -9,13 +9,14 @@ import pytest
 import scipy.linalg
 import sympy as sp
 
-from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes, symbolic
-from modal.derivation import derivation
-from modal.lagrange import coordinate
-from modal.lagrangian import lagrangian, vanishes
-from modal.polynomial_roots import symbolic as symbolic_polynomial
-from modal.polynomials import of_scene
-from modal.symbolic import System, cart, chain
+from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
+from modal.exact.characteristic import of_scene
+from modal.symbolic import system as symbolic
+from modal.symbolic.derivation import derivation
+from modal.symbolic.lagrange import coordinate
+from modal.symbolic.lagrangian import lagrangian, vanishes
+from modal.symbolic.roots import symbolic as symbolic_polynomial
+from modal.symbolic.system import System, cart, chain
 
 
 def decimal(rng: random.Random) -> float:
@@ -100,7 +101,7 @@ def symbols_of(system: System) -> list[tuple[sp.Symbol, sp.Symbol]]:
 
 def accelerated(vector: sp.Matrix, coordinates: tuple) -> sp.Matrix:
     """u'' by the chain rule."""
-    from modal.lagrange import time_derivative
+    from modal.symbolic.lagrange import time_derivative
 
     rate = vector.applyfunc(lambda f: time_derivative(f, coordinates))
     return rate.applyfunc(lambda f: time_derivative(f, coordinates))

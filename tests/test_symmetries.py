@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from motion_scenes import motion_scene
 
-from modal.scene import Bob, Cart, Pendulum, Scene, Start
+from modal.scene.model import Bob, Cart, Pendulum, Scene, Start
 from nonlinear import Push, State, crossing, load, released, resumed, save, simulate
-from nonlinear.methods import Choice, system_of
-from nonlinear.plant import plant_of
-from nonlinear.reactions import reactions
-from nonlinear.starts import start_of
-from nonlinear.symmetries import symmetries
+from nonlinear.dynamics.symmetries import symmetries
+from nonlinear.integration.methods import Choice, system_of
+from nonlinear.postprocessing.reaction_forces import reactions
+from nonlinear.system.initial import start_of
+from nonlinear.system.plant import plant_of
 
 
 def doubled(seed: int) -> Scene:

@@ -15,21 +15,21 @@ from PIL import Image
 
 from modal import load
 from modal.errors import ComputationError
-from modal.numbering import table_numbers
-from modal.places import varied
-from modal.scene import Scene, scene_from
+from modal.modes.numbering import table_numbers
+from modal.scene.model import Scene, scene_from
+from modal.scene.places import varied
 from multipendula.cli import main
-from nonlinear.agreement import agreement, own_amplitudes
-from nonlinear.averaged import averaged
-from nonlinear.configurations import Configuration, configurations
-from nonlinear.phases import phases_of
-from nonlinear.prediction import predicted
+from nonlinear.averaging.equations import averaged
+from nonlinear.averaging.equilibria import Configuration, configurations
+from nonlinear.averaging.prediction import predicted
+from nonlinear.plotting.strobe import APART, SECONDS, strobed
 from nonlinear.simulation import simulate
-from nonlinear.starts import released
-from nonlinear.strobe import APART, SECONDS, strobed
-from nonlinear.sync_records import records
-from nonlinear.sync_words import sync_text
-from nonlinear.synchrony import MOST, Synchrony, synchrony, usual_duration
+from nonlinear.synchronization.patterns import agreement, own_amplitudes
+from nonlinear.synchronization.phases import phases_of
+from nonlinear.synchronization.report import sync_text
+from nonlinear.synchronization.study import MOST, Synchrony, synchrony, usual_duration
+from nonlinear.synchronization.sync_records import records
+from nonlinear.system.initial import released
 
 VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}

@@ -16,25 +16,26 @@ from motion_scenes import motion_scene, random_state
 
 import modal
 from modal import Bob, Cart, Fixed, Pendulum, Scene
-from modal.drives import VanDerPol
+from modal.assembly.arrays import rig_of
+from modal.coupling.fixed_base import own_modes
 from modal.errors import ComputationError
-from modal.own_modes import own_modes
-from modal.rig import rig_of
-from modal.scene import Start
-from nonlinear import run_measures, sync_figures
-from nonlinear.measure import Asked
-from nonlinear.mechanics import Mechanics
-from nonlinear.modal_coordinates import modal_motion, start_in_mode
-from nonlinear.phases import Phases, phases_of
-from nonlinear.plant import plant_of
+from modal.scene.drives import VanDerPol
+from modal.scene.model import Start
+from nonlinear.dynamics.mechanics import Mechanics
+from nonlinear.integration.trajectory import Run, Trajectory
+from nonlinear.plotting import synchronization as sync_figures
+from nonlinear.plotting.synchronization import draw_sync, sync_figure
+from nonlinear.postprocessing.averages import last, smoothed
+from nonlinear.reduction.modal_coordinates import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
-from nonlinear.smoothing import last, smoothed
-from nonlinear.starts import released
-from nonlinear.state import Motion
-from nonlinear.survival import survival
-from nonlinear.sync_figures import draw_sync, sync_figure
-from nonlinear.sync_measures import SYNC, locking, order, pendulum_energy, survivor
-from nonlinear.trajectory import Run, Trajectory
+from nonlinear.sweeps import run_measures
+from nonlinear.sweeps.measure import Asked
+from nonlinear.sweeps.sync_measures import SYNC, locking, order, pendulum_energy, survivor
+from nonlinear.synchronization.modal_energy import survival
+from nonlinear.synchronization.phases import Phases, phases_of
+from nonlinear.system.initial import released
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Motion
 
 PAPER = modal.load("paper-cart-2")
 DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
@@ -434,7 +435,7 @@ def test_the_picture_shows_what_was_measured() -> None:
 
 
 def test_crowds_are_drawn_as_bands_and_what_cannot_be_told_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.survival.MOST", 20)
+    monkeypatch.setattr("nonlinear.synchronization.modal_energy.MOST", 20)
     scene = bobs(*np.linspace(0.9, 1.1, 30))
     run = simulate(scene, 20.0, start=released(scene, np.linspace(1, 9, 30).tolist()))
     figure = sync_figure(run, phases_of(run))

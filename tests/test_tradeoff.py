@@ -15,21 +15,21 @@ from motion_scenes import motion_scene
 from scipy.linalg import expm
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
-from nonlinear import tradeoff as module
-from nonlinear.directions import of_plane
-from nonlinear.ladder import GivenUpError, Question, Rung, ladder
-from nonlinear.modal_coordinates import deflection, rest_angles, start_in_mode
-from nonlinear.plant import plant_of
-from nonlinear.references import Reference, reference_of
+from nonlinear.accuracy import work_precision as module
+from nonlinear.accuracy.candidates import GivenUpError, Question, Rung, ladder
+from nonlinear.accuracy.references import Reference, reference_of
+from nonlinear.accuracy.tables import tradeoff_table
+from nonlinear.accuracy.work_precision import Row, Tradeoff, late, tradeoff
+from nonlinear.integration.twins import aside, slightly
+from nonlinear.plotting.work_precision import draw_tradeoff
+from nonlinear.reduction.modal_coordinates import deflection, rest_angles, start_in_mode
+from nonlinear.reduction.superposition import CORRECTED, LINEAR, superposed
+from nonlinear.reduction.two_planes import joined, split
 from nonlinear.simulation import simulate
-from nonlinear.starts import start_of
-from nonlinear.state import Motion, State, apart
-from nonlinear.superposition import CORRECTED, LINEAR, superposed
-from nonlinear.tradeoff import Row, Tradeoff, late, tradeoff
-from nonlinear.tradeoff_figures import draw_tradeoff
-from nonlinear.tradeoff_tables import tradeoff_table
-from nonlinear.twins import aside, slightly
-from nonlinear.two_planes import joined, split
+from nonlinear.system.directions import of_plane
+from nonlinear.system.initial import start_of
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import Motion, State, apart
 
 PAPER = load("paper-cart-2")
 MODES = natural_modes(PAPER)
@@ -188,7 +188,7 @@ def test_a_regular_run_is_compared_whole() -> None:
 
 def test_references_that_disagree_at_once_judge_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = Rung("minimal", "DOP853", 1e-12), Rung("minimal", "RK23", 1e-3)
-    monkeypatch.setattr("nonlinear.references.references", lambda scene: pair)
+    monkeypatch.setattr("nonlinear.accuracy.references.references", lambda scene: pair)
     with pytest.raises(ComputationError, match="disagree from"):
         reference_of(Question(PAPER, start_of(PAPER), np.linspace(0.0, 2.0, 11)))
 
@@ -239,7 +239,7 @@ def test_a_reference_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPa
 def test_a_run_that_plainly_takes_too_long_is_given_up_soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a clock that goes on by 1 s at every look, a fifth of the patience is over at the fifth step."""
     clock = count()
-    monkeypatch.setattr("nonlinear.ladder.perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: float(next(clock)))
     far, near = (Question(PAPER, in_mode(1, 5.0), np.linspace(0.0, end, 11), patience=20.0) for end in (1e4, 0.1))
     with pytest.raises(GivenUpError, match=r"given up after 5 s, at .* s of the motion"):
         Rung("minimal", "RK45", 1e-6).prepare(far)()

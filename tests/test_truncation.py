@@ -11,14 +11,14 @@ from plane_scenes import blowing, minimal, plane_scene, random_state
 from test_hamiltonian import dense_M, vectors
 
 from modal.errors import SceneError
-from modal.modes import natural_modes
-from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.modal_coordinates import start_in_mode
-from nonlinear.plant import plant_of
+from modal.modes.modes import natural_modes
+from modal.scene.model import Bob, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear.reduction.modal_coordinates import start_in_mode
+from nonlinear.reduction.truncated import Truncated
+from nonlinear.reduction.truncation import Kept, Survey, surveyed, truncated
 from nonlinear.simulation import simulate
-from nonlinear.state import State
-from nonlinear.truncated import Truncated
-from nonlinear.truncation import Kept, Survey, surveyed, truncated
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import State
 
 
 def chain(seed: int, links: int, support: Fixed | Cart | None = None) -> Scene:

@@ -10,15 +10,15 @@ import pytest
 from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from multipendula.cli import main
 from nonlinear import Push, SimulationError, State, plant_of, released, simulate
-from nonlinear.advice_tables import advice_table
-from nonlinear.directions import of_plane
-from nonlinear.preparation import Request
+from nonlinear.accuracy.advice_tables import advice_table
+from nonlinear.dynamics.symmetries import exactly_symmetric
+from nonlinear.integration.run import Request
+from nonlinear.integration.twins import ASIDE, GONE, aside, departure, rounded
+from nonlinear.postprocessing.summary import text
 from nonlinear.simulation import advise, certain
-from nonlinear.starts import rests_unstably
-from nonlinear.state import apart
-from nonlinear.summary import text
-from nonlinear.symmetries import exactly_symmetric
-from nonlinear.twins import ASIDE, GONE, aside, departure, rounded
+from nonlinear.system.directions import of_plane
+from nonlinear.system.initial import rests_unstably
+from nonlinear.system.state import apart
 
 ROD = Rod(mass=1.0, length=1.0)
 PAIR = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=[Pendulum(links=[ROD, ROD], count=2)])
@@ -139,7 +139,7 @@ def test_what_leaves_the_plane_of_the_rail_is_told() -> None:
 
 
 def test_a_stiff_twin_is_followed_for_a_while_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.twins.STEPS", 20)
+    monkeypatch.setattr("nonlinear.integration.twins.STEPS", 20)
     found = departure(simulate(PAIR, 12.0, start=LEVEL))
     assert found is not None
     assert 0.0 < found.seconds < 3.0

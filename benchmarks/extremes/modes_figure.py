@@ -10,8 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from modes_families import FAMILIES, SHOWN
 
-from modal.palette import colour, muted
-from modal.pictures import in_both_themes, sheet
+from modal.plotting.palette import colour, muted
+from modal.plotting.style import in_both_themes, sheet
 
 SOLVERS = {
     "ours": ("multipendula", 0, "o"),

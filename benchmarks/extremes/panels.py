@@ -10,8 +10,8 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.palette import colour, muted, paper
-from modal.pictures import in_both_themes, sheet
+from modal.plotting.palette import colour, muted, paper
+from modal.plotting.style import in_both_themes, sheet
 
 PANELS = {
     "links of a chain": "links of a chain",

@@ -25,8 +25,8 @@ import units
 
 from modal.errors import ComputationError
 from nonlinear import simulate
+from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import SimulationError
-from nonlinear.trajectory import Trajectory
 
 DOCS = Path(__file__).parent.parent.parent / "docs"
 PATIENCE, QUICK_PATIENCE = 4.0, 1.0  # seconds that a rival may take

@@ -14,13 +14,15 @@ from modal import load as load_scene
 from modal.errors import MultipendulaError
 from modal.exports.json_ import read_json, write_json
 from modal.exports.npz import read_npz, write_npz
-from modal.statespace import state_space
-from modal.variations import parsed
-from nonlinear import recordings, simulate, sweep_files
-from nonlinear.journals import journal
-from nonlinear.measures import asked
-from nonlinear.studies import Study
-from nonlinear.sweeps import Sweep, sweep
+from modal.scene.parameters import parsed
+from modal.statespace.model import state_space
+from nonlinear import files as recordings
+from nonlinear import simulate
+from nonlinear.sweeps import files as sweep_files
+from nonlinear.sweeps.checkpoint import journal
+from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.running import Sweep, sweep
+from nonlinear.sweeps.study import Study
 
 DURATION, SAMPLES = 0.5, 20
 REFUSED, SAME = "refused", "same"

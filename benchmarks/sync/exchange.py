@@ -18,11 +18,11 @@ import math
 import numpy as np
 
 from modal import Fixed, load, matrices, natural_modes
-from modal.rig import Floats
+from modal.types import Floats
+from nonlinear.integration.taylor import available
+from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.starts import released
-from nonlinear.taylor import available
-from nonlinear.trajectory import Trajectory
+from nonlinear.system.initial import released
 
 FAMILIES = ("slow", "fast")
 WINDOW_S = 6.0  # over which shares are averaged: some swings of the slow family, little of an exchange

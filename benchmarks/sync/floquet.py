@@ -23,11 +23,11 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from modal import Bob, Body, Cart, Pendulum, Scene
-from modal.drives import Escapement, VanDerPol
-from modal.rig import Complexes, Floats
-from nonlinear.agreement import agreement
-from nonlinear.averaged import averaged
-from nonlinear.configurations import Configuration, configurations
+from modal.scene.drives import Escapement, VanDerPol
+from modal.types import Complexes, Floats
+from nonlinear.averaging.equations import averaged
+from nonlinear.averaging.equilibria import Configuration, configurations
+from nonlinear.synchronization.patterns import agreement
 
 G = 9.81
 TOLERANCE, DONE, NEWTON = 1e-12, 1e-11, 12

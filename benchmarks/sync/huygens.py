@@ -28,9 +28,9 @@ from typing import Literal
 import numpy as np
 
 from modal import Cart, Scene, load
-from modal.drives import Escapement
+from modal.scene.drives import Escapement
 from nonlinear.simulation import simulate
-from nonlinear.starts import released
+from nonlinear.system.initial import released
 
 Outcome = Literal["antiphase", "in phase", "one stops", "both stop", "unsettled"]
 SECONDS, LATE = 300.0, 30.0

@@ -22,14 +22,14 @@ import numpy as np
 from scipy.linalg import eigh
 
 from modal import Cart, Scene, load, matrices
-from modal.rig import Floats
-from modal.variations import parsed
-from nonlinear.averaged import averaged
-from nonlinear.branch_tables import branches_text
-from nonlinear.branches import branches
-from nonlinear.configurations import configurations
+from modal.scene.parameters import parsed
+from modal.types import Floats
+from nonlinear.averaging.equations import averaged
+from nonlinear.averaging.equilibria import configurations
 from nonlinear.simulation import simulate
-from nonlinear.state import State
+from nonlinear.synchronization.branch_tables import branches_text
+from nonlinear.synchronization.branches import branches
+from nonlinear.system.state import State
 
 NAMES = ("slow, beam still", "slow, beam moves", "fast, beam still", "fast, beam moves")
 SECONDS, LATE, TOP_DEG, ASIDE = 400.0, 20.0, 8.0, 0.05

@@ -33,12 +33,12 @@ import numpy as np
 from scipy.optimize import brentq
 
 from modal import Body, Cart, Pendulum, Scene, Start
-from modal.drives import VanDerPol
-from modal.rig import Floats
-from nonlinear.events import crossing
-from nonlinear.plant import plant_of
+from modal.scene.drives import VanDerPol
+from modal.types import Floats
 from nonlinear.simulation import simulate
-from nonlinear.state import State
+from nonlinear.system.events import crossing
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import State
 
 G, MASS, CENTRE, INERTIA = 9.81, 0.022, 0.012, 4.5e-6
 MOMENT = INERTIA + MASS * CENTRE**2

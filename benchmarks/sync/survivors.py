@@ -6,7 +6,8 @@ Random scenes of two to six equal pendula of one or two links on one cart, light
 spring, kept going by van der Pol torques or escapements, released at random angles; no constant of the code was fitted
 to them.  Each is predicted by the averaged equations and then simulated as a whole at a tolerance of 1e-8, for one and
 a half times the predicted locking time and 50 periods.  Who survives and since when is read off the run by
-`nonlinear.survival`.  A scene that would take more than LONGEST periods is predicted but not judged.
+`nonlinear.synchronization.modal_energy`.  A scene that would take more than LONGEST periods is predicted but not
+judged.
 """
 
 from __future__ import annotations
@@ -24,10 +25,10 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene import Scene, scene_from
-from nonlinear.prediction import Prediction, predicted
+from modal.scene.model import Scene, scene_from
+from nonlinear.averaging.prediction import Prediction, predicted
 from nonlinear.simulation import simulate
-from nonlinear.survival import Survival, survival
+from nonlinear.synchronization.modal_energy import Survival, survival
 
 SCENES, QUICK, FIRST = 150, 6, 900_000
 TOLERANCE, LONGER, MORE, LONGEST, SAMPLES = 1e-8, 1.5, 50, 1200, 12  # the last three in periods, samples a period

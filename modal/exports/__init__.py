@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any, NamedTuple
 
 from modal.errors import SceneError, meant
-from modal.statespace import StateSpace
+from modal.statespace.model import StateSpace
 
 
 class Format(NamedTuple):

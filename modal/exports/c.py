@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from modal.errors import SceneError
-from modal.escaping import c_comment
 from modal.exports.c_text import c_matrix
+from modal.exports.identifiers import identifier, identifiers
 from modal.exports.text import heading, joined, matrices, meaning, preamble
-from modal.names import identifier, identifiers
-from modal.signals import Signal
-from modal.statespace import StateSpace
+from modal.report.escaping import c_comment
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
 
 STEP = """\
 /* y from the present z and u, then z one step on; y is none of z and u */

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from modal.exports.text import digits
-from modal.rig import Floats
+from modal.types import Floats
 
 NUMBERS_A_LINE = 5
 LONG_ROW, MOSTLY = 8, 0.75

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import control  # type: ignore[import-untyped]
 
+from modal.exports.identifiers import identifier
 from modal.exports.text import heading
-from modal.names import identifier
-from modal.statespace import StateSpace
+from modal.statespace.model import StateSpace
 
 
 def to_control(model: StateSpace) -> control.StateSpace:

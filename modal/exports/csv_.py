@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from modal.escaping import csv_rows
 from modal.exports.text import matrices
-from modal.statespace import StateSpace
+from modal.report.escaping import csv_rows
+from modal.statespace.model import StateSpace
 
 HEADER = ("matrix", "row", "row_name", "row_unit", "column", "column_name", "column_unit", "value")
 

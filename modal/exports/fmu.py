@@ -18,13 +18,13 @@ from tempfile import TemporaryDirectory
 from uuid import NAMESPACE_URL, uuid5
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from modal.escaping import c_comment
 from modal.exports.c_text import c_matrix, hexadecimal
-from modal.exports.discrete import reach, sampled
 from modal.exports.fmu_description import description
+from modal.exports.identifiers import identifier
 from modal.exports.text import heading, joined
-from modal.names import identifier
-from modal.statespace import StateSpace
+from modal.report.escaping import c_comment
+from modal.statespace.model import StateSpace
+from modal.statespace.sampling import reach, sampled
 
 DEFAULT_STEP = 0.01
 COMPILERS = ("cc", "gcc", "clang")

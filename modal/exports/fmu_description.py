@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from typing import NamedTuple
 from xml.etree import ElementTree as ET
 
-from modal.escaping import one_line
+from modal.exports.identifiers import identifier, identifiers
 from modal.exports.modelica import unit
 from modal.exports.text import heading, law, rest
-from modal.names import identifier, identifiers
-from modal.signals import Signal
-from modal.statespace import StateSpace
+from modal.report.escaping import one_line
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
 
 UNITS = {
     "m": {"m": 1},

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from modal.exports.text import digits, matrices
-from modal.rig import Floats
-from modal.sealed import Source, content, finite, insist_keys, insist_sealed_text, reading, sealed_text
-from modal.signals import Signal
-from modal.statespace import StateSpace
+from modal.report.sealed import Source, content, finite, insist_keys, insist_sealed_text, reading, sealed_text
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
+from modal.types import Floats
 
 KINDS = ("states", "inputs", "outputs")
 SHAPES = {"A": ("states", "states"), "B": ("states", "inputs"), "C": ("outputs", "states"), "D": ("outputs", "inputs")}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from modal.escaping import matlab_text
 from modal.exports.text import digits, joined, matrices, meaning, preamble
-from modal.rig import Floats
-from modal.signals import Signal
-from modal.statespace import StateSpace
+from modal.report.escaping import matlab_text
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
+from modal.types import Floats
 
 BUILD = """\
 if exist('OCTAVE_VERSION', 'builtin')

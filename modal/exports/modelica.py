@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from modal.escaping import modelica_text
+from modal.exports.identifiers import identifier, identifiers
 from modal.exports.text import digits, heading, joined, matrices, rest
-from modal.names import identifier, identifiers
-from modal.rig import Floats
-from modal.signals import Signal
-from modal.statespace import StateSpace
+from modal.report.escaping import modelica_text
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
+from modal.types import Floats
 
 KEYWORDS = """
     algorithm and annotation assert block break class connect connector constant constrainedby der discrete each else

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from modal.escaping import python_text
+from modal.exports.identifiers import identifier
 from modal.exports.text import digits, heading, joined, matrices, meaning, rest
-from modal.names import identifier
-from modal.rig import Floats
-from modal.signals import Signal
-from modal.statespace import StateSpace
+from modal.report.escaping import python_text
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
+from modal.types import Floats
 
 FIRST = (
     "# -*- coding: utf-8 -*-",

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from modal.escaping import one_line
-from modal.rig import Floats
-from modal.signals import Signal
-from modal.statespace import StateSpace
+from modal.report.escaping import one_line
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
+from modal.types import Floats
 
 UNTITLED = "Pendula"
 

@@ -1,0 +1,9 @@
+"""A scene as arrays, and the matrices M, K and D about its equilibrium.
+
+In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and `Matrices`, written out in full.
+
+    M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
+
+Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `matrices` is the dense
+form for printing, for small problems and for tests.
+"""

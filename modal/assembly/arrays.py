@@ -1,0 +1,200 @@
+"""A scene as arrays: pendula with bitwise equal links are one column with a count.
+
+Pendula are sorted into blocks by their number of links n; a block of P different chains holds (n, P) arrays.
+The natural units of a rig are powers of two next to its largest mass and length, with g = 1, so that rescaling
+a scene (grams, tonnes) changes nothing but the last rounding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+from math import frexp, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from modal import pair
+from modal.scene.model import Cart, Pendulum, Scene, insist_scene
+from modal.types import Floats, Ints
+
+ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """P different chains of n links: arrays of shape (n, P), top link first; `count` (P,) copies of each.
+
+    `sigma` is 1 where a link points down at rest and −1 where it points up.
+    """
+
+    mass: Floats
+    length: Floats
+    centre: Floats
+    inertia: Floats
+    damping: Floats
+    stiffness: Floats
+    sigma: Floats
+    count: Ints
+
+    @property
+    def n(self) -> int:
+        """Links in each chain."""
+        return int(self.mass.shape[0])
+
+    @property
+    def size(self) -> int:
+        """Number of different chains."""
+        return int(self.mass.shape[1])
+
+    @cached_property
+    def b(self) -> Floats:
+        """First moments b, shape (n, P)."""
+        return np.array(pair.first_moments(self.mass, self.length, self.centre))
+
+    @cached_property
+    def diagonal(self) -> Floats:
+        """The diagonal of A, shape (n, P)."""
+        return np.array(pair.second_moments(self.mass, self.length, self.centre, self.inertia))
+
+    @cached_property
+    def constants(self) -> list[pair.Constants]:
+        """The recursion's constants of every link at g = 1, each an array of shape (P,)."""
+        return pair.constants(self.mass, self.length, self.centre, self.inertia)
+
+    def take(self, columns: Ints) -> Block:
+        """The chains in these columns, once each."""
+        arrays = {name: getattr(self, name)[:, columns] for name in ARRAYS}
+        return Block(**arrays, count=np.ones(len(columns), dtype=np.int64))
+
+    def heavier(self, factor: Floats | Ints) -> Block:
+        """Chain p with factor[p] times the mass, dampers and springs: that many equal copies moving as one."""
+        extensive = ("mass", "inertia", "damping", "stiffness")
+        return replace(self, **{name: getattr(self, name) * factor for name in extensive})
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """How many kg, m and m/s² one natural unit is."""
+
+    mass: float
+    length: float
+    gravity: float
+
+    @property
+    def rate(self) -> float:
+        """rad/s in one natural unit of angular frequency, sqrt(g/L)."""
+        return sqrt(self.gravity / self.length)
+
+
+class CartNumbers(NamedTuple):
+    """A cart's mass (kg), damper (N s/m) and spring (N/m) to the ground."""
+
+    mass: float
+    damping: float
+    stiffness: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rig:
+    """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and who hangs where.
+
+    `members` follows the file: (block, column, copies) for every pendulum entry.
+    """
+
+    gravity: float
+    blocks: tuple[Block, ...]
+    members: tuple[tuple[int, int, int], ...]
+    cart: CartNumbers | None
+    spatial: bool
+
+    @cached_property
+    def total_mass(self) -> float:
+        """Everything that hangs, and the cart (kg)."""
+        hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
+        return hanging + (self.cart.mass if self.cart else 0.0)
+
+    @cached_property
+    def n_kinds(self) -> int:
+        """Number of different chains."""
+        return sum(block.size for block in self.blocks)
+
+    @cached_property
+    def names(self) -> dict[tuple[int, int], str]:
+        """Every kind (block, column), block by block, by the first of its pendula, copies counted out from 1."""
+        found: dict[tuple[int, int], tuple[int, int]] = {}
+        passed = 0
+        for block, column, count in self.members:
+            first, copies = found.get((block, column), (passed + 1, 0))
+            found[block, column] = first, copies + count
+            passed += count
+        return {
+            kind: f"pendulum {first}" if copies == 1 else f"the {copies} equal to pendulum {first}"
+            for kind, (first, copies) in sorted(found.items())
+        }
+
+    def natural(self) -> tuple[Rig, Units]:
+        """The same rig in its natural units, and what those are in SI units."""
+        heaviest = max(float(block.mass.max()) for block in self.blocks)
+        longest = max(float(block.length.max()) for block in self.blocks)
+        units = Units(2.0 ** frexp(heaviest)[1], 2.0 ** frexp(longest)[1], self.gravity)
+        moment = units.mass * units.length**2
+        spring = units.mass * units.gravity
+        blocks = tuple(
+            replace(
+                block,
+                mass=block.mass / units.mass,
+                length=block.length / units.length,
+                centre=block.centre / units.length,
+                inertia=block.inertia / moment,
+                damping=block.damping / (moment * units.rate),
+                stiffness=block.stiffness / (spring * units.length),
+            )
+            for block in self.blocks
+        )
+        cart = self.cart and CartNumbers(
+            mass=self.cart.mass / units.mass,
+            damping=self.cart.damping / (units.mass * units.rate),
+            stiffness=self.cart.stiffness / (spring / units.length),
+        )
+        return replace(self, gravity=1.0, blocks=blocks, cart=cart), units
+
+
+def rig_of(scene: Scene) -> Rig:
+    """The arrays of a scene, in SI units; SceneError for what is none."""
+    insist_scene(scene)
+    deep = sorted(range(len(scene.pendulum)), key=lambda index: scene.pendulum[index].n_links)
+    members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
+    blocks: list[Block] = []
+    for _, group in groupby(deep, key=lambda index: scene.pendulum[index].n_links):
+        indices = list(group)
+        block, columns = _block([scene.pendulum[index] for index in indices])
+        for index, column in zip(indices, columns, strict=True):
+            members[index] = (len(blocks), int(column), scene.pendulum[index].count)
+        blocks.append(block)
+    support = scene.support
+    cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
+    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space")
+
+
+def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
+    table = np.array([_parameters(pendulum) for pendulum in pendula]) + 0.0
+    rows = np.ascontiguousarray(table).view(f"V{table.itemsize * table.shape[1]}").ravel()
+    _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
+    place = np.argsort(np.argsort(first))
+    columns = place[inverse]
+    different = table[np.sort(first)]
+    count = np.bincount(columns, weights=[pendulum.count for pendulum in pendula]).astype(np.int64)
+    arrays = np.ascontiguousarray(different.reshape(len(different), -1, len(ARRAYS)).transpose(2, 1, 0))
+    return Block(**dict(zip(ARRAYS, arrays, strict=True)), count=count), columns
+
+
+def _parameters(pendulum: Pendulum) -> list[float]:
+    links = (link for link in pendulum.links for _ in range(link.count))
+    return [
+        value
+        for link, way in zip(links, pendulum.ways, strict=True)
+        for value in (*(getattr(link, name) for name in ARRAYS[:-1]), 1.0 if way == "down" else -1.0)
+    ]

@@ -1,0 +1,106 @@
+"""M, K and D about a scene's rest, written out: for printing, for small dense problems and for oracles.
+
+    M = [[M_tot, σ_i b_i], [σ_i b_i, σ_i σ_j A_ij]],   K = diag(k_c, g σ_i b_i) + torsion springs,
+    D = diag(c_c, 0) + joint dampers
+
+over the coordinates x (on a cart), then the absolute angle of every link from its rest, pendulum by pendulum, top to
+bottom; σ_i is 1 for a link that hangs and −1 for one that stands.  A spring or damper at a joint acts on the
+difference of two neighbouring angles, the spring being relaxed at the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from modal import pair
+from modal.assembly.arrays import Block, CartNumbers, Rig, rig_of
+from modal.errors import ComputationError
+from modal.scene.model import Scene, insist_scene
+from modal.types import Floats
+
+LARGEST_DENSE = 4000
+Columns = list[tuple[Block, int]]
+
+
+@dataclass(frozen=True, eq=False)
+class Matrices:
+    """Symmetric M, K and D of one plane, with the name of each coordinate (units: m for x, rad for angles)."""
+
+    M: Floats
+    K: Floats
+    D: Floats
+    labels: tuple[str, ...]
+
+
+def matrices(scene: Scene) -> Matrices:
+    """M (kg, kg m, kg m²), K and D of the whole scene, in SI units.
+
+    In space these describe the motion along the rail; across it a cart is a fixed support.
+    Raises ComputationError beyond LARGEST_DENSE coordinates.
+    """
+    size = insist_scene(scene).n_links + (scene.support.kind == "cart")
+    if size > LARGEST_DENSE:
+        raise ComputationError(
+            f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are written out"
+        )
+    rig = rig_of(scene)
+    columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
+    M, K = assembled(columns, rig.cart, rig.gravity)
+    return Matrices(M, K, dampers(columns, rig.cart), coordinate_labels(rig))
+
+
+def coordinate_labels(rig: Rig) -> tuple[str, ...]:
+    """`x`, then `theta[pendulum,link]`, both counted from 1 with copies counted out."""
+    links = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
+    angles = [f"theta[{p},{i}]" for p, n in enumerate(links, 1) for i in range(1, n + 1)]
+    return (*(["x"] if rig.cart else []), *angles)
+
+
+def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
+    """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
+    M, K = _zeros(columns, cart), _zeros(columns, cart)
+    for block, column, own in _placed(columns, cart):
+        geometry = (block.mass, block.length, block.centre, block.inertia)
+        sigma = block.sigma[:, column]
+        M[own, own] = pair.inertia_matrix(*(values[:, column].tolist() for values in geometry))
+        M[own, own] *= np.outer(sigma, sigma)
+        K[own, own] = np.diag(gravity * sigma * block.b[:, column]) + _on_joints(block.stiffness[:, column])
+        if cart:
+            M[0, own] = M[own, 0] = sigma * block.b[:, column]
+            M[0, 0] += block.mass[:, column].sum()
+    if cart:
+        M[0, 0] += cart.mass
+        K[0, 0] = cart.stiffness
+    return M, K
+
+
+def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
+    """D of the same."""
+    D = _zeros(columns, cart)
+    for block, column, own in _placed(columns, cart):
+        D[own, own] = _on_joints(block.damping[:, column])
+    if cart:
+        D[0, 0] = cart.damping
+    return D
+
+
+def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:
+    size = (1 if cart else 0) + sum(block.n for block, _ in columns)
+    return np.zeros((size, size))
+
+
+def _placed(columns: Columns, cart: CartNumbers | None) -> Iterator[tuple[Block, int, slice]]:
+    """Every pendulum with the places of its angles."""
+    at = 1 if cart else 0
+    for block, column in columns:
+        yield block, column, slice(at, at + block.n)
+        at += block.n
+
+
+def _on_joints(strength: Floats) -> Floats:
+    """Σ s_i (θ_i − θ_{i−1})²/2 as a tridiagonal matrix, with θ_0 = 0 at the support."""
+    relative = np.eye(len(strength)) - np.eye(len(strength), k=-1)
+    return relative.T @ (strength[:, None] * relative)

@@ -1,0 +1,280 @@
+"""How the cart couples the pendula: families of modes, their splitting and beats, and both limits of the cart's mass.
+
+Pendula whose modes agree in the fixed-support frequency ω_r form family r: their combinations that do not push the cart
+stay at ω_r, and one more moves it, at a zero of the dynamic mass (`modal.coupling.dynamic_mass`),
+
+    Δω = ω_zero − ω_r,    beat period 2π/Δω.
+
+With m_r the dynamic mass at ω_r of all but the family itself and μ_r the family's modal effective mass, the coupling
+strength ε_r = μ_r/m_r gives Δω ≈ ½ ε_r ω_r to first order; for N equal simple pendula on a free cart of mass m_c it is
+N m/m_c, and ω_zero = ω_r √(1 + ε_r) is exact.  A heavy cart leaves every mode at its pole, a light one lets the zeros
+of m_dyn − m_c take over.  In space all of this is the motion along the rail; across it nothing is coupled.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import inf, sqrt
+
+import numpy as np
+
+from modal.assembly.arrays import Rig, rig_of
+from modal.coupling.damping import Damped, damped_modes
+from modal.coupling.dynamic_mass import DynamicMass
+from modal.coupling.exchange import STRONG, Exchange, Talk, exchange, talks
+from modal.coupling.feeding import strengths
+from modal.coupling.fixed_base import OwnModes, own_modes
+from modal.eigen.degenerate import clusters
+from modal.eigen.recursion import at_infinity
+from modal.errors import ComputationError
+from modal.modes.modes import natural_modes
+from modal.modes.numbering import MOST_COMPARED, lettered, table_numbers
+from modal.scene.model import Scene
+from modal.types import Floats, Ints
+
+MOST_POLES = 10_000
+MISSED = 1e-6
+"""How far the sum rule may be missed, relative."""
+FAR = 0.2
+"""Relative difference of first order from the splitting that only a change of m_r explains."""
+ROUGH = 0.02
+"""Relative difference of a splitting from that under a steady m_r, from which both are but a guide."""
+UNEVEN = 1e-3
+"""How far rates of decay within a family may differ, over its splitting and the largest."""
+STANDS = "the coupling is explained for pendula that hang: a link that stands up has no frequency of its own"
+
+
+@dataclass(frozen=True)
+class CartMode:
+    """A mode that moves the cart: `omega` (rad/s), and where it goes as the cart's mass does.
+
+    `light` is ω as m_c → 0, infinite where the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
+    the cart's velocity just after a push.  `family` counts from 0; None for the cart swinging on its own spring.
+    """
+
+    omega: float
+    participation: float
+    light: float
+    heavy: float
+    family: int | None
+
+
+@dataclass(frozen=True)
+class Family:
+    """Fixed-support modes of one frequency `omega` (rad/s): `members` are indices into `OwnModes`.
+
+    `fold` of them in all, so that fold − 1 combinations leave the cart still; `mass` is their modal effective mass
+    μ_r, `rest` the dynamic mass m_r of everything else at ω_r (kg), infinite on a fixed support.  `cart_mode` is the
+    index of the mode that moves the cart and `splitting` its Δω (rad/s); None where there is none.  `exchange` is what
+    becomes of the energy of one pendulum set swinging alone; None where there is only one, where first order does not
+    hold, and where the joints drain some of the pendula faster than others.
+    """
+
+    omega: float
+    members: tuple[int, ...]
+    fold: int
+    mass: float
+    rest: float
+    cart_mode: int | None
+    splitting: float | None
+    exchange: Exchange | None = None
+
+    @property
+    def strength(self) -> float:
+        """ε_r = μ_r/m_r, below 0 next above another pole or the cart's spring, infinite where nothing else resists."""
+        return self.mass / self.rest if self.rest else inf
+
+    @property
+    def first_order(self) -> float:
+        """Δω (rad/s) where m_r changes little from ω_r to the zero, ½ ε_r ω_r."""
+        return self.strength * self.omega / 2
+
+    @property
+    def is_first_order(self) -> bool:
+        """Whether the coupling is weak enough and m_r as good as constant from the pole to the zero."""
+        split = self.splitting or 0.0
+        return abs(self.strength) <= STRONG and abs(self.first_order - split) <= FAR * abs(split)
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether a near family takes a part: m_r changes from the pole to the zero, not too much for first order."""
+        steady, split = self.omega * (sqrt(max(0.0, 1 + self.strength)) - 1), self.splitting or 0.0
+        return abs(steady - split) > ROUGH * abs(split)
+
+    @property
+    def beat(self) -> float | None:
+        """2π/|Δω| (s), in which energy goes from one pendulum of the family to the others and back; None if not."""
+        return self.exchange.period if self.exchange and self.exchange.beats else None
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """How a scene's cart couples its pendula; on a fixed support nothing does, and `dynamic` has a cart of mass 0."""
+
+    scene: Scene
+    rig: Rig
+    own: OwnModes
+    pole: Ints
+    dynamic: DynamicMass
+
+    @property
+    def on_cart(self) -> bool:
+        """Whether there is a cart."""
+        return self.rig.cart is not None
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The kinds of pendula in words."""
+        return tuple(self.rig.names.values())
+
+    @cached_property
+    def families(self) -> tuple[Family, ...]:
+        """One for each distinct fixed-support frequency, ascending."""
+        fold = np.bincount(self.pole, weights=self.own.count).astype(int)
+        order = np.argsort(self.pole, kind="stable")
+        members = np.split(order, np.cumsum(np.bincount(self.pole))[:-1])
+        resting = self._rest()
+        moved = {mode.family: number for number, mode in enumerate(self.cart_modes) if mode.family is not None}
+        found = (
+            Family(
+                omega=float(omega),
+                members=tuple(members[r].tolist()),
+                fold=int(fold[r]),
+                mass=float(self.dynamic.mass[r]),
+                rest=float(resting[r]),
+                cart_mode=moved.get(r),
+                splitting=self.dynamic.zeros.above(moved[r], r + self._held) if r in moved else None,
+            )
+            for r, omega in enumerate(self.dynamic.omega)
+        )
+        return tuple(replace(family, exchange=self._exchange(family)) for family in found)
+
+    def _exchange(self, family: Family) -> Exchange | None:
+        """Two levels: one pendulum of the first kind, and what all others of the family do alike."""
+        members, own = list(family.members), self.own
+        rate = own.rate[members]
+        uneven = np.ptp(rate) > UNEVEN * (abs(family.splitting or 0.0) + rate.max())
+        if not (family.splitting and family.fold > 1 and family.is_first_order) or uneven:
+            return None
+        share = float(own.mass[members[0]]) / family.mass
+        drag = self.rig.cart.damping / family.omega if self.rig.cart else 0.0
+        moved = family.splitting * family.rest / (family.rest - 1j * drag)
+        lost = 1j * float(rate.mean())
+        found = exchange(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
+        return replace(found, beats=found.beats and lost.imag < family.omega)
+
+    @cached_property
+    def cart_modes(self) -> tuple[CartMode, ...]:
+        """The modes that move the cart, ascending, but for a free cart's rigid translation; none on a fixed support."""
+        if not self.on_cart:
+            return ()
+        zeros = self.dynamic.zeros
+        with np.errstate(divide="ignore"):
+            push = 1 / zeros.modal_mass
+        if not np.all(np.isfinite(push)):
+            raise ComputationError("the modes that move this cart are beyond double precision")
+        whole = float(push.sum()) + (0.0 if self._held else 1 / self.dynamic.at_rest)
+        light = self.dynamic.with_cart(0.0).zeros.omega.tolist()
+        heavy = np.sqrt(zeros.square).tolist()
+        own = int(push.argmax()) if self._held else -1
+        return tuple(
+            CartMode(
+                omega=float(omega),
+                participation=float(push[j]) / whole,
+                light=light[j] if j < len(light) else inf,
+                heavy=heavy[j],
+                family=None if j == own else j - (self._held and j > own),
+            )
+            for j, omega in enumerate(zeros.omega)
+        )
+
+    @cached_property
+    def talks(self) -> tuple[Talk, ...]:
+        """Pairs of modes of different pendula, those that share most energy first."""
+        return talks(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
+
+    @cached_property
+    def damped(self) -> tuple[Damped, ...]:
+        """What dampers and drives give each mode."""
+        return damped_modes(self.rig, strengths(self.scene, self.rig))
+
+    @cached_property
+    def _table(self) -> tuple[Floats, Ints] | None:
+        """ω of the modes without dampers and their numbers in the table; None where no table is to be had."""
+        if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
+            return None
+        try:
+            return natural_modes(self.scene.conservative).omega, table_numbers(self.scene)
+        except ComputationError:
+            return None
+
+    def number(self, omega: float) -> int | None:
+        """The number in the table of the mode of this frequency (rad/s) without dampers, None where it is not known."""
+        if self._table is None:
+            return None
+        known, numbers = self._table
+        return int(numbers[np.abs(known - omega).argmin()])
+
+    def residual(self) -> float:
+        """How far modal effective and residual masses miss the total mass, over it: two independent routes to it."""
+        hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.rig.blocks)
+        return abs(self.dynamic.residual + float(self.dynamic.mass.sum()) - hanging) / hanging
+
+    def swept(self, masses: Floats) -> Floats:
+        """ω (len(masses), Z) in rad/s of the modes that move the cart, under carts of these masses (kg) above 0."""
+        return np.array([self.dynamic.with_cart(float(mass)).zeros.omega for mass in masses])
+
+    @property
+    def _held(self) -> int:
+        """1 if a spring holds the cart, which adds a pole at 0."""
+        return int(self.dynamic.spring > 0)
+
+    def _rest(self) -> Floats:
+        """m_r (C,)."""
+        if not self.on_cart:
+            return np.full(len(self.dynamic.omega), np.inf)
+        omega, index = self.dynamic.omega, np.arange(len(self.dynamic.omega))
+        parts = np.array_split(index, 1 + len(omega) ** 2 // 1_000_000)
+        return np.concatenate([self.dynamic(omega[p], left_out=index == p[:, None]) for p in parts])
+
+
+def family_name(index: int) -> str:
+    """A, B, … of families from 0: numbers are for modes."""
+    return lettered(index).upper()
+
+
+def explained(scene: Scene) -> Coupling:
+    """What couples the pendula of a scene.
+
+    Raises ComputationError for links that stand up, beyond MOST_POLES distinct frequencies, and where double precision
+    misses the modal effective masses.
+    """
+    if scene.stands:
+        raise ComputationError(STANDS)
+    rig = rig_of(scene)
+    if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
+        raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
+    with np.errstate(all="ignore"):
+        own = own_modes(rig)
+        gathered = clusters((own.omega**2,))
+        pole = np.repeat(np.arange(len(gathered.first)), gathered.size)
+        dynamic = DynamicMass(
+            omega=own.omega[gathered.first],
+            mass=np.add.reduceat(own.mass * own.count, gathered.first),
+            cart=rig.cart.mass if rig.cart else 0.0,
+            residual=_residual(rig),
+            spring=rig.cart.stiffness if rig.cart else 0.0,
+        )
+        found = Coupling(scene, rig, own, pole, dynamic)
+        if not np.all(np.isfinite(own.rate**2)):
+            raise ComputationError("the rates at which joint dampers drain these modes are beyond double precision")
+    if not (missed := found.residual()) <= MISSED:
+        raise ComputationError(f"modal effective masses are beyond double precision: their sum is off by {missed:.1e}")
+    return found
+
+
+def _residual(rig: Rig) -> float:
+    """What inertia alone makes the pivots of all pendula feel (kg)."""
+    natural, units = rig.natural()
+    return units.mass * float(sum((at_infinity(block)[0] * block.count).sum() for block in natural.blocks))

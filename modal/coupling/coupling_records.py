@@ -1,0 +1,102 @@
+"""Every number of the coupling as plain mappings, units in the names."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from modal.coupling.analysis import CartMode, Coupling, Family, family_name
+from modal.coupling.damping import Damped
+from modal.coupling.exchange import Talk
+from modal.scene.model import described
+
+
+def records(coupling: Coupling) -> dict[str, Any]:
+    """What `json` writes; null where a number is infinite or has no meaning; modes have their numbers in the table."""
+    dynamic = coupling.dynamic
+    return {
+        "scene": described(coupling.scene),
+        "total_mass_kg": dynamic.at_rest if coupling.on_cart else None,
+        "cart_mass_kg": dynamic.cart if coupling.on_cart else None,
+        "residual_mass_kg": dynamic.residual,
+        "cart_stiffness_n_per_m": dynamic.spring,
+        "sum_rule_residual": coupling.residual(),
+        "families": [_family(coupling, *numbered) for numbered in enumerate(coupling.families)],
+        "cart_modes": [_cart_mode(coupling, mode) for mode in coupling.cart_modes],
+        "pairs": [_pair(coupling, talk) for talk in coupling.talks],
+        "damping": [_damped(coupling, mode) for mode in coupling.damped],
+    }
+
+
+def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
+    return {
+        "family": family_name(index),
+        "omega_cart_still_rad_per_s": family.omega,
+        "members": [_member(coupling, k) for k in family.members],
+        "fold": family.fold,
+        "modal_effective_mass_kg": family.mass,
+        "dynamic_mass_of_the_rest_kg": _finite(family.rest),
+        "coupling_strength": _finite(family.strength),
+        "cart_mode": None if family.cart_mode is None else coupling.number(coupling.cart_modes[family.cart_mode].omega),
+        "mode_cart_still": coupling.number(family.omega) if coupling.on_cart and family.fold > 1 else None,
+        "splitting_rad_per_s": family.splitting,
+        "beat_period_s": family.beat,
+        "energy_share_of_the_others": family.exchange.most if family.exchange else None,
+        "energy_left_after_a_beat": family.exchange.left if family.exchange and family.beat else None,
+    }
+
+
+def _member(coupling: Coupling, k: int) -> dict[str, Any]:
+    own = coupling.own
+    return {
+        "pendulum": coupling.names[own.kind[k]],
+        "mode_of_the_pendulum": int(own.number[k]),
+        "copies": int(own.count[k]),
+        "modal_effective_mass_of_one_kg": float(own.mass[k]),
+    }
+
+
+def _cart_mode(coupling: Coupling, mode: CartMode) -> dict[str, Any]:
+    return {
+        "mode": coupling.number(mode.omega),
+        "omega_rad_per_s": mode.omega,
+        "cart_participation": mode.participation,
+        "omega_massless_cart_rad_per_s": _finite(mode.light),
+        "omega_immense_cart_rad_per_s": mode.heavy,
+        "family": None if mode.family is None else family_name(mode.family),
+    }
+
+
+def _pair(coupling: Coupling, talk: Talk) -> dict[str, Any]:
+    return {
+        "first": _member(coupling, talk.first),
+        "second": _member(coupling, talk.second),
+        "detuning_rad_per_s": talk.detuning,
+        "coupling_rad_per_s": talk.coupling,
+        "dynamic_mass_between_kg": _finite(talk.cart_mass),
+        "energy_share": talk.share if talk.alone else None,
+        "beat_period_s": _finite(talk.period) if talk.alone and talk.exchange.beats else None,
+        "energy_left_after_a_beat": talk.exchange.left if talk.alone and talk.exchange.beats else None,
+    }
+
+
+def _damped(coupling: Coupling, mode: Damped) -> dict[str, Any]:
+    return {
+        "mode": coupling.number(mode.omega),
+        "omega_rad_per_s": mode.omega,
+        "fold": mode.fold,
+        "cart_still": mode.still,
+        "pendulum": mode.kind,
+        "rate_from_cart_per_s": mode.from_cart,
+        "rate_from_joints_per_s": mode.from_joints,
+        "rate_fed_by_drives_per_s": mode.from_drives,
+        "damping_ratio_first_order": mode.ratio,
+        "exact_rate_per_s": None if mode.exact is None else mode.decay,
+        "exact_omega_rad_per_s": None if mode.exact is None else abs(mode.exact),
+        "drive_gain_per_kg_m2": mode.fed,
+        "drive_threshold_n_m_s_per_rad": _finite(mode.threshold),
+    }
+
+
+def _finite(value: float) -> float | None:
+    return value if isfinite(value) else None

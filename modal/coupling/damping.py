@@ -1,0 +1,226 @@
+"""What dampers and drives give each mode of a scene, and which modes outlive the others.
+
+To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E, decays as exp(−σt) with
+
+    σ = φᵀDφ/2E = c_c φ_x²/2E + Σ d_i (θ_i − θ_{i−1})²/2E
+
+(Rayleigh, Theory of Sound, §102); modes of equal frequency turn until D is diagonal among them.  A drive that pushes
+every pendulum's top link with the torque e θ_1' gives back e F, F = Σ θ_1²/2E: in the linear scene a mode grows once e
+exceeds σ/F.  The van der Pol torques of the scene itself feed Σ e_i (θ_i − θ_{i−1})²/2E at rest.  Beside σ stands the
+eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import groupby, pairwise
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly.arrays import Rig
+from modal.coupling.fixed_base import conservative
+from modal.eigen.routes import Part
+from modal.eigen.spectrum import Spectrum, spectrum
+from modal.errors import ComputationError
+from modal.types import Floats
+
+Kind = tuple[int, int] | None
+CHUNK = 400_000
+
+
+@dataclass(frozen=True)
+class Damped:
+    """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
+
+    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart` and `from_joints` add up to σ,
+    `from_drives` is what the scene's own drives feed.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue (rad/s),
+    None where there is none to be had.
+    """
+
+    omega: float
+    fold: int
+    still: bool
+    kind: str | None
+    from_cart: float
+    from_joints: float
+    from_drives: float
+    fed: float
+    exact: complex | None
+
+    @property
+    def rate(self) -> float:
+        """σ (1/s) to first order."""
+        return self.from_cart + self.from_joints
+
+    @property
+    def decay(self) -> float:
+        """The rate of decay (1/s) of the damped scene itself, −Re λ, or σ where that is all there is."""
+        return self.rate if self.exact is None else -self.exact.real + 0.0
+
+    @property
+    def ratio(self) -> float:
+        """Damping ratio σ/ω to first order."""
+        return self.rate / self.omega
+
+    @property
+    def threshold(self) -> float:
+        """The drive e (N m s/rad) above which the mode grows, σ/F; infinite where the drive does not reach it."""
+        return self.rate / self.fed if self.fed else inf
+
+
+class _Mode(NamedTuple):
+    """One mode or several equal ones, in natural units: rates and feed of each vector (d,)."""
+
+    part: Part
+    omega: float
+    still: bool
+    cart: Floats
+    joints: Floats
+    drives: Floats
+    fed: Floats
+
+
+def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
+    """All modes of a rig in SI units that swing along the rail, ascending; all links hanging.
+
+    `strengths` are those of `modal.coupling.feeding`.
+    """
+    natural, units = replace(rig, spatial=False).natural()
+    names, moment = rig.names, units.mass * units.length**2
+    driven = tuple(strength / (moment * units.rate) for strength in strengths)
+    with np.errstate(all="ignore"):
+        modes = _modes(natural, spectrum(conservative(natural)), driven)
+        values = _exact(natural, modes)
+    return tuple(
+        Damped(
+            omega=mode.omega * units.rate,
+            fold=mode.part.along if len(mode.cart) == 1 else 1,
+            still=mode.still,
+            kind=names[mode.part.kind] if mode.part.kind else None,
+            from_cart=float(mode.cart[k]) * units.rate,
+            from_joints=float(mode.joints[k]) * units.rate,
+            from_drives=float(mode.drives[k]) * units.rate,
+            fed=float(mode.fed[k]) / moment,
+            exact=None if value is None else complex(value * units.rate),
+        )
+        for mode, found in zip(modes, values, strict=True)
+        for k, value in enumerate(found)
+    )
+
+
+class _Shapes(NamedTuple):
+    """Some rows of a source: cart and φᵀMφ (d,), angles (n, P, d) of each block."""
+
+    cart: Floats
+    modal_mass: Floats
+    angles: tuple[Floats, ...]
+
+
+def _modes(rig: Rig, found: Spectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
+    """Every mode that swings, ascending."""
+    swinging = [number for number, value in enumerate(found.eigenvalue) if value]
+    parts = [(number, part) for number in swinging for part in found.groups[number]]
+    parts.sort(key=lambda entry: (entry[1].source, entry[1].row))
+    modes = []
+    for source, members in groupby(parts, key=lambda entry: entry[1].source):
+        owned = list(members)
+        for (number, part), shapes in zip(owned, _shapes(rig, found, source, [part for _, part in owned]), strict=True):
+            modes.append((number, _mode(rig, part, float(abs(found.eigenvalue[number])), shapes, driven)))
+    return [mode for _, mode in sorted(modes, key=lambda entry: entry[0])]
+
+
+def _shapes(rig: Rig, found: Spectrum, source: int, parts: list[Part]) -> Iterator[_Shapes]:
+    """The rows of each of the parts of one source, computed a bounded amount of memory at a time."""
+    size = max(1, CHUNK // sum(block.mass.size for block in rig.blocks))
+    for start in range(0, len(parts), size):
+        rows = [
+            list(range(part.row, part.row + (1 if part.kind else part.along))) for part in parts[start : start + size]
+        ]
+        details = found.details(source, [row for own in rows for row in own])
+        ends = np.cumsum([len(own) for own in rows]).tolist()
+        for first, last in pairwise([0, *ends]):
+            here = slice(first, last)
+            angles = tuple(angle[..., here].real for angle in details.angles)
+            yield _Shapes(details.cart[here].real, details.modal_mass[here], angles)
+
+
+def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes, driven: tuple[Floats, ...]) -> _Mode:
+    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal."""
+    turns, damping, drive, top = _relative(rig, part, shapes, driven)
+    scale = 1 / np.sqrt(2 * shapes.modal_mass)
+    turns, cart = turns * scale, shapes.cart * scale
+    parts = (
+        np.outer(cart, cart) * (rig.cart.damping if rig.cart else 0.0),
+        (turns.T * damping) @ turns,
+        (turns.T * drive) @ turns,
+        (turns.T * top) @ turns,
+    )
+    vectors = np.linalg.eigh(parts[0] + parts[1])[1]
+    rates = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
+    return _Mode(part, omega, part.still or not shapes.cart.any(), *rates)
+
+
+def _relative(
+    rig: Rig, part: Part, shapes: _Shapes, driven: tuple[Floats, ...]
+) -> tuple[Floats, Floats, Floats, Floats]:
+    """Relative angles (J, d) at all joints that move, their dampers and drives (J,), and 1 for top joints, folded."""
+    if part.kind:
+        index, column = part.kind
+        block = rig.blocks[index]
+        own = np.diff(shapes.angles[0][:, 0], axis=0, prepend=0.0)
+        return own, block.damping[:, column], driven[index][:, column], _tops(block.n, np.ones(1))
+    turns = [np.diff(angle, axis=0, prepend=0.0).reshape(-1, angle.shape[-1]) for angle in shapes.angles]
+    damping = [(block.damping * block.count).ravel() for block in rig.blocks]
+    drive = [(strength * block.count).ravel() for strength, block in zip(driven, rig.blocks, strict=True)]
+    tops = [_tops(block.n, block.count.astype(np.float64)) for block in rig.blocks]
+    return np.concatenate(turns), np.concatenate(damping), np.concatenate(drive), np.concatenate(tops)
+
+
+def _tops(n: int, count: Floats) -> Floats:
+    return np.concatenate([count, np.zeros((n - 1) * len(count))])
+
+
+def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
+    """The damped eigenvalue of every vector: of the same pendula's, that which least misses λ² + 2σλ + ω² = 0."""
+    if not (rig.cart and rig.cart.damping) and not any(block.damping.any() for block in rig.blocks):
+        return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
+    unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
+    try:
+        found = spectrum(rig)
+    except ComputationError:
+        return unknown
+    values: dict[Kind, list[complex]] = {}
+    for value, group in zip(found.eigenvalue.tolist(), found.groups, strict=True):
+        for part in group if value else ():
+            values.setdefault(part.kind, []).extend([value] * (1 if part.kind else part.along))
+    wanted: dict[Kind, list[tuple[int, int]]] = {}
+    for m, mode in enumerate(modes):
+        wanted.setdefault(mode.part.kind, []).extend((m, k) for k in range(len(mode.cart)))
+    for kind, places in wanted.items():
+        first = [(modes[m].cart[k] + modes[m].joints[k], modes[m].omega) for m, k in places]
+        slow = _slow(np.array(values.get(kind, [])), len(places))
+        for (m, k), value in zip(places, _nearest(np.array(first), slow), strict=True):
+            unknown[m][k] = value
+    return unknown
+
+
+def _slow(values: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
+    """Those that swing and of those that creep the slowest, `count` in all: as its slow root a mode ends."""
+    order = np.argsort(np.where(values.imag != 0, -np.inf, -values.real), kind="stable")
+    return values[order[:count]]
+
+
+def _nearest(first: Floats, values: NDArray[np.complex128]) -> list[complex | None]:
+    """A value λ for each (σ, ω) of `first` (d, 2), none twice, those of smallest |λ + 2σ + ω²/λ| first."""
+    chosen: list[complex | None] = [None] * len(first)
+    distance = np.abs(values + 2 * first[:, :1] + (first[:, 1:] / values) * first[:, 1:])
+    free = np.ones(len(values), dtype=np.bool_)
+    for flat in np.argsort(distance, axis=None).tolist():
+        row, column = divmod(flat, len(values))
+        if chosen[row] is None and free[column]:
+            chosen[row], free[column] = complex(values[column]), False
+    return chosen

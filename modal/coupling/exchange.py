@@ -1,0 +1,164 @@
+"""Which pendula exchange energy through the cart: detuning against coupling, two modes at a time.
+
+Modes a and b of different pendula, of fixed-support frequencies ω_a, ω_b and modal effective masses μ_a, μ_b, share a
+cart that resists them with m, the dynamic mass of all else halfway between them.  To first order in μ/m their slow
+amplitudes obey i a' = H a with
+
+    H_aa = ω_a (1 + μ_a/2m),    H_ab = g = √(μ_a μ_b ω_a ω_b)/2m,    δ = H_aa − H_bb,
+
+so that of the energy given to one the other gets at most 4g²/(4g² + δ²), once in every 2π/√(4g² + δ²)
+(two coupled oscillators: Landau & Lifshitz, Mechanics, §23).  More than half passes over where |δ| < 2|g|.  All of
+this takes m for a constant: where it changes between ω_a and ω_b, something else takes part in the exchange.
+
+Dampers make H complex.  One of c_c on the cart adds c_c/iω to m, those of the joints add iσ_a to H_aa.  With
+Ω = √(g² + δ²/4) and h half the trace of H,
+
+    a = e^{iht} (cos Ωt + iδ/2 sin Ωt / Ω),    b = ig e^{iht} sin Ωt / Ω,
+
+the energy is on its way back after π/Re Ω; where Im Ω is larger than Re Ω it never comes back.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import combinations
+from math import isfinite, pi, sqrt
+
+import numpy as np
+
+from modal.coupling.dynamic_mass import DynamicMass
+from modal.coupling.fixed_base import OwnModes
+from modal.types import Booleans, Floats, Ints
+
+SAMPLES = 2001
+MOST_MODES = 40
+"""Modes up to which pairs say anything: among more, so many lie within reach of each other that no two are alone."""
+STRONG = 0.5
+"""Coupling strength μ/m from which first order says nothing."""
+STEADY = 0.2
+"""The share of m that may change over the frequencies of a pair that is alone."""
+
+
+@dataclass(frozen=True)
+class Exchange:
+    """What becomes of the energy given to one of two coupled amplitudes, as shares of it.
+
+    `most` is what the other ever holds; after `period` seconds, from one to the other and back, `left` is the most
+    that the first has again.  `beats` if any of it comes back: dampers can part the two before.  `lossless` without
+    dampers.
+    """
+
+    period: float
+    most: float
+    left: float
+    beats: bool
+    lossless: bool
+
+
+def exchange(first: complex, second: complex, coupling: complex) -> Exchange:
+    """Of the amplitudes a' = iHa, H = [[first, coupling], [coupling, second]] in rad/s."""
+    half, decay = np.complex128(first - second) / 2, (first.imag + second.imag) / 2
+    with np.errstate(all="ignore"):
+        turn = np.sqrt(np.complex128(coupling) ** 2 + half**2)
+        period = float(pi / abs(turn.real))
+        if not (first.imag or second.imag or coupling.imag):
+            most = float(abs(coupling / turn) ** 2) if turn else 0.0
+            return Exchange(period, most, 1.0, beats=isfinite(period), lossless=True)
+        rate = max(float(abs(turn)), decay)
+        early, late = np.linspace(0.0, min(period, 100 / rate), SAMPLES), np.geomspace(1e-3, 1e6, SAMPLES) / rate
+        other = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
+        left = float(max(_returned(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
+    return Exchange(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
+
+
+def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
+    """|e^{iht} sin Ωt / Ω|² at these times: every exponential by itself, none of them grows."""
+    grown = np.exp((1j * turn - decay) * times) - np.exp((-1j * turn - decay) * times)
+    return np.abs(grown / (2 * turn) if turn else times * np.exp(-decay * times)) ** 2
+
+
+def _returned(half: np.complex128, turn: np.complex128, decay: float, time: float) -> float:
+    """|a|² at a time."""
+    up, down = (np.exp((sign * 1j * turn - decay) * time) for sign in (1, -1))
+    return float(np.abs((up + down) / 2 + half * (up - down) / (2 * turn)) ** 2)
+
+
+@dataclass(frozen=True)
+class Talk:
+    """Modes `first` and `second`, indices into `OwnModes`, all copies of each kind swinging alike.
+
+    `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them, all without dampers, and `exchange`
+    what passes with them; `alone` if no other mode takes part and g is small enough for all this.
+    """
+
+    first: int
+    second: int
+    detuning: float
+    coupling: float
+    cart_mass: float
+    alone: bool
+    exchange: Exchange
+
+    @property
+    def period(self) -> float:
+        """Seconds from one pendulum to the other and back."""
+        return self.exchange.period
+
+    @property
+    def share(self) -> float:
+        """The most of one's energy that the other ever holds, 0 … 1."""
+        return self.exchange.most
+
+
+def talks(own: OwnModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0) -> tuple[Talk, ...]:
+    """Pairs of modes of different kinds, those that share most first.
+
+    `pole` (K,) is the pole that each mode stands in, `damping` (N s/m) the cart's.  A pair with nothing between them,
+    m = 0, is tied together, and left out: it does not exchange anything.  None of more than MOST_MODES modes.
+    """
+    places = range(len(own.omega)) if len(own.omega) <= MOST_MODES else ()
+    pairs = [(a, b) for a, b in combinations(places, 2) if own.kind[a] != own.kind[b]]
+    chosen = np.array(pairs, dtype=np.int64).reshape(-1, 2)
+    masses = _between(dynamic, pole[chosen])
+    alone = _alone(own, dynamic, pole, chosen, masses)
+    every = zip(pairs, masses.tolist(), alone.tolist(), strict=True)
+    found = [_talk(own, a, b, m, damping, alone=by_itself) for (a, b), m, by_itself in every if m]
+    return tuple(sorted(found, key=lambda talk: -talk.share))
+
+
+def _between(dynamic: DynamicMass, poles: Ints) -> Floats:
+    """M (pairs,) in kg: the dynamic mass without the two poles of each pair, halfway between them."""
+    return _without(dynamic, poles, np.sqrt(dynamic.omega[poles].prod(1)))
+
+
+def _without(dynamic: DynamicMass, poles: Ints, omega: Floats) -> Floats:
+    """The dynamic mass (pairs,) in kg without the two poles of each pair, at these frequencies (pairs,)."""
+    index = np.arange(len(dynamic.omega))
+    return dynamic(omega, left_out=(index == poles[:, :1]) | (index == poles[:, 1:]))
+
+
+def _alone(own: OwnModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
+    """Whether a pair has its poles for itself, is not coupled strongly, and m is steady over all frequencies of its."""
+    mass = (own.mass * own.count)[pairs]
+    omega, company = own.omega[pairs], np.bincount(pole)[pole[pairs]]
+    with np.errstate(all="ignore"):
+        shift = omega * mass / (2 * m[:, None])
+        middle, detuning = (omega + shift).mean(1), np.diff(omega + shift)[:, 0]
+        swing = np.hypot(detuning / 2, np.sqrt(np.abs(shift.prod(1))))
+        ends = np.column_stack((omega, middle - swing, middle + swing))
+        found = [_without(dynamic, pole[pairs], np.maximum(end, 0.0)) for end in (ends.min(1), ends.max(1))]
+        steady = np.all(np.abs(found - m) <= STEADY * np.abs(m), axis=0) & (mass.max(1) <= STRONG * np.abs(m))
+    alone: Booleans = np.isfinite(m) & steady & (company.sum(1) == np.where(np.ptp(pole[pairs], axis=1), 2, 4))
+    return alone
+
+
+def _talk(own: OwnModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> Talk:
+    """Pair (a, b) on a cart that resists with m and a damper."""
+    wa, wb = float(own.omega[a]), float(own.omega[b])
+    ma, mb = (float(own.mass[k] * own.count[k]) for k in (a, b))
+    detuning = (wa - wb) + (wa * ma - wb * mb) / (2 * m)
+    coupling, yielding = sqrt(ma * mb * wa * wb), 1 / (2 * m - 2j * damping / sqrt(wa * wb)) if isfinite(m) else 0.0
+    first, second = (w * (1 + mu * yielding) + 1j * float(own.rate[k]) for w, mu, k in ((wa, ma, a), (wb, mb, b)))
+    passed = exchange(first, second, coupling * yielding)
+    creeps = float(own.rate[a]) >= wa or float(own.rate[b]) >= wb
+    return Talk(a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not creeps))

@@ -1,0 +1,80 @@
+"""The modes that every pendulum has on a support that stands still, and how hard each pushes it.
+
+A mode φ of K φ = ω² A φ pushes the support with the momentum φᵀb; its modal effective mass
+
+    μ_r = (φ_rᵀ b)² / (φ_rᵀ A φ_r),        Σ_r μ_r + residual mass = mass of the pendulum,
+
+is what it adds to the mass that the support feels (Clough & Penzien, Dynamics of Structures, §26-4).  These are the
+modes of the conservative scene, along the rail; to first order the dampers of its joints drain each at
+σ = Σ d_i (φ_i − φ_{i−1})² / 2φᵀAφ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modal.assembly.arrays import Rig
+from modal.eigen.spectrum import spectrum
+from modal.types import Floats, Ints
+
+
+@dataclass(frozen=True, eq=False)
+class OwnModes:
+    """K fixed-support modes of single pendula, ascending, one entry for all copies of a kind; all (K,).
+
+    `omega` (rad/s), `mass` the modal effective mass of one copy (kg), `kind` the place of its kind in `Rig.names`,
+    `number` its place among the modes of that pendulum, from 1, `count` how many copies there are, `rate` σ (1/s).
+    """
+
+    omega: Floats
+    mass: Floats
+    kind: Ints
+    number: Ints
+    count: Ints
+    rate: Floats
+
+
+def conservative(rig: Rig) -> Rig:
+    """The same without dampers, in the plane of the rail."""
+    blocks = tuple(replace(block, damping=np.zeros_like(block.damping)) for block in rig.blocks)
+    return replace(rig, blocks=blocks, cart=rig.cart and rig.cart._replace(damping=0.0), spatial=False)
+
+
+def own_modes(rig: Rig) -> OwnModes:
+    """The fixed-support modes of every kind of pendulum of a rig in SI units, all of them hanging."""
+    natural, units = replace(conservative(rig), cart=None).natural()
+    found = spectrum(natural)
+    parts = [(number, part) for number, group in enumerate(found.groups) for part in group]
+    places = {kind: place for place, kind in enumerate(rig.names)}
+    kind = np.array([places[part.kind] for _, part in parts if part.kind])
+    source = np.array([part.source for _, part in parts])
+    row = np.array([part.row for _, part in parts])
+    mass, rate = np.empty((2, len(parts)))
+    moment = units.mass * units.length**2
+    for index in np.unique(source).tolist():
+        here = source == index
+        details = found.details(index, row[here].tolist())
+        mass[here] = details.effective_mass * units.mass
+        kinds = [part.kind for _, part in parts if part.kind and part.source == index]
+        damping = np.column_stack([rig.blocks[block].damping[:, column] for block, column in kinds])
+        turns = np.diff(details.angles[0][:, 0].real, axis=0, prepend=0.0)
+        rate[here] = np.sum(damping * turns**2, axis=0) / (2 * details.modal_mass * moment)
+    return OwnModes(
+        omega=np.abs(found.eigenvalue[[number for number, _ in parts]]) * units.rate,
+        mass=mass,
+        kind=kind,
+        number=_places_within(kind),
+        count=np.array([part.along for _, part in parts]),
+        rate=rate,
+    )
+
+
+def _places_within(kind: Ints) -> Ints:
+    """How many entries of the same kind come no later, (K,)."""
+    order = np.argsort(kind, kind="stable")
+    first = np.searchsorted(kind[order], kind[order])
+    found = np.empty_like(order)
+    found[order] = np.arange(len(kind)) - first + 1
+    return found

@@ -1,0 +1,122 @@
+"""How far a linear frequency can be trusted: ω(a) = ω (1 + κ a²) to second order in the amplitude a.
+
+    Γ = (ω²/8) [ −½ φ_x Σ b_i φ_i³ − ¼ Σ_ij A_ij (φ_i − φ_j)² φ_i φ_j ] + (g/64) Σ b_i φ_i⁴
+    κ = −4 Γ / (φᵀ M φ ω²)
+
+with σ_i b_i and σ_i σ_j A_ij for b_i and A_ij where links stand up (σ_i = −1); from averaging the fourth-order
+Lagrangian, even in the amplitude.  It holds away from 1:1 and 1:3 resonance and for motion in one vertical plane.  A
+simple pendulum has κ = −1/16 (1/rad², of the largest angle).
+
+Beside it stands another mode ψ, which the cubic forces of φ drive at k = 1 or 3 times its frequency.  Averaged over
+q = aφ cos τ + cψ cos kτ the Lagrangian has the terms Γa⁴ + G₁a³c + G₂a²c², so that
+
+    c/a = 2G₁a² / (ψᵀMψ (ω_ψ² − k²ω(a)²) − 4G₂a²),        ω(a)²/ω² − 1 = 2κa² (1 + ¾ G₁c/(Γa)):
+
+G₂ is the drift of the other frequency.  Near 1:1 or 1:3 that answer c bends the shape and the frequency.
+"""
+
+from __future__ import annotations
+
+from math import degrees, inf, pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly.arrays import Block
+from modal.types import Floats
+
+QUARTER = pi / 16 * np.array([1.0, 3.0, 5.0, 7.0])
+"""Instants whose mean is exact for what four factors of cos τ and cos 3τ make."""
+INSTANTS = 33
+
+
+def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
+    """Each chain's part (P, R) of Γ at g = 1, for x = ω² and cart displacements (R,) and angles (n, P, R)."""
+    b = (block.sigma * block.b)[:, :, None]
+    inertial = -cart / 2 * (b * angle**3).sum(0) - _pairs(block, angle, angle) / 2
+    part: Floats = x / 8 * inertial + (b * angle**4).sum(0) / 64
+    return part
+
+
+def fourth_order(block: Block, angle: Floats, cart_speed: Floats, speed: Floats) -> Floats:
+    """Each chain's part (P, R) of the fourth-order Lagrangian at g = 1, at one instant."""
+    b = (block.sigma * block.b)[:, :, None]
+    inertial = cart_speed * (b * angle**2 * speed).sum(0) + _pairs(block, angle, speed)
+    found: Floats = (b * angle**4).sum(0) / 24 - inertial / 2
+    return found
+
+
+def _pairs(block: Block, angle: Floats, speed: Floats) -> Floats:
+    """Σ_{i above j} A_ij (θ_i − θ_j)² θ_i' θ_j' of every chain, (P, R), by running sums down the chain."""
+    b, length = ((block.sigma * values)[:, :, None] for values in (block.b, block.length))
+    sums = []
+    for power in range(3):
+        terms = length * speed * angle**power
+        sums.append(np.concatenate([np.zeros_like(terms[:1]), np.cumsum(terms[:-1], axis=0)]))
+    total: Floats = (b * speed * (sums[2] - 2 * sums[1] * angle + sums[0] * angle**2)).sum(0)
+    return total
+
+
+def coefficient(gamma: Floats, modal_mass: Floats, x: Floats, largest: Floats) -> Floats:
+    """κ (R,) of the modes with these Γ, φᵀMφ, ω² and largest angles, (1/rad², of the largest angle)."""
+    return -4.0 * gamma / (modal_mass * x) / largest**2
+
+
+def one_percent_amplitude(kappa: float) -> float:
+    """Largest angle of a mode (deg) at which |κ| a² = 0.01; infinite where κ = 0, NaN where κ has no meaning."""
+    return degrees(sqrt(0.01 / abs(kappa))) if kappa else inf
+
+
+class Swing(NamedTuple):
+    """R shapes with a largest angle of 1: ω² and φᵀMφ (R,), the cart (R,) and the angles (n, P, R) of each block."""
+
+    x: Floats
+    modal_mass: Floats
+    cart: Floats
+    angles: tuple[Floats, ...]
+
+
+def distortion(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int, kappa: Floats) -> Floats:
+    """How much larger, relative (R,), the angle of 1 % is with the answer of the other mode than without it.
+
+    The largest angle of any link over the period is meant; infinite where the two frequencies meet below that angle.
+    """
+    a2 = np.minimum(0.01 / np.abs(kappa), (pi / 2) ** 2)
+    driven = harmonic**2 * swing.x
+    gamma, first, second = _mixed(blocks, swing, other, harmonic)
+    linear = other.modal_mass * (other.x - driven)
+    drifted = other.modal_mass * (other.x - driven * (1 + 2 * kappa * a2)) - 4 * second * a2
+    answer = 2 * first * a2 / drifted
+    bend = 1 + 0.75 * first * answer / gamma
+    meets = (linear * drifted <= 0) | (bend <= 0)
+    return np.where(meets, inf, _largest(swing, other, harmonic, answer) / np.sqrt(bend) - 1)
+
+
+def _mixed(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int) -> tuple[Floats, Floats, Floats]:
+    """(Γ, G₁, G₂) from the average at c/a = 0, ±1, ±2, exact for a polynomial of fourth degree."""
+    omega = np.sqrt(swing.x)
+
+    def average(ratio: int) -> Floats:
+        total = np.zeros(len(omega))
+        for time in QUARTER:
+            (cos, sin), (far, fast) = ((np.cos(k * time), -k * np.sin(k * time) * omega) for k in (1, harmonic))
+            cart_speed = sin * swing.cart + ratio * fast * other.cart
+            for block, own, its in zip(blocks, swing.angles, other.angles, strict=True):
+                angle, speed = cos * own + ratio * far * its, sin * own + ratio * fast * its
+                total += fourth_order(block, angle, cart_speed, speed).sum(0) / len(QUARTER)
+        return total
+
+    none, near, less, twice, minus = (average(ratio) for ratio in (0, 1, -1, 2, -2))
+    first = (8 * (near - less) - (twice - minus)) / 12
+    second = (16 * (near + less) - (twice + minus) - 30 * none) / 24
+    return none, first, second
+
+
+def _largest(swing: Swing, other: Swing, harmonic: int, answer: Floats) -> Floats:
+    """The largest angle over the period (R,), of a = 1."""
+    found = np.zeros(len(answer))
+    for time in np.linspace(0.0, pi / 2, INSTANTS):
+        cos, far = np.cos(time), np.cos(harmonic * time) * answer
+        for own, its in zip(swing.angles, other.angles, strict=True):
+            found = np.maximum(found, np.abs(cos * own + far * its).max((0, 1)))
+    return found

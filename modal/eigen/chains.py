@@ -1,0 +1,237 @@
+"""Frequencies and shapes by the effective mass, for chains on a fixed support and for chains that share a cart.
+
+On a fixed support every chain is alone: ω² is found where its count of D < 0 steps.  On a cart the pivots move
+together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
+
+A shape is built from both ends and joined at one joint (a twisted factorisation: Dhillon & Parlett, SIAM J. Matrix
+Anal. Appl. 25, 858 (2004), §2).  There it misses equilibrium by
+ω² (μ + ν) y, so its Rayleigh quotient misses ω² by |μ + ν| y² over the kinetic energy T: a residual that certifies
+the mode.  The joint is one where the halves agree to rounding (|μ + ν| against the joint's own mass) and the
+neighbouring links hold most of the kinetic energy: there the mode lives.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from modal.assembly.arrays import Block, CartNumbers
+from modal.eigen.bisection import above_all, smallest_where
+from modal.eigen.counts import Built, counted
+from modal.eigen.recursion import Swept, at_infinity, count_and_mass, from_above, from_below, joint_masses, kinetic
+from modal.types import Booleans, Floats, Ints
+
+ROUNDING = 1e-15
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Shapes φ of R modes: the cart's displacement (R,), turns a = l θ and energies (n, P, R) of each block.
+
+    Energies are twice the kinetic energy of each link over ω², `modal_mass` (R,) their sum φᵀMφ with the cart's;
+    `momentum` (R,) is φᵀMe for the unit translation e of everything, and `residual` (R,) the relative distance of
+    the Rayleigh quotient from ω².
+    """
+
+    cart: Floats
+    turns: tuple[Floats, ...]
+    energies: tuple[Floats, ...]
+    modal_mass: Floats
+    momentum: Floats
+    residual: Floats
+
+
+def lowest_possible(blocks: tuple[Block, ...], spring: float = 0.0, mass: float = 0.0) -> float:
+    """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M)."""
+    trace = sum(float((block.diagonal / block.b).sum()) for block in blocks)
+    if spring > 0:
+        trace += mass / spring
+    return float(_below_all(np.float64(trace)))
+
+
+def _below_all(trace: Floats | np.float64) -> Floats:
+    bound: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
+    return bound
+
+
+# ---------------------------------------------------------------------------------------------- fixed support
+
+
+def fixed_squares(block: Block) -> Floats:
+    """ω² of every chain on a fixed support, shape (n, P), ascending."""
+    order = np.arange(block.n)
+    low = _below_all((block.diagonal / block.b).sum(0))[:, None]
+    high = above_all(lambda x: count_and_mass(block, x)[0], low, np.full((block.size, 1), block.n))
+    shape = (block.size, block.n)
+    return smallest_where(
+        lambda x: count_and_mass(block, x)[0] > order,
+        np.broadcast_to(low, shape),
+        np.broadcast_to(high, shape),
+    ).T
+
+
+def fixed_shapes(chains: Block, x: Floats) -> Motion:
+    """Shape r of chain r at x[r], for R chains (columns, repeated as needed): one block with arrays (n, 1, R)."""
+    below, above = from_below(chains, x[:, None]), from_above(chains, x[:, None], None)
+    gap, cost = _mismatch(below, above, joint_masses(chains))
+    cost[0] = np.inf
+    twist = np.arange(chains.n + 1)[:, None, None] == cost.argmin(0)
+    y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
+    energies = kinetic(chains, y, a)
+    modal_mass = energies.sum(0)[:, 0]
+    top = chains.constants[0]
+    return Motion(
+        cart=np.zeros(len(x)),
+        turns=(a.swapaxes(1, 2),),
+        energies=(energies.swapaxes(1, 2),),
+        modal_mass=modal_mass,
+        momentum=a[0, :, 0] * (top.k / x + top.q),
+        residual=np.where(twist, gap, 0.0).sum(0)[:, 0] / modal_mass,
+    )
+
+
+# -------------------------------------------------------------------------------------------------- on a cart
+
+
+def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
+    """m_c + Σ residual masses: what a force on the cart feels at infinite frequency; 0 where M is singular."""
+    return cart.mass + float(sum(at_infinity(block)[0].sum() for block in blocks))
+
+
+@dataclass(frozen=True, eq=False)
+class CartProblem:
+    """Chains that share a cart; counts are folded into the chains' masses.
+
+    `known` are the places, among all oscillatory modes, of those that are not to be looked for.
+    """
+
+    blocks: tuple[Block, ...]
+    cart: CartNumbers
+    known: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    route = "effective mass"
+    slack = 1
+
+    @property
+    def built(self) -> Built:
+        """All chains and the cart."""
+        links = sum(block.mass.size for block in self.blocks)
+        return Built(f"cart and {counted(links, 'link')}", 1, links + 1)
+
+    @property
+    def n_modes(self) -> int:
+        """Oscillatory modes: a free cart's rigid translation is one of the coordinates, not one of these."""
+        links = sum(block.n * block.size for block in self.blocks)
+        return links + (self.cart.stiffness > 0) - (bare_mass(self.blocks, self.cart) == 0)
+
+    def count(self, x: Floats) -> Ints:
+        """Number of oscillatory modes below each trial x (R,)."""
+        total: Ints = np.zeros(x.shape, dtype=np.int64)
+        felt = np.full(x.shape, self.cart.mass)
+        for block in self.blocks:
+            below, mu = count_and_mass(block, x[None])
+            total += below.sum(0)
+            felt += mu.sum(0)
+        return total + (felt > self.cart.stiffness / x) - (self.cart.stiffness == 0)
+
+    @cached_property
+    def squares(self) -> Floats:
+        """ω² of every other oscillatory mode, (R,), ascending."""
+        total = self.cart.mass + sum(float(block.mass.sum()) for block in self.blocks)
+        low = np.array([lowest_possible(self.blocks, self.cart.stiffness, total)])
+        wanted = np.delete(np.arange(self.n_modes), self.known)
+        if not wanted.size:
+            return np.zeros(0)
+        high = above_all(self.count, low, np.array([self.n_modes]))
+        return smallest_where(
+            lambda x: self.count(x) > wanted,
+            np.broadcast_to(low, wanted.shape),
+            np.broadcast_to(high, wanted.shape),
+        )
+
+    def shapes(self, rows: Ints) -> Motion:
+        """Shapes of these modes, all chains and the cart together."""
+        x = self.squares[rows]
+        below, above = self._both_ways(x)
+        gaps, costs = zip(*map(_mismatch, below, above, self._joint_masses()), strict=True)
+        twists = _cheapest(costs)
+        climbed = [_climb(upper, twist) for upper, twist in zip(above, twists, strict=True)]
+        cart = np.sum([y[0].sum(0) for y in climbed], axis=0)
+        shapes = [
+            _joined(lower, y, upper.turn, twist, np.broadcast_to(cart, y[0].shape))
+            for lower, y, upper, twist in zip(below, climbed, above, twists, strict=True)
+        ]
+        energies = tuple(kinetic(block, y, a) for block, (y, a) in zip(self.blocks, shapes, strict=True))
+        modal_mass = self.cart.mass * cart**2 + sum(energy.sum((0, 1)) for energy in energies)
+        missed = sum(np.where(twist, gap, 0.0).sum((0, 1)) for twist, gap in zip(twists, gaps, strict=True))
+        turns = tuple(a for _, a in shapes)
+        return Motion(cart, turns, energies, modal_mass, self.cart.stiffness * cart / x, missed / modal_mass)
+
+    def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
+        """Elimination from the free ends, and from the cart with all the other chains on it."""
+        below = [from_below(block, x[None]) for block in self.blocks]
+        others = _without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
+        energy = _without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
+        above = [from_above(block, x[None], *felt) for block, *felt in zip(self.blocks, others, energy, strict=True)]
+        pivot = self.cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
+        for swept in below:
+            swept.nearest[0] = pivot
+        return below, above
+
+    def _joint_masses(self) -> list[Floats]:
+        own = [joint_masses(block) for block in self.blocks]
+        pivot = self.cart.mass + sum(float(masses[0].sum()) for masses in own)
+        for masses in own:
+            masses[0] = pivot
+        return own
+
+
+def _without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
+    """Own + Σ of all rows but each one, for rows (P, R) in several arrays; nothing is subtracted."""
+    rows = np.concatenate(parts)
+    before, after = np.zeros_like(rows), np.zeros_like(rows)
+    np.cumsum(rows[:-1], axis=0, out=before[1:])
+    after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
+    return np.split(own + (before + after), np.cumsum([len(part) for part in parts])[:-1])
+
+
+def _mismatch(below: Swept, above: Swept, own: Floats) -> tuple[Floats, Floats]:
+    """|μ + ν| at each joint, and how badly the halves would join there, given the joints' own masses (n + 1, P)."""
+    gap = np.abs(below.mass + above.mass)
+    near, whole = below.nearest + above.nearest, below.energy + above.energy
+    joinable = (own[:, :, None] > 0) & (near > 1e-150 * whole)
+    weight = np.where(joinable, own[:, :, None], 1.0)
+    share = np.where(joinable, near, 1.0) / np.where(joinable, whole, 1.0)
+    return gap, np.where(joinable, np.maximum(gap / weight, ROUNDING) / share, np.inf)
+
+
+def _cheapest(costs: tuple[Floats, ...]) -> list[Booleans]:
+    """For every mode the one joint of all chains with the least cost, marked in arrays (n + 1, P, R)."""
+    home = np.array([cost.min((0, 1)) for cost in costs]).argmin(0)
+    marked = []
+    for index, cost in enumerate(costs):
+        flat = cost.reshape(-1, cost.shape[-1])
+        here = (np.arange(len(flat))[:, None] == flat.argmin(0)) & (home == index)
+        marked.append(here.reshape(cost.shape))
+    return marked
+
+
+def _climb(above: Swept, twist: Booleans) -> Floats:
+    """Joints y from the twist upward, 1 at the twist, in the chains that hold it; 0 elsewhere."""
+    y = np.where(twist, 1.0, 0.0)
+    for i in reversed(range(len(y) - 1)):
+        y[i] += y[i + 1] * above.gain[i]
+    return y
+
+
+def _joined(below: Swept, climbed: Floats, turn_above: Floats, twist: Booleans, pivot: Floats) -> tuple[Floats, Floats]:
+    """Joints and turns of the shapes: climbed above the twist, descended below it and in every other chain."""
+    y, a = np.empty_like(below.mass), np.empty_like(below.gain)
+    over = twist.any(0)
+    y[0] = np.where(over, climbed[0], pivot)
+    for i in range(len(a)):
+        over = over & ~twist[i]
+        y[i + 1] = np.where(over, climbed[i + 1], y[i] * below.gain[i])
+        a[i] = np.where(over, climbed[i + 1] * turn_above[i], y[i] * below.turn[i])
+    return y, a

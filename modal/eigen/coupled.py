@@ -1,0 +1,157 @@
+"""A cart with many different pendula: each one's own modes, coupled by the secular equation.
+
+With the cart displaced by X, the fixed-support mode r of a pendulum follows with amplitude
+x P_r X / (E_r (λ_r − x)), where P_r = φ_rᵀ b is its momentum, E_r = φ_rᵀ A φ_r and μ_r = P_r²/E_r its modal
+effective mass.  Equal λ_r are one pole.  With α the residual mass of a pendulum, its momentum and twice its energy over
+ω² are sums of the modes' own, X (α + Σ μ_r λ_r/(λ_r − x)) and X² (α + Σ μ_r λ_r²/(λ_r − x)²): nothing cancels where a
+light cart moves under pendula that stay where they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.assembly.arrays import Block, CartNumbers
+from modal.eigen.chains import CartProblem, Motion, bare_mass, fixed_shapes
+from modal.eigen.counts import Built, counted
+from modal.eigen.degenerate import Clusters
+from modal.eigen.recursion import at_infinity, joints, kinetic
+from modal.eigen.secular import Poles, Roots, solve
+from modal.types import Floats, Ints
+
+CHUNK = 100_000
+LIGHTEST = 1e-290
+"""The floor of a pole's weight: a lighter one moves no digit of any root, and its products underflow."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Own:
+    """A block's own modes: momenta and modal masses (n modes, P), turns (n links, n modes, P)."""
+
+    momentum: Floats
+    modal_mass: Floats
+    turn: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Crowd:
+    """Chains that share a cart, counts folded into their masses, with their fixed-support `own` squares (n, P)."""
+
+    blocks: tuple[Block, ...]
+    cart: CartNumbers
+    own: tuple[Floats, ...]
+    clusters: Clusters
+    route = "secular equation"
+    slack = 4
+
+    @property
+    def built(self) -> Built:
+        """The different modes of the pendula's own, and the cart."""
+        poles = len(self.clusters.first)
+        shapes = vars(self).get("modes", ())
+        squares = tuple(("own shapes", b.n, b.size) for b, _ in zip(self.blocks, shapes, strict=False) if b.n > 1)
+        return Built(f"cart and {counted(poles, 'pole')}", 1, poles + 1, squares)
+
+    @cached_property
+    def modes(self) -> tuple[_Own, ...]:
+        """Fixed-support modes of every block."""
+        return tuple(_own_modes(block, square) for block, square in zip(self.blocks, self.own, strict=True))
+
+    @cached_property
+    def poles(self) -> Poles:
+        """One for each cluster, after that of the spring."""
+        own = zip(self.modes, self.own, strict=True)
+        weight = np.concatenate([(modes.momentum**2 / modes.modal_mass * x).ravel() for modes, x in own])
+        weight = np.maximum(np.add.reduceat(weight[self.clusters.order], self.clusters.first), LIGHTEST)
+        square, spring = self.clusters.square, self.cart.stiffness
+        if spring > 0:
+            square, weight = np.append(0.0, square), np.append(spring, weight)
+        return Poles(square, weight, bare_mass(self.blocks, self.cart))
+
+    @cached_property
+    def roots(self) -> Roots:
+        """The modes that move the cart, as offsets from the nearest pole."""
+        return solve(self.poles)
+
+    @cached_property
+    def squares(self) -> Floats:
+        """ω² of every mode that moves the cart, ascending."""
+        return self.poles.square[self.roots.anchor] + self.roots.offset
+
+    def shapes(self, rows: Ints) -> Motion:
+        """Shapes of these modes."""
+        x = self.squares[rows]
+        amplitudes = [
+            (modes.momentum / modes.modal_mass)[..., None] * x / distance
+            for modes, distance in zip(self.modes, self._distances(rows), strict=True)
+        ]
+        cart = 1.0 / np.maximum(1.0, np.max([np.abs(part).max((0, 1)) for part in amplitudes], axis=0))
+        turns = tuple(
+            np.einsum("imp,mpr->ipr", modes.turn, part * cart)
+            for modes, part in zip(self.modes, amplitudes, strict=True)
+        )
+        felt, twice = (self._sums(rows, power) for power in (1, 2))
+        energies = tuple(
+            _scaled_to(kinetic(block, joints(cart, a), a), whole * cart**2)
+            for block, a, whole in zip(self.blocks, turns, twice, strict=True)
+        )
+        modal_mass = self.cart.mass * cart**2 + sum(part.sum((0, 1)) for part in energies)
+        held = self.cart.stiffness / x * cart
+        push = (self.cart.mass + sum(part.sum(0) for part in felt)) * cart - held
+        return Motion(cart, turns, energies, modal_mass, held, np.abs(push * cart) / modal_mass)
+
+    def _sums(self, rows: Ints, power: int) -> list[Floats]:
+        """α + Σ μ_r (λ_r/(λ_r − x))^power of every pendulum, for each block (P, R)."""
+        found = []
+        for block, modes, own, distance in zip(self.blocks, self.modes, self.own, self._distances(rows), strict=True):
+            weight = (modes.momentum**2 / modes.modal_mass)[..., None]
+            found.append(at_infinity(block)[0][:, None] + (weight * (own[..., None] / distance) ** power).sum(0))
+        return found
+
+    def _distances(self, rows: Ints) -> list[Floats]:
+        """λ_r − x of every fixed-support mode, for each block (n modes, P, R), with full relative accuracy."""
+        anchor, offset = self.roots.anchor[rows], self.roots.offset[rows]
+        square = self.poles.square[len(self.poles.square) - len(self.clusters.first) :]
+        apart = square[:, None] - self.poles.square[anchor] - offset
+        distance = np.empty((len(self.clusters.order), len(rows)))
+        distance[self.clusters.order] = np.repeat(apart, self.clusters.size, axis=0)
+        ends = np.cumsum([own.size for own in self.own])[:-1]
+        parts = zip(np.split(distance, ends), self.own, strict=True)
+        return [part.reshape(*own.shape, len(rows)) for part, own in parts]
+
+
+class Counted(Crowd):
+    """The same for few links, with its frequencies found by the effective mass."""
+
+    route = "effective mass"
+    slack = 1
+
+    @cached_property
+    def squares(self) -> Floats:
+        """ω² of every mode that moves the cart, ascending."""
+        held = 1 if self.cart.stiffness > 0 else 0
+        return CartProblem(self.blocks, self.cart, self.clusters.inside + held).squares
+
+
+def _own_modes(block: Block, square: Floats) -> _Own:
+    """The modes a bounded amount of memory at a time, beside what is kept of them."""
+    column, x = np.broadcast_to(np.arange(block.size), square.shape).ravel(), square.ravel()
+    step = max(1, CHUNK // block.n)
+
+    def kept(own: slice) -> tuple[Floats, Floats, Floats]:
+        motion = fixed_shapes(block.take(column[own]), x[own])
+        return motion.momentum, motion.modal_mass, motion.turns[0][:, 0]
+
+    pieces = [kept(slice(start, start + step)) for start in range(0, x.size, step)]
+    momentum, modal_mass, turn = (np.concatenate(parts, axis=-1) for parts in zip(*pieces, strict=True))
+    shape = square.shape
+    return _Own(momentum.reshape(shape), modal_mass.reshape(shape), turn.reshape(block.n, *shape))
+
+
+def _scaled_to(energies: Floats, whole: Floats) -> Floats:
+    """A chain's energies link by link (n, P, R), with the sum (P, R) that they are known to have."""
+    total = energies.sum(0)
+    return energies * np.where(total > 0, whole / np.where(total > 0, total, 1.0), 0.0)

@@ -1,0 +1,212 @@
+"""Modes with dampers, M q'' + D q' + K q = 0: each eigenvalue from a problem scaled to a rate of its own size.
+
+Dampers spread the eigenvalues: a stiff one makes a fast decay d/m and a slow one k/d beside the oscillations √(k/m),
+and one matrix keeps only those near its own norm.  So the quadratic problem is solved once for every size of rate that
+its diagonal suggests.  For the rate γ, with λ = γμ and the coordinates scaled so that P = γ²M + γD + K has a unit
+diagonal, Cayley's θ = (μ + 1)/(μ − 1) turns it into
+
+    P θ² x + 2(γ²M − K) θ x + (γ²M − γD + K) x = 0,
+
+whose matrices are all bounded: what decays has |θ| < 1, and a backward error δ moves μ by 2δ/|θ² − 1| of itself.
+Above every growth rate P is positive definite; at one it is singular, and γ is moved.  Solutions for neighbouring γ
+are joined at a gap that both see, and more are made where the bounds still ask for them.  A joint that its damper holds
+has the difference of its angles as its coordinate, so that P keeps what D hides.
+(Scaling by such sizes: Gaubert & Sharify, Tropical scaling of polynomial matrices, LNCIS 389, 291 (2009).)
+
+The free position of a cart is an eigenvalue 0, the smallest, and is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.eigen.dense import EPS, Eigen, refuse_singular, with_cart, without_cart
+from modal.types import Complexes, Floats, Ints
+
+LIGHT = 1e-2
+"""Damping ratio below which the real part of an eigenvalue comes from its shape."""
+SPAN = 1e2
+"""Rates this far apart are still solved together: one digit either way."""
+MOVED = (1.0, 2.0, 0.5)
+"""What a rate may be moved by."""
+WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
+"""An eigenvalue whose bound lies between the first two asks for a rate within this factor, up to so many rates."""
+
+
+class Dampers(NamedTuple):
+    """Strength of the damper between each coordinate and the one `above` it (−1: the ground), both (size,)."""
+
+    strength: Floats
+    above: Ints
+
+    @property
+    def hung(self) -> Dampers:
+        """Without the cart in row 0."""
+        return Dampers(self.strength[1:], np.maximum(self.above[1:] - 1, -1))
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """M, K, the sizes of the terms that K was summed from, all (size, size), and the dampers."""
+
+    M: Floats
+    K: Floats
+    sizes: Floats
+    dampers: Dampers
+
+    @property
+    def rates(self) -> list[float]:
+        """√(k/m) or, where a damper is stronger, d/m and k/d of every coordinate; those within SPAN as one."""
+        m, d, k = np.diag(self.M), self.dampers.strength, np.diag(self.sizes)
+        strong = d > np.sqrt(m) * np.sqrt(k)
+        wished = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
+        ascending = np.sort(wished[wished > 0])
+        found = []
+        while ascending.size:
+            near = ascending <= SPAN * ascending[0]
+            found.append(float(np.sqrt(ascending[0]) * np.sqrt(ascending[near][-1])))
+            ascending = ascending[~near]
+        return found
+
+    def turned(self, rate: float) -> tuple[Floats, Floats]:
+        """Coordinates q (size, size) as columns of the old ones, and what each damper sees of q, by rows.
+
+        A joint whose damper outweighs all else of its link at this rate is told by the difference of its angles.
+        """
+        strength, above = self.dampers
+        held = (above >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
+        turned = np.eye(len(strength))
+        for i in np.flatnonzero(held):
+            turned[i] += turned[above[i]]
+        return turned, turned - np.where(above[:, None] >= 0, turned[above], 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solution:
+    """All eigenvalues (N,) by size, shapes (size, N) and relative error bounds (N,)."""
+
+    value: Complexes
+    shape: Complexes
+    error: Floats
+
+    def take(self, chosen: Ints | slice) -> _Solution:
+        return _Solution(self.value[chosen], self.shape[:, chosen], self.error[chosen])
+
+    @property
+    def gaps(self) -> np.typing.NDArray[np.bool_]:
+        """Whether the first k are certainly smaller than all others, (N + 1,)."""
+        size = np.abs(self.value)
+        below = np.maximum.accumulate(np.append(0.0, size * (1 + self.error)))
+        above = np.minimum.accumulate(np.append(size / (1 + self.error), np.inf)[::-1])[::-1]
+        return np.asarray(below < above)
+
+    def wishes(self, rates: list[float]) -> float | None:
+        """The size of what is best known among what other rates than these would tell better; None if nothing is."""
+        size = np.abs(self.value)
+        away = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
+        asking = np.flatnonzero((self.error > WISHED) & (self.error < LOST) & (away > np.log(NEAR)))
+        return float(size[asking[np.argmin(self.error[asking])]]) if asking.size else None
+
+    def joined(self, faster: _Solution) -> _Solution:
+        """The slow part of this one and the fast part of another, cut where their bounds are smallest together."""
+        own, other = (np.log(part.error) for part in (self, faster))
+        cost = np.append(0.0, np.cumsum(own)) + np.append(np.cumsum(other[::-1])[::-1], 0.0)
+        allowed = self.gaps & faster.gaps
+        allowed[[0, -1]] = True
+        cut = int(np.argmin(np.where(allowed, cost, np.inf)))
+        slow, fast = self.take(slice(cut)), faster.take(slice(cut, None))
+        return _Solution(
+            np.append(slow.value, fast.value), np.hstack([slow.shape, fast.shape]), np.append(slow.error, fast.error)
+        )
+
+
+def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, *, free: bool) -> Eigen:
+    """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it).
+
+    `terms` (size,) are the sums of the sizes of what makes up K's diagonal, where springs and gravity may cancel.
+    """
+    refuse_singular(M)
+    sizes = np.abs(K)
+    np.fill_diagonal(sizes, terms)
+    coasts = free and dampers.strength[0] == 0
+    inertia, stiffness, lost = without_cart(M, K) if coasts else (M, K, 1.0)
+    first = int(coasts)
+    problem = _Problem(inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers)
+    found, number = _solved_everywhere(problem)
+    found = found.take(slice(int(free and not coasts), None))
+    value, error = found.value, lost * found.error
+    rounded_up = (value.imag != 0) & (value.real > 0) & (value.real <= error * np.abs(value))
+    value = np.where(rounded_up, 1j * value.imag, value)
+    chosen = np.flatnonzero(value.imag >= 0)
+    shape = found.shape[:, chosen]
+    return Eigen(value[chosen], with_cart(M, shape, free=coasts), error[chosen], 2 * len(inertia), number)
+
+
+def _solved_everywhere(problem: _Problem) -> tuple[_Solution, int]:
+    """The solutions for all rates, joined, and how many there were."""
+    solved = {rate: _solved(problem, rate) for rate in problem.rates}
+    while True:
+        found = reduce(_Solution.joined, (solved[rate] for rate in sorted(solved)))
+        rate = found.wishes(list(solved))
+        if rate is None or len(solved) >= MOST:
+            return found, len(solved)
+        solved[rate] = _solved(problem, rate)
+
+
+class _Scaled(NamedTuple):
+    """γ²M, K and the roots of γD (one row a damper) in coordinates of which `shape` has the columns, and P⁻¹."""
+
+    rate: float
+    shape: Floats
+    M: Floats
+    K: Floats
+    friction: Floats
+    inverse: Floats
+
+    @property
+    def sensitivity(self) -> float:
+        """‖P⁻¹‖."""
+        return float(np.linalg.norm(self.inverse, 2))
+
+
+def _scaled(problem: _Problem, rate: float) -> _Scaled:
+    turned, seen = problem.turned(rate)
+    M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
+    friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
+    scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))
+    M, K = (part * scale * scale[:, None] for part in (M, K))
+    friction = friction * scale
+    return _Scaled(rate, turned * scale, M, K, friction, np.linalg.inv(M + friction.T @ friction + K))
+
+
+def _solved(problem: _Problem, rate: float) -> _Solution:
+    """All eigenvalues and shapes; the bound is the first-order one.
+
+    It is condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity.
+    """
+    scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda one: one.sensitivity)
+    M, K, D, n = scaled.M, scaled.K, scaled.friction.T @ scaled.friction, len(scaled.M)
+    state = np.block([[np.zeros((n, n)), np.eye(n)], [-scaled.inverse @ part for part in (M - D + K, 2 * (M - K))]])
+    theta, right = np.linalg.eig(state)
+    theta = np.where(np.abs(theta * theta - 1) < EPS, theta * (1 - EPS), theta)
+    condition = np.linalg.norm(np.linalg.pinv(right), axis=1) * np.linalg.norm(right, axis=0)
+    backward = 16 * len(state) * EPS * scaled.sensitivity * np.linalg.norm(state, 2)
+    error = 2 * backward * condition / np.abs(theta * theta - 1)
+    value = _lightly_damped(np.asarray((theta + 1) / (theta - 1), dtype=complex), right[:n], M, scaled.friction)
+    order = np.argsort(np.abs(value), kind="stable")
+    return _Solution(scaled.rate * value, scaled.shape @ right[:n].astype(complex), error).take(order)
+
+
+def _lightly_damped(values: Complexes, shape: Complexes, M: Floats, friction: Floats) -> Complexes:
+    """Eigenvalues whose real part is below the roundings of the state matrix, with Re μ = −φᴴDφ/(2 φᴴMφ) for it.
+
+    That holds exactly where μ is not real (μ² φᴴMφ + μ φᴴDφ + φᴴKφ = 0 has real coefficients), and D cancels nothing.
+    """
+    inertia = np.einsum("ir,ij,jr->r", shape.conj(), M, shape, optimize=True).real
+    lost = (np.abs(friction @ shape) ** 2).sum(0)
+    light = (values.imag != 0) & (np.abs(values.real) < LIGHT * np.abs(values))
+    return np.where(light, -lost / (2 * inertia) + 1j * values.imag, values)

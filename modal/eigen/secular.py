@@ -1,0 +1,167 @@
+"""The secular equation of many pendula on one cart, solved in O(N log N).
+
+Fixed-support modes of effective mass μ_r and square ω_r² = λ_r are seen by the rail as
+
+    f(x) = c + Σ W_r / (λ_r − x),    W_r = μ_r λ_r,    c = m_c + Σ residual masses,
+
+and a spring k_c to the ground as one more pole, λ = 0 with W = k_c.  f rises from −∞ to +∞ between neighbouring
+poles, so each gap holds one root, and one more lies beyond the last pole if c > 0.  Roots are kept as
+(nearest pole, offset), which leaves every difference λ_r − x its full relative accuracy.
+
+Distant poles act smoothly on a short run of gaps: their sum is tabulated at Chebyshev points, run by run, while
+the runs are divided until few enough neighbours are left to be summed one by one, as in fast multipole sums
+(Gu & Eisenstat, SIAM J. Matrix Anal. Appl. 16, 172 (1995)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats, Ints
+
+LEAF = 48
+FAN = 16
+POINTS = 22
+MAX_STEPS = 200
+
+_ANGLES = (2 * np.arange(POINTS) + 1) * np.pi / (2 * POINTS)
+_NODES = np.cos(_ANGLES)
+_WEIGHTS = (-1.0) ** np.arange(POINTS) * np.sin(_ANGLES)
+
+
+@dataclass(frozen=True, eq=False)
+class Poles:
+    """Ascending λ (K,) without repetition, positive W (K,) and the constant c."""
+
+    square: Floats
+    weight: Floats
+    constant: float
+
+
+@dataclass(frozen=True, eq=False)
+class Roots:
+    """x = λ[anchor] + offset, both (R,)."""
+
+    anchor: Ints
+    offset: Floats
+
+
+def solve(poles: Poles) -> Roots:
+    """Every root of f, ascending."""
+    gaps = _Run(poles, 0, len(poles.square) - 1, 0, len(poles.square), None)
+    parts = [Roots(np.zeros(0, dtype=np.int64), np.zeros(0)), *gaps.roots()]
+    if poles.constant > 0:
+        parts.append(_beyond(poles))
+    return Roots(np.concatenate([p.anchor for p in parts]), np.concatenate([p.offset for p in parts]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """A smooth function of x, known at the Chebyshev points of [centre − half, centre + half]."""
+
+    centre: float
+    half: float
+    values: Floats
+
+    def __call__(self, x: Floats) -> Floats:
+        """Barycentric interpolation (Berrut & Trefethen 2004, eq. 4.2)."""
+        distance = (x[:, None] - self.centre) / self.half - _NODES
+        exact = distance == 0
+        share = _WEIGHTS / np.where(exact, 1.0, distance)
+        share = np.where(exact.any(1, keepdims=True), exact, share)
+        found: Floats = (share @ self.values) / share.sum(1)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Run:
+    """Gaps first … last − 1 (gap j lies above pole j), the poles near … far − 1, and the table of all others."""
+
+    poles: Poles
+    first: int
+    last: int
+    near: int
+    far: int
+    others: _Table | None
+
+    def roots(self) -> Iterator[Roots]:
+        """The roots in these gaps, run by run."""
+        gaps = self.last - self.first
+        if gaps <= LEAF:
+            if gaps:
+                yield self._leaf()
+            return
+        edges = np.linspace(self.first, self.last, min(FAN, gaps // (LEAF // 2)) + 1).astype(int)
+        for first, last in pairwise(edges.tolist()):
+            yield from self._part(first, last).roots()
+
+    def _part(self, first: int, last: int) -> _Run:
+        square, weight = self.poles.square, self.poles.weight
+        low, high = square[first], square[last]
+        half = (high - low) / 2
+        near = max(self.near, int(np.searchsorted(square, low - 2 * half)))
+        far = min(self.far, int(np.searchsorted(square, high + 2 * half, side="right")))
+        x = low + half * (1 + _NODES)
+        values = np.zeros(POINTS) if self.others is None else self.others(x)
+        for outer in (slice(self.near, near), slice(far, self.far)):
+            values = values + (weight[outer] / (square[outer] - x[:, None])).sum(1)
+        table = _Table(low + half, half, values)
+        return replace(self, first=first, last=last, near=near, far=far, others=table)
+
+    def _leaf(self) -> Roots:
+        square, weight = self.poles.square, self.poles.weight
+        left = np.arange(self.first, self.last)
+        gap = square[left + 1] - square[left]
+        middle = self._value(left, gap / 2)
+        anchor = np.where(middle > 0, left, left + 1)
+        sign = np.where(middle > 0, 1.0, -1.0)
+
+        def deflated(size: Floats) -> Floats:
+            return size * (1.0 - size / gap) * sign * self._value(anchor, sign * size)
+
+        return Roots(anchor, sign * _rising_zero(deflated, gap / 2, -weight[anchor], gap / 4 * np.abs(middle)))
+
+    def _value(self, anchor: Ints, offset: Floats) -> Floats:
+        square, near = self.poles.square, slice(self.near, self.far)
+        distance = (square[near] - square[anchor][:, None]) - offset[:, None]
+        value: Floats = self.poles.constant + (self.poles.weight[near] / distance).sum(1)
+        if self.others is not None:
+            value += self.others(square[anchor] + offset)
+        return value
+
+
+def _beyond(poles: Poles) -> Roots:
+    """The root above the last pole, at most ΣW/c beyond it."""
+    distance = poles.square[-1] - poles.square
+    farthest = np.atleast_1d(2 * poles.weight.sum() / poles.constant)
+
+    def deflated(size: Floats) -> Floats:
+        value: Floats = size * poles.constant - (poles.weight * (size / (distance + size))).sum(keepdims=True)
+        return value
+
+    size = _rising_zero(deflated, farthest, -poles.weight[-1:], deflated(farthest))
+    return Roots(np.array([len(distance) - 1]), size)
+
+
+def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Floats, at_high: Floats) -> Floats:
+    """Zeros in (0, high] of functions that rise through them, given the values at both ends.
+
+    The Illinois rule (Dowell & Jarratt, BIT 11, 168 (1971)); ComputationError if it does not converge.
+    """
+    low, last = np.zeros_like(high), np.zeros_like(high)
+    for _ in range(MAX_STEPS):
+        trial = np.clip((low * at_high - high * at_low) / (at_high - at_low), low, high)
+        if np.all(np.abs(trial - last) <= 4e-16 * trial):
+            return trial
+        value = function(trial)
+        above = value >= 0
+        at_low = np.where(above, np.where(trial < last, at_low / 2, at_low), value)
+        at_high = np.where(above, value, np.where(trial > last, at_high / 2, at_high))
+        low, high = np.where(above, low, trial), np.where(above, trial, high)
+        last = trial
+    raise ComputationError("the secular equation of this cart did not converge in double precision")

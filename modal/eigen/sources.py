@@ -1,0 +1,249 @@
+"""Where modes come from: each source holds modes of one structure and describes any of its rows.
+
+    Rigid          a free cart's translation, ω = 0, exact
+    Alone          pendula on a support that does not move for them: a fixed one, across the rail, or because equal
+                   pendula in antiphase hold the cart still
+    Together       one pendulum of each kind, as heavy as all its copies, and the cart
+These are the structured forms; `modal.eigen.matrix_source` is for dampers.  All in natural units.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import log2
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly.arrays import Block, CartNumbers
+from modal.eigen.amplitude import coefficient, quartic
+from modal.eigen.chains import Motion, fixed_shapes, fixed_squares
+from modal.eigen.counts import Built, counted
+from modal.eigen.recursion import at_infinity
+from modal.types import Floats, Ints
+
+ROUNDOFF = 2.0**-53
+
+
+@dataclass(frozen=True, eq=False)
+class Details:
+    """What a table says about R modes φ; NaN where it has no meaning.  All (R,) but the last two.
+
+    `momentum` is φᵀMe for the unit translation e along the rail, `participation` the mode's share in the cart's
+    response to a sudden push.  `angles` and `shares` hold, for every block of kinds (n, P), the angles and kinetic
+    energy shares (n, P, R) of one copy.
+    """
+
+    modal_mass: Floats
+    momentum: Floats
+    cart: NDArray[np.inexact]
+    participation: Floats
+    kappa: Floats
+    residual: Floats
+    angles: tuple[NDArray[np.inexact], ...]
+    shares: tuple[Floats, ...]
+
+    @property
+    def effective_mass(self) -> Floats:
+        """Modal effective mass (φᵀMe)²/(φᵀMφ) along the rail."""
+        return self.momentum**2 / self.modal_mass
+
+
+class Source(Protocol):
+    """Modes of one structure: complex eigenvalues (iω when undamped) and relative error bounds, both (R,)."""
+
+    @property
+    def route(self) -> str:
+        """The route in words."""
+
+    @property
+    def eigenvalue(self) -> NDArray[np.complex128]:
+        """Eigenvalues."""
+
+    @property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+
+    @property
+    def built(self) -> Built:
+        """What it took."""
+
+    def details(self, rows: Ints) -> Details:
+        """What a table says about these rows."""
+
+
+class Problem(Protocol):
+    """What `Together` joins: squares and shapes, and by how much its error exceeds that of one recursion."""
+
+    @property
+    def route(self) -> str:
+        """The route in words."""
+
+    @property
+    def slack(self) -> float | Floats:
+        """The factor on the error bound, one for all or (R,)."""
+
+    @property
+    def squares(self) -> Floats:
+        """ω² (R,)."""
+
+    @property
+    def built(self) -> Built:
+        """What it took."""
+
+    def shapes(self, rows: Ints) -> Motion:
+        """Shapes of these rows."""
+
+
+def _oscillating(squares: Floats) -> NDArray[np.complex128]:
+    """iω; where ω² < 0 the growth rate."""
+    return np.sqrt(np.abs(squares)) * np.where(squares < 0, 1.0, 1j)
+
+
+def _structured_error(links: int, chains: int) -> float:
+    """Bound on the relative error of ω: each step of a count perturbs the scene's data by a few roundings."""
+    return (12 + 6 * links + log2(chains + 1)) * ROUNDOFF
+
+
+@dataclass(frozen=True, eq=False)
+class Rigid:
+    """The rigid translation of everything on a free cart; where a dashpot drags the cart it has no dynamics left."""
+
+    blocks: tuple[Block, ...]
+    total_mass: float
+    bare_accelerance: float
+    dragged: bool
+    route = "exact"
+    eigenvalue = np.zeros(1, dtype=complex)
+    error = np.zeros(1)
+    built = Built("free cart with everything at rest on it", 1, 0)
+
+    def details(self, rows: Ints) -> Details:
+        """The one shape there is: the cart alone is displaced, every angle is zero."""
+        zero = np.zeros(len(rows))
+        return Details(
+            modal_mass=zero + self.total_mass,
+            momentum=zero + (np.nan if self.dragged else self.total_mass),
+            cart=zero + 1.0,
+            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.bare_accelerance),
+            kappa=zero,
+            residual=zero,
+            angles=tuple(np.zeros((*b.mass.shape, len(rows))) for b in self.blocks),
+            shares=tuple((b.mass / self.total_mass)[:, :, None] + zero for b in self.blocks),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Alone:
+    """Every mode of the chains of one block on a support that stands still: row r of column p is row r P + p."""
+
+    block: Block
+    route = "effective mass"
+
+    @property
+    def built(self) -> Built:
+        """Every chain for itself."""
+        return Built(f"chain of {counted(self.block.n, 'link')}, support still", self.block.size, self.block.n)
+
+    @cached_property
+    def squares(self) -> Floats:
+        """ω², shape (n, P)."""
+        return fixed_squares(self.block)
+
+    @property
+    def eigenvalue(self) -> NDArray[np.complex128]:
+        """iω."""
+        return _oscillating(self.squares.ravel())
+
+    @property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+        return np.full(self.squares.size, _structured_error(self.block.n, 1))
+
+    def details(self, rows: Ints) -> Details:
+        """One copy's shape; its own momentum."""
+        chains, x = self.block.take(rows % self.block.size), self.squares.ravel()[rows]
+        motion = fixed_shapes(chains, x)
+        angle = motion.turns[0] / chains.length[:, None, :]
+        gamma = quartic(chains, x[:, None], np.zeros(1), angle.swapaxes(1, 2))[:, 0]
+        return _details(motion, x, (angle,), gamma, motion.energies, np.inf)
+
+
+@dataclass(frozen=True, eq=False)
+class Together:
+    """One heavy pendulum of each kind and the cart, with the modes that a problem finds for them."""
+
+    blocks: tuple[Block, ...]
+    counts: tuple[Ints, ...]
+    problem: Problem
+    bare_accelerance: float
+
+    @property
+    def route(self) -> str:
+        """The problem's."""
+        return self.problem.route
+
+    @property
+    def built(self) -> Built:
+        """The problem's."""
+        return self.problem.built
+
+    @property
+    def eigenvalue(self) -> NDArray[np.complex128]:
+        """iω."""
+        return _oscillating(self.problem.squares)
+
+    @property
+    def error(self) -> Floats:
+        """Relative error bounds."""
+        deepest, chains = max(block.n for block in self.blocks), sum(block.size for block in self.blocks)
+        return np.full(self.problem.squares.shape, self.problem.slack * _structured_error(deepest, chains))
+
+    def details(self, rows: Ints) -> Details:
+        """Shapes in which all copies of a kind move alike."""
+        x, motion = self.problem.squares[rows], self.problem.shapes(rows)
+        angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
+        parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
+        return _details(
+            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.bare_accelerance
+        )
+
+
+def _details(
+    motion: Motion,
+    x: Floats,
+    angles: tuple[Floats, ...],
+    gamma: Floats,
+    energies: tuple[Floats, ...],
+    bare_accelerance: float,
+) -> Details:
+    return Details(
+        modal_mass=motion.modal_mass,
+        momentum=motion.momentum,
+        cart=motion.cart,
+        participation=motion.cart**2 / motion.modal_mass / bare_accelerance,
+        kappa=np.where(x > 0, coefficient(gamma, motion.modal_mass, x, largest_angle(angles)), np.nan),
+        residual=motion.residual,
+        angles=angles,
+        shares=tuple(part / motion.modal_mass for part in energies),
+    )
+
+
+def bare_accelerance(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
+    """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
+    alpha, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, blocks), strict=True))
+    held = cart.stiffness + beta
+    return 1.0 / (cart.mass + alpha) if cart.mass + alpha > 0 else gamma / held / held
+
+
+def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
+    """Max |θ| (R,) over all links."""
+    found: Floats = np.max([np.abs(angle).max((0, 1)) for angle in angles], axis=0)
+    return found
+
+
+def per_copy(energies: tuple[Floats, ...], counts: tuple[Ints, ...]) -> tuple[Floats, ...]:
+    """Energies of one copy, from those of `counts` copies folded together."""
+    return tuple(part / count[:, None] for part, count in zip(energies, counts, strict=True))

@@ -1,0 +1,9 @@
+"""Exact and proved answers: integer polynomials, isolated roots, ball arithmetic.
+
+In: a `Scene` whose numbers are taken exactly as stored.  Out: characteristic polynomials with integer coefficients,
+intervals that provably hold their roots, and enclosures of every natural frequency to as many digits as asked.
+
+    det(K − ω² M) = 0
+
+Start with `characteristic` for polynomials and with `enclosures` for proofs (extra `certified`).
+"""

@@ -1,0 +1,194 @@
+"""Characteristic polynomials with exact integer coefficients, and intervals that provably hold their roots.
+
+With μ = N/d the effective mass of `modal.eigen.recursion`, numerator and denominator pass a link together, x = ω²:
+
+    d' = k d − x (r d + N),    N' = (k − x p) N + (m k − x m J) d        (d = 1, N = 0 below the last link)
+
+Only N/d has a meaning, so each step may clear its denominators; d becomes det(K − x A) of the chain up to a factor.
+On a cart det(K − x M) = (x m_c − k_c + x Σ N_p/d_p) Π d_p.
+
+Two conventions: x = ω² in a `unit`, and paper 001's λ = −unit/ω² = −1/x.  Lists of coefficients run from the lowest
+power up; a `Polynomial` is written as people write it, highest power first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import reduce
+from typing import Any, Literal, NamedTuple
+
+from modal import pair
+from modal.errors import ComputationError
+from modal.exact.polynomials import integers, primitive, product, scaled, total
+from modal.exact.roots import Interval, isolated
+from modal.exact.sprung import sampled
+from modal.scene.model import Cart, Pendulum, Scene
+
+Variable = Literal["x", "lambda"]
+Clear = Callable[[list[Any]], list[Any]]
+Links = tuple[tuple[Fraction, ...], ...]
+"""One row (mass, length, centre, inertia, stiffness, σ) a link, top first: a pendulum's exact parameters."""
+
+
+@dataclass(frozen=True)
+class Polynomial:
+    """Integer coefficients, highest power first, of a polynomial in x = ω²/unit or in λ = −unit/ω²."""
+
+    coefficients: tuple[int, ...]
+    variable: Variable = "x"
+    unit: str = "rad^2/s^2"
+
+    @property
+    def degree(self) -> int:
+        """The highest power."""
+        return len(self.coefficients) - 1
+
+    def __call__(self, value: Any) -> Any:
+        """Horner's rule: exact for ints and fractions, rounded for floats."""
+        return reduce(lambda total, c: total * value + c, self.coefficients, 0 * value)
+
+    def in_x(self) -> Polynomial:
+        """The polynomial whose roots are x = ω²/unit."""
+        return self if self.variable == "x" else self._turned("x")
+
+    def in_lambda(self) -> Polynomial:
+        """The polynomial whose roots are λ = −unit/ω²; ComputationError where ω = 0 is a root."""
+        return self if self.variable == "lambda" else self._turned("lambda")
+
+    def intervals(self, width: Fraction | float = 1e-15) -> list[Interval]:
+        """Ascending dyadic intervals, none wider than `width`, that provably hold the roots (all of them are real)."""
+        return isolated(self.coefficients, Fraction(width))
+
+    def text(self) -> str:
+        """For people: 2 λ^2 + 4 λ + 1."""
+        return self._written("λ" if self.variable == "lambda" else "x", "{}^{}")
+
+    def latex(self) -> str:
+        r"""For LaTeX: 2 \lambda^{2} + 4 \lambda + 1."""
+        return self._written(r"\lambda" if self.variable == "lambda" else "x", "{}^{{{}}}")
+
+    def _turned(self, variable: Variable) -> Polynomial:
+        if self.coefficients[-1] == 0:
+            raise ComputationError(f"{self.text()} has the root 0: its reciprocal −1/{self.variable} is infinite")
+        turned = [c if power % 2 == 0 else -c for power, c in enumerate(reversed(self.coefficients))]
+        sign = 1 if turned[0] > 0 else -1
+        return Polynomial(tuple(sign * c for c in turned), variable, self.unit)
+
+    def _written(self, symbol: str, raised: str) -> str:
+        written = ""
+        for power, c in zip(range(self.degree, -1, -1), self.coefficients, strict=True):
+            factor = "" if power == 0 else symbol if power == 1 else raised.format(symbol, power)
+            size = str(abs(c)) if abs(c) != 1 or not factor else ""
+            written += f" {'-' if c < 0 else '+'} {' '.join(filter(None, (size, factor)))}" if c else ""
+        return "-" + written[3:] if written.startswith(" - ") else written.removeprefix(" + ")
+
+
+def equal_bobs(n: int, variable: Variable = "lambda") -> Polynomial:
+    """The polynomial of n equal bobs in units of g/l: Σ_k C(n,k) (n!/k!) λ^{n−k}, in x (−1)^n n! L_n(x).
+
+    Equations (12) to (14) of paper 001 for n = 1, 2, 3.
+    """
+    c, found = 1, [1]
+    for k in range(n, 0, -1):
+        c = c * k * k // (n - k + 1)
+        found.append(c)
+    in_lambda = Polynomial(tuple(reversed(found)), "lambda", "g/l")
+    return in_lambda if variable == "lambda" else in_lambda.in_x()
+
+
+class Factor(NamedTuple):
+    """A factor of a scene's characteristic polynomial in x = ω² (rad²/s²), how often it occurs and what it moves."""
+
+    polynomial: Polynomial
+    multiplicity: int
+    label: str
+
+
+def of_scene(scene: Scene) -> list[Factor]:
+    """det(K − x M) of any scene without dampers as primitive integer factors in x = ω² (rad²/s²).
+
+    A number of the scene is read as the shortest decimal that gives its float, which is what a file says: 0.1 is 1/10;
+    a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
+    factor x.  Raises ComputationError where there are dampers.
+    """
+    if scene.has_damping:
+        raise ComputationError("a damped scene has no polynomial in ω²: leave the dampers out")
+    g, passed = exact(scene.gravity), 0
+    counts: dict[Links, int] = {}
+    names: dict[Links, str] = {}
+    for pendulum in scene.pendulum:
+        links = exact_links(pendulum)
+        counts[links] = counts.get(links, 0) + pendulum.count
+        names.setdefault(links, f"pendulum {passed + 1}")
+        passed += pendulum.count
+    kinds = {links: _pivot(links, g) for links in counts}
+    on_cart = isinstance(scene.support, Cart)
+    where = "cart still" if on_cart else "fixed support"
+    copies = {links: count * (1 + (scene.space == "space")) - on_cart for links, count in counts.items()}
+    still = [
+        Factor(_primitive(d), copies[links], f"{where}: {names[links]}")
+        for links, (d, _) in kinds.items()
+        if copies[links]
+    ]
+    if not isinstance(scene.support, Cart):
+        return still
+    return _moving(scene.support, [(*kinds[links], counts[links]) for links in kinds]) + still
+
+
+def exact(value: float) -> Fraction:
+    """The shortest decimal that gives this float, as a fraction."""
+    return Fraction(repr(float(value)))
+
+
+def exact_links(pendulum: Pendulum) -> Links:
+    """Every link's parameters as fractions, runs of equal links counted out; σ is 1 for down and −1 for up."""
+    rows = []
+    for link in pendulum.links:
+        m, l, stiffness = map(exact, (link.mass, link.length, link.stiffness))
+        if link.kind == "body":
+            c, I = exact(link.centre), exact(link.inertia)
+        else:
+            c, I = pair.proportions(link.kind, m, l)
+        rows += [(m, l, c, I, stiffness)] * link.count
+    sigma = (Fraction(1 if way == "down" else -1) for way in pendulum.ways)
+    return tuple((*row, sign) for row, sign in zip(rows, sigma, strict=True))
+
+
+def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any], list[Any]]:
+    """(d, N), lowest power first, of a chain; `clear` frees each link's numbers of their common denominator."""
+    d: list[Any] = [1]
+    N: list[Any] = [0]
+    for link in reversed(links):
+        k, r, p, one, mk, mJ = clear([link.k, link.r, link.p, link.k / link.k, link.m * link.k, link.mJ])
+        rows = list(zip([*d, 0], [*N, 0], [0, *d], [0, *N], strict=True))
+        d = [k * d0 - r * xd - one * xN for d0, _, xd, xN in rows]
+        N = [k * N0 - p * xN + mk * d0 - mJ * xd for d0, N0, xd, xN in rows]
+    return d, N
+
+
+def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
+    """(d, N) of one pendulum on a joint that moves; in the coordinates σ_i θ_i a standing link has −k for k."""
+    mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
+    if any(stiffness):
+        return sampled((mass, length, centre, inertia), stiffness, sigma, gravity)
+    hanging = pair.constants(mass, length, centre, inertia, gravity)
+    return eliminated(pair.standing(hanging, sigma), integers)
+
+
+def _moving(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[Factor]:
+    """The modes that move the cart: (x m_c − k_c + x Σ count N/d) Π d, and x apart where no spring holds the cart."""
+    d, N = [1], [0]
+    for below, force, count in kinds:
+        d, N = product(d, below), total(product(N, below), scaled(count, product(d, force)))
+    one, mass, spring = integers([Fraction(1), exact(cart.mass), exact(cart.stiffness)])
+    felt = total(scaled(mass, d), scaled(one, N))
+    if spring:
+        return [Factor(_primitive(total([0, *felt], scaled(-spring, d))), 1, "cart moves")]
+    moves = _primitive(felt)
+    return [Factor(Polynomial((1, 0)), 1, "rigid translation")] + [Factor(moves, 1, "cart moves")] * (moves.degree > 0)
+
+
+def _primitive(ascending: Sequence[int]) -> Polynomial:
+    return Polynomial(tuple(reversed(primitive(ascending))))

@@ -1,0 +1,171 @@
+"""Guaranteed enclosures of every natural frequency: the effective-mass count in ball arithmetic (python-flint).
+
+The floats of the scene are taken exactly as they are stored.  A count whose signs are all decided is a proof: the
+enclosure of frequency number k is a pair of trial values with at most k frequencies below the one and more than k
+below the other.  Double-precision frequencies start it, Newton's iteration on log det supplies the digits, and where
+Newton fails (clusters closer than double precision) the proof falls back on bisection.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from decimal import Decimal
+from math import floor, log
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.exact.balls import Ball, Hung, Links, flint
+from modal.modes.modes import natural_modes
+from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+
+GUARD_BITS = 64
+FIRST_WIDTH = 2.0**-48
+
+
+@dataclass(frozen=True)
+class Enclosure:
+    """low ≤ ω ≤ high (rad/s), exact decimals; how many modes share it by symmetry, and which they are."""
+
+    low: str
+    high: str
+    multiplicity: int
+    label: str
+
+    def text(self) -> str:
+        """The digits both ends share, then the rest of each: 2.7175[49, 51]."""
+        same = next((i for i, (a, b) in enumerate(zip(self.low, self.high, strict=False)) if a != b), len(self.low))
+        return self.low if self.low == self.high else f"{self.low[:same]}[{self.low[same:]}, {self.high[same:]}]"
+
+
+def enclosures(
+    scene: Scene, digits: int = 30, report: Callable[[float], object] = lambda done: None
+) -> list[Enclosure]:
+    """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
+
+    Rows of different labels may overlap: no interval proves two frequencies equal.  The rigid translation of a free
+    cart is exact.  `report` hears what share is done.  Raises ComputationError for dampers and joint springs and where
+    no precision decides a sign, MissingExtraError without python-flint.
+    """
+    flint()
+    if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
+        raise ComputationError("enclosures need a scene without dampers, joint springs and standing links")
+    rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
+    found = [Enclosure("0", "0", 1, "rigid translation")] * rigid
+    problems = list(_problems(scene))
+    total = sum(problem.n_modes for problem in problems)
+    for done, enclosure in enumerate((one for problem in problems for one in problem.enclosures(digits)), 1):
+        found.append(enclosure)
+        report(done / total)
+    return sorted(found, key=lambda enclosure: Decimal(enclosure.low))
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """Modes of chains on one support, `multiplicity` of each by symmetry."""
+
+    hung: Hung
+    multiplicity: int
+    label: str
+
+    def enclosures(self, digits: int) -> Iterator[Enclosure]:
+        """One for each mode, ascending."""
+        guesses = self.guesses()
+        if len(guesses) != self.n_modes:
+            raise ComputationError("the ratios in this scene are beyond double precision: nothing to start from")
+        for index, guess in enumerate(guesses):
+            low, high = self.enclosed(index, guess, digits)
+            yield Enclosure(
+                _decimal(low, digits, up=False), _decimal(high, digits, up=True), self.multiplicity, self.label
+            )
+
+    @property
+    def n_modes(self) -> int:
+        """Oscillatory modes: one fewer on a free cart whose effective mass vanishes at infinite frequency."""
+        links = sum(map(len, self.hung.chains))
+        if not isinstance(self.hung.support, Cart):
+            return links
+        inert = self.hung.support.mass > 0 or any(_has_residual_mass(chain) for chain in self.hung.chains)
+        return links + (self.hung.support.stiffness > 0) - (not inert)
+
+    def guesses(self) -> list[float]:
+        """ω (rad/s) in double precision, from the same chains with their copies folded into their masses."""
+        if self.n_modes == 0:
+            return []
+        hung = tuple(
+            Pendulum(links=tuple(map(_folded, chain, [n] * len(chain)))) for chain, n in self.hung.chains.items()
+        )
+        modes = natural_modes(Scene(gravity=self.hung.gravity, support=self.hung.support, pendulum=hung))
+        return [float(omega) for omega in np.repeat(modes.omega, modes.multiplicity) if omega > 0]
+
+    def enclosed(self, index: int, guess: float, digits: int) -> tuple[Ball, Ball]:
+        """Exact trial values of ω² that provably enclose mode `index`, by Newton's iteration or else by bisection."""
+        bits = int(3.33 * digits) + GUARD_BITS
+        with flint().ctx.workprec(bits):
+            arb = flint().arb
+            width, start = arb(10) ** -digits / 4, arb(guess) ** 2
+            for precision in (bits, 4 * bits):
+                root = self.hung.newton(start, width, precision)
+                low, high = (root * (1 - width)).mid(), (root * (1 + width)).mid()
+                if root > 0 and self.hung.count(low, bits) <= index < self.hung.count(high, bits):
+                    return low, high
+            return self.bisected(index, start, width, bits)
+
+    def bisected(self, index: int, start: Ball, width: Ball, bits: int) -> tuple[Ball, Ball]:
+        """From a bracket that grows until it is proved, halved (not quite: no trial value should be special)."""
+        growth = 1 + FIRST_WIDTH
+        low, high = (start / growth).mid(), (start * growth).mid()
+        while self.hung.count(low, bits) > index:
+            growth *= growth
+            low = (low / growth).mid()
+        while self.hung.count(high, bits) <= index:
+            growth *= growth
+            high = (high * growth).mid()
+        while not high - low < 2 * width * low:
+            middle = (low + (high - low) * 0.49951171875).mid()
+            low, high = (low, middle) if self.hung.count(middle, bits) > index else (middle, high)
+        return low, high
+
+
+def _problems(scene: Scene) -> Iterator[_Problem]:
+    """The modes that move the cart, and every different pendulum's own where the support stays still."""
+    counts: dict[Links, int] = {}
+    names: dict[Links, int] = {}
+    passed = 0
+    for pendulum in scene.pendulum:
+        chain = tuple(link.replace(count=1) for link in pendulum.links for _ in range(link.count))
+        counts[chain] = counts.get(chain, 0) + pendulum.count
+        names.setdefault(chain, passed + 1)
+        passed += pendulum.count
+    on_cart = isinstance(scene.support, Cart)
+    if on_cart:
+        yield _Problem(Hung(scene.gravity, scene.support, counts), 1, "cart moves")
+    for chain, count in counts.items():
+        multiplicity = count * (1 + (scene.space == "space")) - on_cart
+        label = f"{'cart still' if on_cart else 'fixed support'}: pendulum {names[chain]}"
+        if multiplicity:
+            yield _Problem(Hung(scene.gravity, Fixed(), {chain: 1}), multiplicity, label)
+
+
+def _has_residual_mass(chain: Links) -> bool:
+    """Whether inertia alone loads the pivot, α > 0 in `modal.eigen.recursion.at_infinity`: α' = (p α + m J)/(r + α)."""
+    alpha = False
+    for link in reversed(chain):
+        alpha = link.kind == "rod" or link.inertia > 0 or (alpha and link.centre != link.length)
+    return alpha
+
+
+def _folded(link: Bob | Rod | Body, count: int) -> Bob | Rod | Body:
+    extensive = {"mass": link.mass * count} | ({"inertia": link.inertia * count} if isinstance(link, Body) else {})
+    return link.replace(**extensive)
+
+
+def _decimal(x: Ball, digits: int, *, up: bool) -> str:
+    """The square root of an exact x, rounded outward to two digits more than asked for."""
+    with flint().ctx.workprec(int(3.33 * digits) + GUARD_BITS):
+        root = x.sqrt()
+        places = digits + 1 - floor(float(root.log()) / log(10))
+        shifted = root * flint().arb(10) ** places
+        whole = int((shifted.upper().ceil() if up else shifted.lower().floor()).unique_fmpz())
+    return str(Decimal((0, tuple(map(int, str(whole))), -places)))

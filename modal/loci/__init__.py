@@ -1,0 +1,8 @@
+"""Frequency loci: every natural frequency of a scene along one of its parameters.
+
+In: a `Scene` and a `Variation`.  Out: `Loci`: each mode followed by its shape, and where two loci cross or veer.
+
+    dω²/dp = φᵀ (dK/dp − ω² dM/dp) φ,    φᵀ M φ = 1
+
+Start with `following`; `tracking` pairs the modes of neighbouring values, `crossings` tells a crossing from a veering.
+"""

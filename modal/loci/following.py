@@ -1,0 +1,146 @@
+"""Frequency loci: how every natural frequency of a scene moves with a parameter, and how loci meet.
+
+Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape turns too far is halved; where two
+loci exchange their order the place is closed in on, until the gap is gone in error bounds, or until near it shapes are
+seen to turn into each other (`modal.loci.crossings`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.loci.crossings import Encounter, encounters
+from modal.loci.tracking import Point, followed, solved
+from modal.modes.numbering import labelled
+from modal.scene.model import Scene
+from modal.scene.parameters import Variation, insist
+from modal.scene.places import number_at, places
+from modal.types import Floats, Ints
+
+MOST_SOLVED = 20_000
+DEEPEST = 200
+
+Report = Callable[[float], object]
+
+
+@dataclass(frozen=True, eq=False)
+class Loci:
+    """K loci over P values of a parameter, refined where shapes turn fast: `omega` (P, K) in rad/s, `values` (P,).
+
+    `names` (K,) are the numbers of their modes in the table at the value `numbered_at`: the scene's own, or the first
+    where that lies elsewhere; what shares a row there is 2, 2b, 2c, …  `multiplicity` (K,) says how many modes go
+    together all along, `encounters` where loci meet, in the order of the parameter.
+    """
+
+    scene: Scene
+    variation: Variation
+    values: Floats
+    omega: Floats
+    multiplicity: Ints
+    names: tuple[str, ...]
+    numbered_at: float
+    encounters: tuple[Encounter, ...]
+
+
+def loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:
+    """The loci of an undamped scene, `report` hearing how many of the variation's values are done.
+
+    >>> from modal import load
+    >>> from modal.scene.parameters import parsed
+    >>> found = loci(load("crane-two-loads"), parsed(["pendulum[0].links[0].length=5:20:11"])[0])
+    >>> [(e.kind, round(e.value, 3), round(e.gap, 4)) for e in found.encounters]
+    [('veering', 10.083, 0.0944)]
+
+    Raises SceneError for a variation of fewer than two values or of a count, ComputationError where modes are damped,
+    uncertain, too many, change their number or cannot be followed.
+    """
+    insist(scene, [variation])
+    if len(variation.values) < 2 or variation.path.endswith("count"):
+        raise SceneError([f"{variation.path}: loci are over two values or more of a parameter that varies smoothly"])
+    walk, own = _Walk(scene, variation), _own_value(scene, variation)
+    points = walk.whole(own, report)
+    first, multiplicity = _distinct(np.array([point.group for point in points]))
+    names = labelled(next(1 + point.row[first] for point in points if point.value == own).tolist())
+    found, nearest = encounters(points, first, walk.at)
+    points = sorted((*points, *nearest), key=lambda point: point.value)
+    values, omega = np.array([point.value for point in points]), np.array([point.omega[first] for point in points])
+    return Loci(scene, variation, values, omega, multiplicity, names, own, tuple(found))
+
+
+def _own_value(scene: Scene, variation: Variation) -> float:
+    """That of the scene as it is given, if it lies among the others, else the first of them."""
+    own = {number_at(scene, place) for place in places(scene, variation.path)}
+    value = own.pop()
+    first, last = variation.values[0], variation.values[-1]
+    return value if not own and first <= value <= last else first
+
+
+def _distinct(groups: Ints) -> tuple[Ints, Ints]:
+    """Of the groups (P, R) of all tracks the first track of those that go together all along, and how many they are."""
+    _, first, fold = np.unique(groups, axis=1, return_index=True, return_counts=True)
+    order = np.argsort(first)
+    return first[order], fold[order]
+
+
+class _Walk:
+    """From the first value to the last, with as many values between as shapes need."""
+
+    def __init__(self, scene: Scene, variation: Variation) -> None:
+        self.scene, self.variation, self.solved = scene, variation, 0
+
+    def at(self, value: float) -> Point:
+        """The modes there, in ascending order."""
+        self.solved += 1
+        if self.solved > MOST_SOLVED + len(self.variation.values):
+            raise ComputationError(f"{self.variation.path}: shapes turn too often to be followed: take a smaller range")
+        return solved(self.scene, self.variation.path, value)
+
+    def whole(self, own: float, report: Report) -> list[Point]:
+        """All points, that at `own` among them, each in the order of the first."""
+        values = sorted({*self.variation.values, own})
+        points = [self.at(values[0])]
+        for done, value in enumerate(values[1:], start=2):
+            points += self.between(points[-1], self.at(value), DEEPEST)
+            report(done)
+        return points
+
+    def between(self, before: Point, after: Point, depth: int) -> list[Point]:
+        """What follows a point up to the next, that included."""
+        found, sure = followed(before, after)
+        exchanged = _exchanged(before, found) if sure else None
+        if sure and exchanged is None:
+            return [found]
+        middle = self._middle(before, found, exchanged if depth % 2 else None)
+        if depth == 0 or not before.value < middle < after.value:
+            if sure:
+                return [found]
+            raise ComputationError(f"{self.variation.path}: a mode is lost at {before.value:.17g}: its shape changes")
+        half = self.between(before, self.at(middle), depth - 1)
+        return half + self.between(half[-1], after, depth - 1)
+
+    def _middle(self, before: Point, after: Point, pair: tuple[int, int] | None) -> float:
+        """Where the gap of a pair closes by the straight line, or the middle of the interval."""
+        a, b = before.value, after.value
+        if pair:
+            left, right = (point.omega[pair[0]] - point.omega[pair[1]] for point in (before, after))
+            return float(a + (b - a) * left / (left - right))
+        return sqrt(a) * sqrt(b) if self.variation.log else a + (b - a) / 2
+
+
+def _exchanged(before: Point, after: Point) -> tuple[int, int] | None:
+    """The first pair of modes that are in another order, apart at both ends."""
+    order = np.argsort(before.omega, kind="stable")
+    later = after.omega[order]
+    highest = np.maximum.accumulate(later)
+    for at in np.flatnonzero(later[1:] < highest[:-1]) + 1:
+        for other in range(at):
+            a, b = int(order[other]), int(order[at])
+            apart = before.group[a] != before.group[b] and after.group[a] != after.group[b]
+            if apart and later[other] > later[at]:
+                return a, b
+    return None

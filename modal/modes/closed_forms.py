@@ -1,0 +1,136 @@
+"""Frequencies and shapes that have a closed form: what the toolkit must find, and what limits it must approach.
+
+Squares of frequencies are given as ω²l/g, without units, wherever one length rules.  For n equal bobs, counted
+j = 0, 1, … from the free end, tension (j+1) m g in the rod above bob j makes the displacements obey
+
+    (j+1) y_{j+1} = (2j+1 − x) y_j − j y_{j−1},    x = ω²l/g,    y_0 = 1,    y_n = 0 at the support,
+
+the recurrence of Laguerre's polynomials (Abramowitz & Stegun, 22.7.12): y_j = L_j(x_r) at the zeros x_r of L_n.
+As n → ∞ they become the hanging rope of Bernoulli and Euler, (s y')' + ω² y/g = 0, with y = J_0(2ω√(s/g)).
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.types import Floats
+
+BESSEL_NODES = 64
+"""Nodes beyond z at which the integrals for J_0(z) and J_1(z) are exact to rounding."""
+
+SINGLE_ROD = 3 / 2
+"""ω²l/g of one uniform rod: m g (l/2) over m l²/3."""
+
+TWO_EQUAL_RODS = (3 - 6 / sqrt(7), 3 + 6 / sqrt(7))
+"""ω²l/g of two equal uniform rods: zeros of 7x² − 42x + 27."""
+
+
+def equal_bobs(n: int) -> Floats:
+    """ω²l/g (n,), ascending, of n equal bobs: the zeros x_r of L_n, to a few units in the last place.
+
+    Their Jacobi matrix, k+1 + k on the diagonal and −k beside it (Golub & Welsch, Math. Comp. 23, 221 (1969)), is
+    BᵀB with B bidiagonal, √1, …, √n on the diagonal and −√1, …, −√(n−1) above it.  Such a matrix determines its
+    singular values √x_r to high relative accuracy (Demmel & Kahan, SIAM J. Sci. Stat. Comput. 11, 873 (1990)).
+    """
+    root = np.sqrt(np.arange(1.0, n + 1))
+    B = np.diag(root) - np.diag(root[:-1], 1)
+    return np.linalg.svd(B, compute_uv=False)[::-1] ** 2
+
+
+def equal_bob_shapes(n: int) -> Floats:
+    """Displacements (n, n) of n equal bobs, row j the j-th bob from the free end, column r the mode: L_j(x_r).
+
+    The free end moves by 1; the angle of the rod above bob j is (y_j − y_{j+1})/l with y_n = 0.
+    """
+    x = equal_bobs(n)
+    y = [np.ones(n), 1 - x]
+    for j in range(1, n - 1):
+        y.append(((2 * j + 1 - x) * y[j] - j * y[j - 1]) / (j + 1))
+    return np.array(y[:n])
+
+
+def equal_bob_effective_masses(n: int) -> Floats:
+    """Modal effective masses (n,) of n equal bobs over the mass m of one: exactly 1/x_r = g/(l ω_r²).
+
+    By definition (m Σ y_j)²/(m Σ y_j²) with y_j = L_j(x_r), j < n.  Here Σ L_j = −L_n', and at a zero of L_n, where
+    x L_n' = −n L_{n−1} (Abramowitz & Stegun, 22.8.6), Christoffel and Darboux (22.12.1) give Σ L_j² = −n L_{n−1} L_n'
+    = x_r L_n'².  All together hold all the mass: Σ 1/x_r = n.
+    """
+    return 1 / equal_bobs(n)
+
+
+class CartModes(NamedTuple):
+    """The frequencies (rad/s) of N equal simple pendula on a free cart."""
+
+    translation: float
+    antiphase: float
+    in_phase: float
+
+
+def simple_pendula_on_cart(
+    count: int, mass: float, length: float, cart_mass: float, gravity: float = 9.81
+) -> CartModes:
+    """0 once, ω² = g/l count − 1 times with the cart still, and ω² = (g/l)(1 + count m/m_c) once.
+
+    `mass` of one bob and `cart_mass` in kg, `length` in m, `gravity` in m/s².
+    """
+    still = sqrt(gravity / length)
+    return CartModes(0.0, still, still * sqrt(1 + count * mass / cart_mass))
+
+
+def beat_period(slow: float, fast: float) -> float:
+    """2π/(ω_fast − ω_slow) (s): how long two modes take to exchange their energy and give it back.
+
+    For light simple pendula on a heavy cart about 4π/(ω N m/m_c), ω² = g/l.
+    """
+    return 2 * pi / (fast - slow)
+
+
+def bessel_zeros(count: int) -> Floats:
+    """The first zeros j_{0,k} (count,) of J_0, by Newton's iteration from McMahon's expansion.
+
+    J_m(z) = (1/π) ∫_0^π cos(mt − z sin t) dt, the trapezoidal rule being exact to rounding once it has more nodes
+    than z (Abramowitz & Stegun, 9.1.21 and 9.5.12).
+    """
+    beta = (np.arange(1, count + 1) - 0.25) * pi
+    z = beta + 1 / (8 * beta) - 124 / (3 * (8 * beta) ** 3)
+    for _ in range(3):
+        z = z + _bessel(0, z) / _bessel(1, z)
+    return np.asarray(z)
+
+
+def hanging_rope(count: int) -> Floats:
+    """ω √(L/g) (count,) of the lowest modes of a uniform rope of length L: j_{0,k}/2."""
+    return bessel_zeros(count) / 2
+
+
+def rope_error_of_bobs(n: int) -> float:
+    """What n equal bobs a distance L/n apart leave: ω/ω_rope − 1 → −1/(4n), the same for every mode.
+
+    From x_r = j²/(4n+2) (1 + O(j²/n²)) (Abramowitz & Stegun, 22.16.8): ω/ω_rope → √(n/(n+½)), as if the rope were
+    half a spacing longer.
+    """
+    return -1 / (4 * n)
+
+
+def rope_error_of_rods(n: int, count: int) -> Floats:
+    """What n equal rods of length L/n leave: ω_k/ω_rope − 1 → (j²/J_1(j)² − 2j² − 4)/(192 n²), (count,), j = j_{0,k}.
+
+    Rods are linear finite elements of the rope, kinetic and potential energy alike exact, so frequencies come from
+    above by the energy of the interpolation error: ω²_n − ω² → (L²/12n²) ∫ g s y''² ds/∫ y² ds (Strang & Fix, An
+    Analysis of the Finite Element Method, chapter 6).  With s from the free end, L = g = 1 and z = 2ω√s:
+    y'' = (j⁴/4) J_2(z)/z², so ∫ s y''² ds = (j⁴/8) ∫_0^j J_2²/z dz = (j⁴/32)(1 − 2J_1² − J_2²), as the derivative
+    J_2²/z of ¼(1 − J_0² − 2J_1² − J_2²) shows; ∫ y² ds = J_1², and J_2 = 2J_1/j at j.
+    """
+    j = bessel_zeros(count)
+    return np.asarray((j**2 / _bessel(1, j) ** 2 - 2 * j**2 - 4) / (192 * n**2))
+
+
+def _bessel(order: int, z: Floats) -> Floats:
+    """J_order(z) by the mean over a half-period."""
+    nodes = int(z.max()) + BESSEL_NODES
+    t = (np.arange(nodes) + 0.5) * pi / nodes
+    return np.asarray(np.cos(order * t - z[:, None] * np.sin(t)).mean(axis=1))

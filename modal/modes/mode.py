@@ -1,0 +1,80 @@
+"""One row of the table of modes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import isnan, pi, sqrt
+
+UNCERTAIN = 0.1
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One distinct natural frequency of a scene, and what is known of the modes that share it.
+
+    number              from 1, in ascending order
+    omega               natural frequency |λ| of the eigenvalue λ (rad/s)
+    damping_ratio       −Re λ/|λ|: 0 undamped, 1 overdamped, below 0 unstable
+    multiplicity        how many independent modes share this frequency; a scene in space counts both directions
+    family              what moves, in words
+    cart_participation  share of the cart's velocity just after a sudden push, φ_x²/Σφ_x² with φᵀMφ = 1; over all
+                        modes it sums to 1.  With dampers it is the residue 2 Re[λφ_x²/(φᵀ(2λM + D)φ)] (Tisseur &
+                        Meerbergen, SIAM Rev. 43, 235 (2001), §3.5), which may be negative
+    effective_mass      modal effective mass Γ²φᵀMφ (kg) of the support's motion along the rail, Γ the participation
+                        factor φᵀMe/φᵀMφ (Clough & Penzien, Dynamics of Structures, §26-4)
+    effective_mass_share   the same over all mass of the scene, the cart included
+    effective_mass_across  across the rail (kg), in space
+    kappa               κ in ω(a) = ω(1 + κa²), a the largest angle (1/rad²), see `modal.eigen.amplitude`
+    linear_to_1_percent_deg  the largest angle (deg) of any link over the period at which ω is 1 % off: |κ|a² = 1 %
+    resonances          modes near 1:1 or 1:3 that make this angle a guide, in words, see `modal.modes.resonances`
+    residual            how badly frequency and shape fit: on the structured routes |1 − ρ/ω²| of the shape's Rayleigh
+                        quotient ρ; on the dense route the largest unbalanced force among (λ²M + λD + K)φ over the
+                        sum of its terms' sizes
+    relative_error_bound  of omega
+    indistinct          whether a neighbour is closer than both bounds together
+
+    NaN where a quantity has no meaning: effective mass of a damped mode, κ above a damping ratio of 0.1 or where the
+    parts of a shape are far out of phase, everything but `omega` and `residual` in a row that is uncertain.
+    """
+
+    number: int
+    omega: float
+    damping_ratio: float
+    multiplicity: int
+    family: str
+    cart_participation: float
+    effective_mass: float
+    effective_mass_share: float
+    effective_mass_across: float
+    kappa: float
+    linear_to_1_percent_deg: float
+    resonances: tuple[str, ...]
+    residual: float
+    relative_error_bound: float
+    indistinct: bool
+
+    @property
+    def is_uncertain(self) -> bool:
+        """Whether no digit of `omega` is certain: the scene is beyond double precision on its route."""
+        return not self.relative_error_bound < UNCERTAIN
+
+    @property
+    def oscillates(self) -> bool:
+        """Whether the motion repeats: not for ω = 0, an overdamped mode or an uncertain one."""
+        return self.omega > 0 and not isnan(self.damping_ratio) and abs(self.damping_ratio) < 1
+
+    @property
+    def growth_rate(self) -> float | None:
+        """Re λ (1/s) of an unstable mode, which grows like exp(Re λ t); None for all others."""
+        return -self.damping_ratio * self.omega if self.damping_ratio < 0 else None
+
+    @property
+    def frequency(self) -> float | None:
+        """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for what decays or grows without a swing."""
+        return self.omega / (2 * pi) if self.oscillates or self.omega == 0 else None
+
+    @property
+    def period(self) -> float | None:
+        """Seconds from one swing to the next, 2π/|Im λ|; None for what does not oscillate."""
+        ratio = self.damping_ratio
+        return 2 * pi / (self.omega * sqrt((1 - ratio) * (1 + ratio))) if self.oscillates else None

@@ -1,0 +1,320 @@
+"""The modes of a scene, and what a table says about each."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import groupby
+from math import isfinite
+from typing import Any, NamedTuple, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly.arrays import Block, Rig, Units, rig_of
+from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
+from modal.eigen.matrix_source import LIGHT
+from modal.eigen.routes import Part, notes
+from modal.eigen.sources import Details, largest_angle
+from modal.eigen.spectrum import Spectrum, spectrum
+from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
+from modal.modes.mode import UNCERTAIN, Mode
+from modal.modes.resonances import MOST_DISTORTED, answering, resonances
+from modal.modes.shapes import Shape, checked_normalisation, expanded
+from modal.scene.model import Scene
+from modal.types import Floats, Ints
+
+UNDRIVEN = "Self-excitation is left out: drives feed small swings, they do not shape them."
+
+CHUNK = 400_000
+A = TypeVar("A", bound=NDArray[Any])
+
+
+class _Piece(NamedTuple):
+    """A part of a row and its place in the details of its source."""
+
+    part: Part
+    details: Details
+    at: int
+
+    def effective_mass(self, on_cart: bool) -> float:
+        """Along the rail; what holds a cart still or moves across the rail adds nothing."""
+        balanced = self.part.still and on_cart
+        return 0.0 if balanced or not self.part.along else self._effective_mass() * self.part.along
+
+    def effective_mass_across(self) -> float:
+        """Across the rail."""
+        return self._effective_mass() * self.part.across if self.part.across else 0.0
+
+    def _effective_mass(self) -> float:
+        return float(self.details.effective_mass[self.at])
+
+
+def _head(pieces: list[_Piece]) -> _Piece:
+    """The one that moves most of the scene."""
+    return next((piece for piece in pieces if not piece.part.still), pieces[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Modes(Sequence[Mode]):
+    """All modes of a scene in ascending order of natural frequency, one entry for each distinct one.
+
+    `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,) and read-only, are at hand for all of them; an item
+    computes its `Mode`.  `rig` holds the scene as arrays, `spectrum` where each mode comes from in natural `units`;
+    `notes` say what was left out and why.
+    """
+
+    scene: Scene
+    rig: Rig
+    units: Units
+    spectrum: Spectrum
+    notes: tuple[str, ...]
+
+    def __len__(self) -> int:
+        return len(self.spectrum.groups)
+
+    @overload
+    def __getitem__(self, index: int) -> Mode: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Mode]: ...
+    def __getitem__(self, index: int | slice) -> Mode | list[Mode]:
+        try:
+            chosen = range(len(self))[index]
+        except IndexError:
+            raise IndexError(self._no_index(index)) from None
+        return list(self.rows(chosen)) if isinstance(chosen, range) else next(self.rows([chosen]))
+
+    def _no_index(self, index: object) -> str:
+        of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
+        return f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
+
+    def __iter__(self) -> Iterator[Mode]:
+        return self.rows(range(len(self)))
+
+    @cached_property
+    def eigenvalue(self) -> NDArray[np.complex128]:
+        """λ (R,) in rad/s: iω for undamped modes, −ζω + iω√(1−ζ²) for damped ones."""
+        return _kept(self.spectrum.eigenvalue * self.units.rate)
+
+    @cached_property
+    def omega(self) -> Floats:
+        """Natural frequencies |λ| (R,) in rad/s."""
+        return _kept(np.abs(self.eigenvalue))
+
+    @property
+    def multiplicity(self) -> Ints:
+        """How many independent modes share each frequency, (R,)."""
+        return _kept(self.spectrum.multiplicity.view())
+
+    @property
+    def error(self) -> Floats:
+        """Bounds on the relative errors of `eigenvalue`, (R,)."""
+        return _kept(self.spectrum.error.view())
+
+    @cached_property
+    def route(self) -> str:
+        """The routes that were taken, for people."""
+        used = {part.source for parts in self.spectrum.groups for part in parts}
+        return ", ".join(dict.fromkeys(self.spectrum.sources[source].route for source in sorted(used)))
+
+    def rows(self, numbers: Sequence[int]) -> Iterator[Mode]:
+        """The modes with these indices (from 0), computed together, a bounded amount of memory at a time."""
+        size = max(1, CHUNK // max(1, sum(block.mass.size for block in self.rig.blocks)))
+        for start in range(0, len(numbers), size):
+            chunk = numbers[start : start + size]
+            with np.errstate(all="ignore"):
+                found = dict(self._described(chunk))
+            yield from (found[number] for number in chunk)
+
+    def shape(self, number: int, copy: int = 0, normalise: str = "angle") -> Shape:
+        """The copy-th basis vector of the mode with index `number`, both from 0 (`Mode.number` counts from 1).
+
+        `normalise` is "angle" (the largest angle is 1 rad; where there is none, the cart moves 1 m) or "mass"
+        (φᵀMφ = 1).  The vectors of one row are orthogonal in M: equal pendula in antiphase are spanned by
+        (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one pendulum at a time across it; different pendula
+        of equal frequency as in `modal.eigen.degenerate`.  The sign makes the first of the largest angles positive.
+        Where no digit of the frequency is certain the shape says so, `Shape.uncertain`. Raises IndexError for a mode or
+        copy that is not there, ValueError for another normalisation.
+        """
+        how, left = checked_normalisation(normalise), copy
+        for part in self.spectrum.groups[number]:
+            if 0 <= left < part.along + part.across:
+                details = self.spectrum.details(part.source, [part.row_of(left)])
+                uncertain = bool(self.error[number] >= UNCERTAIN)
+                return expanded(self.rig, self.units, part, left, details, how, uncertain=uncertain)
+            left -= part.along + part.across
+        raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
+
+    def _described(self, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
+        near = {n: self._resonances(n) for n in numbers}
+        asked = {n: [] if near[n] else answering(self.omega, n, self._partners(n)) for n in numbers}
+        pieces = self._pieces(sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
+        for n in numbers:
+            mode = self._mode(n, pieces[n])
+            answers = [
+                f"1:{harmonic} with mode {k + 1}"
+                for harmonic, k in asked[n]
+                if mode.kappa and self._distortion(harmonic, (n, pieces[n]), (k, pieces[k])) > MOST_DISTORTED
+            ]
+            yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
+
+    def _pieces(self, numbers: Sequence[int]) -> dict[int, list[_Piece]]:
+        needed = sorted(
+            ((part, n) for n in numbers for part in self.spectrum.groups[n]),
+            key=lambda entry: (entry[0].source, entry[0].row),
+        )
+        pieces: dict[int, list[_Piece]] = {n: [] for n in numbers}
+        for source, members in groupby(needed, key=lambda entry: entry[0].source):
+            found = list(members)
+            details = self.spectrum.details(source, [part.row for part, _ in found])
+            for at, (part, n) in enumerate(found):
+                pieces[n].append(_Piece(part, details, at))
+        return pieces
+
+    def _mode(self, number: int, pieces: list[_Piece]) -> Mode:
+        """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
+        value, unit = self.eigenvalue[number], self.units.mass
+        head = _head(pieces)
+        omega = float(abs(value))
+        certain = 1.0 if self.error[number] < UNCERTAIN else np.nan
+        ratio = certain * float(np.clip(-value.real / omega, -1.0, 1.0) + 0.0 if omega > 0 else 0.0)
+        effective = certain * unit * sum(piece.effective_mass(self.on_cart) for piece in pieces)
+        kappa = certain * float(head.details.kappa[head.at])
+        return Mode(
+            number=number + 1,
+            omega=omega,
+            damping_ratio=ratio,
+            multiplicity=int(self.multiplicity[number]),
+            family=self._family(number, head, ratio),
+            cart_participation=certain * float(sum(p.details.participation[p.at] for p in pieces)),
+            effective_mass=effective,
+            effective_mass_share=effective / self.rig.total_mass,
+            effective_mass_across=certain * unit * sum(piece.effective_mass_across() for piece in pieces),
+            kappa=kappa,
+            linear_to_1_percent_deg=one_percent_amplitude(kappa),
+            resonances=(),
+            residual=float(max(p.details.residual[p.at] for p in pieces)),
+            relative_error_bound=float(self.error[number]),
+            indistinct=self._indistinct(number),
+        )
+
+    @property
+    def on_cart(self) -> bool:
+        """Whether the support is a cart."""
+        return self.rig.cart is not None
+
+    def _family(self, number: int, head: _Piece, ratio: float) -> str:
+        if np.isnan(ratio):
+            return "beyond double precision"
+        if self.eigenvalue[number] == 0:
+            return "rigid translation"
+        details, at = head.details, head.at
+        still = head.part.still or details.cart[at] == 0
+        folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
+        for part in self.spectrum.groups[number]:
+            folds["antiphase" if part.still and self.on_cart else ""] += part.along
+            folds["across the rail" if self.on_cart else ""] += part.across
+        if head.part.still:
+            words = self._whose(number, head.part)
+        else:
+            several = sum(count for _, _, count in self.rig.members) > 1
+            names = list(self.rig.names.values())
+            words = agreement(details.angles, details.shares, at, names, several=several, still=still)
+        return family(
+            where=FIXED if not self.on_cart else CART_STILL if still else CART_MOVES,
+            folds=folds,
+            motion=motion_words(details.angles, details.shares, at, words),
+            ratio=ratio,
+        )
+
+    def _whose(self, number: int, part: Part) -> str:
+        """Which pendula move while the others stand still, where there are different ones."""
+        kinds = {other.kind for other in self.spectrum.groups[number]}
+        if self.rig.n_kinds == 1 or part.kind is None or len(kinds) > 1:
+            return ""
+        return self.rig.names[part.kind]
+
+    def _resonances(self, number: int) -> tuple[str, ...]:
+        """With other modes that it can exchange energy with: on a cart all, on a fixed support the same pendulum's."""
+        parts = self.spectrum.groups[number]
+        fold = self.multiplicity[number] if self.on_cart else 1 + any(part.along and part.across for part in parts)
+        own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
+        return own + resonances(self.omega, number, self._partners(number))
+
+    def _partners(self, number: int) -> Ints:
+        if self.on_cart:
+            return self._swinging
+        kinds = {part.kind for part in self.spectrum.groups[number]}
+        partners = np.unique([row for kind in kinds for row in self.spectrum.numbers_of_kind[kind]])
+        return partners[np.isin(partners, self._swinging)]
+
+    def _distortion(self, harmonic: int, own: tuple[int, list[_Piece]], other: tuple[int, list[_Piece]]) -> float:
+        """How much another mode's answer changes a mode's angle of 1 %, relative: between shapes that move alike.
+
+        Shapes of other symmetry are not driven: equal pendula in antiphase do not push what moves them alike.
+        """
+        (number, pieces), (partner, others) = own, other
+        head = _head(pieces)
+        kappa = np.array([head.details.kappa[head.at]])
+        found = [
+            distortion(self._blocks(head.part), self._swing(number, head), self._swing(partner, piece), harmonic, kappa)
+            for piece in others
+            if piece.part.kind == head.part.kind
+        ]
+        return float(np.abs(found).max(initial=0.0))
+
+    def _swing(self, number: int, piece: _Piece) -> Swing:
+        details, at = piece.details, [piece.at]
+        angles = tuple(angle[:, :, at].real for angle in details.angles)
+        largest = largest_angle(angles)
+        return Swing(
+            x=np.abs(self.spectrum.eigenvalue[[number]]) ** 2,
+            modal_mass=details.modal_mass[at] / largest**2,
+            cart=details.cart[at].real / largest,
+            angles=tuple(angle / largest for angle in angles),
+        )
+
+    def _blocks(self, part: Part) -> tuple[Block, ...]:
+        """What moves in the shapes of a part, in natural units: one chain, or all as heavy as their copies."""
+        blocks = self._natural.blocks
+        if part.kind:
+            block, column = part.kind
+            return (blocks[block].take(np.array([column])),)
+        return tuple(block.heavier(block.count) for block in blocks)
+
+    @cached_property
+    def _natural(self) -> Rig:
+        return self.rig.natural()[0]
+
+    @cached_property
+    def _swinging(self) -> Ints:
+        """The modes that oscillate for long, ζ < 0.1."""
+        return np.flatnonzero(np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue))
+
+    def _indistinct(self, number: int) -> bool:
+        omega, error = self.omega, self.error
+        neighbours = [k for k in (number - 1, number + 1) if 0 <= k < len(omega)]
+        return any(
+            abs(omega[k] - omega[number]) <= error[k] * omega[k] + error[number] * omega[number] for k in neighbours
+        )
+
+
+def _kept(values: A) -> A:
+    """An array that cannot be written to."""
+    values.flags.writeable = False
+    return values
+
+
+def natural_modes(scene: Scene) -> Modes:
+    """All modes of a scene about its rest: hanging, or as `equilibrium` says.
+
+    Raises ComputationError where double precision or memory cannot give them.  Methods and their sources stand in
+    the modules that `modal.eigen.routes` chooses from.
+    """
+    rig = rig_of(scene)
+    with np.errstate(all="ignore"):
+        natural, units = rig.natural()
+        found = spectrum(natural)
+        left_out = (UNDRIVEN,) * scene.is_driven
+        return Modes(scene, rig, units, found, (*notes(natural, found.sources), *left_out))

@@ -1,0 +1,107 @@
+"""One number for every mode: that of the table of its scene, dampers included.
+
+A scene without its dampers, or with its cart held, has modes of its own.  Each of them bears the number of the table's
+mode that it is most like: rows r and s, of shapes φ and ψ, share
+
+    w_rs = Σ |φᴴMψ|² / ((φᴴMφ)(ψᴴMψ))        over all pairs of their shapes along the rail,
+
+and pairs are formed one to one, those that share most first.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly.matrices import matrices
+from modal.modes.all_shapes import all_shapes
+from modal.modes.modes import Modes, natural_modes
+from modal.scene.model import Scene
+from modal.types import Complexes, Floats, Ints
+
+DIGITS = 9
+"""Decimals to which what two rows share is compared; of those that share alike the earlier is taken."""
+MOST_COMPARED = 1000
+"""Links of a scene up to which its shapes are compared where the numbers are only a courtesy."""
+
+
+@lru_cache(maxsize=4)
+def table_numbers(scene: Scene) -> Ints:
+    """The number in the table of a scene for every row (R,) of `natural_modes(scene.conservative)`.
+
+    >>> from modal import load
+    >>> table_numbers(load("huygens")).tolist()  # the cart's creeping on its damper is mode 2 of the table
+    [1, 3, 4]
+    """
+    still = natural_modes(scene.conservative)
+    found = 1 + counterparts(still, natural_modes(scene)) if scene.has_damping else np.arange(1, len(still) + 1)
+    found.flags.writeable = False
+    return found
+
+
+def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
+    """For every row (R,) of `modes` the index of the row of `others` (one of `among`) that it is most like."""
+    chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
+    alike = np.round(_alike(modes, others)[:, chosen], DIGITS)
+    found = paired(alike, np.ones(len(chosen), dtype=np.int64))
+    return np.asarray(chosen[np.where(found < 0, alike.argmax(axis=1), found)])
+
+
+def paired(alike: Floats, room: Ints) -> Ints:
+    """A column for every row, the largest entries first, none for more rows than it has `room` for; −1 without one."""
+    found, left = np.full(len(alike), -1), room.copy()
+    missing = min(len(alike), int(room.sum()))
+    for place in np.argsort(-alike, axis=None, kind="stable").tolist():
+        row, column = divmod(place, alike.shape[1])
+        if not missing:
+            break
+        if found[row] < 0 and left[column]:
+            found[row], left[column], missing = column, left[column] - 1, missing - 1
+    return found
+
+
+def labelled(numbers: Iterable[int]) -> tuple[str, ...]:
+    """A name for each of these numbers of the table: the number, and behind it b, c, … where it comes again.
+
+    >>> labelled([2, 2, 3, 2])
+    ('2', '2b', '3', '2c')
+    """
+    before: Counter[int] = Counter()
+    names = []
+    for number in numbers:
+        names.append(f"{number}{lettered(before[number]) if before[number] else ''}")
+        before[number] += 1
+    return tuple(names)
+
+
+def lettered(index: int) -> str:
+    """a, b, … z, aa, ab, … of indices from 0."""
+    before, last = divmod(index, 26)
+    return (lettered(before - 1) if before else "") + chr(ord("a") + last)
+
+
+def _alike(modes: Modes, others: Modes) -> Floats:
+    """The w (R, S), over the cart and the links where both have a cart, else over the links."""
+    on_cart = modes.on_cart and others.on_cart
+    left_out, M = int(modes.on_cart and not on_cart), matrices(modes.scene).M
+    M = M[left_out:, left_out:]
+    one, own = _stacked(modes, M, on_cart)
+    other, whose = _stacked(others, M, on_cart)
+    found = np.zeros((len(modes), len(others)))
+    np.add.at(found, np.ix_(own, whose), np.abs(one.conj().T @ M @ other) ** 2)
+    return found
+
+
+def _stacked(modes: Modes, M: Floats, on_cart: bool) -> tuple[Complexes, Ints]:
+    """All shapes along the rail (n, C) with φᴴMφ = 1, and the row (C,) of each."""
+    each = [(row, shape) for row, own in enumerate(all_shapes(modes)) for shape in own if not shape.across]
+    parts: list[NDArray[np.complex128]] = [
+        np.concatenate(([shape.cart] if on_cart else [], shape.angles)).astype(np.complex128) for _, shape in each
+    ]
+    phi = np.array(parts).T
+    size = np.sqrt(np.einsum("ic,ij,jc->c", phi.conj(), M, phi).real)
+    return phi / np.where(size > 0, size, 1.0), np.array([row for row, _ in each])

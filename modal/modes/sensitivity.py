@@ -1,0 +1,154 @@
+"""How a natural frequency answers to each parameter of a scene, in closed form.
+
+With φᵀMφ = 1 a simple frequency changes as its Rayleigh quotient does while the shape φ stands still:
+
+    2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ = ∂(2V − ω² 2T)/∂p
+
+    2T = m_c φ_x² + Σ (m_i z_i² + I_i φ_i²),      z_i = φ_x + Σ_{k<i} l_k φ_k + c_i φ_i
+    2V = k_c φ_x² + Σ (m_i g h_i + k_i (φ_i − φ_{i−1})²),      h_i = Σ_{k<i} l_k φ_k² + c_i φ_i²
+
+with −l and −c for links that stand, where z_i is how far the centre of link i moves aside and h_i/2 how far it rises:
+running sums along each chain, O(n) for all parameters together.  (Fox & Kapoor, AIAA J. 6, 2426 (1968): the derivative
+of a simple eigenvalue.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+
+from modal import pair
+from modal.errors import ComputationError
+from modal.modes.mode import UNCERTAIN
+from modal.modes.modes import Modes
+from modal.modes.shapes import Shape
+from modal.scene.model import Pendulum
+from modal.types import Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Sensitivities:
+    """∂ω/∂p of one mode; arrays (n_links,) in the order of `Shape.angles`, each entry for one link of one copy.
+
+    mass            rad/s per kg; what is a rod stays one, so I = m l²/12 follows, the inertia of a body does not
+    length          rad/s per m; a bob's c = l, a rod's c = l/2 and I = m l²/12 follow, a body's c and I do not
+    centre          rad/s per m, of a centre of mass along its link, all else held
+    inertia         rad/s per kg m², all else held
+    stiffness       rad/s per N m/rad, of the torsion spring at a link's upper joint
+    cart_mass       rad/s per kg, 0 on a fixed support
+    cart_stiffness  rad/s per N/m, 0 on a fixed support
+    gravity         rad/s per m/s²
+    """
+
+    mass: Floats
+    length: Floats
+    centre: Floats
+    inertia: Floats
+    stiffness: Floats
+    cart_mass: float
+    cart_stiffness: float
+    gravity: float
+
+
+def sensitivities(modes: Modes, number: int) -> Sensitivities:
+    """The derivatives of the natural frequency of the mode with index `number`, from 0.
+
+    All are 0 where ω = 0.  Raises ComputationError for a damped mode, for one that double precision does not give and
+    for a frequency that several modes share: it splits, into one branch for each, along shapes that depend on what is
+    changed.  Next to another frequency the derivative holds for changes much smaller than the gap.  Raises IndexError
+    for a mode that is not there.
+
+    Ordinary scenes keep 12 digits of the largest p ∂ω/∂p; z_i is a running sum, which cancels where a centre hardly
+    moves in a very fast mode (nearly no inertia, masses and lengths apart by 1e±16): up to 7 of them are lost there.
+    """
+    _refuse(modes, number)
+    omega, shape = float(modes.omega[number]), modes.shape(number, 0, "mass")
+    if omega == 0:
+        return _nothing(modes.scene.n_links)
+    chains = [_of_chains(*found, omega, shape.cart.real, modes.scene.gravity) for found in _hung(modes, shape)]
+    columns = [np.concatenate([np.ravel(values) for values in column]) for column in zip(*chains, strict=True)]
+    mass, length, centre, inertia, stiffness, gravity = (column / (2 * omega) for column in columns)
+    cart = shape.cart.real**2
+    return Sensitivities(
+        mass, length, centre, inertia, stiffness, -omega / 2 * cart, cart / (2 * omega), float(gravity.sum())
+    )
+
+
+def _refuse(modes: Modes, number: int) -> None:
+    value, fold = modes.eigenvalue[number], modes.multiplicity[number]
+    name = f"mode index {number} ({modes.omega[number]:.6g} rad/s)"
+    if not modes.error[number] < UNCERTAIN:
+        raise ComputationError(f"{name} is beyond double precision: it has no derivative")
+    if value.real:
+        ratio = -value.real / abs(value)
+        raise ComputationError(f"{name} has a damping ratio of {ratio:.3g}: sensitivities are for undamped modes")
+    if fold > 1:
+        raise ComputationError(
+            f"{name} is shared by {fold} modes: a repeated frequency splits when one link changes, so it has no one "
+            f"derivative"
+        )
+
+
+def _nothing(n_links: int) -> Sensitivities:
+    still = {field.name: np.zeros(n_links) if field.type == "Floats" else 0.0 for field in fields(Sensitivities)}
+    return Sensitivities(**still)  # type: ignore[arg-type]
+
+
+class _Chain(NamedTuple):
+    """The links of one pendulum, each (n,), and σ = ±1 for down or up, and what follows mass and length."""
+
+    mass: Floats
+    length: Floats
+    centre: Floats
+    inertia: Floats
+    sigma: Floats
+    follows: Floats
+
+
+def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Floats]]:
+    """Every pendulum as the scene writes it, with the angles (copies, n) of its copies."""
+    angles, at = shape.angles.real, 0
+    for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
+        own = modes.rig.blocks[block]
+        m, l, c, I, sigma = (values[:, column] for values in (own.mass, own.length, own.centre, own.inertia, own.sigma))
+        size = copies * own.n
+        yield _Chain(m, l, c, I, sigma, _follows(pendulum)), angles[at : at + size].reshape(copies, own.n)
+        at += size
+
+
+def _follows(pendulum: Pendulum) -> Floats:
+    """1 for a bob or a rod, where c is proportional to l and I to m l²; 0 for a body."""
+    return np.repeat([float(link.kind != "body") for link in pendulum.links], [link.count for link in pendulum.links])
+
+
+def _of_chains(chain: _Chain, phi: Floats, omega: float, cart: float, g: float) -> tuple[Floats, ...]:
+    """∂(2V − ω² 2T)/∂p of the copies of a chain, each (copies, n): what follows is added by the chain rule."""
+    m, l, c, I, sigma, follows = chain
+    square, turn = omega**2, phi**2
+    z = cart + _above(sigma * l * phi) + sigma * c * phi
+    h = _above(sigma * l * turn) + sigma * c * turn
+    inertia = -square * turn
+    centre = sigma * m * (g * turn - 2 * square * z * phi)
+    length = sigma * (g * turn * pair.masses_below(m) - 2 * square * phi * _below(m * z))
+    mass = g * h - square * z**2
+    return (
+        mass + follows * I / m * inertia,
+        length + follows * (c * centre + 2 * I * inertia) / l,
+        centre,
+        inertia,
+        np.diff(phi, axis=1, prepend=0.0) ** 2,
+        m * h,
+    )
+
+
+def _above(values: Floats) -> Floats:
+    """Σ_{k<i} along the last axis."""
+    return np.pad(np.cumsum(values[..., :-1], axis=-1), ((0, 0), (1, 0)))
+
+
+def _below(values: Floats) -> Floats:
+    """Σ_{k>i} along the last axis."""
+    return _above(values[..., ::-1])[..., ::-1]

@@ -1,0 +1,132 @@
+"""One basis vector of a mode, written out over every pendulum of the scene."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly.arrays import Rig, Units
+from modal.eigen.routes import Part
+from modal.eigen.sources import Details
+from modal.errors import ComputationError
+from modal.types import Floats
+
+Normalisation = Literal["angle", "mass"]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """One basis vector φ of a mode: a mode shape over every pendulum, copies counted out, top link first.
+
+    `cart` is the cart's displacement (m) and `angles` (n_links,) every link's angle from the vertical (rad), or both
+    per √kg m where φᵀMφ = 1; complex for damped modes.  `kinetic_energy_share` (n_links,) is each link's part of the
+    kinetic energy, `modal_mass` φᵀMφ (kg m²), `participation_factor` φᵀMe/φᵀMφ (1/m) for the unit translation e of
+    everything along the rail, or across it where `across` says that the shape moves that way (scenes in space); their
+    product Γ²φᵀMφ is the modal effective mass (Clough & Penzien, Dynamics of Structures, §26-4).  NaN for damped modes.
+    `uncertain` says that no digit of the mode's frequency is certain; then the shape may be any other mode's in part.
+    """
+
+    cart: complex
+    angles: NDArray[np.inexact]
+    kinetic_energy_share: Floats
+    modal_mass: float
+    participation_factor: float
+    across: bool
+    uncertain: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Vector:
+    """A shape as its source scales it, in natural units, with its φᵀMφ and φᵀMe."""
+
+    cart: complex
+    angles: NDArray[np.inexact]
+    shares: Floats
+    modal_mass: float
+    momentum: float
+
+
+def checked_normalisation(name: str) -> Normalisation:
+    """The name itself; ValueError for any other."""
+    if name not in get_args(Normalisation):
+        raise ValueError(f'normalise = {name!r}: must be "angle" or "mass"')
+    return name  # type: ignore[return-value]
+
+
+def expanded(
+    rig: Rig, units: Units, part: Part, copy: int, details: Details, normalise: Normalisation, *, uncertain: bool
+) -> Shape:
+    """The copy-th vector of a part, `details` holding its one row."""
+    vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
+    if not np.all(np.isfinite(vector.angles)):
+        raise ComputationError("a mode shape of this scene is beyond double precision")
+    scale = _scale(vector, units, normalise)
+    return _scaled(vector, units, scale, across=copy >= part.along, uncertain=uncertain)
+
+
+def _of_all(rig: Rig, details: Details) -> _Vector:
+    angles, shares = (
+        np.concatenate([np.tile(values[block][:, column, 0], copies) for block, column, copies in rig.members])
+        for values in (details.angles, details.shares)
+    )
+    return _Vector(details.cart[0], angles, shares.real, details.modal_mass[0], details.momentum[0])
+
+
+def _of_copies(rig: Rig, part: Part, kind: tuple[int, int], copy: int, details: Details) -> _Vector:
+    weights = _weights(rig, part, kind, copy)
+    one, share = details.angles[0][:, 0, 0], details.shares[0][:, 0, 0]
+    angles, shares, used = [], [], 0
+    for block, column, count in rig.members:
+        own = np.zeros(count)
+        if (block, column) == kind:
+            own = weights[used : used + count]
+            used += count
+        n = rig.blocks[block].n
+        angles.append(np.outer(own, one).ravel() if own.any() else np.zeros(count * n, one.dtype))
+        shares.append(np.outer(own**2, share).ravel() if own.any() else np.zeros(count * n))
+    single = copy >= part.along or not rig.cart
+    momentum = details.momentum[0] if single or np.isnan(details.momentum[0]) else 0.0
+    return _Vector(0.0, np.concatenate(angles), np.concatenate(shares), details.modal_mass[0], momentum)
+
+
+def _weights(rig: Rig, part: Part, kind: tuple[int, int], copy: int) -> Floats:
+    """How much each copy of a kind moves, of Euclidean length 1: one of them alone, or in antiphase on a cart."""
+    weights = np.zeros(sum(count for block, column, count in rig.members if (block, column) == kind))
+    if copy >= part.along or not rig.cart:
+        weights[copy - part.along if copy >= part.along else copy] = 1.0
+    else:
+        weights[: copy + 1], weights[copy + 1] = 1.0, -(copy + 1.0)
+        weights /= np.sqrt((copy + 1.0) * (copy + 2.0))
+    return weights
+
+
+def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
+    """What turns the vector's angles into those asked for: the first of the largest real and positive.
+
+    A rigid translation has no angles: there the cart moves by 1 m instead of the largest angle's 1 rad.
+    """
+    size = np.abs(vector.angles)
+    moves = size.max() > 0
+    leading = vector.angles[np.argmax(size >= size.max() * (1 - 1e-9))] if moves else vector.cart * units.length
+    turn = np.conj(leading) / abs(leading)
+    length = abs(leading) if how == "angle" else np.sqrt(vector.modal_mass * units.mass) * units.length
+    scale: complex = turn / length
+    return scale if np.iscomplexobj(vector.angles) else scale.real
+
+
+def _scaled(vector: _Vector, units: Units, scale: complex, *, across: bool, uncertain: bool) -> Shape:
+    modal_mass = vector.modal_mass * abs(scale) ** 2 * units.mass * units.length**2
+    undamped = np.isfinite(vector.momentum)
+    momentum = vector.momentum * scale.real * units.mass * units.length
+    return Shape(
+        cart=vector.cart * scale * units.length,
+        angles=vector.angles * scale,
+        kinetic_energy_share=vector.shares,
+        modal_mass=float(modal_mass),
+        participation_factor=float(momentum / modal_mass) if undamped else np.nan,
+        across=across,
+        uncertain=uncertain,
+    )

@@ -1,0 +1,195 @@
+"""What was built for the modes of a scene, what was left out, and which packages that took: only what it requires.
+
+The sources of the modes tell what they were built from, the process which packages it has loaded; nothing here is a
+forecast.  An audit is a snapshot, and packages loaded for something else count as well.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from modal.assembly.arrays import Rig
+from modal.eigen.counts import counted
+from modal.eigen.sources import Rigid
+from modal.eigen.spectrum import Spectrum
+from modal.modes.modes import Modes
+
+PACKAGES = ("numpy", "scipy", "sympy", "control", "matplotlib", "numba", "heyoka", "flint", "distributed")
+MOST_SHOWN = 6
+
+
+@dataclass(frozen=True)
+class Part:
+    """Problems alike: `unknowns` in each of so many `problems`, and how many modes of the scene come from them."""
+
+    what: str
+    route: str
+    problems: int
+    unknowns: int
+    modes: int
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """So many dense square matrices of one name and order."""
+
+    name: str
+    order: int
+    number: int
+
+
+@dataclass(frozen=True)
+class Audit:
+    """What was built for the modes of a scene.
+
+    `coordinates` counts those of the whole scene: every copy, both directions in space, the cart.  `left_out` are
+    sentences, `modules` the larger packages that this process has loaded.
+    """
+
+    coordinates: int
+    parts: tuple[Part, ...]
+    matrices: tuple[Matrix, ...]
+    complex_problem: bool
+    left_out: tuple[str, ...]
+    modules: tuple[str, ...]
+
+    @property
+    def unknowns(self) -> int:
+        """How many were solved for, in all parts together."""
+        return sum(part.problems * part.unknowns for part in self.parts)
+
+    def text(self) -> str:
+        """For a terminal, in at most 25 lines."""
+        unknowns, coordinates = counted(self.unknowns, "unknown"), counted(self.coordinates, "coordinate")
+        return "\n".join(
+            [
+                f"Built: {unknowns} for a scene of {coordinates}",
+                f"{'unknowns':>12}  {'modes':>8}  {'route':<16}  of what",
+                *_first((_row(part) for part in self.parts), indent=" " * 8),
+                f"  matrices: {', '.join(_first(map(_sized, self.matrices))) or 'none'}",
+                f"  packages: {', '.join(self.modules)}",
+                "Left out:",
+                *(f"  {sentence}" for sentence in self.left_out),
+                "",
+            ]
+        )
+
+    def record(self) -> dict[str, Any]:
+        """For JSON; all numbers are counts."""
+        return {
+            "coordinates": self.coordinates,
+            "unknowns": self.unknowns,
+            "parts": [dict(vars(part)) for part in self.parts],
+            "matrices": [dict(vars(matrix)) for matrix in self.matrices],
+            "complex_problem": self.complex_problem,
+            "left_out": list(self.left_out),
+            "modules": list(self.modules),
+        }
+
+
+def audit(modes: Modes) -> Audit:
+    """What was built for these modes."""
+    return Audit(
+        coordinates=coordinates(modes.rig),
+        parts=_parts(modes.spectrum),
+        matrices=_matrices(modes.spectrum),
+        complex_problem=any(source.built.is_complex for source in modes.spectrum.sources),
+        left_out=(*_coordinates_left_out(modes.rig), *_solving_left_out(modes), *not_loaded()),
+        modules=loaded(),
+    )
+
+
+def _parts(spectrum: Spectrum) -> tuple[Part, ...]:
+    """One for each source, alike ones together."""
+    taken = Counter[int]()
+    for part in (part for parts in spectrum.groups for part in parts):
+        taken[part.source] += part.along + part.across
+    found: dict[tuple[str, str, int], tuple[int, int]] = {}
+    for index, source in enumerate(spectrum.sources):
+        built = source.built
+        kind = built.what, source.route, built.unknowns
+        problems, modes = found.get(kind, (0, 0))
+        found[kind] = problems + built.problems, modes + taken[index]
+    return tuple(
+        Part(what, route, problems, unknowns, modes) for (what, route, unknowns), (problems, modes) in found.items()
+    )
+
+
+def _matrices(spectrum: Spectrum) -> tuple[Matrix, ...]:
+    """The largest first, alike ones together."""
+    found = Counter[tuple[str, int]]()
+    for name, order, number in (matrix for source in spectrum.sources for matrix in source.built.matrices):
+        found[name, order] += number
+    return tuple(Matrix(name, order, found[name, order]) for name, order in sorted(found, key=lambda key: -key[1]))
+
+
+def coordinates(rig: Rig) -> int:
+    """Of the whole scene: every copy, both directions in space, the cart along its rail."""
+    links = sum(int(block.count.sum()) * block.n for block in rig.blocks)
+    return links * (2 if rig.spatial else 1) + (1 if rig.cart else 0)
+
+
+def _coordinates_left_out(rig: Rig) -> Iterator[str]:
+    if not rig.cart:
+        yield "no cart coordinate: the support is fixed"
+    if rig.spatial:
+        yield (
+            "no cart coordinate across the rail, where it cannot move"
+            if rig.cart
+            else "one vertical plane instead of two: about rest both swing alike"
+        )
+    pendula = sum(int(block.count.sum()) for block in rig.blocks)
+    if pendula > rig.n_kinds:
+        most = max(int(block.count.max()) for block in rig.blocks)
+        times = f" with {most if rig.n_kinds == 1 else f'up to {most}'} times the masses" if rig.cart else ""
+        alike = "equal ones move alike" + (" or hold the cart still" if rig.cart else "")
+        yield f"{counted(rig.n_kinds, 'pendulum', 'pendula')}{times} instead of {pendula}: {alike}"
+
+
+def _solving_left_out(modes: Modes) -> Iterator[str]:
+    sources, size = modes.spectrum.sources, coordinates(modes.rig)
+    built = [source.built for source in sources]
+    if any(isinstance(source, Rigid) for source in sources):
+        yield "no search for the free cart's own frequency: 0 exactly"
+    if not any(one.is_complex for one in built):
+        yield "no complex eigenproblem: nothing damps"
+    orders = [order for one in built for name, order, _ in one.matrices if name == "M"]
+    if not orders:
+        yield f"no M and K of {size} × {size}: frequencies come from the effective mass, O(n) numbers"
+    elif not any(name == "D" for one in built for name, *_ in one.matrices):
+        yield "no damping matrix: nothing damps"
+    if orders and max(orders) < size:
+        yield f"no M and K of {size} × {size}: {max(orders)} × {max(orders)} are the largest"
+
+
+def loaded() -> tuple[str, ...]:
+    """The larger packages that this process has loaded."""
+    return tuple(name for name in PACKAGES if sys.modules.get(name))
+
+
+def not_loaded() -> Iterator[str]:
+    """The others, in a sentence."""
+    missing = [name for name in PACKAGES if name not in loaded()]
+    if missing:
+        yield f"not imported: {', '.join(missing)}"
+
+
+def _row(part: Part) -> str:
+    unknowns = f"{part.problems} × {part.unknowns}" if part.problems > 1 else str(part.unknowns)
+    purpose = "" if part.modes else ", for what is coupled below"
+    return f"{unknowns:>12}  {part.modes:>8}  {part.route:<16}  {part.what}{purpose}"
+
+
+def _sized(matrix: Matrix) -> str:
+    several = f"{matrix.number} × " if matrix.number > 1 else ""
+    return f"{several}{matrix.name} {matrix.order}×{matrix.order}"
+
+
+def _first(words: Iterable[str], indent: str = "") -> list[str]:
+    every = list(words)
+    more = len(every) - MOST_SHOWN
+    return every[:MOST_SHOWN] + ([f"{indent}and {more} more"] if more > 0 else [])

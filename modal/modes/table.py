@@ -1,0 +1,225 @@
+"""The table of modes as text, Markdown, LaTeX, CSV, HTML or JSON: one list of columns, many dresses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import isfinite, log10
+from typing import Any
+
+from modal.errors import ComputationError
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes
+from modal.report.escaping import csv_rows, html, json_text, markdown, one_line, visible
+from modal.scene.model import described
+
+MOST_SHAPE_NUMBERS = 5_000_000
+NOTHING = "–"
+Value = float | int | str | bool | None
+
+
+@dataclass(frozen=True)
+class Column:
+    """A machine name with its unit, its value and, where people see it, a heading, plain and in LaTeX, and a form."""
+
+    key: str
+    value: Callable[[Mode], Value]
+    heading: str = ""
+    latex: str = ""
+    shown: Callable[[Mode], str] | None = None
+    only_if: Callable[[Modes], bool] = lambda modes: True
+
+    @property
+    def headed(self) -> str:
+        """The heading in LaTeX."""
+        return self.latex or self.heading
+
+
+def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
+    """At most so many significant digits, and no more than the bound on ω leaves certain."""
+
+    def shown(mode: Mode) -> str:
+        number, bound = value(mode), mode.relative_error_bound
+        if number is None or not isfinite(number) or mode.is_uncertain:
+            return NOTHING
+        certain = most if bound == 0 else min(most, max(1, int(-log10(bound))))
+        return f"{number:.{certain}g}"
+
+    return shown
+
+
+def _marked(mode: Mode) -> str:
+    marks = (("*", bool(mode.resonances)), ("~", mode.indistinct), ("!", mode.is_uncertain))
+    return f"{mode.number}{''.join(mark for mark, holds in marks if holds)}"
+
+
+def _trusted(mode: Mode) -> str:
+    angle = mode.linear_to_1_percent_deg
+    return ">90" if angle > 90 and isfinite(mode.kappa) and mode.kappa else _digits(3, lambda m: angle)(mode)
+
+
+def _number(
+    key: str,
+    value: Callable[[Mode], float | None],
+    heading: str,
+    latex: str,
+    digits: int,
+    only_if: Callable[[Modes], bool] = lambda modes: True,
+) -> Column:
+    return Column(key, value, heading, latex, _digits(digits, value), only_if)
+
+
+COLUMNS = (
+    Column("mode", lambda m: m.number, "mode", shown=_marked),
+    _number("omega_rad_per_s", lambda m: m.omega, "ω (rad/s)", r"$\omega$ (rad/s)", 9),
+    _number("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
+    _number("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
+    _number("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
+    _number("growth_rate_per_s", lambda m: m.growth_rate, "growth (1/s)", "", 7, lambda modes: modes.scene.stands),
+    Column("multiplicity", lambda m: m.multiplicity, "fold", shown=lambda m: str(m.multiplicity)),
+    Column("family", lambda m: m.family, "family", shown=lambda m: m.family),
+    _number("cart_participation", lambda m: m.cart_participation, "cart part.", "", 4, lambda modes: modes.on_cart),
+    _number("effective_mass_kg", lambda m: m.effective_mass, "eff. mass (kg)", r"$m_\mathrm{eff}$ (kg)", 6),
+    _number("effective_mass_share", lambda m: m.effective_mass_share, "share", "", 4),
+    _number(
+        "effective_mass_across_kg",
+        lambda m: m.effective_mass_across,
+        "across (kg)",
+        r"$m_\mathrm{eff}$ across (kg)",
+        6,
+        lambda modes: modes.rig.spatial,
+    ),
+    Column(
+        "linear_to_1_percent_deg", lambda m: m.linear_to_1_percent_deg, "1 % at (°)", r"1\,\% at ($^\circ$)", _trusted
+    ),
+    Column("kappa_per_rad2", lambda m: m.kappa),
+    Column("resonances", lambda m: "; ".join(m.resonances)),
+    Column("residual", lambda m: m.residual),
+    Column(
+        "relative_error_bound",
+        lambda m: m.relative_error_bound,
+        "± rel.",
+        r"$\pm$ rel.",
+        lambda m: f"{m.relative_error_bound:.0e}",
+    ),
+    Column("indistinct", lambda m: m.indistinct),
+)
+
+
+def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False) -> str:
+    """These rows of `modes` as text, markdown, latex, csv, html or json, the `form`.
+
+    `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.
+    """
+    if form == "json":
+        return _json(modes, rows, shapes=shapes)
+    if form == "csv":
+        return _csv(rows)
+    columns = [column for column in COLUMNS if column.shown and column.only_if(modes)]
+    cells = [[column.shown(row) for column in columns if column.shown] for row in rows]
+    return _DRESSES[form](modes, columns, cells, _footnotes(modes, rows))
+
+
+def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
+    """One mapping a mode, all columns, units in the names; None where a value has no meaning."""
+    return [{column.key: _finite(column.value(row)) for column in COLUMNS} for row in rows]
+
+
+def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
+    """JSON: the scene, its modes, the route that was taken and notes."""
+    found = [{**record, "resonances": list(row.resonances)} for record, row in zip(_records(rows), rows, strict=True)]
+    if shapes:
+        numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
+        if numbers > MOST_SHAPE_NUMBERS:
+            raise ComputationError(f"the shapes asked for hold {numbers} angles: choose fewer modes")
+        for record, row in zip(found, rows, strict=True):
+            record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
+    whole = {"scene": described(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
+    return json_text(whole) + "\n"
+
+
+def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
+    shape = modes.shape(number, copy)
+    angles = [[z.real, z.imag] for z in shape.angles] if shape.angles.dtype.kind == "c" else shape.angles.tolist()
+    cart = [shape.cart.real, shape.cart.imag] if isinstance(shape.cart, complex) else shape.cart
+    return {
+        "direction": "across the rail" if shape.across else "along the rail",
+        "cart_m": cart,
+        "angles_rad": angles,
+        "modal_mass_kg_m2": shape.modal_mass,
+        "participation_factor_per_m": _finite(shape.participation_factor),
+        "kinetic_energy_share": shape.kinetic_energy_share.tolist(),
+        "uncertain": shape.uncertain,
+    }
+
+
+def _finite(value: Value) -> Value:
+    return None if isinstance(value, float) and not isfinite(value) else value
+
+
+def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
+    notes = list(modes.notes)
+    if any(row.resonances for row in rows):
+        notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own: the 1 % amplitude is a guide.")
+    if any(row.is_uncertain for row in rows):
+        notes.append("! beyond double precision: no digit of this frequency is certain.")
+    if any(row.growth_rate for row in rows):
+        notes.append("unstable: this rest is not one to stay at; a growing mode has a mirror image that decays.")
+    if any(row.indistinct for row in rows):
+        notes.append("~ closer to a neighbour than the error bounds can tell apart.")
+    return notes
+
+
+def _csv(rows: Sequence[Mode]) -> str:
+    return csv_rows([[column.key for column in COLUMNS], *(record.values() for record in _records(rows))])
+
+
+def _dressed(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:
+    from tabulate import tabulate
+
+    align = ["left" if column.key == "family" else "right" for column in columns]
+    return tabulate(cells, headings, tablefmt=name, colalign=align if cells else None, disable_numparse=True)
+
+
+def _title(modes: Modes) -> str:
+    return modes.scene.title or "Modes"
+
+
+def _text(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
+    """Aligned by hand: the default format imports nothing, so that the command starts quickly."""
+    headings = [column.heading for column in columns]
+    widths = [max(map(len, column)) for column in zip(headings, *cells, strict=True)]
+    lines = [headings, ["-" * width for width in widths], *cells]
+    grid = (_aligned(columns, widths, line) for line in lines)
+    return "\n".join([visible(_title(modes)), "", *grid, "", *notes]).rstrip() + "\n"
+
+
+def _aligned(columns: Sequence[Column], widths: list[int], cells: list[str]) -> str:
+    padded = (
+        cell.ljust(width) if column.key == "family" else cell.rjust(width)
+        for column, width, cell in zip(columns, widths, cells, strict=True)
+    )
+    return "  ".join(padded).rstrip()
+
+
+def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
+    body = _dressed("github", columns, cells, [column.heading for column in columns])
+    return "\n".join([f"**{markdown(_title(modes))}**", "", body, *(f"\n{note}" for note in notes)]) + "\n"
+
+
+def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
+    plain = [
+        [cell.replace(NOTHING, "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row]
+        for row in cells
+    ]
+    body = _dressed("latex_raw", columns, plain, [column.headed for column in columns])
+    return "\n".join([f"% {line}" for line in (one_line(_title(modes)), *notes)] + [body]) + "\n"
+
+
+def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
+    body = _dressed("html", columns, cells, [column.heading for column in columns])
+    caption = f"<table>\n<caption>{html(_title(modes))}</caption>"
+    return "\n".join([body.replace("<table>", caption, 1), *(f"<p>{html(note)}</p>" for note in notes)]) + "\n"
+
+
+_DRESSES = {"text": _text, "markdown": _markdown, "latex": _latex, "html": _html}

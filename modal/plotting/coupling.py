@@ -1,0 +1,180 @@
+"""The dynamic mass over frequency, with its poles and zeros, and close up about one pole."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from modal.coupling.analysis import Coupling, Family, family_name
+from modal.plotting.layout import SMALL
+from modal.plotting.palette import colour, ink, muted, paper
+from modal.types import Floats
+
+MOST_CLOSE, MANY, POINTS = 3, 24, 1200
+CLOSEST = 0.02
+"""Share of an axis that a pole's line needs."""
+TOP = 2.2
+"""How much of all mass the axis of masses shows."""
+WIDE = 30.0
+"""Ratio of frequencies from which they stand on a logarithmic axis."""
+FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
+
+
+def pole() -> str:
+    """The colour of a mode in which the cart stands still."""
+    return colour(0)
+
+
+def curve() -> str:
+    """The colour of the dynamic mass."""
+    return colour(2)
+
+
+def zero() -> str:
+    """The colour of a mode that moves the cart."""
+    return colour(4)
+
+
+def plain() -> dict[str, Any]:
+    """Paper behind words."""
+    return {"facecolor": paper(), "edgecolor": "none", "pad": 1.5, "alpha": 0.85}
+
+
+def name(index: int) -> str:
+    """ω with the letter of a family, by its index from 0."""
+    return rf"ω$_\mathrm{{{family_name(index)}}}$"
+
+
+def crowded(coupling: Coupling) -> bool:
+    """Whether poles lie too close to be drawn one by one: more than MANY, or a band with no room for their lines."""
+    poles = coupling.dynamic.omega
+    low, high, wide = span(np.append(poles, [mode.omega for mode in coupling.cart_modes]))
+    share = np.ptp(np.log(poles)) / np.log(high / low) if wide else np.ptp(poles) / (high - low)
+    return len(poles) > MANY or (len(poles) > 4 and bool(share < CLOSEST * len(poles)))
+
+
+def draw_mass(axis: Axes, coupling: Coupling) -> None:
+    """m_dyn over ω, its poles above and its zeros on the line m_dyn = 0."""
+    dynamic, poles, whole = coupling.dynamic, coupling.dynamic.omega, coupling.dynamic.at_rest
+    zeros = np.array([mode.omega for mode in coupling.cart_modes])
+    low, high, wide = span(np.concatenate([poles, zeros]))
+    if not wide and dynamic(low)[0] > TOP * whole:
+        low, high = 0.0, 1.5 * high
+    axis.set(xlim=(low, high), ylim=(-1.2 * whole, TOP * whole), xscale="log" if wide else "linear")
+    axis.set(xlabel="angular frequency ω (rad/s)", ylabel=FELT)
+    axis.yaxis.set_major_formatter("{x:g}")
+    axis.axhline(0.0, color=ink(), lw=0.8)
+    if coupling.on_cart:
+        axis.axhline(dynamic.at_infinity, color=muted(), lw=0.9, ls=":")
+    crowd = crowded(coupling)
+    omega = _grid(poles, zeros, low, high, wide)
+    omega = omega[(omega <= poles[0]) | (omega >= poles[-1])] if crowd else omega
+    mass = np.clip(dynamic(omega), -20 * whole, 20 * whole)
+    mass[np.isin(omega, poles)] = np.nan
+    axis.plot(omega, mass, color=curve(), zorder=3)
+    if crowd:
+        axis.axvspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
+        middle = float(np.sqrt(poles[0] * poles[-1]))
+        axis.text(middle, 2.25 * whole, f"{len(poles)} poles", color=pole(), fontsize=SMALL, ha="center")
+        zeros = zeros[(zeros < poles[0]) | (zeros > poles[-1])]
+    else:
+        for value in poles:
+            axis.axvline(value, color=pole(), ls="--", lw=1.1)
+        _labels(axis, poles, [f"{name(k)} {value:.5g}" for k, value in enumerate(poles)], pole(), above=True)
+    axis.plot(zeros, 0 * zeros, "o", color=zero(), ms=6, zorder=4, mec=paper(), mew=0.8)
+    _labels(axis, zeros, [f"{value:.5g}" for value in zeros], zero(), above=False)
+
+
+def span(omega: Floats) -> tuple[float, float, bool]:
+    """Both ends of the axis of frequencies and whether it is logarithmic."""
+    smallest, largest = float(omega.min()), float(omega.max())
+    wide = largest > WIDE * smallest
+    if wide:
+        return smallest / 3, largest * 3, True
+    extent = largest - smallest
+    return max(0.0, smallest - max(1.5 * extent, smallest / 5)), largest + max(extent / 4, largest / 12), False
+
+
+def _grid(poles: Floats, zeros: Floats, low: float, high: float, wide: bool) -> Floats:
+    """Even along the axis and closer about poles and zeros."""
+    even = np.geomspace(low, high, POINTS) if wide else np.linspace(low, high, POINTS)
+    marked = np.concatenate([poles, zeros])
+    aside = np.geomspace(1e-7, 0.05, 120)
+    near = np.outer(marked, np.concatenate([1 - aside, 1 + aside])).ravel()
+    return np.unique(np.concatenate([even[even > 0], near[(near > low) & (near < high)], poles]))
+
+
+def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above: bool) -> None:
+    """Words above the axis or beside the points on its zero line, those left out that would touch the last."""
+    last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
+    for place, word in zip(places.tolist(), words, strict=True):
+        at = float(to_share.transform((place, 0.0))[0])
+        if at - last < 0.0085 * len(word):
+            continue
+        last = at
+        axis.annotate(
+            word,
+            (place, 1.0 if above else 0.0),
+            (0, 4) if above else (6, -11),
+            axis.get_xaxis_transform() if above else axis.transData,
+            textcoords="offset points",
+            ha="center" if above else "left",
+            fontsize=SMALL,
+            color=hue,
+            zorder=5,
+            annotation_clip=False,
+            bbox=plain() | {"pad": 0.5},
+        )
+
+
+def close_families(coupling: Coupling) -> list[int]:
+    """The families that are drawn close up, ascending: those that the cart couples most and that stand alone."""
+    families = () if crowded(coupling) else coupling.families
+    alone = [number for number, family in enumerate(families) if family.splitting and _is_alone(coupling, family)]
+    return sorted(sorted(alone, key=lambda number: -abs(families[number].strength))[:MOST_CLOSE])
+
+
+def _window(family: Family) -> tuple[float, float]:
+    """How far below and above the pole a close-up goes (rad/s)."""
+    split = family.splitting or 0.0
+    return (-0.8 * split, 2.6 * split) if split > 0 else (2.6 * split, -0.8 * split)
+
+
+def _is_alone(coupling: Coupling, family: Family) -> bool:
+    """Whether no other pole lies in the close-up."""
+    apart = coupling.dynamic.omega - family.omega
+    low, high = _window(family)
+    return not np.any((apart != 0) & (apart > low) & (apart < high))
+
+
+def draw_close(axis: Axes, coupling: Coupling, number: int) -> None:
+    """m_dyn about one pole and its zero, over the distance from the pole."""
+    family = coupling.families[number]
+    split = family.splitting or 0.0
+    scale = max(abs(family.rest), coupling.dynamic.at_rest / 10)
+    for share in (np.linspace(-0.8, -1e-3, 200), np.geomspace(1e-3, 2.6, 300)):
+        mass = _beside(coupling, number, share * split)
+        axis.plot(share * split, np.where(np.abs(mass) < 30 * scale, mass, np.nan), color=curve())
+    axis.axhline(0.0, color=ink(), lw=0.8)
+    axis.axvline(0.0, color=pole(), ls="--", lw=1.1)
+    axis.plot([split], [0.0], "o", color=zero(), ms=6, mec=paper(), mew=0.8, zorder=4)
+    arrow = {"arrowstyle": "<->", "color": ink(), "lw": 0.9, "shrinkA": 0, "shrinkB": 0}
+    axis.annotate("", (split, -2.2 * scale), (0.0, -2.2 * scale), arrowprops=arrow)
+    words = f"Δω = {split:.4g} rad/s" + (f"\nbeat {family.beat:.5g} s" if family.beat else "")
+    side = "left" if split > 0 else "right"
+    axis.text(1.1 * split, -2.2 * scale, words, fontsize=SMALL, va="center", ha=side, bbox=plain())
+    axis.set(xlim=_window(family), ylim=(-3.2 * scale, 3.2 * scale), xlabel=f"ω − {name(number)} (rad/s)", ylabel=FELT)
+    axis.set_title(f"close to {name(number)}: coupling ε = {family.strength:.3g}")
+    axis.locator_params(axis="x", nbins=4)
+    axis.yaxis.set_major_formatter("{x:g}")
+
+
+def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:
+    """m_dyn at these distances from the pole of a family."""
+    family, dynamic = coupling.families[number], coupling.dynamic
+    own = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
+    marked = np.tile(np.arange(len(dynamic.omega)) == number, (len(apart), 1))
+    return dynamic(family.omega + apart, left_out=marked) - own

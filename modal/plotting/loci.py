@@ -1,0 +1,97 @@
+"""Frequency loci as a picture, crossings and veerings marked."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import IO, Literal
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from modal.errors import ComputationError
+from modal.loci.crossings import Encounter
+from modal.loci.following import Loci
+from modal.plotting.layout import NUMBER, headline, key, log_ticks
+from modal.plotting.palette import MOST_CURVES, colour, dash, ink, paper
+from modal.plotting.style import WIDTH, save, sheet
+from modal.scene.parameters import Variation
+
+MARKS = {"crossing": "X", "veering": "o"}
+MOST_NAMED = 6
+"""Encounters that the legend tells one by one."""
+
+
+def draw_loci(found: Loci, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(loci_figure(found), stream, form)
+
+
+def loci_figure(found: Loci) -> Figure:
+    """ω (rad/s) of every locus against the parameter, a colour each, crosses at crossings, gaps ringed at veerings.
+
+    A rigid translation, ω = 0 all along, is left out.  Raises ComputationError for more loci than one picture holds and
+    where none swings.
+    """
+    shown = np.flatnonzero(found.omega.any(axis=0)).tolist()
+    if not 1 <= len(shown) <= MOST_CURVES:
+        raise ComputationError(f"{len(shown)} loci do not fit a picture: from 1 to {MOST_CURVES}")
+    figure = sheet(WIDTH, 6.0)
+    axis = figure.subplots()
+    lines = [_locus(axis, found, k) for k in shown]
+    for meeting in found.encounters:
+        _mark(axis, meeting)
+    values = found.variation.values
+    axis.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)", xlim=(values[0], values[-1]))
+    scale(axis, "x", found.variation)
+    headline(figure, found.scene.title, "frequency loci")
+    key(figure, [*lines, *_named(found)], columns=2 if len(shown) <= MOST_NAMED else 4)
+    return figure
+
+
+def _locus(axis: Axes, found: Loci, k: int) -> Line2D:
+    fold = f" ({found.multiplicity[k]}-fold)" if found.multiplicity[k] > 1 else ""
+    label = f"locus {found.names[k]}{fold}"
+    return axis.plot(found.values, found.omega[:, k], color=colour(k), ls=dash(k), zorder=3, label=label)[0]
+
+
+def _mark(axis: Axes, meeting: Encounter) -> None:
+    axis.add_line(_sign(meeting.kind, [meeting.value], [meeting.omega]))
+    if meeting.kind == "veering":
+        ends = meeting.omega - meeting.gap / 2, meeting.omega + meeting.gap / 2
+        axis.plot([meeting.value] * 2, ends, color=ink(), lw=1.1, zorder=4)
+
+
+def _sign(kind: str, x: Sequence[float], y: Sequence[float], label: str = "") -> Line2D:
+    face, edge, size = (ink(), paper(), 9) if kind == "crossing" else ("none", ink(), 13)
+    return Line2D(x, y, ls="", marker=MARKS[kind], mfc=face, mec=edge, ms=size, mew=1.1, zorder=5, label=label)
+
+
+def _named(found: Loci) -> list[Line2D]:
+    """Encounters one by one where they are few, else how many of each kind."""
+    meetings = found.encounters
+    if len(meetings) <= MOST_NAMED:
+        return [_sign(meeting.kind, [], [], encounter_words(meeting, found)) for meeting in meetings]
+    counts = {kind: sum(meeting.kind == kind for meeting in meetings) for kind in MARKS}
+    return [_sign(kind, [], [], f"{count} × {kind}") for kind, count in counts.items() if count]
+
+
+def encounter_words(meeting: Encounter, found: Loci) -> str:
+    """An encounter in one line."""
+    a, b = (found.names[number] for number in meeting.loci)
+    gap = "" if meeting.kind == "crossing" else f", gap {meeting.gap:.4g} rad/s"
+    return f"{meeting.kind} {a} · {b} at {meeting.value:.5g} {found.variation.unit}".rstrip() + gap
+
+
+def axis_words(variation: Variation) -> str:
+    """The label of an axis over a variation."""
+    return f"{variation.path} ({variation.unit or NUMBER})"
+
+
+def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:
+    """An axis over a variation, logarithmic where its values go by equal ratios."""
+    if not variation.log:
+        return
+    (axis.set_xscale if which == "x" else axis.set_yscale)("log")
+    log_ticks(axis.xaxis if which == "x" else axis.yaxis, variation.values[-1] / variation.values[0])

@@ -1,0 +1,208 @@
+"""Pictures of mode shapes: hanging pendula and their cart, at rest in grey and at both ends of the swing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from textwrap import fill
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import FancyBboxPatch
+
+from modal.errors import ComputationError
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes
+from modal.modes.shapes import Shape
+from modal.plotting.layout import caption, headline
+from modal.plotting.palette import QUIET, colour, ink, muted, paper, rest
+from modal.plotting.style import WIDE, save, sheet
+from modal.scene.model import Bob, Body, Rod
+from modal.types import Floats
+
+FARTHEST = 0.3  # of the picture's depth
+LINE, LETTER = 0.2, 0.08  # inches that a line of a panel's title takes, and a letter
+MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
+LEAST, WIDEST = 4.6, 1.4  # inches across a picture; width over height of a panel of which four stand in a row
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """The pendula that are drawn and which way their links point, the first link of each among all, and their pivots.
+
+    In metres: the longest chain, how far any reaches below and above the rail, and half the width.
+    """
+
+    links: tuple[tuple[Bob | Rod | Body, ...], ...]
+    ways: tuple[Floats, ...]
+    offsets: tuple[int, ...]
+    pivots: Floats
+    depth: float
+    below: float
+    above: float
+    half_width: float
+
+    @property
+    def bottom(self) -> float:
+        """The lower edge of a panel."""
+        return -(self.below + 0.14 * self.depth)
+
+    @property
+    def top(self) -> float:
+        """The upper edge of a panel."""
+        return max(0.22 * self.depth, self.above + 0.14 * self.depth)
+
+
+def draw_shapes(
+    modes: Modes, numbers: Sequence[int], stream: IO[bytes], *, amplitude_deg: float = 25.0, form: str = "png"
+) -> None:
+    """Write the picture as png, svg or pdf."""
+    save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
+
+
+def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float = 25.0) -> Figure:
+    """The modes with these indices (from 0), one panel each, the largest angle at `amplitude_deg`.
+
+    Raises ComputationError for more modes than one picture holds.
+    """
+    if len(numbers) > MOST_PANELS:
+        raise ComputationError(f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} modes")
+    rows, layout = list(modes.rows(numbers)), _layout(modes)
+    panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
+    columns = min(len(rows), 4 if panel < WIDEST else 3)
+    lines = -(-len(rows) // columns)
+    columns = -(-len(rows) // lines)
+    width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
+    words = [_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
+    height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
+    figure = sheet(max(width * columns, LEAST), height * lines + 0.8)
+    headline(figure, modes.scene.title, "mode shapes")
+    axes = figure.subplots(lines, columns, squeeze=False)
+    for axis, row, text in zip(axes.flat, rows, words, strict=False):
+        _panel(axis, modes, row, layout, np.radians(amplitude_deg))
+        axis.set_axis_off()
+        axis.set_title(text, linespacing=1.3)
+    for axis in axes.flat[len(rows) :]:
+        axis.remove()
+    caption(figure, _caption(modes, rows, layout, amplitude_deg))
+    return figure
+
+
+def _layout(modes: Modes) -> _Layout:
+    hanging: list[tuple[tuple[Bob | Rod | Body, ...], Floats, int]] = []
+    first = 0
+    for pendulum in modes.scene.pendulum:
+        links = tuple(link for link in pendulum.links for _ in range(link.count))
+        way = np.array([1.0 if way == "down" else -1.0 for way in pendulum.ways])
+        hanging += [(links, way, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
+        first += pendulum.count * len(links)
+    picked = np.unique(np.linspace(0, len(hanging) - 1, min(len(hanging), MOST_PENDULA)).astype(int))
+    chains, ways, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
+    levels = [_levels(chain, way) for chain, way in zip(chains, ways, strict=True)]
+    depth = max(float(np.ptp(level)) for level in levels)
+    spacing = depth * (0.95 if len(picked) <= 4 else 0.5)
+    pivots = np.asarray(spacing * (np.arange(len(picked)) - (len(picked) - 1) / 2), dtype=np.float64)
+    below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
+    return _Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
+
+
+def _levels(links: tuple[Bob | Rod | Body, ...], way: Floats) -> Floats:
+    """How far the joints and the centres of mass of a chain at rest are below the rail."""
+    joints = np.cumsum([0.0, *(way * [link.length for link in links])])
+    return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
+
+
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:
+    shape = modes.shape(row.number - 1)
+    if np.iscomplexobj(shape.angles):
+        shape = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
+    axis.set_xlim(-layout.half_width, layout.half_width)
+    axis.set_ylim(layout.bottom, layout.top)
+    axis.set_aspect("equal")
+    axis.plot([-layout.half_width, layout.half_width], [0, 0], color=muted(), lw=1.0, zorder=0)
+    _swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
+    if row.omega == 0:
+        reach, height = 0.3 * layout.depth, 0.13 * layout.depth
+        arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
+        axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
+    else:
+        amplitude = _fitting(layout, shape, amplitude)
+        _swing(axis, modes, layout, shape, -amplitude, {"color": colour(1)})
+        _swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
+
+
+def _words(row: Mode, letters: int) -> str:
+    """The title of a panel: number, frequencies and family."""
+    decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio > 0 else ""
+    omega = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
+    rate = f"grows at {row.growth_rate:.5g} 1/s" if row.growth_rate else omega
+    frequency = "" if row.frequency is None else f":  {row.frequency:.4g} Hz"
+    return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
+
+
+def _fitting(layout: _Layout, shape: Shape, amplitude: float) -> float:
+    """Smaller where the cart would leave the picture; long chains are drawn linearly, by their displacement."""
+    if max(map(len, layout.links)) > MOST_MARKS:
+        reach = [
+            np.abs(np.cumsum([link.length for link in links] * shape.angles[first : first + len(links)])).max()
+            for links, first in zip(layout.links, layout.offsets, strict=True)
+        ]
+        amplitude = FARTHEST * layout.depth / max(*reach, 1e-300)
+    return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
+
+
+def _swing(axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
+    shift = float(shape.cart.real) * amplitude
+    _support(axis, modes, layout, shift, look)
+    for links, way, first, pivot in zip(layout.links, layout.ways, layout.offsets, layout.pivots, strict=True):
+        angles = amplitude * shape.angles[first : first + len(links)]
+        if "gid" not in look and shift == 0 and not angles.any():
+            continue
+        length = np.array([link.length for link in links])
+        lean = (np.sin(angles), np.cos(angles)) if len(links) <= MOST_MARKS else (angles, np.ones(len(links)))
+        lean = (way * lean[0], way * lean[1])
+        x, y = (np.concatenate([[0.0], np.cumsum(length * part)]) for part in lean)
+        x, y = pivot + shift + x, -y
+        axis.plot(x, y, **look, lw=1.6, zorder=2)
+        if len(links) <= MOST_MARKS:
+            _marks(axis, links, x, y, look)
+
+
+def _marks(axis: Axes, links: Sequence[Bob | Rod | Body], x: Floats, y: Floats, look: dict[str, Any]) -> None:
+    heaviest = max(link.mass for link in links)
+    for i, link in enumerate(links):
+        part = link.centre / link.length
+        centre = (x[i] + part * (x[i + 1] - x[i]), y[i] + part * (y[i + 1] - y[i]))
+        if part > 1:
+            axis.plot([x[i + 1], centre[0]], [y[i + 1], centre[1]], ":", **look, lw=1.2, zorder=2)
+        if isinstance(link, Rod):
+            axis.plot(x[i : i + 2], y[i : i + 2], **look, lw=4.0, zorder=3)
+        else:
+            size = 11.0 * (link.mass / heaviest) ** (1 / 3)
+            marker = "o" if isinstance(link, Bob) else "D"
+            axis.plot(*centre, marker, ms=max(size, 3.5), **look, mec=paper(), mew=0.7, zorder=4)
+    axis.plot(x[:-1], y[:-1], "o", ms=2.6, **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5)
+
+
+def _support(axis: Axes, modes: Modes, layout: _Layout, shift: float, look: dict[str, Any]) -> None:
+    left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
+    height = 0.075 * layout.depth
+    if modes.rig.cart is None:
+        axis.plot([left, right], [0, 0], color=ink(), lw=3.0, zorder=1)
+        return
+    face = look["color"] if "gid" in look else "none"
+    style: dict[str, Any] = {"boxstyle": f"round,pad=0,rounding_size={height / 3}", "lw": 1.3, "zorder": 1}
+    axis.add_patch(FancyBboxPatch((left + shift, 0.0), right - left, height, fc=face, ec=look["color"], **style))
+
+
+def _caption(modes: Modes, rows: Sequence[Mode], layout: _Layout, amplitude_deg: float) -> str:
+    linear = max(map(len, layout.links)) > MOST_MARKS
+    words = ["grey: rest", "blue and orange: the two ends of the swing"]
+    words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
+    if any(row.multiplicity > 1 for row in rows):
+        words += ["one shape of each many-fold mode"]
+    if len(layout.links) < modes.scene.n_pendula:
+        words += [f"{len(layout.links)} of {modes.scene.n_pendula} pendula drawn"]
+    return "; ".join(words)

@@ -1,0 +1,70 @@
+"""Figures that keep the style they were made in, and how they are written."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import IO
+
+from matplotlib import rc_context, rcParams, style
+from matplotlib.backend_bases import RendererBase
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+WIDTH, WIDE = 8.0, 10.5
+"""Inches across a figure of one column, and of several."""
+KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
+"""Groups of settings that a picture keeps: matplotlib makes ticks only when a figure is drawn."""
+
+
+class Picture(Figure):
+    """A figure that is always drawn in the style it was made in; notebooks show it as the last line of a cell."""
+
+    def __init__(self, width: float, height: float) -> None:
+        super().__init__(figsize=(width, height), layout="constrained")
+        FigureCanvasAgg(self)
+        self.style = {name: value for name, value in rcParams.items() if name.partition(".")[0] in KEPT}
+
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw, whatever the style in force."""
+        with rc_context(self.style), any_letters():
+            super().draw(renderer)
+
+    def _repr_png_(self) -> bytes:
+        buffer = BytesIO()
+        self.savefig(buffer, format="png", dpi=self.dpi)
+        return buffer.getvalue()
+
+
+def sheet(width: float, height: float) -> Picture:
+    """An empty picture (inches) in the style in force."""
+    return Picture(width, height)
+
+
+def theme(name: str) -> AbstractContextManager[None]:
+    """One of the package's own styles, "light" or "dark", and nothing of any other."""
+    return style.context(f"modal.plotting.{name}", after_reset=True)
+
+
+def save(figure: Figure, stream: IO[bytes], form: str) -> None:
+    """Write a figure as png, svg or pdf."""
+    with any_letters():
+        figure.savefig(stream, format=form)
+
+
+def in_both_themes(draw: Callable[[], Figure], path: Path) -> None:
+    """Write what `draw` returns in light, and in dark beside it: NAME.png and NAME-dark.png."""
+    for name, file in (("light", path), ("dark", path.with_stem(f"{path.stem}-dark"))):
+        with theme(name), file.open("wb") as stream:
+            save(draw(), stream, file.suffix.removeprefix("."))
+
+
+@contextmanager
+def any_letters() -> Iterator[None]:
+    """Letters that the font has not are drawn as boxes, without a warning."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from ")
+        yield

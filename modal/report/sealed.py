@@ -1,0 +1,176 @@
+"""Files that are read back: a checksum over the whole of them, and arrays unpacked only where their sizes hold.
+
+The checksum is the SHA-256 of all other bytes of the file.  Text has it as the first key of the JSON that it begins
+with, an archive as its last bytes, in the comment that ZIP allows there: both stay what they are to other programs.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import zlib
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from hashlib import sha256
+from io import BytesIO
+from math import prod
+from stat import S_ISREG
+from typing import IO, Any
+from zipfile import BadZipFile, ZipFile, ZipInfo
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.types import Floats
+
+LARGEST = 1_500_000_000
+"""Bytes of a file, and of all that it unpacks to."""
+KEY = b'"sha256": "'
+DIGITS = 64
+NPY = re.compile(
+    rb"\x93NUMPY\x01\x00.{2}\{'descr': '([<>|][fiU]\d{1,9})', 'fortran_order': (True|False), "
+    rb"'shape': \(([\d, ]*)\), \} *\n",
+    re.DOTALL,
+)
+"""The head of an array as NumPy writes it; no other is read."""
+LONGEST_HEAD = 1024
+Source = bytes | str | os.PathLike[str]
+"""A file: its bytes, or the path at which it is."""
+UNREADABLE = (
+    *(ValueError, KeyError, TypeError, AttributeError, IndexError, EOFError, RecursionError, OverflowError),
+    *(NotImplementedError, RuntimeError, BadZipFile, zlib.error),
+)
+
+
+@contextmanager
+def reading(source: Source, what: str) -> Iterator[None]:
+    """Whatever goes wrong within becomes a SceneError about the file, which should be `what` multipendula has saved."""
+    name = f"the {what}" if isinstance(source, bytes) else os.fspath(source)
+    try:
+        yield
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
+    except OSError as error:
+        raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
+    except UNREADABLE:
+        raise SceneError([f"{name}: is torn, or is not a {what} that this version of multipendula has saved"]) from None
+
+
+def content(source: Source) -> bytes:
+    """The bytes of a file of at most LARGEST; SceneError for a larger one and for what is no file."""
+    if isinstance(source, bytes):
+        return source
+    with open(source, "rb") as stream:
+        found = os.fstat(stream.fileno())
+        if not S_ISREG(found.st_mode):
+            raise SceneError(["is not a file"])
+        _insist_size(found.st_size)
+        return stream.read()
+
+
+def _insist_size(size: int) -> None:
+    if size > LARGEST:
+        raise SceneError([f"is larger than {LARGEST} bytes"])
+
+
+def sealed(before: bytes, after: bytes = b"") -> bytes:
+    """Both with their checksum between them."""
+    checksum = sha256(before)
+    checksum.update(after)
+    return b"".join((before, checksum.hexdigest().encode(), after))
+
+
+def insist_whole(found: bytes, before: int) -> None:
+    """ValueError where no checksum stands after so many bytes, SceneError where it does not hold."""
+    own, others = found[before : before + DIGITS], memoryview(found)
+    if not re.fullmatch(rb"[0-9a-f]{%d}" % DIGITS, own):
+        raise ValueError
+    checksum = sha256(others[:before])
+    checksum.update(others[before + DIGITS :])
+    if checksum.hexdigest().encode() != own:
+        raise SceneError(["is damaged: its checksum does not hold"])
+
+
+# ----------------------------------------------------------------------------------------------------------- text
+
+
+def sealed_text(before: str, after: str) -> bytes:
+    """A text in which JSON begins with `before` and goes on with `after`, which is another key."""
+    return sealed(before.encode() + KEY, b'",' + after.encode())
+
+
+def insist_sealed_text(found: bytes, before: str) -> None:
+    """ValueError or SceneError where a text is not what `sealed_text` made with the same `before`."""
+    head = before.encode() + KEY
+    if not found.startswith(head):
+        raise ValueError
+    insist_whole(found, len(head))
+
+
+# --------------------------------------------------------------------------------------------------------- arrays
+
+
+def archive(arrays: Mapping[str, Any]) -> bytes:
+    """An .npz file; SceneError where it would be larger than what is read."""
+    _insist_size(sum(np.asarray(values).nbytes for values in arrays.values()))
+    stream = BytesIO()
+    np.savez_compressed(stream, **arrays)
+    with ZipFile(stream, "a") as zipped:
+        zipped.comment = b"0" * DIGITS
+    return sealed(stream.getvalue()[:-DIGITS])
+
+
+def unpacked(found: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
+    """The arrays of an .npz file that `archive` made, these and no others where `names` are given.
+
+    Nothing is unpacked before the checksum, all sizes and all names have been looked at.
+    """
+    insist_whole(found, len(found) - DIGITS)
+    with ZipFile(BytesIO(found)) as zipped:
+        members = {member.filename.removesuffix(".npy"): member for member in zipped.infolist()}
+        _insist_size(sum(member.file_size for member in members.values()))
+        if len(members) != len(zipped.infolist()) or (names is not None and members.keys() != set(names)):
+            raise ValueError
+        return {name: _array(zipped, member) for name, member in members.items()}
+
+
+def _array(zipped: ZipFile, member: ZipInfo) -> Any:
+    with zipped.open(member) as stream:
+        head = _head(stream)
+        match = NPY.fullmatch(head)
+        if not match:
+            raise ValueError
+        kind, shape = np.dtype(match[1].decode()), tuple(int(size) for size in re.findall(rb"\d+", match[3]))
+        if kind.itemsize * prod(shape) != member.file_size - len(head):
+            raise ValueError
+        return np.ndarray(shape, kind, bytearray(stream.read()), order="F" if match[2] == b"True" else "C")
+
+
+def _head(stream: IO[bytes]) -> bytes:
+    """The length of an array's head stands in its bytes 8 and 9."""
+    start = stream.read(10)
+    return start + stream.read(min(int.from_bytes(start[8:], "little"), LONGEST_HEAD))
+
+
+# ------------------------------------------------------------------------------------------------------- contents
+
+
+def insist_keys(found: dict[str, Any], *known: str) -> None:
+    """ValueError for a mapping with other keys than these."""
+    if found.keys() != set(known):
+        raise ValueError
+
+
+def finite(found: object, *shape: int) -> Floats:
+    """Numbers of this shape; ValueError for others, for what is not finite and for what is not a number."""
+    values = np.asarray(found)
+    if values.dtype.kind not in "fi" or values.shape != shape or not np.all(np.isfinite(values)):
+        raise ValueError
+    return values.astype(float, copy=False)
+
+
+def index(found: object, size: int) -> int:
+    """A whole number from 0 to below `size`; ValueError for anything else, True and False too."""
+    if type(found) is not int or not 0 <= found < size:
+        raise ValueError
+    return found

@@ -1,0 +1,212 @@
+"""Scenes on disk: TOML in and out, the shipped scenes by name, and files written whole or not at all."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+import tomllib
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.resources import files
+from io import BytesIO
+from pathlib import Path
+from secrets import token_hex
+from threading import Timer
+from typing import IO, Any
+
+from modal.errors import SceneError, meant
+from modal.scene.model import Scene, described, scene_from
+
+LARGEST_FILE = 256_000_000
+STANDARD = "-"
+"""The name of standard input where a file is read, of standard output where one is written."""
+DEEPEST = 50
+"""Parts of a dotted key; a scene has three, and time and memory go with their square."""
+PATIENCE = 1.0
+"""Seconds of silence before a terminal is told what is waited for."""
+_PART = r"""(?:[\w-]++ | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+')"""
+_DEEP = re.compile(
+    rf"""(?P<deep> (?<![\w-]) {_PART} (?:[ \t]*+ \. [ \t]*+ {_PART}){{{DEEPEST}}})"""
+    r"""| (?s:\"{3}.*?\"{3}) | (?s:'{3}.*?'{3}) | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+' | \#[^\n]*+""",
+    re.VERBOSE,
+)
+"""A key too deep, or else a text or a comment, which may look like one."""
+SHIPPED = files("modal.scene") / "shipped"
+
+
+def load(source: str | os.PathLike[str]) -> Scene:
+    """The scene at a path, of a shipped name, or on standard input for "-".
+
+    Raises SceneError, every line of it beginning with the name of the source.
+    """
+    name = os.fspath(source)
+    try:
+        return parse(_read(name))
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
+
+
+def parse(text: bytes) -> Scene:
+    """The scene in a TOML document."""
+    try:
+        document = text.decode("utf-8-sig").replace("\r\n", "\n")
+        for found in _DEEP.finditer(document):
+            if found["deep"]:
+                raise SceneError([f"line {_line(found)}: a key of over {DEEPEST} parts"])
+        data = tomllib.loads(document)
+    except UnicodeDecodeError as error:
+        raise SceneError([f"byte {error.start} is not UTF-8 text"]) from None
+    except ValueError as error:
+        raise SceneError([f"broken TOML: {error}"]) from None
+    except RecursionError:
+        raise SceneError(["broken TOML: nested too deeply"]) from None
+    return scene_from(data)
+
+
+def _line(found: re.Match[str]) -> int:
+    return found.string.count("\n", 0, found.start()) + 1
+
+
+def dumps(scene: Scene) -> str:
+    """The TOML document that reads back as an equal scene, bit for bit."""
+    import tomli_w
+
+    return tomli_w.dumps(described(scene))
+
+
+def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
+    """Write a scene file, whole or not at all; OSError names `path` where it cannot be written."""
+    with whole_file(path) as stream:
+        stream.write(dumps(scene).encode())
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of a scene file, for editors."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scene.model_json_schema()}
+
+
+def shipped() -> list[str]:
+    """Names of the scenes that come with the package."""
+    return sorted(entry.name.removesuffix(".toml") for entry in SHIPPED.iterdir() if entry.name.endswith(".toml"))
+
+
+def shipped_text(name: str) -> str:
+    """The file of a shipped scene; SceneError for an unknown name."""
+    if name not in shipped():
+        raise SceneError([f"{name}: no such shipped scene{_near(name)}"])
+    return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def _near(name: str) -> str:
+    return meant(name, shipped(), most=3, near=0.5)
+
+
+def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = "") -> str:
+    """The ending of a file's name, one of `kinds`, the first of them for standard output.
+
+    Raises SceneError for any other, with words that stand `before` the name.
+    """
+    name = os.fspath(path)
+    kind = kinds[0] if name == STANDARD else os.path.splitext(name)[1].removeprefix(".").lower()
+    if kind not in kinds:
+        endings = [f".{one}" for one in kinds]
+        words = f"the name must end in {', '.join(endings[:-1])} or {endings[-1]}"
+        raise SceneError([f"{before}{name}: {words}"])
+    return kind
+
+
+@contextmanager
+def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
+    """A binary stream that becomes `path` when the block ends well and leaves nothing behind when it does not.
+
+    A link is followed; what is no file (a pipe, a device) is written to as it comes; "-" is standard output, written
+    to at the end.  Raises OSError, naming `path`, where it cannot be written, SceneError where a terminal would get
+    what is no text.
+    """
+    if os.fspath(path) == STANDARD:
+        held = BytesIO()
+        yield held
+        _print(held.getvalue())
+        return
+    target = Path(path)
+    try:
+        special = target.exists() and not target.is_file()
+        with open(target, "wb") if special else _temporary(target.resolve()) as stream:
+            yield stream
+    except OSError as error:
+        error.filename = str(target)
+        raise
+
+
+def _print(content: bytes) -> None:
+    """To standard output, as bytes where it takes them."""
+    if b"\0" in content and sys.stdout.isatty():
+        raise SceneError(["standard output is a terminal, and this is no text: send it to a file or to a program"])
+    if (binary := getattr(sys.stdout, "buffer", None)) is None:
+        sys.stdout.write(content.decode())
+        return
+    sys.stdout.flush()
+    binary.write(content)
+    binary.flush()
+
+
+@contextmanager
+def _temporary(target: Path) -> Iterator[IO[bytes]]:
+    temporary = target.parent / f".multipendula-{token_hex(8)}"
+    try:
+        with open(temporary, "xb") as stream:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+        if target.exists():
+            temporary.chmod(target.stat().st_mode & 0o777)
+        temporary.replace(target)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
+def _read(name: str) -> bytes:
+    try:
+        if name == STANDARD:
+            if sys.stdin is None:
+                raise SceneError(["standard input is closed"])
+            with _awaited("standard input"):
+                return _limited(sys.stdin.buffer)
+        there = Path(name).is_file() or Path(name).is_fifo()
+        looks_like_path = there or any(mark in name for mark in (os.sep, "/", "."))
+        if not looks_like_path:
+            if name not in shipped():
+                raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
+            return shipped_text(name).encode()
+        if Path(name).exists() and not Path(name).is_file() and not Path(name).is_fifo():
+            raise SceneError(["not a file"])
+        with _awaited(name), open(name, "rb") as stream:
+            return _limited(stream)
+    except SceneError:
+        raise
+    except (OSError, ValueError) as error:
+        raise SceneError([f"cannot be read: {getattr(error, 'strerror', None) or error}"]) from None
+
+
+@contextmanager
+def _awaited(name: str) -> Iterator[None]:
+    """On a terminal, a word on what is waited for where nothing has come for PATIENCE."""
+    if not sys.stderr or not sys.stderr.isatty():
+        yield
+        return
+    words = Timer(PATIENCE, print, (f"waiting for a scene from {name} …",), {"file": sys.stderr})
+    words.daemon = True
+    words.start()
+    try:
+        yield
+    finally:
+        words.cancel()
+
+
+def _limited(stream: IO[bytes]) -> bytes:
+    text = stream.read(LARGEST_FILE + 1)
+    if len(text) > LARGEST_FILE:
+        raise SceneError([f"is larger than {LARGEST_FILE} bytes"])
+    return text

@@ -1,0 +1,263 @@
+"""A scene: what hangs from what, checked once at the door and immutable ever after.
+
+    gravity g;  a fixed support or a cart on a straight horizontal rail;  pendula, each a chain of links.
+
+Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i along it and moment of inertia I_i
+about that centre.  All numbers are SI; angles in a scene file are degrees, counted from the hanging rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from os import PathLike, fspath
+from typing import Annotated, Any, Literal
+from unicodedata import category
+
+from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
+
+from modal import pair
+from modal.errors import SceneError
+from modal.scene.drives import Drive
+from modal.scene.messages import problems_of
+from modal.scene.validation import Checked, Count, NonNegative, Positive, Real, Several, insist
+
+MAX_CHAIN = 20_000
+MAX_LINKS = 10_000_000
+
+Way = Literal["down", "up"]
+
+
+class Link(Checked):
+    """Mass (kg) and length (m) of a link, and the damper (N m s/rad), spring (N m/rad) and drive at its upper joint."""
+
+    mass: Positive
+    length: Positive
+    damping: NonNegative = 0.0
+    stiffness: NonNegative = 0.0
+    drive: Drive | None = None
+    count: Count = 1
+
+
+class _Simple(Link):
+    """A link whose centre and inertia follow from its kind, mass and length."""
+
+    kind: str
+
+    @property
+    def centre(self) -> float:
+        """Distance (m) from the upper joint to the centre of mass."""
+        return float(pair.proportions(self.kind, self.mass, self.length)[0])
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia (kg m²) about the centre of mass."""
+        return float(pair.proportions(self.kind, self.mass, self.length)[1])
+
+
+class Bob(_Simple):
+    """A point mass at the end of a massless rod: c = l, I = 0."""
+
+    kind: Literal["bob"] = "bob"
+
+
+class Rod(_Simple):
+    """A uniform rod: c = l/2, I = m l²/12."""
+
+    kind: Literal["rod"] = "rod"
+
+
+class Body(Link):
+    """A rigid body: any centre of mass c ≥ 0 (m), on the link or beyond it, and any inertia I ≥ 0 (kg m²)."""
+
+    kind: Literal["body"] = "body"
+    centre: NonNegative
+    inertia: NonNegative
+
+    @model_validator(mode="after")
+    def _turns(self) -> Body:
+        if self.centre == 0 and self.inertia == 0:
+            raise ValueError(".inertia = 0.0: must be positive where the centre is on the pivot")
+        return self
+
+
+class Start(Checked):
+    """Where the simulator releases a pendulum: one angle (deg) and one rate (deg/s) a link, top to bottom.
+
+    `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
+    """
+
+    angles_deg: tuple[Real, ...]
+    rates_deg: tuple[Real, ...] | None = None
+    azimuths_deg: tuple[Real, ...] | None = None
+
+
+class Pendulum(Checked):
+    """A chain of links, top to bottom, hung `count` times.
+
+    `equilibrium` says for each link whether it points down or up at the rest about which the scene is linearized.
+    """
+
+    links: Annotated[tuple[Annotated[Bob | Rod | Body, Field(discriminator="kind")], ...], Field(min_length=1), Several]
+    count: Count = 1
+    equilibrium: tuple[Way, ...] | None = None
+    start: Start | None = None
+
+    @property
+    def n_links(self) -> int:
+        """Number of links of one copy, runs of equal links counted out."""
+        return sum(link.count for link in self.links)
+
+    @property
+    def ways(self) -> tuple[Way, ...]:
+        """Which way every link of one copy points at rest."""
+        hanging: tuple[Way, ...] = ("down",)
+        return self.equilibrium or hanging * self.n_links
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Pendulum:
+        return insist(self, self._problems())
+
+    def _problems(self) -> Iterator[str]:
+        if self.n_links > MAX_CHAIN:
+            yield f".links: has {self.n_links} links, runs counted out: at most {MAX_CHAIN}"
+            return
+        if self.links[-1].centre == 0:
+            at = f".links[{len(self.links) - 1}].centre = 0.0"
+            yield f"{at}: must be positive in the last link, or it feels no gravity"
+        lists = [("equilibrium", self.equilibrium), *((f"start.{name}", values) for name, values in self.start or ())]
+        for name, values in lists:
+            if values is not None and len(values) != self.n_links:
+                yield f".{name}: has {len(values)} values for {self.n_links} links"
+
+
+class Fixed(Checked):
+    """A support that does not move."""
+
+    kind: Literal["fixed"] = "fixed"
+
+
+class Cart(Checked):
+    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground."""
+
+    kind: Literal["cart"] = "cart"
+    mass: NonNegative
+    damping: NonNegative = 0.0
+    stiffness: NonNegative = 0.0
+
+
+class Scene(Checked):
+    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space."""
+
+    title: Annotated[str, Field(max_length=200)] = ""
+    gravity: Positive
+    space: Literal["plane", "space"] = "plane"
+    support: Annotated[Fixed | Cart, Field(discriminator="kind")] = Fixed()
+    pendulum: Annotated[tuple[Pendulum, ...], Field(min_length=1), Several]
+
+    @property
+    def n_pendula(self) -> int:
+        """Number of pendula, copies counted out."""
+        return sum(pendulum.count for pendulum in self.pendulum)
+
+    @property
+    def n_links(self) -> int:
+        """Number of links in the whole scene, copies counted out."""
+        return sum(pendulum.count * pendulum.n_links for pendulum in self.pendulum)
+
+    @property
+    def has_damping(self) -> bool:
+        """Whether anything in the scene dissipates energy."""
+        return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
+            link.damping > 0 for link in self.links()
+        )
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether any joint excites itself."""
+        return any(link.drive for link in self.links())
+
+    @property
+    def undriven(self) -> Scene:
+        """The same without self-excitation."""
+        return self._with(drive=None) if self.is_driven else self
+
+    @property
+    def conservative(self) -> Scene:
+        """The same without self-excitation and dampers."""
+        still = self._with(drive=None, damping=0.0)
+        held = isinstance(self.support, Cart)
+        return still.replace(support=self.support.replace(damping=0.0)) if held else still
+
+    @property
+    def in_plane(self) -> Scene:
+        """The same in the plane of the rail, without azimuths of its starts."""
+        pendula = (one.replace(start=one.start and one.start.replace(azimuths_deg=None)) for one in self.pendulum)
+        return self.replace(space="plane", pendulum=tuple(pendula))
+
+    def _with(self, **joint: Any) -> Scene:
+        """The same with these numbers at every joint."""
+        links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
+        pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
+        return self.replace(pendulum=tuple(pendula))
+
+    @property
+    def stands(self) -> bool:
+        """Whether any link points up at rest."""
+        return any("up" in pendulum.ways for pendulum in self.pendulum)
+
+    def links(self) -> Iterator[Bob | Rod | Body]:
+        """Every link as written: copies and runs of equal links once each."""
+        return (link for pendulum in self.pendulum for link in pendulum.links)
+
+    @field_validator("title")
+    @classmethod
+    def _one_line(cls, title: str) -> str:
+        if any(category(letter) in {"Cc", "Zl", "Zp"} for letter in title):
+            raise ValueError("must be one line without control characters")
+        return title
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Scene:
+        return insist(self, self._problems())
+
+    def _problems(self) -> Iterator[str]:
+        if self.n_links > MAX_LINKS:
+            yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
+        for index, pendulum in enumerate(self.pendulum):
+            if self.space == "plane" and pendulum.start and pendulum.start.azimuths_deg:
+                yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'
+            for number, link in enumerate(pendulum.links if self.space == "space" else ()):
+                if link.drive:
+                    yield f'.pendulum[{index}].links[{number}].drive: needs space = "plane"'
+
+
+def insist_scene(given: object) -> Scene:
+    """The scene itself; SceneError says what was meant where something else was given."""
+    if isinstance(given, Scene):
+        return given
+    meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
+    raise SceneError([f"a scene is needed, and this is of type {type(given).__name__}{meant}"])
+
+
+def scene_from(data: object) -> Scene:
+    """The scene that nested mappings describe, as a scene file does; SceneError names every mistake."""
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        raise SceneError(tuple(problems_of(error))) from None
+
+
+def described(part: BaseModel) -> dict[str, Any]:
+    """The mapping that `scene_from` reads back as an equal object: kinds first, defaults left out."""
+    found: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
+    for name, field in type(part).model_fields.items():
+        value = getattr(part, name)
+        if name != "kind" and value is not None and (field.is_required() or value != field.default):
+            found[name] = _plain(value)
+    return found
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, BaseModel):
+        return described(value)
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

@@ -1,0 +1,161 @@
+"""Which numbers of a scene are varied, and over which values: `support.mass=1:1000:50log`.
+
+What stands before the sign is a place (`modal.scene.places`); every number that it means takes the same value.  Values
+are `a:b:n` (n evenly spaced from a to b), `a:b:nlog` (in equal ratios) or a list `a,b,c`; they ascend.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.scene.model import Scene
+from modal.scene.places import WRITTEN, Place, places, varied, written
+from modal.scene.validation import LARGEST
+
+MOST_VALUES = 100_000
+LONGEST = 60  # letters of a message's quotation
+RANGE = re.compile(r"([^:]*):([^:]*):\s*([0-9]{1,9})\s*(log)?\s*", re.ASCII)
+NUMBER = re.compile(r"\s*[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE)
+UNITS = {
+    "gravity": "m/s²",
+    "mass": "kg",
+    "length": "m",
+    "centre": "m",
+    "inertia": "kg m²",
+    "damping": "N m s/rad",
+    "stiffness": "N m/rad",
+    "angles_deg": "°",
+    "azimuths_deg": "°",
+    "rates_deg": "°/s",
+}
+CART_UNITS = {"damping": "N s/m", "stiffness": "N/m"}
+SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2"}
+
+
+@dataclass(frozen=True)
+class Variation:
+    """A place and the ascending values that it takes, in the units of a scene file; `log` if in equal ratios."""
+
+    path: str
+    values: tuple[float, ...]
+    log: bool = False
+
+    def __post_init__(self) -> None:
+        if not WRITTEN.fullmatch(self.path):
+            raise SceneError([f"{_short(self.path)}: is not a place such as pendulum[0].links[1].length"])
+        if problem := _problem(self.values, self.log):
+            raise SceneError([f"{self.path}: {problem}"])
+
+    @property
+    def unit(self) -> str:
+        """The unit of its values, "" for a count."""
+        name = re.findall(r"[a-z_]+", self.path)[-1]
+        return (CART_UNITS if self.path.startswith("support.") else {}).get(name) or UNITS.get(name, "")
+
+    @property
+    def column(self) -> str:
+        """Its name in a file: the place and the unit, `support.mass_kg`, where the place has none in it."""
+        unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
+        return f"{self.path}_{unit}" if unit and "_deg" not in self.path else self.path
+
+
+def parsed(texts: Sequence[str]) -> tuple[Variation, ...]:
+    """The variations that texts describe; SceneError names every mistake.
+
+    >>> parsed(["support.mass=1:100:3log"])
+    (Variation(path='support.mass', values=(1.0, 10.0, 100.0), log=True),)
+    """
+    found: list[Variation] = []
+    problems: list[str] = []
+    for text in texts:
+        try:
+            found.append(_parsed(text))
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(problems)
+    return tuple(found)
+
+
+def _parsed(text: str) -> Variation:
+    path, sign, words = text.partition("=")
+    if not sign:
+        raise SceneError([f"{_short(text)}: must be PLACE=VALUES, such as support.mass=1:1000:50log"])
+    try:
+        values, log = _values(words)
+    except ValueError as error:
+        raise SceneError([f"{_short(text)}: {error}"]) from None
+    return Variation(path.strip(), values, log)
+
+
+def _values(words: str) -> tuple[tuple[float, ...], bool]:
+    if ":" not in words:
+        return tuple(_number(word) for word in words.split(",")), False
+    match = RANGE.fullmatch(words)
+    if not match:
+        raise ValueError("a range is FROM:TO:COUNT or FROM:TO:COUNTlog")
+    low, high, count, log = _number(match[1]), _number(match[2]), int(match[3]), bool(match[4])
+    if not 2 <= count <= MOST_VALUES:
+        raise ValueError(f"a range has from 2 to {MOST_VALUES} values, not {count}")
+    if not -LARGEST <= low < high <= LARGEST:
+        raise ValueError("a range goes from a smaller to a larger finite number")
+    if log and low <= 0:
+        raise ValueError("a range in equal ratios begins above 0")
+    return tuple((np.geomspace if log else np.linspace)(low, high, count).tolist()), log
+
+
+def _number(word: str) -> float:
+    if not NUMBER.fullmatch(word):
+        raise ValueError(f'"{_short(word)}" is not a number')
+    return float(word)
+
+
+def _problem(values: Sequence[float], log: bool) -> str:
+    if not 1 <= len(values) <= MOST_VALUES:
+        return f"takes from 1 to {MOST_VALUES} values, not {len(values)}"
+    if not all(abs(value) <= LARGEST for value in values):
+        return f"values must be finite and at most {LARGEST:g}"
+    if any(later <= earlier for earlier, later in pairwise(values)):
+        return "values must ascend, each a different number"
+    return "values in equal ratios must be positive" if log and values[0] <= 0 else ""
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
+
+
+def insist(scene: Scene, variations: Sequence[Variation]) -> None:
+    """SceneError that names every place and every value that the scene cannot have.
+
+    Values that fail only beside those of another variation are left to the point where they meet.
+    """
+    problems: dict[str, None] = {}
+    taken: set[Place] = set()
+    for variation in variations:
+        try:
+            own = places(scene, variation.path)
+        except SceneError as error:
+            problems |= dict.fromkeys(error.problems)
+            continue
+        problems |= dict.fromkeys(f"{written(place)}: is varied twice" for place in own if place in taken)
+        problems |= dict.fromkeys(_refused(scene, variation, own))
+        taken |= set(own)
+    if problems:
+        raise SceneError(tuple(problems))
+
+
+def _refused(scene: Scene, variation: Variation, own: Sequence[Place]) -> Iterator[str]:
+    """What the scene says of the values themselves: of the two ends, and of all where they must be whole."""
+    starts = tuple(f"{written(place)} =" for place in own)
+    ends = dict.fromkeys((variation.values[0], variation.values[-1]))
+    for value in variation.values if own[0][-1] == "count" else ends:
+        try:
+            varied(scene, {variation.path: value})
+        except SceneError as error:
+            yield from (problem for problem in error.problems if problem.startswith(starts))

@@ -1,0 +1,190 @@
+"""How strongly each input reaches each mode and each output sees it, as gains and not as a rank.
+
+    undamped   |φᵀF_j| and |c_i φ| with φᵀMφ = 1: their product is the coefficient of 1/(s² + ω²) in G_ij(s)
+    damped     |ℓᵀB_j| and |C_i r|, left and right vectors scaled so that the product is the size of the residue there,
+               of 1/(s² + 2ζωs + ω²) or, for a mode that does not swing, of 1/(s − λ)
+
+Modes of equal frequency span a space; an input reaches one direction in it, with the norm of its gains over the basis
+vectors, and as many copies are reached by all inputs together as the matrix of gains has singular values that count.
+(Modal gains as measures of controllability: Hamdan & Nayfeh, J. Guid. Control Dyn. 12, 421 (1989).)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.modes.mode import UNCERTAIN
+from modal.modes.modes import Modes
+from modal.statespace.modal_form import ModalForm, modal_form
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import Signal
+from modal.types import Complexes, Floats, Ints
+
+Number = TypeVar("Number", np.float64, np.complex128)
+NOISE = 2.0**-40
+"""Gains this small beside the sum of their terms' sizes are rounding and count as 0."""
+BARELY = 1e-3
+"""Relative gain below which a mode is only barely reached or seen."""
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """The gains of all inputs, or of all outputs: `parts` holds for every mode the (d, m) of its d copies."""
+
+    signals: tuple[Signal, ...]
+    verb: str
+    parts: tuple[Complexes, ...]
+
+    @cached_property
+    def gain(self) -> Floats:
+        """(R, m): of an input 1/√kg per N, 1/(√kg m) per N m; of an output in its unit per √kg m of the mode."""
+        return np.array([np.linalg.norm(part, axis=0) for part in self.parts])
+
+    @cached_property
+    def relative(self) -> Floats:
+        """(R, m): the gain over the largest of its column, 1 for the mode that this signal knows best."""
+        return self.gain / self._largest
+
+    @cached_property
+    def copies(self) -> Ints:
+        """(R,): how many independent copies of each mode these signals reach or see together, however weakly."""
+        return self._above(0.0)
+
+    @property
+    def words(self) -> list[list[str]]:
+        """For every mode and signal "not reached", "barely (gain 2e-05)" or "reached"; of outputs, seen."""
+        return [
+            [self._word(gain, share) for gain, share in zip(gains, shares, strict=True)]
+            for gains, shares in zip(self.gain.tolist(), self.relative.tolist(), strict=True)
+        ]
+
+    def missed(self, threshold: float = BARELY) -> tuple[int, ...]:
+        """Indices, from 0, of the modes of which a copy lies below this relative gain for all signals together."""
+        present = np.array([len(part) for part in self.parts])
+        return tuple(np.flatnonzero(self._above(threshold) < present).tolist())
+
+    def _above(self, threshold: float) -> Ints:
+        largest = self._largest
+        rows = (np.linalg.svd(part / largest, compute_uv=False) > max(threshold, NOISE) for part in self.parts)
+        return np.array([np.count_nonzero(row) for row in rows])
+
+    @cached_property
+    def _largest(self) -> Floats:
+        largest = self.gain.max(0)
+        return np.where(largest > 0, largest, 1.0)
+
+    def _word(self, gain: float, share: float) -> str:
+        if gain == 0:
+            return f"not {self.verb}"
+        return self.verb if share >= BARELY else f"barely (gain {gain:.0e})"
+
+
+@dataclass(frozen=True, eq=False)
+class Gains:
+    """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
+
+    Where the model prescribes the cart's motion they are `held`: `modes` are the fixed-base modes, those of a support
+    that stands still, and not the table's.
+    """
+
+    modes: Modes
+    held: bool
+    inputs: Side
+    outputs: Side
+
+    def records(self) -> Iterator[dict[str, Any]]:
+        """One mapping for each mode and signal: mode, omega_rad_per_s, signal, gain, relative, word."""
+        for side in (self.inputs, self.outputs):
+            for number, words in enumerate(side.words):
+                for j, signal in enumerate(side.signals):
+                    yield {
+                        "mode": number + 1,
+                        "omega_rad_per_s": float(self.modes.omega[number]),
+                        "signal": signal.name,
+                        "gain": float(side.gain[number, j]),
+                        "relative": float(side.relative[number, j]),
+                        "word": words[j],
+                    }
+
+    def text(self) -> str:
+        """Two grids, inputs above outputs: words, and gains relative to the mode that each signal knows best.
+
+        `fold` counts the copies that the model holds: in space those along the rail.
+        """
+        return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
+
+    def _rate(self, number: int) -> str:
+        """ω, or how fast a mode that does not swing grows or decays (1/s); nothing where no digit is certain."""
+        value = self.modes.eigenvalue[number]
+        if self.modes.error[number] >= UNCERTAIN:
+            return "–"
+        if value.imag > 0 or value == 0:
+            return f"{abs(value):.6g}"
+        return f"{'grows' if value.real > 0 else 'decays'} {abs(value):.6g} 1/s"
+
+    def _grid(self, side: Side) -> str:
+        lines = [
+            [
+                "fixed-base mode" if self.held else "mode",
+                "ω (rad/s)",
+                "fold",
+                side.verb,
+                *(signal.name for signal in side.signals),
+            ]
+        ]
+        for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
+            cells = (f"{w} {share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
+            fold = len(side.parts[number])
+            lines.append([f"{number + 1}", self._rate(number), f"{fold}", f"{side.copies[number]}", *cells])
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        padded = ([cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines)
+        return "\n".join("  ".join(line) for line in padded)
+
+
+def modal_gains(modes: Modes, model: StateSpace) -> Gains:
+    """The gains of a model of `modes.scene` from `modal.statespace.model.state_space`.
+
+    A rigid translation that no output sees by its position is given the gains of its velocity.  Raises what
+    `modal.statespace.modal_form.modal_form` does.
+    """
+    form = modal_form(modes, model)
+    left = np.array([block.pushed @ block.left for block in form.blocks])
+    right = np.array([block.right @ block.seen for block in form.blocks])
+    outputs = without_noise(right, model.C.T)
+    for k, block in enumerate(form.blocks):
+        if block.is_rigid and not outputs[k].any():
+            outputs[k] = without_noise(block.right[:, -1], model.C.T)
+    return Gains(
+        form.modes,
+        form.modes.on_cart != modes.on_cart,
+        Side(model.inputs, "reached", _by_mode(form, without_noise(left, model.B))),
+        Side(model.outputs, "seen", _by_mode(form, outputs)),
+    )
+
+
+def unseen(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
+    """Indices, from 0, of the modes that the outputs do not see, or not all copies of, above a relative gain."""
+    return gains.outputs.missed(threshold)
+
+
+def unreached(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
+    """Indices, from 0, of the modes that the inputs do not reach, or not all copies of, above a relative gain."""
+    return gains.inputs.missed(threshold)
+
+
+def without_noise(rows: NDArray[Number], matrix: Floats) -> NDArray[Number]:
+    """Gains rows · matrix, 0 where rounding could have made it."""
+    product: NDArray[Number] = rows @ matrix
+    return product * (np.abs(product) > NOISE * (np.abs(rows) @ np.abs(matrix)))
+
+
+def _by_mode(form: ModalForm, rows: Complexes) -> tuple[Complexes, ...]:
+    """The rows of each mode's copies, (d, m)."""
+    owner = np.array([-1 if block.mode is None else block.mode for block in form.blocks])
+    return tuple(rows[owner == number] for number in range(len(form.modes)))

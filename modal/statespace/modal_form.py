@@ -1,0 +1,228 @@
+"""A scene's model taken apart into its modes, each a block of one or two states of its own.
+
+With φ as in `Modes.shape` (so that equal and zero frequencies are as well separated as any) and z = (q, q'),
+
+    undamped   η'' + ω²η = φᵀF u,           z = (φη, φη'),               φᵀMφ = 1
+    damped     α' = λα + ℓᵀB u,             z = 2 Re(rα),                r = (φ, λφ),  ℓ = ((λM + D)φ, Mφ)/s
+    real λ     α' = λα + ℓᵀB u,             z = rα,                      s = φᵀ(2λM + D)φ
+
+(Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
+whose acceleration or velocity is prescribed does not answer to the pendula: it is a block by itself, and the modes are
+those of the pendula on a support that stands still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly.matrices import matrices
+from modal.errors import ComputationError
+from modal.modes.all_shapes import all_shapes
+from modal.modes.modes import Modes, natural_modes
+from modal.scene.model import Fixed, Scene
+from modal.statespace.model import StateSpace
+from modal.statespace.signals import DRIVES, Signal
+from modal.types import Complexes, Floats
+
+Numbers = NDArray[Any]
+DEFECTIVE = 1e-7
+"""|φᵀ(2λM + D)φ| over the sum of its terms' sizes, below which two damped modes are about to become one."""
+
+
+class Block(NamedTuple):
+    """One mode: its states are left z, and z = right w of them; A (k, k), right (n, k), left (k, n), k = 1 or 2.
+
+    `mode` is its index in `ModalForm.modes`, None for a cart that moves as prescribed, `copy` that of its shape;
+    right `seen` is its eigenvector r and `pushed` left the matching ℓ, scaled so that (C r)(ℓᵀB) is the coefficient of
+    1/(s² + 2ζωs + ω²) where a mode oscillates, of 1/(s − λ) where it does not.
+    """
+
+    mode: int | None
+    copy: int
+    eigenvalue: complex
+    states: tuple[Signal, ...]
+    A: Floats
+    right: Floats
+    left: Floats
+    seen: Complexes
+    pushed: Complexes
+
+    @property
+    def is_rigid(self) -> bool:
+        """Whether nothing brings it back."""
+        return self.eigenvalue == 0
+
+
+@dataclass(frozen=True, eq=False)
+class ModalForm:
+    """A model and its blocks; `modes` are those that its inputs meet: with the cart's motion prescribed, the fixed."""
+
+    modes: Modes
+    model: StateSpace
+    blocks: tuple[Block, ...]
+
+    @cached_property
+    def inputs(self) -> list[Floats]:
+        """Each block's B, (k, m)."""
+        return self._split(np.vstack([block.left for block in self.blocks]) @ self.model.B)
+
+    @cached_property
+    def outputs(self) -> list[Floats]:
+        """Each block's C, (p, k)."""
+        found = self.model.C @ np.hstack([block.right for block in self.blocks])
+        return [part.T for part in self._split(found.T)]
+
+    def residual(self) -> float:
+        """How far left · right is from 1 and left · A · right from the blocks, relative to A's largest entry."""
+        left, right = np.vstack([b.left for b in self.blocks]), np.hstack([b.right for b in self.blocks])
+        A = block_diagonal([block.A for block in self.blocks])
+        size = max(1.0, float(np.abs(A).max()))
+        apart = np.abs(left @ right - np.eye(len(A))).max()
+        return float(max(apart, np.abs(left @ self.model.A @ right - A).max() / size))
+
+    def _split(self, rows: Floats) -> list[Floats]:
+        return np.split(rows, np.cumsum([len(block.A) for block in self.blocks])[:-1])
+
+
+def block_diagonal(blocks: Sequence[Floats]) -> Floats:
+    """Square matrices along the diagonal of one."""
+    ends = np.cumsum([0, *(len(block) for block in blocks)])
+    whole = np.zeros((ends[-1], ends[-1]))
+    for block, first, last in zip(blocks, ends, ends[1:], strict=False):
+        whole[first:last, first:last] = block
+    return whole
+
+
+def modal_form(modes: Modes, model: StateSpace) -> ModalForm:
+    """The model of `modes.scene`, taken apart.
+
+    Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
+    two modes one.
+    """
+    if model.dt:
+        raise ComputationError("modes are those of the continuous model: a discrete one is not taken apart")
+    driven = any(signal.name in DRIVES for signal in model.inputs)
+    found = held(modes) if driven else modes
+    n, on_cart = len(model.A), int(found.on_cart)
+    size = found.scene.n_links + on_cart
+    if n - 2 * size not in ((1, 2) if driven else (0,)):
+        raise ValueError(f"the model has {n} states: it is not one of this scene, which has {size} coordinates")
+    blocks = [*(_cart(model, n - 2 * size, size) if driven else ()), *_own(found, n, size, first=int(driven))]
+    if sum(len(block.A) for block in blocks) != n:
+        raise ComputationError("the modes of this scene do not span its motion in double precision")
+    return ModalForm(found, model, tuple(blocks))
+
+
+def held(modes: Modes) -> Modes:
+    """The modes with the support standing still: those that a prescribed motion of the cart excites."""
+    return natural_modes(fixed(modes.scene)) if modes.on_cart else modes
+
+
+def fixed(scene: Scene) -> Scene:
+    """The same pendula on a support that does not move."""
+    return scene.replace(support=Fixed())
+
+
+def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
+    """The prescribed cart: its position and, where its acceleration is given, its velocity."""
+    places, eye = [0, size + 1][:states], np.eye(len(model.A))
+    names = tuple(model.states[place] for place in places)
+    A = model.A[np.ix_(places, places)]
+    unit = np.eye(states, dtype=np.complex128)
+    yield Block(None, 0, 0.0, names, A, eye[:, places], eye[places], unit[0], unit[-1])
+
+
+def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
+    """The modes, their coordinates being states `first` … and their rates the last `size`."""
+    found, shapes = matrices(modes.scene), all_shapes(modes)
+    for number, value in enumerate(modes.eigenvalue.tolist()):
+        for copy, shape in enumerate(shapes[number]):
+            if shape.across:
+                continue
+            phi: Numbers = np.append(shape.cart, shape.angles) if modes.on_cart else shape.angles
+            name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
+            vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
+            make = _swing if np.isrealobj(phi) and not vectors[2].any() else _pair if value.imag else _single
+            made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)
+            right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
+            right[first : first + size], right[n - size :] = made.right
+            left[:, first : first + size], left[:, n - size :] = made.left
+            yield Block(number, copy, value, made.states, made.A, right, left, made.seen, made.pushed)
+
+
+class _Made(NamedTuple):
+    """A block over (q, q') alone: the halves of right (size, k) and of left (k, size)."""
+
+    states: tuple[Signal, ...]
+    A: Floats
+    right: tuple[Floats, Floats]
+    left: tuple[Floats, Floats]
+    seen: Complexes
+    pushed: Complexes
+
+
+def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats, Dphi: Floats) -> _Made:
+    """Undamped: η and η', also for a rigid translation and, with λ = ±√−ω², for a mode that grows."""
+    states = (
+        Signal(f"eta_{name}", "kg^(1/2) m", meaning),
+        Signal(f"eta_dot_{name}", "kg^(1/2) m/s", f"rate of the {meaning}"),
+    )
+    dual, none = Mphi / (phi @ Mphi), np.zeros_like(phi)
+    return _Made(
+        states,
+        np.array([[0.0, 1.0], [(value**2).real, 0.0]]),
+        (np.array([phi, none]).T, np.array([none, phi]).T),
+        (np.array([dual, none]), np.array([none, dual])),
+        np.array([1.0, value], dtype=np.complex128),
+        np.array([value, 1.0], dtype=np.complex128),
+    )
+
+
+def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+    """Damped and swinging: 2 Re α and −2 Im α, scaled so that φᵀ(2λM + D)φ = 2i Im λ."""
+    states = tuple(Signal(f"eta_{name}_{part}", "", meaning) for part in ("re", "im"))
+    slope, wanted = _slope(value, phi, Mphi, Dphi), 2j * value.imag
+    phi, Mphi, Dphi = (part * np.sqrt(wanted / slope) for part in (phi, Mphi, Dphi))
+    right = [np.array([r.real, r.imag]).T for r in (phi, value * phi)]
+    left = [np.array([2 * part.real, -2 * part.imag]) for part in ((value * Mphi + Dphi) / wanted, Mphi / wanted)]
+    A = np.array([[value.real, value.imag], [-value.imag, value.real]])
+    return _Made(
+        states,
+        A,
+        (right[0], right[1]),
+        (left[0], left[1]),
+        np.array([1.0, 1j]),
+        np.array([1j * value.imag, value.imag]),
+    )
+
+
+def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
+    """Damped, without a swing: one state, scaled so that φᵀ(2λM + D)φ = ±1."""
+    turn = np.conj(phi[np.argmax(np.abs(phi))])
+    own, Mown, Down = ((part * turn).real for part in (phi, Mphi, Dphi))
+    slope, rate = _slope(value.real, own, Mown, Down).real, value.real
+    own, Mown, Down = (part / np.sqrt(abs(slope)) for part in (own, Mown, Down))
+    one, sign = np.ones(1, dtype=np.complex128), np.sign(slope)
+    return _Made(
+        (Signal(f"eta_{name}", "", meaning),),
+        np.array([[rate]]),
+        (own[:, None], rate * own[:, None]),
+        (sign * (rate * Mown + Down)[None], sign * Mown[None]),
+        one,
+        one,
+    )
+
+
+def _slope(value: complex, phi: Numbers, Mphi: Numbers, Dphi: Numbers) -> complex:
+    """φᵀ(2λM + D)φ, which vanishes where two modes become one."""
+    terms = phi * (2 * value * Mphi), phi * Dphi
+    slope = complex(np.sum(terms))
+    if abs(slope) <= DEFECTIVE * np.abs(terms).sum():
+        raise ComputationError("a mode of this scene is critically damped: it has no shape of its own")
+    return slope

@@ -1,0 +1,220 @@
+"""Named state-space models of a scene: z' = A z + B u, y = C z + D u about its rest.
+
+With M q'' + D q' + K q = F u over q = (x, θ_1, …), deviations from the rest, z = (q, q'),
+
+    A = [[0, 1], [−M⁻¹K, −M⁻¹D]],    B = [[0], [M⁻¹F]].
+
+A cart whose motion is prescribed is no longer free.  With its column b of M and an acceleration a,
+
+    A_θ θ'' + D_θ θ' + K_θ θ = F_θ u − b a,    x'' = a,
+
+and for a velocity w the rates become p = θ' + A_θ⁻¹ b w, which does not jump when w does:
+
+    x' = w,    θ' = p − A_θ⁻¹ b w,    p' = −A_θ⁻¹ (K_θ θ + D_θ θ' − F_θ u).
+
+In space the model is that of the motion along the rail.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly.matrices import Matrices, matrices
+from modal.eigen.dense import is_singular
+from modal.errors import ComputationError, SceneError
+from modal.scene.model import Scene, insist_scene
+from modal.statespace.signals import (
+    DRIVES,
+    INPUTS,
+    OUTPUTS,
+    PUSHES,
+    READINGS,
+    Geometry,
+    Push,
+    Reading,
+    Signal,
+    checked,
+    geometry_of,
+)
+from modal.types import Floats
+
+LARGEST_STATE = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class StateSpace:
+    """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
+
+    A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
+    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad).
+    """
+
+    A: Floats
+    B: Floats
+    C: Floats
+    D: Floats
+    states: tuple[Signal, ...]
+    inputs: tuple[Signal, ...]
+    outputs: tuple[Signal, ...]
+    dt: float = 0.0
+    title: str = ""
+    operating_point: tuple[tuple[str, float], ...] = ()
+
+
+class _Motion(NamedTuple):
+    """A and B with the maps from (z, u) to q, q' and q'', each a pair; q'' is None where it holds impulses."""
+
+    A: Floats
+    B: Floats
+    q: tuple[Floats, Floats]
+    rate: tuple[Floats, Floats]
+    acceleration: tuple[Floats, Floats] | None
+    states: list[Signal]
+
+
+def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
+    """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
+
+    Left out, the input is the force on a cart or else the joint torques, the outputs are the cart's position and the
+    absolute angles.  Raises SceneError for groups that the scene has not, ComputationError where M is singular or the
+    model has more than LARGEST_STATE states.
+    """
+    if 2 * insist_scene(scene).n_links > LARGEST_STATE:
+        raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
+    geometry = geometry_of(scene)
+    default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
+    wanted = checked(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
+    read = checked(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
+    drive, push = _drive(wanted), _pushes(geometry, wanted)
+    found, motion = matrices(scene), {None: _free, "cart_acceleration": _accelerated, "cart_velocity": _moved}[drive]
+    with np.errstate(all="ignore"):
+        moved = motion(found, geometry, push.F)
+        C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
+    if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
+        raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
+    own = [DRIVES[drive]] if drive else []
+    resting = (
+        (f"theta_{label}", 0.0 if way > 0 else np.pi)
+        for label, way in zip(geometry.labels, geometry.sigma, strict=True)
+    )
+    return StateSpace(
+        moved.A,
+        moved.B,
+        C,
+        D,
+        tuple(moved.states),
+        tuple(own + push.signals),
+        tuple(signals),
+        title=scene.title,
+        operating_point=tuple(resting),
+    )
+
+
+def _drive(wanted: tuple[str, ...]) -> str | None:
+    prescribed = [name for name in wanted if name in DRIVES]
+    if len(prescribed) > 1 or (prescribed and "cart_force" in wanted):
+        raise SceneError(["input: the cart has one of a force, an acceleration and a velocity"])
+    return prescribed[0] if prescribed else None
+
+
+def _pushes(geometry: Geometry, wanted: tuple[str, ...]) -> Push:
+    """All generalized forces side by side, in the order asked for."""
+    found = [PUSHES[name](geometry) for name in wanted if name in PUSHES]
+    none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
+    return Push(
+        [signal for push in found for signal in push.signals],
+        np.hstack([none[0], *(push.F for push in found)]),
+        np.hstack([none[1], *(push.thrust for push in found)]),
+    )
+
+
+def _free(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+    n, m = F.shape
+    Ma = _solved(found.M, np.hstack([found.K, found.D, -F]))
+    eye, none = np.eye(2 * n), np.zeros((n, m))
+    acceleration = -Ma[:, : 2 * n], -Ma[:, 2 * n :]
+    A, B = np.vstack([eye[n:], acceleration[0]]) + 0.0, np.vstack([none, acceleration[1]]) + 0.0
+    states = _positions(geometry) + _rates(geometry)
+    return _Motion(A, B, (eye[:n], none), (eye[n:], none), acceleration, states)
+
+
+def _accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+    """The cart's acceleration is the first input."""
+    n, m = F.shape
+    load = np.hstack([found.K[1:, 1:], found.D[1:, 1:], found.M[1:, :1], -F[1:]])
+    Ma = -_solved(found.M[1:, 1:], load)
+    eye, none = np.eye(2 * n), np.zeros((n, m + 1))
+    angular, forced = np.zeros((n, 2 * n)), np.zeros((n, m + 1))
+    angular[1:, 1:n], angular[1:, n + 1 :] = Ma[:, : n - 1], Ma[:, n - 1 : 2 * n - 2]
+    forced[0, 0], forced[1:] = 1.0, Ma[:, 2 * n - 2 :]
+    A, B = np.vstack([eye[n:], angular]), np.vstack([none, forced])
+    states = _positions(geometry) + _rates(geometry)
+    return _Motion(A, B, (eye[:n], none), (eye[n:], none), (angular, forced), states)
+
+
+def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+    """The cart's velocity is the first input."""
+    n, m = F.shape
+    inertia = found.M[1:, 1:]
+    jump = _solved(inertia, found.M[1:, :1])
+    K, D, pushed = np.split(
+        _solved(inertia, np.hstack([found.K[1:, 1:], found.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
+    )
+    eye = np.eye(2 * n - 1)
+    position = eye[:n], np.zeros((n, m + 1))
+    rate = np.zeros((n, 2 * n - 1)), np.zeros((n, m + 1))
+    rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n:], 1.0, -jump
+    momentum = -K @ position[0][1:] - D @ rate[0][1:], -D @ rate[1][1:]
+    momentum[1][:, 1:] += pushed
+    A, B = np.vstack([rate[0], momentum[0]]), np.vstack([rate[1], momentum[1]])
+    kept = [
+        Signal(s.name.replace("theta_dot", "p"), s.unit, "rate of the angle, less the cart's part")
+        for s in _rates(geometry)[1:]
+    ]
+    return _Motion(A, B, position, rate, None, _positions(geometry) + kept)
+
+
+def _solved(M: Floats, right: Floats) -> Floats:
+    """M⁻¹ right, M with its diagonal brought near 1; ComputationError where it is singular."""
+    if is_singular(M):
+        raise ComputationError(
+            "the mass matrix is singular to double precision (as with a massless cart over bobs): a force gives no "
+            "finite acceleration; give the cart or the links some inertia, or prescribe the cart's motion"
+        )
+    scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
+    return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
+
+
+def _positions(geometry: Geometry) -> list[Signal]:
+    groups = (["cart_position"] if geometry.on_cart else []) + ["angles"]
+    return [signal for name in groups for signal in READINGS[name](geometry).signals]
+
+
+def _rates(geometry: Geometry) -> list[Signal]:
+    groups = (["cart_velocity"] if geometry.on_cart else []) + ["rates"]
+    return [signal for name in groups for signal in READINGS[name](geometry).signals]
+
+
+def _outputs(
+    moved: _Motion, geometry: Geometry, push: Push, readings: list[Reading]
+) -> tuple[Floats, Floats, list[Signal]]:
+    C, D = [], []
+    for reading in readings:
+        rows = np.zeros((len(reading.signals), len(moved.A))), np.zeros((len(reading.signals), moved.B.shape[1]))
+        for part, maps in (
+            (reading.position, moved.q),
+            (reading.rate, moved.rate),
+            (reading.acceleration, moved.acceleration),
+        ):
+            if part is not None and maps is None:
+                raise SceneError(["output pivot_forces: a cart whose velocity jumps has impulses there"])
+            if part is not None and maps is not None:
+                rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
+        if reading.pushed and push.signals:
+            rows[1][:, -len(push.signals) :] += push.thrust
+        C.append(rows[0])
+        D.append(rows[1])
+    return np.vstack(C), np.vstack(D), [signal for reading in readings for signal in reading.signals]

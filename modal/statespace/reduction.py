@@ -1,0 +1,211 @@
+"""Smaller models: without what no input reaches or no output sees, and with the modes that matter.
+
+Equal pendula on a cart that is pushed or driven move alike: N of them are one, N times as heavy, and their antiphase
+modes leave the model.  Of different pendula with a common frequency only the combination that the inputs reach stays.
+What a truncation leaves out still answers slowly: its static gain −C A⁻¹ B is added to D (residualisation, the
+mode-acceleration method of Craig & Kurdila, Fundamentals of Structural Dynamics), so that G(0) of all that swings is
+unchanged.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Literal, NamedTuple, get_args
+
+import numpy as np
+
+from modal.assembly.arrays import rig_of
+from modal.eigen.degenerate import TOLERANCE
+from modal.errors import SceneError
+from modal.modes.modes import Modes, natural_modes
+from modal.scene.model import Body, Pendulum, Scene
+from modal.statespace.gains import NOISE, without_noise
+from modal.statespace.modal_form import Block, ModalForm, block_diagonal, modal_form
+from modal.statespace.model import StateSpace, state_space
+from modal.statespace.signals import OF_A_CART, Signal
+from modal.types import Floats
+
+EXTENSIVE = ("mass", "damping", "stiffness")
+Choice = Literal["contribution", "lowest"]
+
+
+# ------------------------------------------------------------------------------------------------ exact reduction
+
+
+class Folded(NamedTuple):
+    """A scene with equal pendula folded into one, the number (from 1) of each kind's first, and its copies."""
+
+    scene: Scene
+    first: tuple[int, ...]
+    copies: tuple[int, ...]
+
+
+def folded(scene: Scene) -> Folded:
+    """One pendulum for each kind, as heavy as all of it together, in the order of the file."""
+    kinds: dict[tuple[int, int], tuple[int, Pendulum, int]] = {}
+    passed = 1
+    for pendulum, (block, column, copies) in zip(scene.pendulum, rig_of(scene).members, strict=True):
+        first, shape, count = kinds.get((block, column), (passed, pendulum, 0))
+        kinds[block, column] = first, shape, count + copies
+        passed += copies
+    firsts, pendula, counts = zip(*kinds.values(), strict=True)
+    heavy = tuple(_heavier(pendulum, count) for pendulum, count in zip(pendula, counts, strict=True))
+    return Folded(scene.replace(pendulum=heavy), firsts, counts)
+
+
+def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
+    """The model with the same transfer functions and no mode that symmetry or coincidence keeps out of them.
+
+    Equal pendula are read off the first of them, under its own name.  If every mode that is left is reached and seen,
+    the states are angles and rates; else the modal coordinates of those that are.  Inputs and outputs are the groups of
+    `modal.statespace.model.state_space`, which raises; SceneError too for forces on pendula that have equals: they
+    would tell these apart.
+    """
+    fold = folded(scene)
+    model = state_space(fold.scene, inputs, outputs)
+    inside = [signal.name for signal in model.inputs if signal.name not in OF_A_CART]
+    if inside and max(fold.copies) > 1:
+        raise SceneError([f"input {name}: tells equal pendula apart, so they do not fold" for name in inside])
+    model = _read_off_the_first(fold, model)
+    form = modal_form(natural_modes(fold.scene), model)
+    blocks = [_rate_alone(form, block) for block in essential(form)]
+    whole = sum(len(block.A) for block in blocks) == len(model.A)
+    return model if whole else assembled(form, blocks, model.D)
+
+
+def essential(form: ModalForm) -> list[Block]:
+    """The blocks that an input reaches and an output sees, those of equal modes turned so that the others are none."""
+    reached = _turned(form.blocks, [block.left for block in form.blocks], form.model.B)
+    return _turned(reached, [block.right.T for block in reached], form.model.C.T)
+
+
+def assembled(form: ModalForm, blocks: Sequence[Block], D: Floats) -> StateSpace:
+    """The model of these blocks alone, in modal coordinates, with its inputs and outputs as they were."""
+    left = np.vstack([np.zeros((0, len(form.model.A))), *(block.left for block in blocks)])
+    right = np.hstack([np.zeros((len(form.model.A), 0)), *(block.right for block in blocks)])
+    A = block_diagonal([block.A for block in blocks])
+    states = tuple(state for block in blocks for state in block.states)
+    return replace(form.model, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
+
+
+def _rate_alone(form: ModalForm, block: Block) -> Block:
+    """Of a translation at constant speed whose position no output sees, the speed."""
+    translation = np.array_equal(block.A, [[0.0, 1.0], [0.0, 0.0]])
+    if not translation or without_noise(block.right.T, form.model.C.T)[0].any():
+        return block
+    return block._replace(A=np.zeros((1, 1)), right=block.right[:, 1:], left=block.left[1:], states=block.states[1:])
+
+
+def _heavier(pendulum: Pendulum, count: int) -> Pendulum:
+    """As many of it as one."""
+    links = []
+    for link in pendulum.links:
+        names = (*EXTENSIVE, "inertia") if isinstance(link, Body) else EXTENSIVE
+        links.append(link.replace(**{name: getattr(link, name) * count for name in names}))
+    return pendulum.replace(links=tuple(links), count=1, start=None)
+
+
+def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
+    """Names of the whole scene; a force on a pivot is shared by all whose pendula were folded."""
+    number = {str(place): first for place, first in enumerate(fold.first, 1)}
+
+    def renamed(name: str) -> str:
+        return re.sub(r"_(\d+)", lambda match: f"_{number[match[1]]}", name, count=1)
+
+    def all_renamed(signals: Iterable[Signal]) -> tuple[Signal, ...]:
+        return tuple(signal._replace(name=renamed(signal.name)) for signal in signals)
+
+    pivots = [re.fullmatch(r"pivot_force_(\d+)", signal.name) for signal in model.outputs]
+    share = np.array([[1.0 / fold.copies[int(pivot[1]) - 1] if pivot else 1.0] for pivot in pivots])
+    return replace(
+        model,
+        C=model.C * share,
+        D=model.D * share,
+        states=all_renamed(model.states),
+        inputs=all_renamed(model.inputs),
+        outputs=all_renamed(model.outputs),
+        operating_point=tuple((renamed(name), value) for name, value in model.operating_point),
+    )
+
+
+def _turned(blocks: Sequence[Block], rows: list[Floats], matrix: Floats) -> list[Block]:
+    """Those for which rows · matrix is not 0, modes of one frequency turned among each other until few enough are."""
+    ends = np.cumsum([len(row) for row in rows])
+    gains = np.split(without_noise(np.vstack(rows), matrix), ends[:-1]) if rows else []
+    fresh = [not _equal(*pair) for pair in pairwise(blocks)]
+    cuts = [0, *(k for k, new in enumerate(fresh, 1) if new), len(blocks)]
+    found: list[Block] = []
+    for first, last in pairwise(cuts):
+        found += _independent(blocks[first:last], np.array([gain.ravel() for gain in gains[first:last]]))
+    return found
+
+
+def _equal(one: Block, other: Block) -> bool:
+    """Whether two modes have the same frequency, or as good as: rounding can part those of different pendula."""
+    return one.A.shape == other.A.shape and bool(
+        abs(one.eigenvalue - other.eigenvalue) <= TOLERANCE * abs(one.eigenvalue)
+    )
+
+
+def _independent(blocks: Sequence[Block], gains: Floats) -> Sequence[Block]:
+    """As many combinations of blocks of one A as their gains (d, …) have independent rows."""
+    if len(blocks) == 1 or not gains.any():
+        return blocks if gains.any() else ()
+    U, size, _ = np.linalg.svd(gains, full_matrices=False)
+    rights, lefts = (np.array([getattr(block, side) for block in blocks]) for side in ("right", "left"))
+    return [
+        block._replace(right=np.tensordot(turn, rights, 1), left=np.tensordot(turn, lefts, 1))
+        for block, turn in zip(blocks, U.T[size > NOISE * size[0]], strict=False)
+    ]
+
+
+# ------------------------------------------------------------------------------------------------------ truncation
+
+
+def truncated(modes: Modes, model: StateSpace, count: int, by: Choice = "contribution") -> StateSpace:
+    """The model of `modes.scene` with `count` modes, copies counted, in modal coordinates.
+
+    `by` "contribution" keeps those that contribute most to any one transfer function, "lowest" those of lowest
+    frequency.  A rigid translation, a prescribed cart and modes that grow are kept beside them, modes that no input
+    reaches or no output sees are not; of all others D takes over the static gain, so that G(0) less the rigid part
+    is that of the whole model.  Raises ValueError for a count below 0 and another `by`, SceneError for more modes
+    than the model has.
+    """
+    if count < 0 or by not in get_args(Choice):
+        raise ValueError(f'count = {count}, by = {by!r}: a count of modes, by "contribution" or "lowest"')
+    form = modal_form(modes, model)
+    if count > (total := sum(block.mode is not None for block in form.blocks)):
+        raise SceneError([f"{count} modes: the model has {total}"])
+    blocks = essential(form)
+    swinging = [k for k, block in enumerate(blocks) if _settles(block)]
+    rank = -_contributions(form, [blocks[k] for k in swinging]) if by == "contribution" else range(len(swinging))
+    dropped = {swinging[k] for k in np.argsort(rank, kind="stable")[count:]}
+    D = model.D + sum((_static_gain(form, blocks[k]) for k in dropped), start=np.zeros_like(model.D))
+    return assembled(form, [block for k, block in enumerate(blocks) if k not in dropped], D)
+
+
+def _settles(block: Block) -> bool:
+    return block.mode is not None and not block.is_rigid and block.eigenvalue.real <= 0
+
+
+def _contributions(form: ModalForm, blocks: list[Block]) -> Floats:
+    """(K,): the largest share that each has in any channel of Σ |C r| |ℓᵀB|/|λ|ᵏ, k its number of states."""
+    total = sum((_size(form, block) for block in blocks), start=np.zeros_like(form.model.D))
+    whole = np.where(total > 0, total, 1.0)
+    return np.array([(_size(form, block) / whole).max(initial=0.0) for block in blocks])
+
+
+def _size(form: ModalForm, block: Block) -> Floats:
+    """|C r| |ℓᵀB|/|λ|ᵏ in every channel, (p, m)."""
+    seen, pushed = abs(form.model.C @ block.right @ block.seen), abs(block.pushed @ block.left @ form.model.B)
+    size: Floats = np.outer(seen, pushed) / abs(block.eigenvalue) ** len(block.A)
+    return size
+
+
+def _static_gain(form: ModalForm, block: Block) -> Floats:
+    """−C A⁻¹ B of one block."""
+    gain: Floats = -(form.model.C @ block.right) @ np.linalg.solve(block.A, block.left @ form.model.B)
+    return gain

@@ -1,0 +1,89 @@
+"""Frequency and impulse responses in closed form, mode by mode.
+
+A block of two states with matrix A has (s − A)⁻¹ = (s + A − tr A)/(s² − s tr A + det A), so that
+
+    G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²),      N1 = C B,   N0 = C (A − tr A) B,
+
+a rigid translation (ω = 0) among them; a mode without a swing, of one state, adds C B/(s − λ).  In time, with
+a = tr A/2 and ν² = det A − a²,
+
+    h(t) = D δ(t) + Σ_k e^{at} C [cos νt + (A − a) sin(νt)/ν] B,
+
+where sin(νt)/ν is t for ν = 0 and a hyperbolic sine for ν² < 0.  (Ewins, Modal Testing, ch. 2.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modal.statespace.modal_form import Block, ModalForm
+from modal.types import Complexes, Floats
+
+
+class Term(NamedTuple):
+    """What one mode adds to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1 and N0 of shape (p, m); `mode` as in `Block`."""
+
+    mode: int | None
+    N1: Floats
+    N0: Floats
+    c: tuple[float, float, float]
+
+    def at(self, s: Complexes) -> tuple[Complexes, Complexes]:
+        """Numerators (p, m, W) and denominators (W,)."""
+        c2, c1, c0 = self.c
+        return self.N1[..., None] * s + self.N0[..., None], (c2 * s + c1) * s + c0
+
+
+def terms(form: ModalForm) -> Iterator[Term]:
+    """What each mode adds to G, one for each copy; one for a prescribed cart."""
+    for block, B, C in zip(form.blocks, form.inputs, form.outputs, strict=True):
+        A, trace = block.A, float(np.trace(block.A))
+        if len(A) == 1:
+            yield Term(block.mode, 0 * C @ B, C @ B, (0.0, 1.0, -trace))
+        else:
+            determinant = float(A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0])
+            yield Term(block.mode, C @ B, C @ (A @ B - trace * B), (1.0, -trace, determinant))
+
+
+def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
+    """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
+
+    Infinite exactly at an undamped mode that the input reaches and the output sees, 0 included.
+    """
+    s = np.atleast_1d(1j * np.asarray(omega, dtype=np.complex128))
+    model = form.model
+    response = np.repeat(model.D[..., None], len(s), axis=2).astype(np.complex128)
+    for term in terms(form):
+        above, below = term.at(s)
+        pole = below == 0
+        response += above / np.where(pole, 1.0, below)
+        response[(above != 0) & pole] = np.inf
+    return response
+
+
+def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:
+    """h(t) (p, m, T) just after and at times t ≥ 0 (T,) in s: output's unit over that of the input times a second.
+
+    The impulse D δ(t) itself, of an output that the input moves at once, is left out.
+    """
+    t = np.atleast_1d(np.asarray(times, dtype=np.float64))
+    response = np.zeros((*form.model.D.shape, len(t)))
+    for block, B, C in zip(form.blocks, form.inputs, form.outputs, strict=True):
+        even, odd, a = _evolution(block, t)
+        response += (C @ B)[..., None] * even + (C @ (block.A @ B - a * B))[..., None] * odd
+    return response
+
+
+def _evolution(block: Block, t: Floats) -> tuple[Floats, Floats, float]:
+    """e^{at} cos νt and e^{at} sin(νt)/ν (T,), with a: e^{At} = the first + (A − a) times the second."""
+    A = block.A
+    a = float(np.trace(A)) / len(A)
+    if len(A) == 1:
+        return np.exp(a * t), 0 * t, a
+    nu = np.sqrt(complex(A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0] - a * a))
+    odd = np.sin(nu * t) / nu if nu else t
+    return np.exp(a * t) * np.cos(nu * t).real, np.exp(a * t) * np.real(odd), a

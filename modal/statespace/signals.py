@@ -1,0 +1,197 @@
+"""What can be put into a scene and read off it: groups of named inputs and outputs as rows over q = (x, θ_1, …).
+
+A horizontal displacement to first order about the rest is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
+of a lower joint e_x + Σ σ l.  A horizontal force at that point acts on q with hᵀ; the force of pendulum p on its pivot
+is −Σ m h q'' plus whatever is pushed at its links.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly.arrays import rig_of
+from modal.errors import SceneError, meant
+from modal.scene.model import Scene
+from modal.types import Floats
+
+
+class Signal(NamedTuple):
+    """The ASCII name of a state, an input or an output, its unit, and what it is."""
+
+    name: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Geometry:
+    """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
+
+    `labels` (links,) are "p_i", both from 1, copies counted out; `mass` (links,), `pendulum` (links,) from 0; `sigma`
+    (links,) which way they point; `on_cart` whether q begins with x.
+    """
+
+    centres: Floats
+    joints: Floats
+    relative: Floats
+    mass: Floats
+    sigma: Floats
+    pendulum: Floats
+    labels: tuple[str, ...]
+    on_cart: bool
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return int(self.centres.shape[1])
+
+    @property
+    def angles(self) -> Floats:
+        """The rows of the absolute angles."""
+        return np.eye(self.size)[int(self.on_cart) :]
+
+    @property
+    def tips(self) -> list[int]:
+        """The last link of every pendulum."""
+        return [int(np.flatnonzero(self.pendulum == p)[-1]) for p in np.unique(self.pendulum)]
+
+
+def geometry_of(scene: Scene) -> Geometry:
+    """The rows of a scene, copies counted out."""
+    rig = rig_of(scene)
+    on_cart = rig.cart is not None
+    hung = [(rig.blocks[block], column) for block, column, count in rig.members for _ in range(count)]
+    total = sum(block.n for block, _ in hung)
+    size, at = total + on_cart, int(on_cart)
+    centres, joints, relative = (np.zeros((total, size)) for _ in range(3))
+    mass, sigma, pendulum, labels = [], [], [], []
+    for p, (block, column) in enumerate(hung):
+        here = np.arange(block.n) + at - int(on_cart)
+        own = slice(at, at + block.n)
+        way, length = block.sigma[:, column], block.length[:, column]
+        joints[here, own] = np.tril(np.tile(way * length, (block.n, 1)))
+        centres[here, own] = joints[here, own] + np.diag(way * (block.centre[:, column] - length))
+        relative[here, own] = np.eye(block.n) - np.eye(block.n, k=-1)
+        mass.append(block.mass[:, column])
+        sigma.append(way)
+        pendulum.append(np.full(block.n, float(p)))
+        labels += [f"{p + 1}_{i}" for i in range(1, block.n + 1)]
+        at += block.n
+    if on_cart:
+        centres[:, 0] = joints[:, 0] = 1.0
+    masses, ways, owners = (np.concatenate(values) for values in (mass, sigma, pendulum))
+    return Geometry(centres, joints, relative, masses, ways, owners, tuple(labels), on_cart)
+
+
+# ------------------------------------------------------------------------------------------------------- inputs
+
+
+class Push(NamedTuple):
+    """Inputs as generalized forces F (q, m), and how much of each acts from outside on each pendulum (p, m)."""
+
+    signals: list[Signal]
+    F: Floats
+    thrust: Floats
+
+
+def _cart_force(geometry: Geometry) -> Push:
+    F = np.zeros((geometry.size, 1))
+    F[0] = 1.0
+    return Push([Signal("cart_force", "N", "force on the cart along the rail")], F, _nothing(geometry, 1))
+
+
+def _joint_torques(geometry: Geometry) -> Push:
+    signals = [Signal(f"torque_{label}", "N m", "torque of a joint on the link below it") for label in geometry.labels]
+    return Push(signals, geometry.relative.T, _nothing(geometry, len(signals)))
+
+
+def _link_forces(geometry: Geometry) -> Push:
+    signals = [
+        Signal(f"force_{label}", "N", "horizontal force at a link's centre of mass") for label in geometry.labels
+    ]
+    thrust = (geometry.pendulum == np.unique(geometry.pendulum)[:, None]).astype(float)
+    return Push(signals, geometry.centres.T, thrust)
+
+
+def _nothing(geometry: Geometry, m: int) -> Floats:
+    return np.zeros((len(geometry.tips), m))
+
+
+PUSHES: dict[str, Callable[[Geometry], Push]] = {
+    "cart_force": _cart_force,
+    "joint_torques": _joint_torques,
+    "link_forces": _link_forces,
+}
+DRIVES = {
+    "cart_acceleration": Signal("cart_acceleration", "m/s^2", "prescribed acceleration of the cart"),
+    "cart_velocity": Signal("cart_velocity", "m/s", "prescribed velocity of the cart"),
+}
+INPUTS = (*PUSHES, *DRIVES)
+
+
+# ------------------------------------------------------------------------------------------------------ outputs
+
+
+class Reading(NamedTuple):
+    """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero."""
+
+    signals: list[Signal]
+    position: Floats | None = None
+    rate: Floats | None = None
+    acceleration: Floats | None = None
+    pushed: bool = False
+
+
+def _named(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> list[Signal]:
+    return [Signal(f"{prefix}_{label}", unit, meaning) for label in labels]
+
+
+def _tips(geometry: Geometry) -> Reading:
+    signals = [Signal(f"tip_{p}", "m", "horizontal position of a pendulum's end") for p in _pendula(geometry)]
+    return Reading(signals, geometry.joints[geometry.tips])
+
+
+def _pivot_forces(geometry: Geometry) -> Reading:
+    signals = [
+        Signal(f"pivot_force_{p}", "N", "horizontal force of a pendulum on its pivot") for p in _pendula(geometry)
+    ]
+    belongs = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
+    return Reading(signals, acceleration=-(belongs * geometry.mass) @ geometry.centres, pushed=True)
+
+
+def _pendula(geometry: Geometry) -> range:
+    return range(1, len(geometry.tips) + 1)
+
+
+READINGS: dict[str, Callable[[Geometry], Reading]] = {
+    "cart_position": lambda g: Reading([Signal("x", "m", "position of the cart")], np.eye(g.size)[:1]),
+    "cart_velocity": lambda g: Reading([Signal("x_dot", "m/s", "velocity of the cart")], rate=np.eye(g.size)[:1]),
+    "angles": lambda g: Reading(_named("theta", "rad", "angle from the rest", g.labels), g.angles),
+    "rates": lambda g: Reading(_named("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
+    "relative_angles": lambda g: Reading(_named("rel", "rad", "angle to the link above", g.labels), g.relative),
+    "relative_rates": lambda g: Reading(_named("rel_dot", "rad/s", "rate of that angle", g.labels), rate=g.relative),
+    "joint_positions": lambda g: Reading(
+        _named("joint", "m", "horizontal position of a lower joint", g.labels), g.joints
+    ),
+    "tip_positions": _tips,
+    "pivot_forces": _pivot_forces,
+}
+OUTPUTS = tuple(READINGS)
+OF_A_CART = {"cart_force", "cart_position", "cart_velocity", "cart_acceleration"}
+
+
+def checked(words: tuple[str, ...], known: tuple[str, ...], what: str, *, on_cart: bool) -> tuple[str, ...]:
+    """The words themselves; SceneError names every one that is unknown, repeated or needs a cart."""
+    if isinstance(words, str):
+        raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])
+    there = ", ".join(known)
+    problems = [f"{what} {word}: must be one of {there}{meant(word, known)}" for word in words if word not in known]
+    problems += [f"{what} {word}: named twice" for word in dict.fromkeys(words) if words.count(word) > 1]
+    problems += [f"{what} {word}: the support is fixed" for word in words if word in OF_A_CART and not on_cart]
+    if problems:
+        raise SceneError(problems)
+    return words

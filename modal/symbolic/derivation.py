@@ -1,0 +1,122 @@
+"""A derivation on paper: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
+
+Each section is a title and lines of (what it is, formula); `modal.symbolic.typeset` prints them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import sympy as sp
+
+from modal.errors import SceneError
+from modal.scene.model import Scene
+from modal.symbolic.eigen import modes_section, polynomial_section
+from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
+from modal.symbolic.lagrangian import lagrangian, vanishes
+from modal.symbolic.papers import equal
+from modal.symbolic.sections import Line, Section
+from modal.symbolic.system import System
+
+SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
+CHECKED_UP_TO = 6
+CHECKED_IN_SPACE = 3
+WRITTEN_IN_ANGLES = 2
+NOT_IN_SPACE = "joint springs and dampers in space: only the linearized motion is written"
+MOST_WRITTEN = 40
+
+
+def derivation(system: System, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None) -> Iterator[Section]:
+    """The sections of SECTIONS that `show` names, in their order.
+
+    `scene` is the one that `system` writes in numbers, if any: its polynomial is then exact and integer.  Raises
+    SceneError for more links than equations can be read of.
+    """
+    if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
+        shorter = "choose polynomial and modes alone"
+        raise SceneError([f"{len(system.links)} links: written out for at most {MOST_WRITTEN}; {shorter}"])
+    makers = {
+        "lagrangian": lambda: _lagrangian(system),
+        "equations": lambda: _equations(system),
+        "matrices": lambda: _matrices(system),
+        "polynomial": lambda: polynomial_section(system, scene),
+        "modes": lambda: modes_section(system, scene),
+    }
+    return (makers[name]() for name in SECTIONS if name in show)
+
+
+def _lagrangian(system: System) -> Section:
+    if system.spatial and _has_joints(system):
+        return Section("Lagrangian", [Line(NOT_IN_SPACE)])
+    found = lagrangian(system)
+    T = in_angles(system) if system.spatial else in_plane(system)
+    lines = [Line("kinetic energy in θ and φ" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
+    if system.spatial:
+        lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), sp.expand(found.V))))
+    if found.R != 0:
+        lines.append(Line("dissipation function", equal(sp.Symbol("R"), found.R)))
+    lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
+    if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
+        _insist(vanishes(found.T - T))
+        lines.append(Line("T is that of the Cartesian velocities of all masses: checked term by term"))
+    return Section("Lagrangian", lines)
+
+
+def _has_joints(system: System) -> bool:
+    return any(any(chain.stiffness) or any(chain.damping) for chain in system.chains)
+
+
+def _equations(system: System) -> Section:
+    title = "Equations of motion"
+    if system.spatial:
+        return Section(title, _spatial_equations(system))
+    found = system.equations()
+    lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, found, strict=True)]
+    if len(system.links) <= CHECKED_UP_TO:
+        derived = lagrangian(system).equations
+        _insist(all(vanishes(a - b) for a, b in zip(derived, found, strict=True)))
+        lines.append(Line("these are Lagrange's equations of the Cartesian L: checked term by term"))
+    return Section(title, lines)
+
+
+def _spatial_equations(system: System) -> list[Line]:
+    if _has_joints(system):
+        return [Line(NOT_IN_SPACE)]
+    lines = [
+        Line(f"{u} · F = 0 with" if str(u) == "e_x" else f"{u} × F = 0 with", equal(sp.Symbol("F"), F))
+        for u, F in system.vector_equations()
+    ]
+    lines.append(Line("u_i points along link i and e_z down: no angle, nothing singular at rest"))
+    if len(system.links) <= WRITTEN_IN_ANGLES:
+        energy = replace(lagrangian(system), T=in_angles(system))
+        for c, form in zip(energy.coordinates, energy.equations, strict=True):
+            lines.append(Line(f"for comparison in θ and φ, of {c.q}", equal(sp.expand(form), 0)))
+    return lines
+
+
+def _matrices(system: System) -> Section:
+    M, K, D = system.matrices()
+    q = sp.Matrix([c.q for c in system.coordinates])
+    standing = any(sign < 0 for sign in system.sigma)
+    lines = [
+        Line("deviations from the rest with " + _ways(system) if standing else "small deviations from the rest", q),
+        Line("mass matrix", equal(sp.Symbol("M"), M)),
+        Line("stiffness matrix", equal(sp.Symbol("K"), K)),
+    ]
+    lines += [Line("damping matrix", equal(sp.Symbol("D"), D))] if any(D) else []
+    if system.spatial:
+        lines.append(Line("along the rail; across it the same without x"))
+    return Section("Linearized: M q'' + K q = 0" if not any(D) else "Linearized: M q'' + D q' + K q = 0", lines)
+
+
+def _ways(system: System) -> str:
+    return ", ".join(
+        f"{angle.q} {'up' if sign < 0 else 'down'}" for angle, sign in zip(system.angles, system.sigma, strict=True)
+    )
+
+
+def _insist(holds: bool) -> None:
+    if not holds:
+        raise SceneError(["the Cartesian derivation and the pair disagree: please report this scene"])

@@ -1,0 +1,169 @@
+"""Paper 002, equations (8)-(15): the azimuths, and what is conserved.
+
+With p_i = ∂L/∂φ_i' and Δ = φ_i − φ_j, Lagrange's equation p_i' = ∂L/∂φ_i of bobs on massless links reads
+
+    Σ_j A_ij [(sin θ_j φ_j'' + 2 cos θ_j θ_j'φ_j') cos Δ − (cos θ_j θ_j'' − sin θ_j (θ_j'² + φ_j'²)) sin Δ] = 0.
+
+The paper's L lost Δ, so (11) has every p_i conserved, and (12)-(15) integrate that.  Only their sum is conserved, the
+angular momentum about the vertical Σ A_ij (u_i × u_j')·e_z: neighbours pass it to and fro.  Since these angles are
+singular at the hanging rest, use unit vectors for a chain: u_i × (Σ_j A_ij u_j'' − g b_i e_z) = 0.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import sympy as sp
+
+from modal.symbolic.lagrange import time_derivative
+from modal.symbolic.papers import Equation, equal
+from modal.symbolic.papers.spatial import (
+    PAPER,
+    coordinates,
+    direction,
+    g,
+    inertia,
+    length,
+    mass,
+    phi,
+    theta,
+    upto,
+    waves,
+)
+
+
+def others(i: int, n: int) -> list[int]:
+    """1 ... n without i; the paper's sums over j are read so, as in its (7)."""
+    return [j for j in upto(n) if j != i]
+
+
+def difference(i: int, j: int) -> Any:
+    """Δ = φ_i − φ_j."""
+    return phi(i).q - phi(j).q
+
+
+def momentum(i: int, n: int) -> Equation:
+    """(8) p_i = ∂L/∂φ_i'."""
+    si = waves(i)[0]
+    printed = sp.Add(*(inertia(i, j, n) * phi(j).v * si * waves(j)[0] for j in upto(n)))
+    corrected = sp.Integer(0)
+    for j in upto(n):
+        (sj, cj), delta = waves(j), difference(i, j)
+        corrected += inertia(i, j, n) * si * (phi(j).v * sj * sp.cos(delta) - theta(j).v * cj * sp.sin(delta))
+    name, words, holds = sp.Symbol(f"p_{i}"), "where all azimuths are equal", _one_plane(n)
+    return Equation(PAPER, "8", "azimuth momentum", equal(name, printed), equal(name, corrected), words, holds)
+
+
+def _one_plane(n: int, *, staying: bool = False) -> Any:
+    """φ_1 = ... = φ_n, and the same of the rates where `staying`."""
+    planes = [sp.Eq(phi(j).q, phi(1).q) for j in upto(n)[1:]]
+    turns = [sp.Eq(phi(j).v, phi(1).v) for j in upto(n)[1:]] if staying else []
+    return sp.And(*planes, *turns)
+
+
+def momentum_rate(i: int, n: int) -> Equation:
+    """(9) dp_i/dt; the printed sums run from k = 1, those of (8) and (10) from k = i and k = max(i, j)."""
+    moving = coordinates(n)
+    total = sp.Add(*(mass(k) for k in upto(n)))
+    own = length(i) ** 2 * time_derivative(phi(i).v * waves(i)[0] ** 2, moving)
+    cross = [length(j) * time_derivative(phi(j).v * waves(i)[0] * waves(j)[0], moving) for j in others(i, n)]
+    printed = total * (own + length(i) * sp.Add(*cross))
+    corrected = time_derivative(momentum(i, n).corrected.rhs, moving)
+    name, words = sp.Symbol(f"pdot_{i}"), "for one link"
+    form = equal(name, printed), equal(name, corrected)
+    return Equation(
+        PAPER, "9", "rate of the azimuth momentum", *form, words, sp.Eq(n, 1), "reads φ'' where φ is printed"
+    )
+
+
+def small_momentum_rate(i: int, n: int) -> Equation:
+    """(10) dp_i/dt at small zenith angles."""
+    moving = coordinates(n)
+    printed, corrected = sp.Integer(0), sp.Integer(0)
+    for j in upto(n):
+        (ti, tj), delta = (theta(i).q, theta(j).q), difference(i, j)
+        printed += inertia(i, j, n) * phi(j).v * ti * tj
+        corrected += inertia(i, j, n) * ti * (phi(j).v * tj * sp.cos(delta) - theta(j).v * sp.sin(delta))
+    name = sp.Symbol(f"pdot_{i}")
+    rates = equal(name, time_derivative(printed, moving)), equal(name, time_derivative(corrected, moving))
+    words, holds = "while all azimuths are and stay equal, at small zenith angles", _one_plane(n, staying=True)
+    return Equation(PAPER, "10", "rate at small angles", *rates, words, holds)
+
+
+def conservation(i: int, n: int) -> Equation:
+    """(11) ∂L/∂φ_i: zero for a single link, and for a chain only when summed over i."""
+    torque = sp.Integer(0)
+    for j in others(i, n):
+        (si, ci), (sj, cj), delta = waves(i), waves(j), difference(i, j)
+        a, b, spin_a, spin_b = theta(i).v, theta(j).v, phi(i).v, phi(j).v
+        turned = sp.cos(delta) * (a * spin_b * ci * sj - spin_a * b * si * cj)
+        torque += inertia(i, j, n) * (turned - sp.sin(delta) * (a * b * ci * cj + spin_a * spin_b * si * sj))
+    name = sp.Derivative(sp.Symbol("L"), phi(i).q)
+    words = "for one link; for links in one vertical plane while it does not turn, or sin θ_i/sin θ_j is constant"
+    return Equation(
+        PAPER,
+        "11",
+        "conservation of each azimuth momentum",
+        equal(name, sp.Integer(0)),
+        equal(name, torque),
+        words,
+        sp.Eq(torque, 0),
+        "the sum over i vanishes; with a cart not even that, for the rail breaks the symmetry",
+    )
+
+
+def total_momentum(n: int) -> Any:
+    """Σ_i ∂L/∂φ_i' = Σ A_ij (u_i × u_j')·e_z, which is conserved on a fixed support."""
+    return sp.Add(*(momentum(i, n).corrected.rhs for i in upto(n)))
+
+
+def vector_equation(i: int, n: int) -> Any:
+    """u_i × (Σ_j A_ij u_j'' − g b_i e_z) (3, 1), which vanishes in motion and is regular at every angle."""
+    moving, pull = coordinates(n), sp.Matrix([0, 0, -g * inertia(i, i, n) / length(i)])
+    for j in upto(n):
+        pull += inertia(i, j, n) * direction(j).applyfunc(
+            lambda part: time_derivative(time_derivative(part, moving), moving)
+        )
+    return direction(i).cross(pull)
+
+
+def azimuth_acceleration(i: int, n: int, *, read: bool = False) -> Equation:
+    """(12)-(15) φ_i'': the first, an inner and the last link.
+
+    The copy drops dots and blurs exponents; `read` restores what makes sense of them.  With c_j = p_j/l_j for equal
+    links it is then the rate of the φ' that (8) gives at small angles and constant p_j.
+    """
+    s, c = waves(i)
+    push = sp.Add(*(inertia(i, j, n) * _swing(i, j) for j in others(i, n)))
+    corrected = -2 * theta(i).v * phi(i).v * c / s - push / (inertia(i, i, n) * s)
+    numbers = "12-13" if i == 1 else "15" if i == n else "14"
+    ends = sp.Symbol("l_1") * sp.Symbol("m_1") if i == 1 else sp.Symbol("l") * sp.Symbol("m")
+    return Equation(
+        PAPER,
+        numbers,
+        f"azimuth of link {i} of {n}",
+        equal(phi(i).a, _constant_momenta(i, n, read=read) / ends),
+        equal(phi(i).a, corrected),
+        "for one link, in the limit of small angles, with θ' read into the numerator",
+        sp.false,
+        "dimensionally wrong without its dots; both forms are singular at θ = 0, the rest itself: use unit vectors",
+    )
+
+
+def _swing(i: int, j: int) -> Any:
+    """u_j''·e_φi, the acceleration of one direction along another's azimuth."""
+    (s, c), delta, turn, spin = waves(j), difference(i, j), theta(j), phi(j)
+    across, outward = s * spin.a + 2 * c * turn.v * spin.v, c * turn.a - s * (turn.v**2 + spin.v**2)
+    return across * sp.cos(delta) - outward * sp.sin(delta)
+
+
+def _constant_momenta(i: int, n: int, *, read: bool) -> Any:
+    """What (12)-(15) have in braces, with the exponents s, N and 5 of the copy as 3, 2 and 3."""
+    ti, c = theta(i).q, [sp.Symbol(f"c_{j}") for j in range(n + 1)]
+    own = -(2 if i == 1 else 4) * c[i] * (theta(i).v if read else 1) / ti**3
+    power = 2 if i == n and not read else 1  # (15) has θ_n² where (14) has θ_n
+    pairs = []
+    for j in {i - 1, i + 1} & set(upto(n)):
+        tj, (rate_i, rate_j) = theta(j).q, ((theta(k).v if read else theta(k).q) for k in (i, j))
+        pairs.append(c[j] * (rate_j / (tj**2 * ti**power) + rate_i / (tj * ti**2)))
+    return sp.Add(own, *pairs)

@@ -1,0 +1,125 @@
+"""A derivation as plain text, LaTeX or Markdown that can be pasted."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import sympy as sp
+
+from modal.report.escaping import LETTERS, latex, markdown, visible
+from modal.symbolic import line_breaks as displayed
+from modal.symbolic.sections import Section
+
+GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ"}
+_NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|[pxyzu])(ddot|dot)?((?:_\d+)*)\b")
+
+
+def typeset(title: str, sections: Iterable[Section], form: str) -> str:
+    """The document; `form` is text, latex or markdown."""
+    return _DRESSES[form](title, list(sections))
+
+
+def plain(formula: Any) -> str:
+    """One line as people write it: θ1'' for thetaddot_1, ^ for a power, a space for a product."""
+    if isinstance(formula, sp.Equality):
+        return f"{plain(formula.lhs)} = {plain(formula.rhs)}"
+    if isinstance(formula, sp.MatrixBase):
+        return _grid(formula)
+    written = _NAME.sub(_symbol, sp.sstr(formula))
+    return written.replace("**", "^").replace("*", " ")
+
+
+def _symbol(found: re.Match[str]) -> str:
+    name, dots, index = found.groups()
+    marks = {"dot": "'", "ddot": "''", None: ""}[dots]
+    return GREEK.get(name, name) + index.removeprefix("_").replace("_", ",") + marks
+
+
+def _grid(matrix: Any) -> str:
+    cells = [[plain(value) for value in matrix.row(i)] for i in range(matrix.rows)]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    rows = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
+    return "\n" + "\n".join(f"      [ {row} ]" for row in rows)
+
+
+def _text(title: str, sections: list[Section]) -> str:
+    lines = [visible(title), ""]
+    for section in sections:
+        heading = _readable(section.title)
+        lines += [heading, "-" * len(heading)]
+        for words, formula in section.lines:
+            lines.append(f"  {_readable(words)}" + (f":  {plain(formula)}" if formula is not None else ""))
+        lines.append("")
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _readable(words: str) -> str:
+    return _NAME.sub(_symbol, words)
+
+
+def _latex(title: str, sections: list[Section]) -> str:
+    lines = [rf"\section*{{{latex(title)}}}"]
+    for section in sections:
+        lines += [rf"\subsection*{{{_escaped(section.title)}}}"]
+        for words, formula in section.lines:
+            lines.append(_escaped(words) + ("." if formula is None else ":"))
+            lines += [] if formula is None else [_display(formula)]
+    return "\n".join(lines) + "\n"
+
+
+def _markdown(title: str, sections: list[Section]) -> str:
+    blocks = [f"# {markdown(title)}"]
+    for section in sections:
+        blocks.append(f"## {_readable(section.title)}")
+        for words, formula in section.lines:
+            blocks.append(_inline(words) + ("." if formula is None else ":"))
+            if formula is not None:
+                body = _display(formula).replace(r"\begin{equation*}", "").replace(r"\end{equation*}", "")
+                blocks.append(f"$$\n{body.strip().replace('align*', 'aligned')}\n$$")
+    return "\n\n".join(blocks) + "\n"
+
+
+def _display(formula: Any) -> str:
+    """A displayed formula, one that is too long for it broken into lines."""
+    whole = _tex(formula)
+    if displayed.fits(whole):
+        return f"\\begin{{equation*}}\n{whole}\n\\end{{equation*}}"
+    left, right = "", formula
+    if isinstance(formula, sp.Equality):
+        sides = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
+        left, right = f"{_tex(sides[0])} ={{}}", sides[1]
+    if displayed.width(left) > displayed.LINE / 3:
+        left, right = "", formula
+    room = displayed.LINE - displayed.width(left)
+    body = " \\\\\n& ".join(displayed.lines(_tex(right, long_frac_ratio=2), room))
+    return f"\\begin{{align*}}\n{left}& {body}\n\\end{{align*}}"
+
+
+def _inline(words: str) -> str:
+    """Coordinates, other named symbols and letters with an index in words, as mathematics."""
+    words = _NAME.sub(lambda found: f"${_tex(sp.Symbol(found[0]))}$" if found[0] not in "pxyzu" else found[0], words)
+    words = _INDEXED.sub(lambda found: f"${LETTERS.get(found[1], found[1])}_{{{found[2]}}}$", words)
+    return words.replace("q''", r"$\ddot{q}$").replace("q'", r"$\dot{q}$")
+
+
+def _tex(formula: Any, **settings: Any) -> str:
+    return _with_commas(str(sp.latex(formula, **settings)))
+
+
+def _with_commas(formula: str) -> str:
+    """SymPy's LaTeX with commas between the two numbers of an index."""
+    return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", formula)
+
+
+_INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
+
+
+def _escaped(words: str) -> str:
+    """For LaTeX text: named symbols as mathematics, everything else letter by letter."""
+    parts = re.split(r"(\$[^$]*\$)", _inline(words))
+    return "".join(part if part.startswith("$") else latex(part) for part in parts)
+
+
+_DRESSES: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}

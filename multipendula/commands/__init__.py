@@ -1,0 +1,1 @@
+"""One module a group of commands: what they do, in the words of the command line."""

@@ -1,0 +1,176 @@
+"""What the commands about motion share: which run is meant and where it starts."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from multipendula.commands.modes import bar
+
+if TYPE_CHECKING:
+    from modal.scene.model import Scene
+    from nonlinear.integration.trajectory import Trajectory
+    from nonlinear.system.state import State
+
+RECORDINGS = (".npz", ".csv")
+HOW = ("method", "form", "tolerance", "accuracy")
+
+
+def recorded(name: str) -> bool:
+    """Whether a name is that of a saved run."""
+    return name.lower().endswith(RECORDINGS)
+
+
+def in_a_folder(path: str | None) -> None:
+    """SceneError for a file to be written where there is no folder, before anything is computed."""
+    from pathlib import Path
+
+    from modal.errors import SceneError
+
+    if path and not Path(path).absolute().parent.is_dir():
+        raise SceneError([f"-o {path}: there is no folder {Path(path).parent}"])
+
+
+def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
+    """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
+    from modal.scene.files import load
+    from nonlinear import files as recordings
+    from nonlinear.integration.arguments import gathered
+    from nonlinear.integration.methods import choose
+    from nonlinear.simulation import USUAL, resumed
+    from nonlinear.simulation import simulate as run
+
+    duration = options.duration or options.usual
+    given = {name: getattr(options, name) for name in HOW if getattr(options, name)}
+    if recorded(options.scene):
+        before = gathered(
+            target,
+            lambda: in_a_folder(options.output),
+            lambda: _unstarted(options),
+            lambda: recordings.load(options.scene),
+        )[-1]
+        with bar(duration) as report:
+            return resumed(before, duration, output=options.samples, report=report, **given)
+    scene = load(options.scene)
+    words = {name: given.get(name, "auto") for name in ("method", "form")}
+    *_, start, _ = gathered(
+        target,
+        lambda: in_a_folder(options.output),
+        lambda: start_of(scene, options.start),
+        lambda: choose(scene, duration, given.get("tolerance", USUAL), **words),
+    )
+    with bar(duration) as report:
+        return run(scene, duration, start=start, output=options.samples, report=report, **given)
+
+
+def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
+    """A new run of a scene that keeps to its lowest modes, as --keep-modes says."""
+    from modal.errors import SceneError
+    from modal.scene.files import load
+    from nonlinear.integration.arguments import gathered
+    from nonlinear.reduction.truncation import truncated
+
+    def fitting() -> None:
+        problems = [f"--{name}: goes without --keep-modes" for name in ("form", "accuracy") if getattr(options, name)]
+        if recorded(options.scene):
+            problems.append(f"{options.scene}: is a saved run, and --keep-modes takes a scene")
+        if problems:
+            raise SceneError(problems)
+
+    *_, scene = gathered(target, lambda: in_a_folder(options.output), fitting, lambda: load(options.scene))
+    duration = options.duration or options.usual
+    given = {name: getattr(options, name) for name in ("method", "tolerance") if getattr(options, name)}
+    with bar(duration) as report:
+        return truncated(
+            scene,
+            duration,
+            options.keep_modes,
+            start=start_of(scene, options.start),
+            output=options.samples,
+            report=report,
+            **given,
+        ).trajectory
+
+
+def _unstarted(options: argparse.Namespace) -> None:
+    from modal.errors import SceneError
+
+    if options.start:
+        raise SceneError(["--start: a saved run goes on from its last state"])
+
+
+def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> State | None:
+    """None for the file's own start, mode:R:DEG for a mode's shape, angles:A,B,... for angles at rest.
+
+    `undamped` takes the shape without dampers; R is the number in the table of the scene all the same.
+    """
+    from modal.errors import SceneError
+    from nonlinear.system import initial as starts
+
+    if words is None or words == "scene":
+        return None
+    kind, _, rest = words.partition(":")
+    number, _, degrees = rest.partition(":")
+    try:
+        if kind == "angles":
+            return starts.released(scene, [float(word) for word in rest.split(",")])
+        if kind == "mode":
+            return _in_mode(scene, int(number), float(degrees), undamped=undamped)
+    except ValueError as error:
+        if isinstance(error, SceneError):
+            raise
+    raise SceneError([f"--start {words}: must be scene, mode:R:DEG such as mode:2:10, or angles:A,B,... in degrees"])
+
+
+def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> State:
+    from math import radians
+
+    import numpy as np
+
+    from modal.errors import SceneError
+    from modal.modes.modes import natural_modes
+    from modal.modes.numbering import table_numbers
+    from nonlinear.reduction.modal_coordinates import start_in_mode
+    from nonlinear.system.directions import of_plane
+
+    modes = natural_modes(scene)
+    if not 1 <= number <= len(modes):
+        raise SceneError([f"--start mode:{number}: the scene has modes 1 to {len(modes)}"])
+    if modes.omega[number - 1] == 0:
+        raise SceneError([f"--start mode:{number}: a rigid translation has no angle"])
+    if not 0 < abs(degrees) <= 180:
+        raise SceneError([f"--start mode:{number}:{degrees:g}: the largest angle must be a number of at most 180 deg"])
+    row = number - 1
+    if undamped:
+        found = np.flatnonzero(table_numbers(scene) == number)
+        if not found.size:
+            raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, without a swing"])
+        scene, row = scene.conservative, int(found[0])
+        modes = natural_modes(scene)
+    state = start_in_mode(scene, modes, row, 0, radians(degrees))
+    return state if scene.space == "plane" else of_plane(state)
+
+
+def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
+    """A saved run as it is, or a new one of a scene, whole."""
+    from modal.errors import SceneError
+    from nonlinear import files as recordings
+    from nonlinear.integration.arguments import gathered
+
+    if not recorded(options.scene):
+        return whole(run_of(options, target))
+    asked = [name for name in ("start", "duration", *HOW, "samples") if getattr(options, name)]
+    if asked:
+        raise SceneError([f"--{name}: a saved run is shown as it is" for name in asked])
+    found: Trajectory = gathered(target, lambda: in_a_folder(options.output), lambda: recordings.load(options.scene))[
+        -1
+    ]
+    return found
+
+
+def whole(trajectory: Trajectory) -> Trajectory:
+    """The trajectory itself; KeyboardInterrupt where Ctrl-C cut it short."""
+    if trajectory.run.interrupted:
+        raise KeyboardInterrupt
+    return trajectory

@@ -1,0 +1,126 @@
+"""The command sweep: maps over parameters, and frequency loci over one."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from multipendula.commands.modes import bar, drawn, picture
+from multipendula.commands.runs import in_a_folder
+
+if TYPE_CHECKING:
+    from nonlinear.sweeps.checkpoint import Journal
+    from nonlinear.sweeps.executors import Crew
+    from nonlinear.sweeps.study import Study
+
+
+def sweep(options: argparse.Namespace) -> None:
+    """Measure a scene over a grid of its parameters, or follow its frequencies along one."""
+    kind = picture(options.picture, "--picture") if options.picture else ""
+    for path in (options.picture, options.output):
+        in_a_folder(path)
+    (_loci if options.loci else _map)(options, kind)
+
+
+def _map(options: argparse.Namespace, kind: str) -> None:
+    from modal.errors import ComputationError
+    from modal.report.escaping import visible
+    from modal.scene.files import load
+    from modal.scene.parameters import parsed
+    from nonlinear.integration.arguments import gathered
+    from nonlinear.saved_files import checked_kind
+    from nonlinear.sweeps.files import save
+    from nonlinear.sweeps.measures import asked
+    from nonlinear.sweeps.running import sweep as swept
+    from nonlinear.sweeps.study import Study
+    from nonlinear.sweeps.sweep_tables import reasons, sweep_text
+
+    _, scene, axes, measures = gathered(
+        lambda: checked_kind(options.output) if options.output else "",
+        lambda: load(options.scene),
+        lambda: parsed(options.vary),
+        lambda: asked(options.measure or ["frequencies"]),
+    )
+    study = Study(scene, axes, measures)
+    if options.picture:
+        from nonlinear.plotting.sweeps import draw_sweep, insist
+
+        insist(axes)
+    with _journal(options, study) as kept:
+        with _crew(options) as crew, bar(study.size, "point") as report:
+            found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
+        if len(found.failures) == study.size:
+            kept.finish()
+            raise ComputationError("\n".join(["no point could be measured", *reasons(found)]))
+        sys.stdout.write(sweep_text(found))
+        if found.interrupted:
+            if _has_journal(options):
+                print(f"the same command goes on from {visible(options.output)}.journal", file=sys.stderr)
+            raise KeyboardInterrupt
+        if options.output:
+            save(found, options.output)
+            kept.finish()
+    if options.picture:
+        with drawn(options.picture, options.theme) as stream:
+            draw_sweep(found, stream, kind)
+
+
+def _has_journal(options: argparse.Namespace) -> bool:
+    """Whether what is done is kept beside the file to come: not beside standard output."""
+    from modal.scene.files import STANDARD
+
+    return bool(options.output) and options.output != STANDARD
+
+
+@contextmanager
+def _journal(options: argparse.Namespace, study: Study) -> Iterator[Journal]:
+    from nonlinear.sweeps.checkpoint import Journal, journal
+
+    if not _has_journal(options):
+        yield Journal()
+        return
+    with journal(f"{options.output}.journal", study, fresh=options.fresh) as kept:
+        yield kept
+
+
+@contextmanager
+def _crew(options: argparse.Namespace) -> Iterator[Crew | None]:
+    if not options.scheduler:
+        yield None
+        return
+    from nonlinear.sweeps.cluster import cluster
+
+    with cluster(options.scheduler) as crew:
+        yield crew
+
+
+def _loci(options: argparse.Namespace, kind: str) -> None:
+    from modal.errors import SceneError
+    from modal.loci.following import loci
+    from modal.loci.loci_tables import loci_csv, loci_text
+    from modal.scene.files import STANDARD, load, whole_file
+    from modal.scene.parameters import parsed
+
+    asked = [name for name in ("measure", "workers", "scheduler", "fresh") if getattr(options, name)]
+    problems = [f"--{name}: goes without --loci" for name in asked]
+    if len(options.vary) != 1:
+        problems.append("--loci: follows frequencies over one --vary")
+    if options.output and options.output != STANDARD and not options.output.lower().endswith(".csv"):
+        problems.append(f"-o {options.output}: loci are kept in a .csv file")
+    if problems:
+        raise SceneError(problems)
+    scene, (variation,) = load(options.scene), parsed(options.vary)
+    with bar(len(variation.values), "value") as report:
+        found = loci(scene, variation, report)
+    sys.stdout.write(loci_text(found))
+    if options.output:
+        with whole_file(options.output) as stream:
+            stream.write(loci_csv(found).encode())
+    if options.picture:
+        from modal.plotting.loci import draw_loci
+
+        with drawn(options.picture, options.theme) as stream:
+            draw_loci(found, stream, kind)

@@ -1,0 +1,183 @@
+"""The commands that question a prediction: check, chaos, tradeoff and advise."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import IO, TYPE_CHECKING, Any
+
+from multipendula.commands.modes import bar, chosen, drawn, picture
+from multipendula.commands.runs import in_a_folder, recorded, start_of, whole
+
+if TYPE_CHECKING:
+    from modal.scene.model import Scene
+
+USUAL = 120.0
+"""Seconds of a general motion where nobody says how many."""
+
+
+def check(options: argparse.Namespace) -> None:
+    """Measure how far the table of modes holds: frequencies at several amplitudes beside its own."""
+    from modal.scene.files import load
+
+    kind, scene = _kind(options), load(_scene(options))
+    found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
+    sys.stdout.write(table(found, options.format))
+    if getattr(found, "interrupted", False):
+        raise KeyboardInterrupt
+    if options.output:
+        with drawn(options.output, options.theme) as stream:
+            draw(found, stream, kind)
+
+
+def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from modal.modes.modes import natural_modes
+    from nonlinear.verification.modes import AMPLITUDES_DEG
+    from nonlinear.verification.modes import check as checked
+    from nonlinear.verification.tables import check_table
+
+    _refuse(options, "needs", ("start", "duration"))
+    numbers = chosen(options.mode, len(natural_modes(scene)), "--mode")
+    with bar(len(numbers), "mode") as report:
+        found = checked(scene, list(numbers), options.amplitude or AMPLITUDES_DEG, report=report)
+    from nonlinear.plotting.verification import draw_check
+
+    return found, check_table, draw_check
+
+
+def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
+    from modal.errors import SceneError
+    from nonlinear.simulation import simulate as run
+    from nonlinear.verification.compare_tables import comparison_table
+    from nonlinear.verification.motion import compare
+
+    _refuse(options, "goes without", ("mode", "amplitude"))
+    if scene.space == "space":
+        raise SceneError(["--general: modal coordinates are of motion in the plane"])
+    duration = options.duration or USUAL
+    with bar(duration) as report:
+        trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))
+    from nonlinear.plotting.verification import draw_spectrum
+
+    return compare(trajectory), comparison_table, draw_spectrum
+
+
+def _kind(options: argparse.Namespace) -> str:
+    in_a_folder(options.output)
+    return picture(options.output) if options.output else ""
+
+
+def _scene(options: argparse.Namespace) -> str:
+    from modal.errors import SceneError
+
+    if recorded(options.scene):
+        raise SceneError([f"{options.scene}: is a saved run, and this command takes a scene"])
+    return str(options.scene)
+
+
+def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...]) -> None:
+    from modal.errors import SceneError
+
+    if asked := [name for name in names if getattr(options, name) is not None]:
+        raise SceneError([f"--{name}: {verb} --general" for name in asked])
+
+
+def chaos(options: argparse.Namespace) -> None:
+    """Measure the largest Lyapunov exponent, or what paper 000 or 001 claims of it."""
+    kind = _kind(options)
+    text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
+    print(text)
+    if options.output:
+        with drawn(options.output, options.theme) as stream:
+            draw(stream, kind)
+
+
+Drawn = tuple[str, Callable[[IO[bytes], str], None]]
+
+
+def _exponent(options: argparse.Namespace) -> Drawn:
+    from modal.errors import SceneError
+    from modal.scene.files import load
+    from nonlinear.chaos.lyapunov import TRANSIENT, lyapunov_exponent, usual_duration
+
+    if options.quick:
+        raise SceneError(["--quick: is for paper:000 and paper:001"])
+    scene = load(_scene(options))
+    duration = options.duration or usual_duration(scene)
+    with bar((1 + TRANSIENT) * duration) as report:
+        found = lyapunov_exponent(scene, duration, ensemble=options.ensemble or 16, report=report)
+
+    def draw(stream: IO[bytes], kind: str) -> None:
+        from nonlinear.plotting.chaos import draw_running
+
+        draw_running(found, stream, kind=kind)
+
+    if found.interrupted:
+        print(found.text())
+        raise KeyboardInterrupt
+    return found.text(), draw
+
+
+def _claims(options: argparse.Namespace) -> Drawn:
+    from modal.errors import SceneError
+    from nonlinear.chaos.claims import study, text
+    from nonlinear.chaos.studies import measure
+
+    if options.duration or options.ensemble:
+        raise SceneError([f"{options.scene}: has its own --duration and --ensemble; --quick makes it short"])
+    chosen = study(options.scene.removeprefix("paper:"), quick=options.quick)
+    with bar(len(chosen.cases), "scene") as report:
+        finding = measure(chosen, report)
+
+    def draw(stream: IO[bytes], kind: str) -> None:
+        from nonlinear.plotting.chaos import draw_finding
+
+        draw_finding(finding, stream, kind=kind)
+
+    return text(finding), draw
+
+
+def tradeoff(options: argparse.Namespace) -> None:
+    """Measure time and error of every way to a motion, from linear modes to the finest integration."""
+    from modal.scene.files import load
+    from nonlinear.accuracy.candidates import ladder
+    from nonlinear.accuracy.tables import tradeoff_table
+    from nonlinear.accuracy.work_precision import tradeoff as compared
+
+    kind, scene = _kind(options), load(_scene(options))
+    start = start_of(scene, options.start)
+    with bar(len(ladder(scene)) + 1, "rung") as report:
+        found = compared(scene, options.duration, start=start, report=report)
+    sys.stdout.write(tradeoff_table(found, options.format))
+    if found.interrupted:
+        raise KeyboardInterrupt
+    if options.output:
+        from nonlinear.plotting.work_precision import draw_tradeoff
+
+        with drawn(options.output, options.theme) as stream:
+            draw_tradeoff(found, stream, kind)
+
+
+def advise(options: argparse.Namespace) -> None:
+    """Find the cheapest way to a motion of an accuracy, and say what shows that it is met."""
+    from modal.scene.files import load
+    from nonlinear import files as recordings
+    from nonlinear.accuracy.advice_tables import advice_table
+    from nonlinear.integration.arguments import gathered
+    from nonlinear.saved_files import checked_kind
+    from nonlinear.simulation import advise as advised
+    from nonlinear.simulation import certain
+
+    scene = load(_scene(options))
+    *_, start = gathered(
+        lambda: options.output and checked_kind(options.output),
+        lambda: in_a_folder(options.output),
+        lambda: start_of(scene, options.start),
+    )
+    with bar(options.duration) as report:
+        advice = advised(scene, options.duration, options.accuracy, start=start, output=options.samples, report=report)
+    sys.stdout.write(advice_table(advice, options.format))
+    if options.output:
+        recordings.save(advice.certain, options.output)
+    whole(certain(advice))

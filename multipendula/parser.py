@@ -1,0 +1,174 @@
+"""Help pages that teach by example, and errors that say what was meant and where help is."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+import textwrap
+from collections.abc import Iterator, Sequence
+from itertools import takewhile
+from typing import Any, NoReturn
+
+from multipendula.commands.examples import EXAMPLES, FIRST, Examples
+from multipendula.topics import TITLES, TOPICS
+
+WIDTH = 79
+"""Columns of a page: those of the narrowest terminal, less the cursor's."""
+
+Section = tuple[str, list[argparse.Action]]
+
+
+def shown(examples: Examples) -> str:
+    """Examples as a page has them: the command, folded as a shell reads it, and its words below.
+
+    >>> print(shown((("table chain-3", "three modes"),)))
+      multipendula table chain-3
+          three modes
+    """
+    return "\n".join(f"{_folded(f'multipendula {command}')}\n      {words}" for command, words in examples)
+
+
+def _folded(command: str) -> str:
+    """A command over several lines, an option and its value on one."""
+    joined = re.sub(r"( -\S+) (?=[^-])", "\\1\0", command)
+    lines = textwrap.wrap(joined, WIDTH - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
+    return "  " + " \\\n  ".join(lines).replace("\0", " ")
+
+
+class Page(argparse.ArgumentParser):
+    """The parser of one command, or of the choice among them, its arguments grouped by `TITLES`."""
+
+    def __init__(self, **words: Any) -> None:
+        super().__init__(**words, formatter_class=_Columns)
+        self.given: list[str] = []
+
+    @property
+    def name(self) -> str:
+        """The command, nothing for the choice among them."""
+        return self.prog.partition(" ")[2]
+
+    def format_help(self) -> str:
+        """The whole page."""
+        columns = self._get_formatter()
+        columns.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        columns.add_text(self.description)
+        for title, actions in self._sections():
+            columns.start_section(title)
+            columns.add_arguments(actions)
+            columns.end_section()
+        title = "examples" if self.name else "to begin with"
+        return f"{columns.format_help()}\n{title}:\n{shown(EXAMPLES.get(self.name, FIRST))}\n{self._further()}"
+
+    def _sections(self) -> Iterator[Section]:
+        """Commands by topic, or the arguments by title; none is left out."""
+        chosen = next((action for action in self._actions if isinstance(action, argparse._SubParsersAction)), None)
+        if chosen:
+            lines = {line.dest: line for line in chosen._choices_actions}
+            yield from ((topic, [lines[name] for name in names]) for topic, names in TOPICS.items())
+        for title in (*TITLES, "more"):
+            yield title, [action for action in self._actions if action is not chosen and _title(action) == title]
+
+    def _further(self) -> str:
+        return "" if self.name else "\nEvery command has a page such as this: `multipendula table --help`.\n"
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """What argparse does; the words are kept for what errors say."""
+        self.given = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(self.given, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong, which options there are not, and where help is; leave with 2."""
+        self.print_usage(sys.stderr)
+        from modal.report.escaping import visible
+
+        lines = map(visible, [f"error: {message}", *self._strangers(), pointer(self.name)])
+        self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))
+
+    def _strangers(self) -> Iterator[str]:
+        """Options among its words that there are not, each with the nearest one; a command's words are not its own."""
+        from modal.errors import meant
+
+        known = self._option_string_actions
+        for word in takewhile(lambda word: word != "--" and (self.name or word[:1] == "-"), self.given):
+            name = word.partition("=")[0]
+            if name[:2] == "--" and not any(option.startswith(name) for option in known):
+                yield f"{name}: no such option{meant(name, known)}"
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        """OSError, unlike argparse's own, where it cannot be written."""
+        stream = file or sys.stderr
+        if message and stream:
+            stream.write(message)
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        """What argparse does, but `--option=--` gives an option no value."""
+        if action.option_strings and arg_strings == ["--"]:
+            raise argparse.ArgumentError(action, "expected one argument")
+        return super()._get_values(action, arg_strings)
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """ArgumentError for a value that is no choice, with the nearest one."""
+        choices = action.choices
+        if choices is not None and value not in choices:
+            from modal.errors import meant
+
+            there = ", ".join(map(str, choices))
+            raise argparse.ArgumentError(action, f"invalid choice: {value}{meant(value, choices)}; there are {there}")
+
+
+class _Columns(argparse.HelpFormatter):
+    def __init__(self, prog: str, **words: Any) -> None:
+        super().__init__(prog, **{"width": WIDTH, "max_help_position": 26} | words)
+
+
+def _title(action: argparse.Action) -> str:
+    if not action.option_strings:
+        return "what is asked"
+    if action.metavar == "FILE":
+        return "what is shown and written"
+    name = max(action.option_strings, key=len).lstrip("-")
+    return next((title for title, names in TITLES.items() if name in names), "more")
+
+
+OPTIONS = (
+    (r"^(input|output)(?=[ :])", r"--\1"),
+    (r"^format (\S+):", r"--to \1:"),
+    (r"^step (\S+) s:", r"--discrete \1:"),
+    (r"(a C header is of a sampled model)", r"--to c needs --discrete SECONDS, \1"),
+    (r"^(\d+) modes: (?=the model)", r"--modes \1: "),
+    (r"choose (fewer|at most \d+) modes$", r"\g<0> with --modes"),
+    (r"choose at most \d+ outputs$", r"\g<0> with --of"),
+    (r"choose polynomial and modes alone$", "choose --show polynomial,modes"),
+    (r"a kind of link and an equilibrium are", "--links and --equilibrium are"),
+    (r", (\d+) samples$", r", --samples \1"),
+    (r"give another start: .*", "ask for --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."),
+)
+"""What the packages speak of, which know no options, in those of the command."""
+
+
+def in_options(line: str) -> str:
+    """A line of an error with the options that it is about.
+
+    >>> in_options("input wind: must be one of cart_force")
+    '--input wind: must be one of cart_force'
+    """
+    for words, options in OPTIONS:
+        line = re.sub(words, options, line)
+    return line
+
+
+def pointer(command: str) -> str:
+    """Where help is."""
+    return f"see `{' '.join(('multipendula', command)).strip()} --help`"
+
+
+class Version(argparse.Action):
+    """Print the version and leave."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        """Print it."""
+        from importlib.metadata import version
+
+        print(f"multipendula {version('multipendula')}")
+        parser.exit()

@@ -1,0 +1,210 @@
+"""The cheapest way to a motion of a wished accuracy, and the evidence that it is met.
+
+An error is the largest angle (rad) by which any link is off at any instant so far.  Ways are tried from cheap to dear:
+
+    modes in closed form     their error from what they leave of the equations (`nonlinear.reduction.defect`)
+    a few modes              of long chains, their error from more modes (`nonlinear.reduction.truncation`)
+    integration, twice       at tolerances Rτ and τ, then at tighter ones
+
+Two runs that differ by d say that the tighter one is off by no more than ALONE d: nothing is taken for granted but that
+it is the better one.  Where a third has shown how errors follow the tolerance, e ∝ τ^p with p at most 1, that is
+credited,
+
+    e(τ) ≤ SAFETY d / R^p
+
+at R times the tolerance of the run before.  Errors are lucky or unlucky by factors of ten, wherever steps are few or
+held down by something else than the tolerance, as by stiff joints: hence SAFETY, and no credit without a third run.
+Where that is too much the next tolerance follows from C in e ≈ Cτ: a few times the motion's size where little grows,
+more over many periods and at large angles, and millions where small errors grow.  Where even the finest tolerance is
+too coarse the motion is known up to a horizon and no further.
+
+Two runs that share a symmetry agree longer than they are right.  Where the start has one that holds digit by digit, or
+is an unstable rest, a twin in the same way from a start that differs in its last digits (`nonlinear.integration.twins`)
+judges as well, and a promise ends where that one is PARTED⁻¹ of it away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import chain
+from math import inf
+from time import perf_counter
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal
+from nonlinear.accuracy.shortcuts import in_closed_form, in_few_modes
+from nonlinear.integration.arguments import LOOSEST
+from nonlinear.integration.methods import Choice
+from nonlinear.integration.run import Request
+from nonlinear.integration.steppers import SMALLEST
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.integration.twins import rounded
+from nonlinear.system.state import apart
+
+RATIO, CLIMB = 10.0, 16.0  # of the first two tolerances, and of the next ones at least
+ALONE, SAFETY = 2.0, 16.0  # what is promised over what two runs differ by, and over what three let expect
+SHORTER = 0.7  # share by which steps are shorter from run to run where not the tolerance holds them down
+NEAREST = 4.0  # ratio of tolerances below which two runs may be one
+FARTHEST = 100.0  # ratio beyond which none is trusted to be better still
+ROUNDING = 4 * float(np.finfo(float).eps)  # a tolerance below which errors do not follow it
+LOST, LEAP = 0.3, 1e-4  # a difference (rad) that says nothing of C; the next tolerance over this one then
+PARTED = 2.0  # what is promised at least, over the distance of a twin
+TOGETHER = 2  # instants by which an event may end two runs apart
+
+
+@dataclass(frozen=True, eq=False)
+class Advice:
+    """The trajectory for a wished accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
+
+    `horizon` is the time (s) up to which the accuracy is met, and one of the trajectory's; `parted` says whether a
+    twin ends it.
+    """
+
+    accuracy: float
+    trajectory: Trajectory
+    errors: Floats
+    attempts: tuple[Attempt, ...]
+    horizon: float
+    parted: bool = False
+
+    @property
+    def met(self) -> bool:
+        """Whether the accuracy is met wherever the trajectory goes."""
+        return bool(self.errors[-1] <= self.accuracy)
+
+    @property
+    def limit(self) -> str:
+        """What is to be said where it is not met."""
+        told = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
+        if self.parted or self.attempts[-1].tolerance <= FARTHEST * SMALLEST:
+            told += ": beyond it the digits of double precision do not tell where the links are"
+        return told + (", since starts that differ in their last digits alone part" if self.parted else "")
+
+    @property
+    def certain(self) -> Trajectory:
+        """The trajectory up to the horizon."""
+        if self.met:
+            return self.trajectory
+        kept = self.trajectory.times <= self.horizon
+        stopped = f"{self.accuracy:g} rad cannot be met beyond {self.horizon:.9g} s"
+        run = replace(self.trajectory.run, error=float(self.errors[kept][-1]), stopped=stopped)
+        happenings = tuple(one for one in self.trajectory.happenings if one.time <= self.horizon)
+        return replace(self.trajectory.at(kept), run=run, happenings=happenings)
+
+
+def advised(goal: Goal) -> Advice:
+    """The cheapest way to the wished accuracy, or the finest there is where none meets it.
+
+    After Ctrl-C what was being computed is returned, judged where a looser run has been.  Raises SimulationError where
+    an integrator gives up.
+    """
+    attempts: list[Attempt] = []
+    for found in chain(in_closed_form(goal), in_few_modes(goal), _integrated(goal)):
+        attempts.append(found.attempt)
+        if found.errors[-1] <= goal.accuracy or found.trajectory.run.interrupted:
+            break
+    alone = found
+    if not found.trajectory.run.interrupted and (beside := rounded(goal.looked_at)):
+        found = _with_twin(found, beside)
+        attempts[-1] = found.attempt
+    run = replace(found.trajectory.run, error=found.attempt.error)
+    times, last = found.trajectory.times, max(int(np.sum(found.errors <= goal.accuracy)) - 1, 0)
+    kept = np.isin(times, goal.request.times)
+    kept[[last, -1]] = True
+    trajectory = replace(found.trajectory, run=run).at(kept)
+    parted = last + 1 < len(times) and bool(alone.errors[last + 1] <= goal.accuracy)
+    return Advice(goal.accuracy, trajectory, found.errors[kept], tuple(attempts), float(times[last]), parted)
+
+
+def _integrated(goal: Goal) -> Iterator[Found]:
+    """Runs at tighter and tighter tolerances, each judged by those before."""
+    asked = goal.looked_at
+    choice = asked.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
+    runs = [_run(asked, replace(choice, tolerance=RATIO * choice.tolerance))]
+    yield runs[0]
+    while True:
+        asked = replace(asked, pace=replace(asked.pace, share=SHORTER * asked.pace.share))
+        runs.append(_beside(_run(asked, choice), runs, ROUNDING * goal.constant))
+        yield runs[-1]
+        tighter = asked.choice(max(_next(goal, runs[-1], runs[-2]), SMALLEST))
+        if tighter.tolerance * NEAREST > 1.01 * choice.tolerance:
+            return
+        choice = tighter
+
+
+def _run(asked: Request, choice: Choice) -> Found:
+    begun = perf_counter()
+    trajectory = asked.run(choice)
+    words = " ".join(part for part in (choice.form, choice.method, "compiled" * choice.compiled) if part)
+    attempt = Attempt(words, choice.tolerance, perf_counter() - begun, trajectory.run.calls, inf)
+    errors = np.full(len(trajectory.times), inf)
+    return Found(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)))
+
+
+def _with_twin(found: Found, beside: Request) -> Found:
+    """A run that a twin in the same way judges as well."""
+    begun = perf_counter()
+    trajectory, twin = found.trajectory, found.again(beside)
+    errors = np.maximum(found.errors, PARTED * _difference(trajectory, twin))
+    if twin.run.interrupted:
+        run = replace(trajectory.run, interrupted=True, stopped=twin.run.stopped)
+        trajectory = replace(trajectory.at(trajectory.times <= twin.times[-1]), run=run)
+    spent, calls = found.attempt.seconds + perf_counter() - begun, found.attempt.calls + twin.run.calls
+    attempt = replace(found.attempt, seconds=spent, calls=calls, error=float(errors[-1]))
+    return replace(found, trajectory=trajectory, errors=errors[: len(trajectory.times)], attempt=attempt)
+
+
+def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
+    """A run with its errors, as looser ones tell them, and what rounding (rad) adds where they differ at all."""
+    before = runs[-1]
+    difference = _difference(found.trajectory, before.trajectory)
+    credit = np.full(len(difference), 1 / ALONE)
+    if len(runs) > 1:
+        ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
+        fallen = _difference(found.trajectory, runs[-2].trajectory), difference
+        order = _order(*fallen, runs[-2].attempt.tolerance / before.attempt.tolerance)
+        credit = np.maximum(credit, ratio**order / SAFETY)
+    errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
+    return replace(found, errors=errors, attempt=replace(found.attempt, error=float(errors[-1])))
+
+
+def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
+    """The p of e ∝ τ^p so far, (T,), from 0 to 1, of two runs whose tolerances have this ratio, from their errors.
+
+    Where one of them has parted, it is what it was before.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        order = np.log(looser / tighter) / np.log(ratio)
+    known = np.isfinite(order)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(order)), 0))
+    return np.where(known[last], np.clip(order[last], 0.0, 1.0), 0.0)
+
+
+def _difference(one: Trajectory, other: Trajectory) -> Floats:
+    """The largest angle (rad) so far between two runs at the times of the first, (T,), as far as both go.
+
+    It is inf where it says nothing: where the runs have parted, or are one, or the other has ended long before.  Where
+    an event ends both, a little sooner or later, the last instants take the difference before them.
+    """
+    both = min(len(one.times), len(other.times))
+    both = int(np.sum(one.times[:both] == other.times[:both]))
+    rows = slice(both)
+    gone = np.maximum.accumulate(apart(one.motion.at(rows), other.motion.at(rows)))
+    gone[gone > LOST] = inf
+    if not gone.any() and np.ptp(one.motion.links, axis=0).any():
+        gone[:] = inf
+    beyond = len(one.times) - both
+    return np.pad(gone, (0, beyond), constant_values=inf if beyond > TOGETHER else gone[-1])
+
+
+def _next(goal: Goal, found: Found, before: Found) -> float:
+    """The tolerance that should meet the accuracy; the finest of all only after one that is near enough to judge it."""
+    tolerance = found.attempt.tolerance
+    difference = float(_difference(found.trajectory, before.trajectory)[-1])
+    if difference == inf:
+        near = FARTHEST * SMALLEST
+        return near if LEAP * tolerance < near < tolerance / NEAREST else LEAP * tolerance
+    return min(goal.accuracy * before.attempt.tolerance / (AIM * difference), tolerance / CLIMB)

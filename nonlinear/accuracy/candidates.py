@@ -1,0 +1,141 @@
+"""The ladder of fidelity as data: every way that this project has to answer where a scene will be, coarse to fine.
+
+    (0) linear modes            superposed in closed form (`nonlinear.reduction.superposition`)
+    (1) corrected modes         the same with each mode's frequency at its own amplitude
+    (2) minimal coordinates     integrators × tolerances, plain and compiled; in space unit vectors
+    (3) maximal coordinates     the DAE with every pivot force
+
+A rung prepares what it needs for a question (modes, series, compiled code) and returns a task that finds the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.util import find_spec
+from math import inf, nan
+from time import perf_counter
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.integration import taylor
+from nonlinear.integration.methods import Choice
+from nonlinear.integration.run import Request
+from nonlinear.integration.trajectory import CLOSED, Run, Trajectory
+from nonlinear.reduction.superposition import CORRECTED, LINEAR, superposed
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import State
+
+TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
+IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")
+IN_SPACE = ("RK23", "RK45", "DOP853")
+SOON, PLAINLY = 0.2, 1.25  # share of the patience after which a run is given up that would take so many times it
+
+Task = Callable[[], Trajectory]
+
+
+class GivenUpError(ComputationError):
+    """A run that takes longer than it is waited for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Where a scene is at `times` (T,) in s from 0 on after this start; a run has `patience` seconds to answer."""
+
+    scene: Scene
+    start: State
+    times: Floats
+    patience: float = inf
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One way to the motion: a `kind`, and for what is integrated a method, its tolerance and whether it is compiled.
+
+    `kind` is "linear modes", "corrected modes" or a form of the equations.
+    """
+
+    kind: str
+    method: str = ""
+    tolerance: float = nan
+    compiled: bool = False
+
+    @property
+    def modal(self) -> bool:
+        """Whether nothing is integrated."""
+        return self.kind in {LINEAR, CORRECTED}
+
+    @property
+    def family(self) -> str:
+        """The rung without its tolerance, in words."""
+        return " ".join(part for part in (self.kind, self.method, "compiled" * self.compiled) if part)
+
+    @property
+    def name(self) -> str:
+        """All of it in words."""
+        return self.family if self.modal else f"{self.family} {self.tolerance:g}"
+
+    def prepare(self, question: Question) -> Task:
+        """A task that finds the motion, once; ComputationError or SceneError where this cannot be.
+
+        The task raises ComputationError where the run fails, GivenUpError where it takes too long, KeyboardInterrupt on
+        Ctrl-C.
+        """
+        return self._superposed(question) if self.modal else self._integrated(question)
+
+    def _superposed(self, question: Question) -> Task:
+        scene, times, plant = question.scene, question.times, plant_of(question.scene)
+        motion = superposed(scene, question.start, corrected=self.kind == CORRECTED)
+        run = Run(self.kind, CLOSED, "a rung of the ladder", inf)
+
+        def task() -> Trajectory:
+            found = motion(times)
+            if not np.all(np.isfinite(found.links)):
+                raise ComputationError("the modes leave the finite numbers")
+            return Trajectory(scene, plant, times, found, run)
+
+        return task
+
+    def _integrated(self, question: Question) -> Task:
+        request = Request(question.scene, question.start, question.times, form=self.kind)
+        choice = Choice(self.kind, self.method, self.compiled, "a rung of the ladder", self.tolerance)
+        ready = request.prepared(choice)
+
+        def task() -> Trajectory:
+            try:
+                found = ready.go(report=_impatient(question))
+            except TimeoutError as error:
+                raise GivenUpError(str(error)) from None
+            if found.run.interrupted:
+                raise KeyboardInterrupt
+            return found
+
+        return task
+
+
+def _impatient(question: Question) -> Callable[[float], None]:
+    """A listener that ends a run which takes longer than it is waited for, or by how far it has come plainly will."""
+    begun, patience, duration = perf_counter(), question.patience, question.times[-1]
+
+    def report(elapsed: float) -> None:
+        spent = perf_counter() - begun
+        share = min(1.0, elapsed / duration)
+        if spent > patience or (spent > SOON * patience and spent > PLAINLY * patience * share):
+            raise TimeoutError(f"given up after {spent:.2g} s, at {elapsed:.3g} s of the motion")
+
+    return report
+
+
+def ladder(scene: Scene) -> tuple[Rung, ...]:
+    """Every rung for a scene, families together, each from loose to tight; only what is installed."""
+    if scene.space == "space":
+        families = [("spatial", method, False) for method in IN_SPACE]
+    else:
+        families = [("minimal", method, False) for method in (*IN_PLANE, *(["taylor"] if taylor.available() else []))]
+        families += [("minimal", "DOP853", True)] if find_spec("numba") else []
+        families += [("maximal", "DOP853", False)]
+    each = [Rung(kind, method, tolerance, compiled) for kind, method, compiled in families for tolerance in TOLERANCES]
+    return Rung(LINEAR), Rung(CORRECTED), *each

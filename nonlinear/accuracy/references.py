@@ -1,0 +1,122 @@
+"""What the rungs of the ladder are judged by, and until when it can judge: the horizon.
+
+The reference is the finest run at hand, held against a second one by another body or form of the equations and another
+integrator; in space, where there is one form, by the same at another tolerance.  With d(t) the largest difference of
+angles so far, an error e may be judged where d < e/100.  A twin of the run (`nonlinear.integration.twins`), 1e-9 aside,
+shows besides by which factor G(t) an error grows here: a reference of relative accuracy ε cannot know more than ε G(t),
+and where G = exp λt this ends at ln(tolerable/ε)/λ.  So both
+
+    d(t) < 1e-8   and   ε G(t) < 1e-8     (rad; for small motions of the motion's own size)
+
+hold up to the horizon: until then errors from 1e-6 on are certain, and smaller ones where d and ε G leave it.
+The twin has no symmetry, as the start may have: two runs that share a symmetry agree longer than they are right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from math import log
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.accuracy.candidates import Question, Rung
+from nonlinear.integration import taylor
+from nonlinear.integration.arguments import extent
+from nonlinear.integration.steppers import SMALLEST
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.integration.twins import aside, slightly
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import apart
+
+SHARE = 1e-2  # of an error, what the references may differ by
+JUDGED = 1e-6  # error (rad at angles of order 1) that must still be certain at the horizon
+TWIN = Rung("minimal", "DOP853", 1e-12)
+FEWEST = 10  # samples before the horizon
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A trajectory up to the horizon, found by `rung` and held against `check`.
+
+    `difference` (T,) is the largest difference of the two so far (rad), `growth` (T,) the factor by which a small
+    disturbance of the start has grown at most, `duration` (s) what was asked for.
+    """
+
+    rung: Rung
+    check: Rung
+    trajectory: Trajectory
+    difference: Floats
+    growth: Floats
+    duration: float
+
+    @property
+    def horizon(self) -> float:
+        """Time (s) up to which errors are compared."""
+        return float(self.trajectory.times[-1])
+
+    @property
+    def whole(self) -> bool:
+        """Whether all that was asked for can be judged."""
+        return self.horizon >= self.duration
+
+    @property
+    def floor(self) -> float:
+        """Error (rad) below which none is certain at the horizon."""
+        size = extent(self.trajectory.motion[0], self.trajectory.plant)
+        return float(max(self.difference[-1], self.rung.tolerance * self.growth[-1] * size) / SHARE)
+
+    @property
+    def exponent(self) -> float:
+        """Mean rate (1/s) at which a disturbance grew up to the horizon."""
+        return log(max(float(self.growth[-1]), 1.0)) / self.horizon
+
+
+def reference_of(question: Question) -> Reference:
+    """The finest motion and its horizon; ComputationError where two references disagree from the beginning."""
+    scene, duration = question.scene, float(question.times[-1])
+    finest, check = references(scene)
+    size = extent(question.start, plant_of(scene))
+    tolerable = SHARE * JUDGED * size
+    growth = _growth(question)
+    question = _cut(question, finest.tolerance * growth * size < tolerable)
+    found, other = (rung.prepare(question)() for rung in (finest, check))
+    difference = np.maximum.accumulate(apart(found.motion, other.motion))
+    shorter = _cut(question, difference < tolerable)
+    if len(shorter.times) < len(question.times):
+        found = finest.prepare(shorter)()
+    count = len(shorter.times)
+    return Reference(finest, check, found, difference[:count], growth[:count], duration)
+
+
+def references(scene: Scene) -> tuple[Rung, Rung]:
+    """The finest rung for a scene and another one to hold it against."""
+    if scene.space == "space":
+        return Rung("spatial", "DOP853", SMALLEST), Rung("spatial", "DOP853", 1e-13)
+    longest = max(pendulum.n_links for pendulum in scene.pendulum)
+    if taylor.available() and longest <= taylor.LONGEST_CHAIN and scene.n_links <= taylor.MOST_LINKS:
+        return Rung("minimal", "taylor", taylor.TIGHTEST), Rung("minimal", "DOP853", SMALLEST)
+    return Rung("minimal", "DOP853", SMALLEST), Rung("hamiltonian", "DOP853", 1e-13)
+
+
+def _growth(question: Question) -> Floats:
+    """G (T,): how far a twin is from the run, over the disturbance of its start, at most so far."""
+    rung = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
+    plant = plant_of(question.scene)
+    twin = replace(question, start=aside(plant, question.start, slightly(plant, question.start)))
+    one, other = (rung.prepare(each)().motion for each in (question, twin))
+    gone = np.maximum.accumulate(apart(one, other))
+    return np.asarray(gone / gone[0])
+
+
+def _cut(question: Question, trusted: Any) -> Question:
+    """The question up to the last time before which all is trusted."""
+    count = len(trusted) if np.all(trusted) else int(np.argmin(trusted))
+    if count < FEWEST:
+        raise ComputationError(
+            f"two references disagree from {question.times[count]:.3g} s on: there is nothing to judge errors by"
+        )
+    return replace(question, times=question.times[:count])

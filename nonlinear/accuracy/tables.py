@@ -1,0 +1,103 @@
+"""Time against accuracy as text, Markdown, CSV or JSON."""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from modal.modes.table import NOTHING
+from modal.scene.model import described
+from nonlinear.accuracy.references import Reference
+from nonlinear.accuracy.work_precision import LAST, Row, Tradeoff
+from nonlinear.verification.tables import as_csv, as_json, finite, grid, titled
+
+ROWS = ("best", "family", "tolerance", "time (ms)", "prepared (ms)", "derivatives", "error (rad)", "late (s)", "energy")
+
+
+def tradeoff_table(found: Tradeoff, form: str) -> str:
+    """Every rung as text, markdown, csv (one line a rung) or json, the `form`."""
+    records = [_record(found, row) for row in found.rows]
+    if form == "json":
+        return as_json(_whole(found, records))
+    if form == "csv":
+        return as_csv(records)
+    cells = [_cells(found, row) for row in found.rows]
+    return titled(found.scene, "time against accuracy", [grid(cells, ROWS, form), "\n".join(_notes(found))], form)
+
+
+def _cells(found: Tradeoff, row: Row) -> list[str]:
+    rung = row.rung
+    return [
+        "*" if row in found.pareto else "",
+        rung.family,
+        NOTHING if rung.modal else f"{rung.tolerance:.1e}".replace(".0e", "e"),
+        f"{1e3 * row.seconds:.3g}",
+        f"{1e3 * row.prepared:.3g}",
+        str(row.calls),
+        f"{row.error:.1e}" if row.error > found.reference.floor else f"<{found.reference.floor:.1e}",
+        _signed(row.shift),
+        _signed(row.drift),
+    ]
+
+
+def _signed(value: float) -> str:
+    return f"{value:.1e}" if isfinite(value) else NOTHING
+
+
+def _notes(found: Tradeoff) -> list[str]:
+    reference = found.reference
+    notes = [
+        f"reference: {reference.rung.name}, held against {reference.check.name}: they differ by "
+        f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no error "
+        f"below {reference.floor:.1e} rad is told apart.",
+        f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference),
+    ]
+    notes += [f"{name} was left out: {reason}." for name, reason in found.skipped]
+    notes.append(
+        "*: no other rung is both faster and closer. time: a run, once prepared; derivatives: right-hand sides, of "
+        "Taylor methods series. error: the largest of any link, whole turns left out, so never above 3.14 rad. "
+        f"late: shift in time in the last {100 * LAST:.0f} %. energy: drift, relative."
+    )
+    return notes
+
+
+def _cut_short(reference: Reference) -> str:
+    pace = f": until then a small error grows by e in {1 / reference.exponent:.2g} s" if reference.exponent else ""
+    return (
+        f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared{pace}; "
+        "the reference cannot be trusted further."
+    )
+
+
+def _record(found: Tradeoff, row: Row) -> dict[str, Any]:
+    """One rung, units in the names; None where a value has no meaning."""
+    return {
+        "kind": row.rung.kind,
+        "method": row.rung.method or None,
+        "compiled": row.rung.compiled,
+        "tolerance": finite(row.rung.tolerance),
+        "seconds": row.seconds,
+        "prepared_seconds": row.prepared,
+        "derivatives": row.calls,
+        "error_rad": row.error,
+        "certain": row.error > found.reference.floor,
+        "late_s": finite(row.shift),
+        "energy_drift": finite(row.drift),
+        "pareto": row in found.pareto,
+    }
+
+
+def _whole(found: Tradeoff, records: list[dict[str, Any]]) -> dict[str, Any]:
+    reference = found.reference
+    return {
+        "scene": described(found.scene),
+        "reference": reference.rung.name,
+        "held_against": reference.check.name,
+        "difference_rad": float(reference.difference[-1]),
+        "floor_rad": reference.floor,
+        "duration_s": reference.duration,
+        "horizon_s": reference.horizon,
+        "growth": float(reference.growth[-1]),
+        "rungs": records,
+        "skipped": [{"rung": name, "reason": reason} for name, reason in found.skipped],
+    }

@@ -1,0 +1,202 @@
+"""Time against accuracy: every rung of the ladder on one scene and start, measured beside a reference.
+
+All rungs run up to the reference's horizon and no further (`nonlinear.accuracy.references`).  An error is the largest
+angle by which any link is off at any sample, whole turns left out: it never exceeds π.  The error in phase is the shift
+τ (s) in time that explains most of what is off in the last fifth, by least squares on the coordinates q (lengths in the
+longest link),
+
+    q(t) ≈ q_ref(t − τ),     τ = −Σ q_ref'·(q − q_ref) / Σ q_ref'·q_ref',
+
+positive for a motion that is late.  It has no meaning where a link is then more than 1 rad off, where it is longer
+than that fifth, as of motion that has died away, and where the error itself is too small to be certain.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import ceil, nan, pi
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.accuracy.candidates import GivenUpError, Question, Rung, ladder
+from nonlinear.accuracy.references import Reference, reference_of
+from nonlinear.integration.arguments import insist_numbers
+from nonlinear.integration.timescales import timescales
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.system.initial import checked, start_of
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import Motion, State, apart
+
+PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples that are compared
+REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after so many seconds
+PATIENCE, PATIENT = 5.0, 120.0  # seconds that a run of a rung may take, and one of the reference
+FIRST, LONGER = 32, 4  # fastest periods that the reference is asked for first, and by what it then goes on
+MOST_LINKS = 400
+LAST = 0.2  # share of the time, at its end, that the phase is taken from
+LOST = 1.0  # error (rad) that no shift explains
+INTERRUPTED = "interrupted"
+
+
+@dataclass(frozen=True)
+class Row:
+    """One rung up to the horizon: seconds to prepare at first, median seconds of a run, right-hand sides.
+
+    `error` (rad), `shift` in time (s, NaN where it has no meaning), `drift` of energy (relative, NaN for modes with
+    dampers, whose losses nobody counts).  A Taylor method counts its series.
+    """
+
+    rung: Rung
+    prepared: float
+    seconds: float
+    calls: int
+    error: float
+    shift: float
+    drift: float
+
+
+@dataclass(frozen=True, eq=False)
+class Tradeoff:
+    """The reference and the rungs in the order of the ladder, and (family or rung, why) of those left out."""
+
+    scene: Scene
+    reference: Reference
+    rows: tuple[Row, ...]
+    skipped: tuple[tuple[str, str], ...]
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended it before all rungs were done."""
+        return any(reason == INTERRUPTED for _, reason in self.skipped)
+
+    def judged(self, row: Row) -> float:
+        """The error (rad) as far as it is certain: none is told apart below the reference's floor."""
+        return max(row.error, self.reference.floor)
+
+    @property
+    def pareto(self) -> tuple[Row, ...]:
+        """The rungs, without the reference, that no other beats in both time and error, from fast to accurate."""
+        front: list[Row] = []
+        rungs = [row for row in self.rows if row.rung != self.reference.rung]
+        for row in sorted(rungs, key=lambda row: (row.seconds, self.judged(row))):
+            if not front or self.judged(row) < self.judged(front[-1]):
+                front.append(row)
+        return tuple(front)
+
+
+def tradeoff(
+    scene: Scene,
+    duration: float,
+    *,
+    start: State | None = None,
+    rungs: Sequence[Rung] | None = None,
+    patience: float = PATIENCE,
+    report: Callable[[float], object] = lambda done: None,
+) -> Tradeoff:
+    """Run the whole ladder, or these rungs, on a scene from its own start or another for `duration` seconds.
+
+    A family of rungs is left at the first that takes longer than `patience` seconds or plainly will.  `report` hears
+    how many rungs are done, the reference counted in.  After Ctrl-C the rungs that are done are returned, once there is
+    a reference.
+    Raises SceneError for arguments that cannot be, ComputationError where there is no reference to judge by.
+    """
+    insist_numbers(duration, 1e-9, 0.0)
+    if scene.n_links > MOST_LINKS:
+        raise SceneError([f"the scene has {scene.n_links} links: the whole ladder is run for at most {MOST_LINKS}"])
+    if scene.is_driven:
+        raise SceneError(["drive: the ladder is for scenes that do not excite themselves"])
+    state = checked(start if start is not None else start_of(scene), plant_of(scene))
+    asked = ladder(scene) if rungs is None else tuple(rungs)
+    reference = _reference(scene, state, duration)
+    question = Question(scene, state, reference.trajectory.times)
+    first = measured(reference.rung, question, reference)
+    report(1)
+    rows, skipped = _climbed(asked, replace(question, patience=patience), reference, report)
+    return Tradeoff(scene, reference, (first, *rows), tuple(skipped.items()))
+
+
+def _reference(scene: Scene, state: State, duration: float) -> Reference:
+    """The reference of longer and longer parts: what lies far beyond its horizon is never computed."""
+    part = FIRST * 2 * pi / timescales(scene).swing
+    while True:
+        asked = min(part, duration)
+        try:
+            reference = reference_of(Question(scene, state, _samples(scene, asked), PATIENT))
+        except GivenUpError as error:
+            raise ComputationError(f"the reference was {error}: ask for a shorter duration") from None
+        if asked == duration or not reference.whole:
+            return replace(reference, duration=duration)
+        part *= LONGER
+
+
+def _samples(scene: Scene, duration: float) -> Floats:
+    wished = ceil(min(duration * timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST))
+    return np.linspace(0.0, duration, min(max(wished, FEWEST), MOST) + 1)
+
+
+def _climbed(
+    rungs: Sequence[Rung], question: Question, reference: Reference, report: Callable[[float], object]
+) -> tuple[list[Row], dict[str, str]]:
+    """Every rung that can be measured, and why the others were not."""
+    rows: list[Row] = []
+    skipped: dict[str, str] = {}
+    for done, rung in enumerate(rungs):
+        try:
+            if rung.family not in skipped:
+                rows.append(measured(rung, question, reference))
+            report(done + 2)
+        except ComputationError as error:
+            skipped[rung.family] = str(error) if rung.modal else f"from {rung.tolerance:g} on: {error}"
+        except KeyboardInterrupt:
+            kept = {row.rung for row in rows}
+            return rows, skipped | {left.name: INTERRUPTED for left in rungs[done:] if left not in kept}
+    return rows, skipped
+
+
+def measured(rung: Rung, question: Question, reference: Reference) -> Row:
+    """One rung, a few times over; ComputationError where it fails or takes too long."""
+    prepared: list[float] = []
+    seconds: list[float] = []
+    while len(seconds) < REPEATS and sum(prepared) + sum(seconds) < LONG:
+        begun = perf_counter()
+        task = rung.prepare(question)
+        ready = perf_counter()
+        found = task()
+        prepared.append(ready - begun)
+        seconds.append(perf_counter() - ready)
+    finest = reference.trajectory
+    error = float(apart(found.motion, finest.motion).max())
+    return Row(
+        rung,
+        prepared=prepared[0],
+        seconds=median(seconds),
+        calls=found.run.calls,
+        error=error,
+        shift=late(found.motion, finest) if error > reference.floor else nan,
+        drift=nan if rung.modal and found.plant.works else found.energy_drift(),
+    )
+
+
+def late(motion: Motion, reference: Trajectory) -> float:
+    """By how much (s) a motion is behind the reference at the end; NaN where no shift explains how it is off."""
+    last = reference.times >= (1 - LAST) * reference.times[-1]
+    if apart(motion, reference.motion)[last].max() > LOST:
+        return nan
+    (q, _), (sure, rate) = (_flat(one, reference.plant, last) for one in (motion, reference.motion))
+    shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
+    return shift if abs(shift) <= LAST * reference.times[-1] else nan
+
+
+def _flat(motion: Motion, plant: Plant, rows: Any) -> tuple[Floats, Floats]:
+    """Q and q' at these samples, (T, n): the cart in lengths of the longest link, then every link."""
+    count = int(np.sum(rows))
+    links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
+    carts = (part[rows] / plant.length for part in (motion.cart, motion.cart_rate))
+    q, v = (np.column_stack(pair) for pair in zip(carts, links, strict=True))
+    return q, v

@@ -1,0 +1,63 @@
+"""Kicks of escapements as torques in step with the swing: describing functions.
+
+A kick P at the angle a of a joint that swings with the complex amplitude Γ at the rate Ω, |Γ| > a, has the harmonics
+
+    T_h = (2 P Ω/π) (e^{iα} Γ/|Γ|)^h,     cos α = (a + P κ/2πΩ)/|Γ|,     h = 1, 3, 5, …
+
+of two kicks a period (Gelb & Vander Velde, Multiple-Input Describing Functions, 1968, ch. 2 and 5).  A kick leaves a
+corner in the swing.  With κ = Σ γ_r², one over the mass that the joint feels, the harmonics from the third on add up to
+−2 P κ/πΩ · Σ 1/(h² − 1) = −P κ/2πΩ where the kick comes, if modes swing at about Ω: the first has to reach so much
+beyond a.  Of several bands of frequencies the one that swings the joint most has this Γ; the others shift a, and with
+it α, and add their speed to Ω|Γ| sin α.
+
+Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse`,
+`angle` and the `corner` Pκ/2π (J,).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from modal.types import Booleans, Complexes, Floats
+
+GRAZING = 0.1  # least sin α
+BLUNT = 0.2  # of |Γ|: the largest corner that a kick may leave
+NONE = 1e-100
+
+
+def pulls(
+    impulse: Floats, angle: Floats, corner: Floats, swing: Complexes, turning: Floats, phases: Complexes
+) -> tuple[Complexes, Complexes]:
+    """First and third harmonics of the torques (B, J, S), as means over the phases e^{iχ} (B, K) of the other bands."""
+    first = _leading(swing)
+    own, rate = (np.where(first, values, 0.0).sum(axis=0) for values in (swing, turning[:, None]))
+    size = np.maximum(np.abs(own), NONE)[..., None]
+    turn = phases[:, None, None]
+    rest = np.where(first, 0.0, swing)
+    aside, speeding = (np.sum(v[..., None] * turn, axis=0).real for v in (rest, 1j * turning[:, None] * rest))
+    within = np.minimum((corner[:, None] / rate)[..., None], BLUNT * size)
+    cosine = (angle[:, None, None] + within - aside) / size
+    sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
+    often = np.where(np.abs(cosine) < 1, np.maximum(rate[..., None] + speeding / (size * sine), 0.0), 0.0)
+    ahead, scale = (cosine + 1j * sine) * own[..., None] / size, 2 / np.pi * impulse[:, None]
+    lead, third = (np.mean(often * ahead**harmonic, axis=-1) for harmonic in (1, 3))
+    other = np.mean(often * turn.conj(), axis=-1)
+    return np.asarray(scale * np.where(first, lead, other)), np.asarray(scale * np.where(first, third, 0.0))
+
+
+def mixed(angle: Floats, swing: Complexes, turning: Floats) -> float:
+    """The largest speed of the other bands beside the leading one's where it kicks.
+
+    From 1 on a joint may come by twice on one side, and is kicked but once.
+    """
+    first, size = _leading(swing), np.abs(swing).max(axis=0)
+    fast = turning[:, None] * np.abs(swing)
+    room = np.maximum(1 - (angle[:, None] / np.maximum(size, NONE)) ** 2, 0.0)
+    own, rest = (np.where(chosen, fast, 0.0).sum(axis=0) for chosen in (first, ~first))
+    kicked = room > 0
+    return float(np.max(rest[kicked] / (own[kicked] * np.sqrt(room[kicked])), initial=0.0))
+
+
+def _leading(swing: Complexes) -> Booleans:
+    """Which band swings each joint most, (B, J, S)."""
+    return np.asarray(np.arange(len(swing))[:, None, None] == np.abs(swing).argmax(axis=0))

@@ -1,0 +1,275 @@
+"""The slow motion of amplitudes and phases: averaged equations of a scene, from its modes.
+
+In the conservative small-angle scene nothing but phases moves.  Modes φ_r, φᵀMφ = 1, of nearly equal frequencies ω_r
+form a band b.  They exchange energy, may lock, and turn with one fast phase χ_b at one rate χ_b' = Ω_b.  With complex
+amplitudes z_r, w_r = z_r e^{iχ_b} = η_r − iη_r'/Ω_b of η_r = φ_rᵀMq, the motion
+
+    q = Re Σ φ_r z_r e^{iχ_b},     q' = Re Σ iΩ_b φ_r z_r e^{iχ_b},     q'' = −Re Σ Ω_b² φ_r z_r e^{iχ_b}
+
+is put into the full nonlinear equations (`nonlinear.reduction.residual`), drives and dampers included.  What it leaves
+of them, the forces ρ, moves the z_r slowly (averaging: Krylov and Bogoliubov; Sanders, Verhulst & Murdock, Averaging
+Methods in Nonlinear Dynamical Systems, 2007, ch. 2):
+
+    z_r' = (i/Ω_b) ⟨φ_rᵀρ e^{−iχ_b}⟩.
+
+Where z' = 0 this is harmonic balance.  A rate of its own for each mode, ω_r in place of Ω_b, would drop the
+counter-rotating part (1 − Ω_b/ω_r)/2 of a locked mode, and get signs of stability wrong.  The third harmonic of every
+band is slaved to the first,
+
+    A_r = −2 ⟨φ_rᵀρ e^{−3iχ_b}⟩/(ω_r² − 9Ω_b²);
+
+Re Σ φ_r A_r e^{3iχ_b} is added to q, and ρ evaluated once more.  The phases of different bands are taken as unrelated,
+and the mean ⟨ ⟩ runs over all of them: over K points of a lattice on which no product of up to ORDER factors e^{±iχ_b}
+but those that truly are constant has a mean.
+
+A free cart has no frequency of its own, so a damper c may well stop it within a swing: in the h-th harmonic its motion
+in φ_r and the force on it are divided by 1 − i c/(h Ω_b M), M all masses together, as M x'' + c x' = −(b·q)'' has it.
+
+Escapements act by harmonics of their kicks (`nonlinear.averaging.describing`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
+from itertools import count as counted
+from itertools import product
+
+import numpy as np
+
+from modal.assembly.matrices import matrices
+from modal.errors import ComputationError
+from modal.modes.all_shapes import all_shapes
+from modal.modes.modes import Modes, natural_modes
+from modal.scene.model import Scene
+from modal.types import Complexes, Floats, Ints
+from nonlinear.averaging.describing import mixed, pulls
+from nonlinear.integration.escapements import Escaping, escaping
+from nonlinear.reduction.modal_coordinates import rest_angles
+from nonlinear.reduction.residual import residual
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import State
+
+BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
+ORDER = 6
+MOST, MOST_BANDS = 400, 4
+CHUNK = 2_000_000
+STEP = 1e-6
+TURNS, FAR = 3, 4.0  # steps to the turning rate of a band, and how far from its mean frequency that may be
+NEAR = 0.05  # of 9Ω²: a resonance nearer than this is rounded off
+SMALL = 0.2  # of the first harmonic: a third that would be larger is none that follows, and is held to this
+
+
+@dataclass(frozen=True, eq=False)
+class Averaged:
+    """The averaged equations of a scene with C swinging shapes.
+
+    `shapes` (half, C) with φᵀMφ = 1, `dual` = M φ, `omega` (C,) in rad/s, `row` (C,) of each in the table of the
+    conservative scene, from 0, `band` (C,).
+    """
+
+    scene: Scene
+    plant: Plant
+    modes: Modes
+    shapes: Floats
+    dual: Floats
+    omega: Floats
+    row: Ints
+    band: Ints
+
+    @property
+    def link_shapes(self) -> Floats:
+        """The shapes without the cart, (L, C)."""
+        return self.shapes[int(self.plant.cart is not None) :]
+
+    @cached_property
+    def centre(self) -> Floats:
+        """Mean frequency (rad/s) of every band, (B,)."""
+        return np.asarray(np.bincount(self.band, weights=self.omega) / np.bincount(self.band))
+
+    def amplitudes(self, state: State) -> Complexes:
+        """The z (C,) of an instant."""
+        q, v = state.links - rest_angles(self.scene), state.link_rates
+        if self.plant.cart:
+            q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
+        return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)
+
+    def energies(self, z: Complexes) -> Floats:
+        """Modal energy (J) by rows of the table, (R, ...)."""
+        found: Floats = np.zeros((len(self.modes), *z.shape[1:]))
+        np.add.at(found, self.row, (self.omega**2 * np.abs(z.T) ** 2).T / 2)
+        return found
+
+    def largest(self, z: Complexes) -> float:
+        """The largest angle (rad) that a link may reach, whatever the phases of different bands."""
+        links = self.link_shapes
+        bands = (self.band == band for band in range(len(self.centre)))
+        return float(np.sum([np.abs(links[:, own] @ z[own]) for own in bands], axis=0).max())
+
+    def turning(self, z: Complexes) -> Floats:
+        """The rates Ω_b (B, ...) at which bands with amplitudes (C, ...) turn by themselves, in the mean of |z|²."""
+        found = self.centre.reshape(-1, *[1] * (z.ndim - 1)) * np.ones((1, *z.shape[1:]))
+        for _ in range(TURNS):
+            found = self.turned(found, z, self.flow(z, found))
+        return np.asarray(found)
+
+    def turned(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
+        """A better Ω_b (B, ...), by these rates z' (C, ...) in bands that turn at another."""
+        largest = np.maximum(np.abs(z).max(axis=0), np.finfo(float).tiny)
+        unit = z / largest
+        spin, sizes = self._by_band(np.imag(flow / largest * unit.conj())), self._by_band(np.abs(unit) ** 2)
+        middle = self.centre.reshape(-1, *[1] * (z.ndim - 1))
+        found = turning + np.divide(spin, sizes, out=0 * spin, where=sizes > 0)
+        return np.clip(found, middle / FAR, middle * FAR)
+
+    def _by_band(self, values: Floats) -> Floats:
+        """Sums (B, ...) of what modes (C, ...) have."""
+        found = np.zeros((len(self.centre), *values.shape[1:]))
+        np.add.at(found, self.band, values)
+        return found
+
+    def detuning(self, turning: Floats) -> Floats:
+        """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude turns in its band."""
+        own = turning[self.band]
+        return np.asarray((self.omega.reshape(-1, *[1] * (turning.ndim - 1)) ** 2 - own**2) / (2 * own))
+
+    def flow(self, z: Complexes, turning: Floats) -> Complexes:
+        """The rates z' (C, ...) of amplitudes (C, ...) in bands that turn at Ω (B, ...)."""
+        return self.forced(z, turning) + 1j * self.detuning(turning) * z
+
+    def forced(self, z: Complexes, turning: Floats) -> Complexes:
+        """The same rates without the detuning."""
+        return self._moved(z, turning, kicked=True)
+
+    def smooth(self, z: Complexes, turning: Floats) -> Complexes:
+        """Those without the kicks of escapements as well."""
+        return self._moved(z, turning, kicked=False)
+
+    def _moved(self, z: Complexes, turning: Floats, kicked: bool) -> Complexes:
+        wide = z.reshape(len(z), -1)
+        pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), wide.shape[1]))
+        step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
+        chunks = [slice(start, start + step) for start in range(0, wide.shape[1], step)]
+        parts = [self._rates(wide[:, part], pace[:, part], kicked) for part in chunks]
+        return np.asarray(np.hstack(parts).reshape(z.shape))
+
+    def _rates(self, z: Complexes, turning: Floats, kicked: bool) -> Complexes:
+        """What all forces but those of the detuning do to z (C, S)."""
+        first = self._split(z)
+        waves = self._waves(first, turning, 1)
+        pull, third = self._kicks(first, turning) if kicked and self._joints else (0.0, 0.0)
+        fast = 9 * turning[:, None] ** 2
+        gap = (self.omega[:, None] ** 2 - fast) / fast
+        soft = gap / (gap**2 + NEAR**2) / fast
+        slaved = soft * (third - self._along(waves, turning, 3))
+        share = np.abs(slaved).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), np.finfo(float).tiny)
+        waves = waves + self._waves(slaved / np.hypot(1, share / SMALL), turning, 3)
+        force = (pull - self._along(waves, turning, 1))[self.band, np.arange(len(z))]
+        return np.asarray(-0.5j / turning[self.band] * force - 1j * self.detuning(turning) * z)
+
+    def _split(self, z: Complexes) -> Complexes:
+        """Amplitudes (C, S) by bands, (B, C, S)."""
+        return np.where((self.band == np.arange(len(self.centre))[:, None])[..., None], z, 0.0).astype(complex)
+
+    def _waves(self, amplitudes: Complexes, turning: Floats, harmonic: int) -> Floats:
+        """Of amplitudes (B, C, S) in this harmonic of every band: q, q' and q'', (3, half, S, K)."""
+        rate = 1j * harmonic * turning
+        moving = np.moveaxis(np.tensordot(self.shapes, amplitudes, axes=(1, 1)), 1, -1)
+        if self._brake:
+            moving[0] /= (1 + self._brake / rate).T
+        each = np.array([moving, rate.T * moving, rate.T**2 * moving])
+        return (each @ self._phases**harmonic).real
+
+    def _along(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
+        """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S, K)."""
+        left = residual(self.plant, [waves.reshape(*waves.shape[:2], -1)])[0].reshape(waves.shape[1:])
+        points = self._phases.shape[1]
+        found = 2 / points * np.moveaxis(left @ (self._phases.conj() ** harmonic).T, -1, 0)
+        if self._brake:
+            found[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
+        return np.asarray(self.shapes.T @ found)
+
+    def _kicks(self, first: Complexes, turning: Floats) -> tuple[Complexes, Complexes]:
+        """What escapements pull in the first and the third harmonic of every band (B, C, S)."""
+        joints = self._joints
+        assert joints is not None
+        corner = joints.impulse * np.sum(self._turns**2, axis=0) / (2 * np.pi)
+        torques = pulls(joints.impulse, joints.angle, corner, self._turns.T @ first, turning, self._phases)
+        one, three = (self._turns @ torque for torque in torques)
+        return one, three
+
+    def mixed(self, z: Complexes, turning: Floats) -> float:
+        """How much several bands swing an escapement at once in z (C, S), `describing`; 0 without."""
+        return mixed(self._joints.angle, self._turns.T @ self._split(z), turning) if self._joints else 0.0
+
+    @cached_property
+    def _brake(self) -> float:
+        """c/M (1/s) of a free cart."""
+        cart = self.plant.cart
+        return cart.damping / self.plant.total_mass if cart and not cart.stiffness else 0.0
+
+    @cached_property
+    def _phases(self) -> Complexes:
+        """e^{iχ_b} (B, K) of every band at the points of the lattice."""
+        points, steps = lattice(len(self.centre))
+        return np.asarray(np.exp(2j * np.pi * np.outer(steps, np.arange(points)) / points))
+
+    @cached_property
+    def _joints(self) -> Escaping | None:
+        return escaping(self.plant) if self.plant.kicked else None
+
+    @cached_property
+    def _turns(self) -> Floats:
+        """How far the joints with escapements turn in every shape, (C, J)."""
+        assert self._joints is not None
+        return self._joints.gamma(self.link_shapes.T)
+
+
+def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, turning: Floats) -> Floats:
+    """Of a rate by the real and the imaginary parts of z (C,), (2C, 2C), by central differences."""
+    width = STEP * (float(np.abs(z).max()) or 1.0)
+    ways = width * np.hstack((np.eye(len(z)), 1j * np.eye(len(z))))
+    slope = (rate(z[:, None] + ways, turning[:, None]) - rate(z[:, None] - ways, turning[:, None])) / (2 * width)
+    return np.vstack((slope.real, slope.imag))
+
+
+@cache
+def lattice(count: int) -> tuple[int, tuple[int, ...]]:
+    """The fewest points K, and the steps s (count,) of the phases 2π s k/K, that average products of ORDER factors.
+
+    Products of an odd number of factors have no mean to be found: the forces are odd in the motion.
+    """
+    words = [word for word in product(range(-ORDER, ORDER + 1), repeat=count) if 0 < sum(map(abs, word)) <= ORDER]
+    even = np.array([word for word in words if sum(word) % 2 == 0])
+    for points in counted(2):
+        for base in range(1, points):
+            steps = tuple(pow(base, power, points) for power in range(count))
+            if np.all(even @ steps % points):
+                return points, steps
+    raise AssertionError("unreachable")
+
+
+def averaged(scene: Scene) -> Averaged:
+    """The averaged equations of a scene in the plane whose links all hang.
+
+    Raises ComputationError for other scenes, for more than MOST links or MOST_BANDS bands, and for coordinates without
+    a mode, such as those of some massless carts.
+    """
+    if scene.space == "space" or scene.stands:
+        raise ComputationError("averaged equations are of hanging links in the plane")
+    if scene.n_links > MOST:
+        raise ComputationError(f"averaged equations are of at most {MOST} links, not {scene.n_links}")
+    still, plant = scene.conservative, plant_of(scene)
+    modes = natural_modes(still)
+    each = [(row, shape) for row, copies in enumerate(all_shapes(modes)) if modes.omega[row] for shape in copies]
+    if len(each) < scene.n_links + bool(plant.cart and plant.cart.stiffness):
+        raise ComputationError("averaged equations need one mode for each coordinate; a massless cart leaves one out")
+    head = [[shape.cart.real] if modes.on_cart else [] for _, shape in each]
+    shapes = np.array([np.concatenate((x, shape.angles.real)) for x, (_, shape) in zip(head, each, strict=True)]).T
+    row = np.array([number for number, _ in each])
+    omega = modes.omega[row]
+    band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
+    if (count := int(band[-1]) + 1) > MOST_BANDS:
+        raise ComputationError(f"averaged equations are of at most {MOST_BANDS} bands of frequencies, not {count}")
+    return Averaged(scene, plant, modes, shapes, matrices(still).M @ shapes, omega, row, band)

@@ -1,0 +1,228 @@
+"""How a self-excited scene can keep swinging: relative equilibria of its averaged equations, and which of them last.
+
+Where every band turns at its own constant rate Ω_b, shapes and amplitudes stay:
+
+    F(z, Ω) = 0.
+
+In phase, in antiphase and whatever lies between are such states: harmonic balance, z and Ω its unknowns.  Neighbouring
+motions grow like exp(μt), μ the eigenvalues of ∂F/∂z; one of them is 0 for every band that swings, for nobody sets its
+clock.  A state lasts if all others lie to the left.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from modal.modes.numbering import table_numbers
+from modal.types import Booleans, Complexes, Floats, Ints
+from nonlinear.averaging.equations import STEP, Averaged, derivative
+from nonlinear.averaging.slow_flow import settled
+
+FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
+LEAP = 0.1  # of the largest amplitude, in one of Newton's steps: families that hardly move throw it far
+NEWTON, DONE, FREE = 40, 1e-10, 1e-8  # FREE: of ω, rates below it are those of a family that stays beside itself
+GONE = 1e-9  # of the amplitudes of a start: what falls below it dies out
+FLAT = 1e-4  # of the recovery: an eigenvalue below it is taken for 0
+WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but for rounding
+SAME = 1e-3
+FIRST = 0.1  # largest angle (rad) of a start
+HANGING = np.pi / 2  # rad: what swings wider is none of averaged equations
+SEED = 5
+EFFORT = 1_500  # steps after which a start that has not settled is left to Newton's method
+
+
+@dataclass(frozen=True, eq=False)
+class Configuration:
+    """A motion that keeps its shape: amplitudes z (C,), turning rates Ω (B,) in rad/s, growth rates (1/s).
+
+    `rates` are the eigenvalues μ but the neutral ones, the slowest first, and `leaving` the share of the energy of
+    each eigenvector that is not in the row that holds most: many pendula in antiphase may share it in many ways.
+    `recovery` is the size of Re z*ᵀJz/|z|² (1/s), the pace at which the size of the whole swing changes by itself.
+    """
+
+    averaged: Averaged
+    z: Complexes
+    turning: Floats
+    rates: Complexes
+    leaving: Floats
+    recovery: float
+
+    @cached_property
+    def share(self) -> Floats:
+        """Share of the energy in every row of the table, (R,)."""
+        energy = self.averaged.energies(self.z)
+        return np.asarray(energy / energy.sum())
+
+    @property
+    def row(self) -> int:
+        """The row of the table without dampers that holds most, from 0."""
+        return int(self.share.argmax())
+
+    @property
+    def number(self) -> int:
+        """The number of that mode in the table of the scene."""
+        return int(table_numbers(self.averaged.scene)[self.row])
+
+    @property
+    def growth(self) -> float:
+        """The rate (1/s) at which neighbouring motions leave, or come back where it is negative."""
+        return float(self.rates.real.max(initial=-np.inf))
+
+    @property
+    def lasts(self) -> bool | None:
+        """Whether all neighbours come back; None where some do neither."""
+        return None if abs(self.growth) <= FLAT * self.recovery else self.growth < 0
+
+    @property
+    def hold(self) -> float:
+        """The rate (1/s) at which what other rows hold falls, negative where it grows; infinite without other rows."""
+        others = self.rates.real[self.leaving > WITHIN]
+        return -float(others.max(initial=-np.inf))
+
+    @property
+    def relaxation(self) -> float:
+        """1/|growth| (s): in which a disturbance falls, or grows, by e."""
+        return 1 / abs(self.growth) if self.growth else np.inf
+
+    @property
+    def band(self) -> int:
+        """The band that holds most."""
+        return int(self.averaged.band[int((self.averaged.omega * np.abs(self.z)).argmax())])
+
+    @property
+    def omega(self) -> float:
+        """Frequency (rad/s) of the band that holds most, at this amplitude."""
+        return float(self.turning[self.band])
+
+
+def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
+    """Those that are reached from every row of the table by itself and from pendula in phase and in antiphase.
+
+    Not all there are: none is found that swings wider than HANGING or that Newton's method misses.
+    """
+    found: list[Configuration] = []
+    for start in _starts(averaged):
+        one = configuration(averaged, start)
+        if one and one.averaged.largest(one.z) < HANGING and not any(same(one, other) for other in found):
+            found.append(one)
+    return tuple(sorted(found, key=lambda one: (one.row, one.omega)))
+
+
+@np.errstate(all="ignore")
+def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
+    """The relative equilibrium next to these amplitudes, None where Newton's method finds no motion."""
+    bands = swinging(averaged, z)
+    if not len(bands):
+        return None
+    active = np.isin(averaged.band, bands)
+    z = np.where(active, z, 0.0)
+    turning, least = averaged.turning(z), GONE * np.abs(z).max()
+    for _ in range(NEWTON):
+        left = np.where(active, averaged.flow(z, turning), 0.0)
+        if not np.all(np.isfinite(left)):
+            return None
+        if np.abs(left).max() <= DONE * np.abs(averaged.omega * z).max():
+            return Configuration(averaged, z, turning, *_rates(averaged, z, turning, len(bands)))
+        step, change = _step(averaged, z, turning, left, bands)
+        part = min(1.0, LEAP * np.abs(z).max() / np.abs(step).max()) if np.any(step) else 1.0
+        z, turning = z + part * step, turning + part * change
+        if not np.all(np.isfinite(z)) or not np.all(turning > 0):
+            return None
+        if len(dead := bands[_sizes(averaged, z)[bands] <= least]):
+            return configuration(averaged, np.where(np.isin(averaged.band, dead), 0.0, z))
+    return None
+
+
+def _starts(averaged: Averaged) -> Iterator[Complexes]:
+    """Amplitudes at the end of the slow motion that begins in a row, and keeps to it, or in a pattern of pendula."""
+    random = np.random.default_rng(SEED)
+    for row in np.unique(averaged.row):
+        own = averaged.row == row
+        z: Complexes = np.where(own, random.standard_normal(len(own)) + 1j * random.standard_normal(len(own)), 0.0)
+        yield _end(_only(averaged, own), z)
+    for z in _patterns(averaged):
+        yield _end(averaged, z)
+
+
+def _end(averaged: Averaged, z: Complexes) -> Complexes:
+    (motion,) = settled(averaged, (FIRST * z / averaged.largest(z))[:, None], EFFORT)
+    return motion.z[:, -1]
+
+
+def _patterns(averaged: Averaged) -> Iterator[Complexes]:
+    """All pendula in phase and every other one in antiphase, in every band by itself."""
+    pendulum = averaged.plant.pendulum
+    first = int(averaged.plant.cart is not None)
+    for band in range(len(averaged.centre)):
+        own = averaged.band == band
+        busiest = np.abs(averaged.link_shapes[:, own]).max(axis=1)
+        for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
+            z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
+            if np.any(z):
+                yield z
+
+
+def _only(averaged: Averaged, own: Booleans) -> Averaged:
+    """The same as if there were no other modes than these."""
+    return replace(averaged, shapes=averaged.shapes * own, dual=averaged.dual * own)
+
+
+def swinging(averaged: Averaged, z: Complexes) -> Ints:
+    """The bands that swing."""
+    return np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())
+
+
+def _sizes(averaged: Averaged, z: Complexes) -> Floats:
+    """The largest amplitude in every band, (B,)."""
+    found = np.zeros(len(averaged.centre))
+    np.maximum.at(found, averaged.band, np.abs(z))
+    return found
+
+
+def _step(averaged: Averaged, z: Complexes, turning: Floats, left: Complexes, bands: Ints) -> tuple[Complexes, Floats]:
+    """Newton's step of z and Ω, the shortest one that leaves the phase of every band where it is."""
+    count, size, scale = len(z), np.abs(z).max(), averaged.omega.max()
+    turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in bands]).T
+    turns /= np.linalg.norm(turns, axis=0)
+    columns = np.vstack((turns.real, turns.imag))
+    slope, faster = derivative(averaged.flow, z, turning) / scale, _faster(averaged, z, turning, bands) / size
+    system = np.block([[slope, faster], [columns.T, np.zeros((len(bands), len(bands)))]])
+    active = np.isin(averaged.band, bands)
+    kept = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
+    right = -np.concatenate((left.real, left.imag, np.zeros(len(bands)))) / (scale * size)
+    step, change = np.zeros(len(kept)), np.zeros(len(turning))
+    step[kept] = np.linalg.lstsq(system[np.ix_(kept, kept)], right[kept], rcond=FREE)[0]
+    change[bands] = scale * step[2 * count :]
+    return np.asarray(size * (step[:count] + 1j * step[count : 2 * count])), change
+
+
+def _faster(averaged: Averaged, z: Complexes, turning: Floats, bands: Ints) -> Floats:
+    """∂F/∂Ω by these bands, (2C, len(bands)), by central differences."""
+    ways = STEP * turning[:, None] * (np.arange(len(turning))[:, None] == bands)
+    wide = np.repeat(z[:, None], len(bands), axis=1)
+    ends = [averaged.flow(wide, turning[:, None] + sign * ways) for sign in (1, -1)]
+    slope = (ends[0] - ends[1]) / (2 * STEP * turning[bands])
+    return np.vstack((slope.real, slope.imag))
+
+
+def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats, float]:
+    """All μ but the `neutral` ones next to 0, the slowest first, how much of each leaves the row of z, the recovery."""
+    jacobian, parts = derivative(averaged.flow, z, turning), np.concatenate((z.real, z.imag))
+    values, vectors = np.linalg.eig(jacobian)
+    energy = np.sum([averaged.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
+    leaving = 1 - energy[int(averaged.energies(z).argmax())] / energy.sum(axis=0)
+    kept = np.argsort(np.abs(values))[neutral:]
+    kept = kept[np.argsort(-values[kept].real)]
+    return values[kept].astype(complex), leaving[kept], abs(float(parts @ jacobian @ parts / (parts @ parts)))
+
+
+def same(one: Configuration, other: Configuration, within: float = SAME) -> bool:
+    """Whether two have the same energies and the same fate, within this share of them; turned copies of one do."""
+    energies = [state.averaged.energies(state.z) for state in (one, other)]
+    near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
+    scale = max(np.abs(one.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))
+    return bool(near and abs(one.growth - other.growth) <= 10 * within * scale)

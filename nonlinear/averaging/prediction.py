@@ -1,0 +1,199 @@
+"""Which mode survives, and when it has won: what the averaged equations say of a start, and how far to believe them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from math import degrees, pi
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.modes.numbering import table_numbers
+from modal.scene.model import Scene
+from modal.types import Complexes, Floats
+from nonlinear.averaging.equations import Averaged, averaged
+from nonlinear.averaging.equilibria import Configuration, configuration
+from nonlinear.averaging.slow_flow import SlowMotion, runs_away, settled
+from nonlinear.system.initial import checked, start_of
+from nonlinear.system.plant import plant_of
+from nonlinear.system.state import State
+
+WEAK = 0.2  # largest rate of growth or decay over the frequency
+WIDE = 0.7  # largest angle (rad)
+MIXED = 0.5  # largest speed of other frequencies at an escapement, over the leading one's
+CLEAR = 0.9  # least share of the energy that a survivor holds
+NEAR, FORCED = 0.1, 0.3  # largest sum of resonant frequencies over the lowest: for the survivor, for its time
+MARGIN, SLOW = 2.0, 5.0  # least rate at which other modes are driven out, over its error: the same two
+SWINGS, TIMED = 10, 0.2  # the shortest locking time in periods; how far those of neighbours may lie off
+OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, and how far from the start they are
+PATIENCE = 10  # relaxation times that a motion is given to leave where neighbours leave
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """The slow `motion` from a `start`, those of its neighbours, and the configuration it ends in, if it does.
+
+    A symmetric start may end in an `unstable` configuration that no real pendula keep to.  Then `start` is a start
+    beside it, ASIDE in amplitude, and all else is of that one.
+    """
+
+    averaged: Averaged
+    start: State
+    unstable: Configuration | None
+    motion: SlowMotion
+    neighbours: tuple[SlowMotion, ...]
+    ending: Configuration | None
+
+    @property
+    def row(self) -> int:
+        """The row of the table without dampers that survives, from 0."""
+        return self.motion.survivor
+
+    @property
+    def number(self) -> int:
+        """The number of that mode in the table of the scene."""
+        return int(table_numbers(self.averaged.scene)[self.row])
+
+    @property
+    def share(self) -> float:
+        """Its share of the energy at the end."""
+        return float(self.motion.share[self.row, -1])
+
+    @cached_property
+    def doubts(self) -> tuple[str, ...]:
+        """Why the survivor is not certain; nothing where it is."""
+        return tuple(self._doubts())
+
+    @property
+    def certain(self) -> bool:
+        """Whether nothing speaks against the survivor."""
+        return not self.doubts
+
+    def locking_time(self) -> float | None:
+        """When (s) all other rows hold less than 1 % of the energy for good; None where that does not come."""
+        return None if self.motion.dies else self.motion.locking_time()
+
+    @cached_property
+    def timing_doubts(self) -> tuple[str, ...]:
+        """Why the locking time is not certain to TIMED; nothing where it is."""
+        return tuple(self._timing_doubts())
+
+    def _timing_doubts(self) -> Iterator[str]:
+        yield from self.doubts
+        own = self.locking_time()
+        if own is None:
+            yield "one mode never holds all but 1 % of the energy"
+            return
+        if own < SWINGS * 2 * pi / self.averaged.omega.min():
+            yield f"it comes within {SWINGS} swings, and averages tell no finer"
+        times = [other.locking_time() for other in self.neighbours]
+        if any(time is None or abs(time - own) > TIMED * own for time in times):
+            yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
+        if resonant(self.averaged.centre, FORCED):
+            yield "another mode follows the survivor as its third harmonic, or as another combination"
+        if self.ending and self.ending.hold < SLOW * self._error:
+            yield "the last rate is a small difference of large ones"
+
+    def _doubts(self) -> Iterator[str]:
+        if self.motion.dies:
+            yield "the swing dies out: no drive keeps it up"
+            return
+        if not self.motion.settled:
+            yield f"nothing has settled after {self.motion.times[-1]:.3g} s"
+        elif self.share < CLEAR:
+            yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
+        if self.ending is None or self.ending.hold < MARGIN * self._error:
+            yield "where it ends hardly draws its neighbours"
+        if any(other.survivor != self.row or other.dies for other in self.neighbours):
+            yield f"starts {100 * ASIDE:.0f} % beside this one end elsewhere"
+        yield from self._limits()
+
+    @cached_property
+    def _error(self) -> float:
+        """How far off (1/s) the rates at the end may be, as a share of the fastest, whose differences they are.
+
+        By (fastest/ω)², as damping shifts frequencies, and by a²/16, as a pendulum is slower at large angles.
+        """
+        found, ending = self.averaged, self.ending
+        assert ending is not None
+        fast, lowest = float(np.abs(ending.rates.real).max(initial=0.0)), float(found.omega.min())
+        return fast * ((fast / lowest) ** 2 + found.largest(ending.z) ** 2 / 16)
+
+    def _limits(self) -> Iterator[str]:
+        """Where averaging itself is in doubt."""
+        found = self.averaged
+        if (fast := fastest(found)) > WEAK:
+            yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
+        if (angle := found.largest(self.motion.z)) > WIDE:
+            yield f"links may reach {degrees(angle):.3g} deg, more than first order bears"
+        if found.mixed(self.motion.z, found.turning(self.motion.z)) > MIXED:
+            yield "an escapement is swung by several frequencies at once, and may kick out of turn"
+        if resonant(found.centre, NEAR):
+            yield "frequencies of different bands are in resonance"
+
+
+def predicted(scene: Scene, start: State | None = None) -> Prediction:
+    """Of a scene that excites itself, from its own start or another, or from beside it where it ends unstably.
+
+    Raises ComputationError where nothing excites it or `nonlinear.averaging.equations` cannot take it, for a start at
+    rest, and where drives are so strong that averages grow without end.
+    """
+    if not scene.is_driven:
+        raise ComputationError("nothing excites this scene: no mode survives another for ever")
+    state = checked(start if start is not None else start_of(scene), plant_of(scene))
+    found = averaged(scene)
+    z = found.amplitudes(state)
+    if not np.abs(z).max():
+        raise ComputationError("the scene starts at rest, where nothing says which mode grows")
+    starts, unstable = np.array([z, *_beside(z)]).T, None
+    motions = settled(found, starts)
+    if runs_away(found, motions[0].z):
+        raise ComputationError("drives are too strong for averaged equations: their amplitudes run away")
+    if (ending := _ending(motions[0])) and ending.lasts is False:
+        motions = settled(found, starts, least=PATIENCE * ending.relaxation)
+        if (ending := _ending(motions[0])) and ending.lasts is False:
+            state, unstable, motions = _aside(found, state), ending, motions[1:]
+            ending = _ending(motions[0])
+    return Prediction(found, state, unstable, motions[0], motions[1:], ending)
+
+
+def _ending(motion: SlowMotion) -> Configuration | None:
+    return None if motion.dies else configuration(motion.averaged, motion.z[:, -1])
+
+
+def _aside(found: Averaged, start: State) -> State:
+    """The first of the neighbouring starts."""
+    z = found.amplitudes(start)
+    off = next(_beside(z)) - z
+    q, v = (found.shapes @ off).real, (found.shapes @ (1j * found.omega * off)).real
+    on = int(found.plant.cart is not None)
+    cart, rate = (float(value[0]) if on else 0.0 for value in (q, v))
+    return State(start.links + q[on:], start.link_rates + v[on:], start.cart + cart, start.cart_rate + rate)
+
+
+def _beside(z: Complexes) -> Iterator[Complexes]:
+    """Starts next to one: every amplitude a little off, and a little of those that are not there."""
+    random = np.random.default_rng(SEED)
+    for _ in range(OTHERS):
+        off = random.standard_normal(len(z)) + 1j * random.standard_normal(len(z))
+        yield z + ASIDE * off * (np.abs(z) + ASIDE * np.abs(z).max())
+
+
+def resonant(omega: Floats, near: float) -> bool:
+    """Whether up to four of these frequencies (B,) add up to almost nothing, as ω and three times ω do."""
+    for turns in product(range(-3, 4), repeat=len(omega)):
+        if 0 < sum(map(abs, turns)) <= 4 and abs(np.dot(turns, omega)) < near * omega.min():
+            return True
+    return False
+
+
+def fastest(found: Averaged) -> float:
+    """The largest rate at which a small swing grows or decays, over its frequency."""
+    every: Complexes = np.eye(len(found.omega), dtype=complex)
+    tiny = 1e-6 / found.largest(every)
+    small = (tiny * every).astype(complex)
+    linear = found.smooth(small, found.turning(small)) / tiny
+    return float(np.abs(np.linalg.eigvals(linear).real).max() / found.omega.min())

@@ -1,0 +1,157 @@
+"""Averaged equations followed in time: which modes gain, which lose, and when one is left."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil, pi
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Booleans, Complexes, Floats
+from nonlinear.averaging.equations import Averaged, derivative
+
+GAIN, TURN = 0.4, 1.0  # largest growth and turn (rad) within a step
+PERIODS = 64  # fast periods of the first part
+MOST_STEPS = 6000
+PER_PART = 50
+ALIKE, HASTE = 0.1, 1.5  # change of sizes that leaves the pace, and of the pace that leaves the steps
+FAR = 20.0  # rad: amplitudes beyond it come of steps that are too long
+CALM = 1e-3  # share of the energy that changes rows within half of the time where the motion has settled
+ALONE = 3e-4  # share of the energy of all rows but one where that one has won
+DEAD = 1e-4  # of the first amplitude, where swinging dies out
+LOCKED = 0.01  # share of the energy that all modes but one may hold
+AWAY = 100.0  # rad: what swings wider runs away
+
+
+@dataclass(frozen=True, eq=False)
+class SlowMotion:
+    """Amplitudes z (C, T) at `times` (T,) in s, and whether nothing changes any more."""
+
+    averaged: Averaged
+    times: Floats
+    z: Complexes
+    settled: bool
+
+    @cached_property
+    def share(self) -> Floats:
+        """Share of the energy in every row of the table, (R, T); all 0 where nothing moves."""
+        energy = self.averaged.energies(self.z)
+        whole = energy.sum(axis=0)
+        return np.asarray(np.divide(energy, whole, out=np.zeros_like(energy), where=whole > 0))
+
+    @property
+    def dies(self) -> bool:
+        """Whether no swing is left."""
+        return bool(np.abs(self.z[:, -1]).max() <= DEAD * np.abs(self.z[:, 0]).max())
+
+    @property
+    def survivor(self) -> int:
+        """The row that holds most at the end, from 0."""
+        return int(self.share[:, -1].argmax())
+
+    def locking_time(self, threshold: float = LOCKED) -> float | None:
+        """When (s) all rows but the survivor fall below this share of the energy for good, None where they do not."""
+        return below_for_good(self.times, 1 - self.share[self.survivor], threshold)
+
+
+def below_for_good(times: Floats, values: Floats, threshold: float) -> float | None:
+    """The last passage of values (T,) below the threshold, on the line between samples; None where they end above."""
+    above = np.flatnonzero(values > threshold)
+    if not len(above):
+        return float(times[0])
+    last = int(above[-1])
+    if last == len(times) - 1:
+        return None
+    high, low = values[last], values[last + 1]
+    return float(times[last] + (times[last + 1] - times[last]) * (high - threshold) / (high - low))
+
+
+@np.errstate(all="ignore")
+def settled(
+    averaged: Averaged, starts: Complexes, most: int = MOST_STEPS, least: float = 0.0
+) -> tuple[SlowMotion, ...]:
+    """From each of these amplitudes (C, S) until nothing changes anywhere, or for so many steps.
+
+    Each is followed for `least` seconds, however little changes: motions leave an unstable one slowly.  Pendula that
+    drift past each other never settle; what drives make wider than AWAY is not followed any further.
+    """
+    period = 2 * pi / float(averaged.omega.min())
+    times, z = _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
+    going = _going(averaged, z, starts)
+    while (
+        (going.any() or times[-1] < least)
+        and not runs_away(averaged, z[..., -1])
+        and times[-1] * _pace(averaged, z[..., -1]) < most / 2
+    ):
+        more, further = _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
+        going = _going(averaged, further, starts)
+        times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
+    return tuple(SlowMotion(averaged, times, z[:, k], not going[k]) for k in range(starts.shape[1]))
+
+
+def runs_away(averaged: Averaged, z: Complexes) -> bool:
+    """Whether any of these amplitudes (C, ...) is beyond all that averaged equations could mean."""
+    return not averaged.largest(z) <= AWAY
+
+
+def _part(averaged: Averaged, starts: Complexes, begin: float, duration: float) -> tuple[Floats, Complexes]:
+    """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every stretch between."""
+    span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
+    turning = averaged.turning(starts)
+    while len(found) <= PER_PART:
+        z, turned = _moved(averaged, found[-1], turning, span, ceil(span * pace))
+        if _alike(found[-1], z):
+            found, turning = [*found, z], turned
+            continue
+        used, pace = pace, _pace(averaged, z) if averaged.largest(z) < FAR else 2 * pace
+        if pace <= HASTE * used:
+            found, turning = [*found, z], turned
+        elif span * pace > MOST_STEPS and runs_away(averaged, z):
+            found += [z] * (PER_PART + 1 - len(found))
+        elif span * pace > MOST_STEPS:
+            raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
+    return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1)
+
+
+def _alike(one: Complexes, other: Complexes) -> bool:
+    """Whether sizes are the same within ALIKE of the largest, so that their pace need not be found anew."""
+    return bool(np.abs(np.abs(one) - np.abs(other)).max() <= ALIKE * np.abs(one).max())
+
+
+def _moved(averaged: Averaged, z: Complexes, turning: Floats, duration: float, steps: int) -> tuple[Complexes, Floats]:
+    """Amplitudes, and the rates at which their bands turn, after steps of Lawson's form of the Runge–Kutta method."""
+    h = duration / max(1, steps)
+    for _ in range(max(1, steps)):
+        a, spin = averaged.forced(z, turning), 1j * averaged.detuning(turning)
+        turn = np.exp(h / 2 * spin)
+        half = turn * z
+        b = averaged.forced(half + h / 2 * turn * a, turning)
+        c = averaged.forced(half + h / 2 * b, turning)
+        d = averaged.forced(turn * half + h * turn * c, turning)
+        turning, z = (
+            averaged.turned(turning, z, a + spin * z),
+            turn * half + h / 6 * (turn**2 * a + 2 * turn * (b + c) + d),
+        )
+    return z, turning
+
+
+def _pace(averaged: Averaged, z: Complexes) -> float:
+    """Steps a second from these amplitudes (C, S) on."""
+    turning = averaged.turning(z)
+    slopes = (derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True))
+    fast = max(np.linalg.norm(slope, 2) for slope in slopes)
+    return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)).max()) / TURN)
+
+
+def _going(averaged: Averaged, z: Complexes, starts: Complexes) -> Booleans:
+    """Which of the motions (C, S, T) are still open, (S,): neither calm nor dead nor one row's that grows."""
+    energy = averaged.energies(z[..., z.shape[-1] // 2 :])
+    whole = energy.sum(axis=0)
+    changing = np.ptp(energy, axis=-1).max(axis=0) > CALM * whole.max(axis=-1)
+    others = 1 - energy.max(axis=0) / np.where(whole > 0, whole, 1.0)
+    falling = whole[:, -1] < (1 - CALM) * whole[:, 0]
+    open_yet = falling | (others.max(axis=-1) > ALONE)
+    alive = np.abs(z[..., -1]).max(axis=0) > DEAD * np.abs(starts).max(axis=0)
+    return np.asarray(changing & open_yet & alive)

@@ -1,0 +1,160 @@
+"""What two of the papers say of chaos, put as studies, with a verdict read off the intervals of the exponents.
+
+Paper 001: chaos grows with the number of links.  How fast depends on the clock, so both are shown: links of one length
+(λ sqrt(l/g)), and a chain of one total length cut into ever more of them (λ sqrt(L/g), L = n l).
+
+Paper 000: hanging double pendula on one cart makes them more predictable.  The rival is as many of them on a fixed
+support, taken together, from the same starts.  Against the claim stands that weakly coupled equal chaotic systems have
+a larger λ than uncoupled ones (Daido, Progress of Theoretical Physics 72, 853, 1984).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from math import sqrt
+
+from tabulate import tabulate
+
+from modal.errors import SceneError
+from modal.scene.model import Bob, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear.chaos.studies import DECISIVE, Case, Finding, Study, compared, scaled
+
+Kind = type[Bob] | type[Rod]
+Table = tuple[Sequence[str], list[list[str]]]
+GRAVITY, PAPER_CART = 9.81, 100.0
+
+
+def study(paper: str, *, quick: bool = False) -> Study:
+    """The study of paper 000 or 001, or a short form of it; SceneError for any other paper."""
+    if paper not in _STUDIES:
+        raise SceneError([f"paper:{paper}: must be one of {', '.join(f'paper:{known}' for known in _STUDIES)}"])
+    return _STUDIES[paper](quick)
+
+
+def verdicts(finding: Finding) -> list[str]:
+    """One sentence for each way of putting the claim."""
+    return _VERDICTS[finding.study.paper](finding)
+
+
+def text(finding: Finding) -> str:
+    """The claim, the table of exponents and the verdicts."""
+    study, (headings, rows) = finding.study, _TABLES[finding.study.paper](finding)
+    how = (
+        f"{study.ensemble} starts at rest with the energy of level links, {study.duration:g} s each; "
+        f"± is one standard uncertainty, differences count from {DECISIVE:g}"
+    )
+    table = tabulate(rows, headings, disable_numparse=True, colalign=("left", *["right"] * (len(headings) - 1)))
+    return "\n".join([f"Paper {study.paper}: {study.claim}", how, "", table, "", *verdicts(finding)])
+
+
+# ------------------------------------------------------------------------------------------- paper 001: longer chains
+
+
+def _chains(quick: bool) -> Study:
+    kinds: dict[str, Kind] = {"bobs": Bob} if quick else {"bobs": Bob, "rods": Rod}
+    cases = tuple(
+        Case(name, n, Scene(title=f"chain of {name}: {n}", gravity=GRAVITY, pendulum=(_hung(kind, n),)))
+        for name, kind in kinds.items()
+        for n in range(1, 5 if quick else 6)
+    )
+    claim = "chaos increases with the number of links"
+    return Study("001", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
+
+
+def _hung(kind: Kind, links: int, copies: int = 1) -> Pendulum:
+    return Pendulum(links=(kind(mass=1.0, length=1.0, count=links),), count=copies)
+
+
+def _chain_table(finding: Finding) -> Table:
+    rows = []
+    for series, found in finding.series().items():
+        for case, exponent in found:
+            links, rate = exponent.scene.n_links, sqrt(GRAVITY)
+            units = (1.0, rate, rate / sqrt(links))
+            chaotic = f"{exponent.chaotic}/{exponent.ensemble}"
+            rows.append([series, f"{case.at:g}", *(exponent.words(unit) for unit in units), chaotic])
+    return ("chain of", "links", "λ (1/s), l = 1 m", "λ sqrt(l/g)", "λ sqrt(L/g)", "chaotic"), rows
+
+
+def _chain_verdicts(finding: Finding) -> list[str]:
+    words = []
+    for series, found in finding.series().items():
+        for name, power in (("links of one length", 0.0), ("one total length", 0.5)):
+            values = [scaled(exponent, exponent.scene.n_links**power) for _, exponent in found]
+            words.append(f"{series}, {name}: {_growing(values)}")
+    return words
+
+
+def _growing(values: Sequence[tuple[float, float]]) -> str:
+    steps = [compared(lower, upper) for lower, upper in pairwise(values)]
+    counts = f"of {len(steps)} steps to one link more λ grows in {steps.count(1)}, falls in {steps.count(-1)}"
+    verdict = "supported" if all(step == 1 for step in steps) else "not supported" if -1 in steps else "undecided"
+    return f"{verdict} ({counts}, within uncertainty in {steps.count(0)})"
+
+
+# ----------------------------------------------------------------------------------------------- paper 000: on a cart
+
+
+def _carts(quick: bool) -> Study:
+    masses = (None, PAPER_CART, 4.0) if quick else (None, 1000.0, PAPER_CART, 10.0, 4.0, 1.0)
+    numbers = (1, 2) if quick else (1, 2, 3)
+    cases = tuple(Case(_double(n), mass, _on_cart(n, mass)) for n in numbers for mass in masses)
+    claim = "sharing a cart makes double pendula more predictable"
+    return Study("000", claim, cases, 15.0 if quick else 60.0, 24 if quick else 48)
+
+
+def _double(number: int) -> str:
+    return "1 double pendulum" if number == 1 else f"{number} double pendula"
+
+
+def _on_cart(number: int, mass: float | None) -> Scene:
+    support = Fixed() if mass is None else Cart(mass=mass)
+    place = "a fixed support" if mass is None else f"a cart of {mass:g} kg"
+    title = f"{_double(number)} on {place}"
+    return Scene(title=title, gravity=GRAVITY, support=support, pendulum=(_hung(Rod, 2, number),))
+
+
+def _against_fixed(finding: Finding) -> dict[str, list[int]]:
+    """For every cart of a series −1 where λ is below that on the fixed support, 1 where it is above, else 0."""
+    found = {}
+    for name, cases in finding.series().items():
+        fixed = scaled(next(exponent for case, exponent in cases if case.at is None), 1)
+        found[name] = [compared(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
+    return found
+
+
+def _cart_table(finding: Finding) -> Table:
+    rows = []
+    signs = _against_fixed(finding)
+    for name, cases in finding.series().items():
+        told = iter([_TOLD[sign] for sign in signs[name]])
+        for case, exponent in cases:
+            place, how = ("fixed", "") if case.at is None else (f"{case.at:g} kg", next(told))
+            rows.append([name, place, exponent.words(), f"{exponent.chaotic}/{exponent.ensemble}", how])
+    return ("scene", "support", "λ (1/s)", "chaotic", "than on the fixed one"), rows
+
+
+_TOLD = {-1: "more predictable", 1: "less predictable", 0: "no difference seen"}
+
+
+def _cart_verdicts(finding: Finding) -> list[str]:
+    words = []
+    for name, signs in _against_fixed(finding).items():
+        verdict = "supported" if set(signs) == {-1} else "not supported" if 1 in signs else "undecided"
+        counts = ", ".join(f"{told} with {signs.count(sign)}" for sign, told in _TOLD.items())
+        words.append(f"{name}: {verdict} (of {len(signs)} carts {counts})")
+    return [*words, _paper_cart(finding)]
+
+
+def _paper_cart(finding: Finding) -> str:
+    told = []
+    for name, signs in _against_fixed(finding).items():
+        masses = [case.at for case, _ in finding.series()[name] if case.at is not None]
+        told.append(f"{name} – {_TOLD[signs[masses.index(PAPER_CART)]]}")
+    return f"the paper's cart of {PAPER_CART:g} kg: {'; '.join(told)}"
+
+
+_STUDIES = {"000": _carts, "001": _chains}
+_TABLES = {"000": _cart_table, "001": _chain_table}
+_VERDICTS = {"000": _cart_verdicts, "001": _chain_verdicts}

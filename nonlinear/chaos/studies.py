@@ -1,0 +1,103 @@
+"""Studies of chaos: scenes side by side, started with one energy, and their Lyapunov exponents compared.
+
+Every pendulum is released at rest with the energy it has when all its links lie level, V = −g Σ b cos θ = 0: half of
+what it takes to stand them all up, whatever the number of links.  Angles and sides are drawn at random within that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
+from nonlinear.system.plant import Group, plant_of
+from nonlinear.system.state import State
+
+DECISIVE = 3.0
+"""Standard uncertainties that a difference must exceed: a table holds many pairs, and one in twenty exceeds two."""
+WIDEST, SHARE = 0.5, 0.9
+"""How far (rad) a start may be from level in any link but the last, and in all how near to what the last makes good."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene of a study, the series it belongs to and where in that it stands (None: what the others are against)."""
+
+    series: str
+    at: float | None
+    scene: Scene
+
+
+@dataclass(frozen=True)
+class Study:
+    """A claim in one sentence, the scenes that test it, seconds for each start and how many starts."""
+
+    paper: str
+    claim: str
+    cases: tuple[Case, ...]
+    duration: float
+    ensemble: int
+
+
+@dataclass(frozen=True, eq=False)
+class Finding:
+    """A study with the exponents of its cases."""
+
+    study: Study
+    exponents: tuple[Exponent, ...]
+
+    def series(self) -> dict[str, list[tuple[Case, Exponent]]]:
+        """The cases with their exponents, series by series."""
+        found: dict[str, list[tuple[Case, Exponent]]] = {}
+        for case, exponent in zip(self.study.cases, self.exponents, strict=True):
+            found.setdefault(case.series, []).append((case, exponent))
+        return found
+
+
+def measure(study: Study, report: Callable[[float], object] = lambda done: None) -> Finding:
+    """The exponents of a study; `report` hears how many of its cases are done."""
+    found = []
+    for done, case in enumerate(study.cases, 1):
+        starts = level_starts(case.scene, study.ensemble)
+        found.append(lyapunov_exponent(case.scene, study.duration, starts=starts))
+        report(done)
+    return Finding(study, tuple(found))
+
+
+def level_starts(scene: Scene, ensemble: int, seed: int = 0) -> list[State]:
+    """States at rest in which every pendulum has V = −g Σ b cos θ = 0, on a side and at angles drawn at random."""
+    plant, rng = plant_of(scene), np.random.default_rng(seed)
+    starts = []
+    for _ in range(ensemble):
+        angles = np.empty(plant.n_links)
+        for group in plant.groups:
+            angles[group.index] = _level(group, rng)
+        starts.append(State(angles, np.zeros_like(angles)))
+    return starts
+
+
+def _level(group: Group, rng: np.random.Generator) -> Floats:
+    """Angles (n, P): all but the last near 90°, the last such that Σ b cos θ = 0, all on a random side."""
+    b = group.block.b
+    width = np.minimum(WIDEST, SHARE * b[-1] / np.maximum(b[:-1].sum(0), 1e-300))
+    upper = np.pi / 2 + width * rng.uniform(-1, 1, b[:-1].shape)
+    last = np.arccos(-np.sum(b[:-1] * np.cos(upper), axis=0) / b[-1])
+    return np.asarray(rng.choice((-1.0, 1.0), b.shape[1]) * np.concatenate((upper, last[None])))
+
+
+def scaled(exponent: Exponent, factor: float) -> tuple[float, float]:
+    """λ and its standard uncertainty times a factor; of what cannot be told from zero, all that it may be."""
+    value = exponent.value if exponent.is_positive else 0.0
+    error = exponent.error if exponent.is_positive else exponent.bound / exponent.coverage
+    return factor * value, factor * error
+
+
+def compared(first: tuple[float, float], second: tuple[float, float]) -> int:
+    """1 where the second is larger beyond their uncertainties, −1 where it is smaller, else 0."""
+    difference, error = second[0] - first[0], DECISIVE * hypot(first[1], second[1])
+    return int(difference > error) - int(difference < -error)

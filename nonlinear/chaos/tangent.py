@@ -1,0 +1,75 @@
+"""How a small disturbance of a motion in the plane grows: the tangent (variational) equations by the complex step.
+
+    y' = f(y),        v' = J(y) v,        J v = Im f(y + i h v) / h
+
+The recursion of `nonlinear.dynamics.recursion` is analytic plain arithmetic, so one call of it with complex numbers
+gives y' and v' together; nothing is subtracted, so h can be so small that h² is lost beside 1, and v' is exact but for
+rounding (Squire and Trapp, SIAM Review 40, 110, 1998).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import Layout
+
+STEP = 1e-30
+
+
+class Workless(Minimal):
+    """The equations of motion without the work, which moves nothing and would make y one longer where dampers act."""
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The parts of y."""
+        return Layout(self.plant.n_links, 1, self.plant.cart is not None, works=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Tangent:
+    """The tangent equations of a plane scene for E trajectories side by side: y and v are (size, E)."""
+
+    plant: Plant
+
+    @cached_property
+    def system(self) -> Workless:
+        """The equations of motion that are carried along."""
+        return Workless(self.plant, tuple(Recursion(group, tail=1) for group in self.plant.groups))
+
+    @cached_property
+    def scale(self) -> Floats:
+        """Natural units of y, (size, 1): 1 for angles, l for the cart, sqrt(g/l) and l sqrt(g/l) for their rates.
+
+        l is the shortest link.
+        """
+        length = float(self.plant.by_link("length").min())
+        half = np.ones(self.system.layout.half)
+        half[: self.system.layout.on_cart] = length
+        return np.concatenate((half, half * np.sqrt(self.plant.gravity / length)))[:, None]
+
+    def product(self, y: Floats, v: Floats) -> tuple[Floats, Floats]:
+        """f(y) and J(y) v, each (size, E)."""
+        found = self.system.derivative(0.0, y + (1j * STEP) * v)
+        return found.real, found.imag / STEP
+
+    def derivative(self, time: float, packed: Floats) -> Floats:
+        """(y', v') for an integrator, which wants one vector."""
+        return self.packed(*self.product(*self.parts(packed)))
+
+    def packed(self, y: Floats, v: Floats) -> Floats:
+        """Both in one vector, (2 size E,)."""
+        return np.concatenate((y, v), axis=None)
+
+    def parts(self, packed: Floats) -> Floats:
+        """Y and v out of one vector."""
+        return packed.reshape(2, self.system.layout.size, -1)
+
+    def norm(self, v: Floats) -> Floats:
+        """|v| in natural units, (E,)."""
+        return np.asarray(np.linalg.norm(v / self.scale, axis=0))

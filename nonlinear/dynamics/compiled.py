@@ -1,0 +1,176 @@
+"""`nonlinear.dynamics.recursion` compiled by numba (extra `fast`): one kernel for the whole derivative.
+
+Links stand as in y: pendulum by pendulum, top to bottom, so that joints, recursion and work are loops over flat arrays.
+The lines of the recursion are those of `nonlinear.dynamics.recursion._passed`, where they are explained.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.errors import MissingExtraError
+from modal.types import Floats, Ints
+from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.recursion import links_of
+from nonlinear.dynamics.suspended import NOTHING
+from nonlinear.system.plant import Plant
+
+njit: Any
+try:
+    from numba import njit
+except ImportError:
+    njit = None
+
+CONSTANTS = 12
+LOOSE = np.empty(0)
+
+
+def available() -> bool:
+    """Whether numba is installed."""
+    return njit is not None
+
+
+def _compiled(function: Any) -> Any:
+    """The compiled function, kept on disk where there is a folder for it."""
+    if njit is None:
+        return function
+    try:
+        return njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:
+        return njit(error_model="numpy")(function)
+
+
+@_compiled
+def _passed(links, i, below, s, c, w, Q):  # type: ignore[no-untyped-def]
+    """One link upward: (xx, xz, zz, px, pz) above it and (hx, hz, e, D)."""
+    m, l, mc, J = links[i, 0], links[i, 1], links[i, 2], links[i, 3]
+    I, far, cross = links[i, 4], links[i, 5], links[i, 6]
+    xx, xz, zz, px, pz = below
+    ww, twice = w * w, 2 * s * c * xz
+    nn = c * c * xx - twice + s * s * zz
+    uu = s * s * xx + twice + c * c * zz
+    nu = s * c * (xx - zz) + (c * c - s * s) * xz
+    pn, pu = c * px - s * pz, s * px + c * pz
+    D = J + l * l * nn
+    hn, hu = mc + l * nn, l * nu
+    e = l * (pn - l * ww * nu) - Q
+    pull = e / D
+    nn_, nu_ = (m * I + far * nn) / D, cross * nu / D
+    uu_ = m + (uu - hu * hu / D)
+    pn, pu = pn - ww * l * nu - hn * pull, pu - ww * (mc + l * uu) - hu * pull
+    skew = s * c * (uu_ - nn_) + (c * c - s * s) * nu_
+    twice = 2 * s * c * nu_
+    above = (
+        c * c * nn_ + twice + s * s * uu_,
+        skew,
+        s * s * nn_ - twice + c * c * uu_,
+        c * pn + s * pu,
+        c * pu - s * pn,
+    )
+    return above, (c * hn + s * hu, c * hu - s * hn, e, D)
+
+
+@_compiled
+def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
+    """Moment (N m) of spring, damper and drive above link i on that link, and the power (W) of these two."""
+    stiffness, damping, bent, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
+    turned, speed = angles[i], rates[i]
+    if not top:
+        turned, speed = turned - angles[i - 1], speed - rates[i - 1]
+    gamma = turned - bent
+    torque = (strength - curb * gamma * gamma - damping) * speed
+    return torque - stiffness * gamma, torque * speed
+
+
+@_compiled
+def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[no-untyped-def]
+    """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); what its first joint feels, and the joints' power."""
+    below, carried, power = (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0
+    for i in range(stop - 1, start - 1, -1):
+        s, c = np.sin(angles[i]), np.cos(angles[i])
+        hinge, lost = _joint(links, angles, rates, i, i == start)
+        Q, carried, power = hinge - carried, hinge, power + lost
+        if moments.size:
+            Q = moments[i] + Q
+        below, turn = _passed(links, i, below, s, c, rates[i], Q)
+        turns[i, 0], turns[i, 1], turns[i, 2], turns[i, 3] = turn
+        turns[i, 4], turns[i, 5] = s, c
+    return below, power
+
+
+@_compiled
+def _downward(links, start, stop, rates, turns, ax, az, turned):  # type: ignore[no-untyped-def]
+    """One pendulum: fills θ'' under the acceleration (ax, az) of its first joint less gravity."""
+    for i in range(start, stop):
+        alpha = -(turns[i, 0] * ax + turns[i, 1] * az + turns[i, 2]) / turns[i, 3]
+        s, c, ww, l = turns[i, 4], turns[i, 5], rates[i] * rates[i], links[i, 1]
+        ax, az = ax + l * (alpha * c - ww * s), az - l * (alpha * s + ww * c)
+        turned[i] = alpha
+
+
+@_compiled
+def _derivative(y, links, first, cart, gravity, works, push, moments):  # type: ignore[no-untyped-def]
+    """The whole of `Minimal.derivative`; `cart` holds mass, damper and spring, or nothing."""
+    on_cart, found, turns = int(cart.size > 0), np.empty_like(y), np.empty((len(links), 6))
+    half = on_cart + len(links)
+    angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], found[half + on_cart : 2 * half]
+    found[:half] = y[half : 2 * half]
+    mass, force, power, x2 = 0.0, 0.0, 0.0, 0.0
+    for p in range(len(first) - 1):
+        answer, lost = _upward(links, first[p], first[p + 1], angles, rates, moments, turns)
+        mass, force, power = mass + answer[0], force + (answer[3] - gravity * answer[1]), power + lost
+    if on_cart:
+        x2 = (push - cart[1] * y[half] - cart[2] * y[0] - force) / (cart[0] + mass)
+        found[half] = x2
+        power += y[half] * (push - cart[1] * y[half])
+    for p in range(len(first) - 1):
+        _downward(links, first[p], first[p + 1], rates, turns, x2, -gravity, turned)
+    if works:
+        for i in range(moments.size):
+            power += moments[i] * rates[i]
+        found[-1] = power
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled(Minimal):
+    """The equations of `Minimal` without its bodies, in one compiled pass; MissingExtraError without numba."""
+
+    bodies: tuple[()] = ()
+
+    def __post_init__(self) -> None:
+        if not available():
+            raise MissingExtraError("numba", "fast")
+        self.derivative(0.0, np.zeros(self.layout.size))
+
+    @cached_property
+    def _constants(self) -> tuple[Floats, Ints, Floats, float, bool]:
+        cart = self.plant.cart
+        return (
+            _rows(self.plant),
+            np.append(np.flatnonzero(np.diff(self.plant.pendulum, prepend=-1)), self.plant.n_links),
+            np.array(cart or (), dtype=float),
+            self.plant.gravity,
+            self.layout.works,
+        )
+
+    def derivative(self, time: float, y: Any) -> Any:
+        """The vector y' of one y (size,)."""
+        push, moments = self.load(time, self.layout.state(y)) if self.load else NOTHING
+        loose = LOOSE if moments is None else np.ascontiguousarray(moments, dtype=float)
+        return _derivative(np.ascontiguousarray(y, dtype=float), *self._constants, float(push), loose)
+
+
+def _rows(plant: Plant) -> Floats:
+    """The constants of every link in the order of the file, (L, 12)."""
+    found = np.empty((plant.n_links, CONSTANTS))
+    for group in plant.groups:
+        none = np.zeros_like(group.bent)
+        drive = (group.excitation.strength, group.excitation.curb) if group.excitation else (none, none)
+        joints = group.block.stiffness, group.block.damping, group.bent, *drive
+        found[group.index] = np.stack((*np.swapaxes(links_of(group), 0, 1), *joints), axis=-1)
+    return found

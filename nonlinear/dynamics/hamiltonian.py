@@ -1,0 +1,148 @@
+"""Hamiltonian motion in the plane, the comparison that paper 002 suggests at its close, by passes of O(links).
+
+With n = (cos θ, −sin θ) across a link, u = (sin θ, cos θ) along it, v the velocity of its centre and P the momentum of
+all that hangs below it,
+
+    w = m c v + l P       p_θ = I θ' + n·w       p_x = m_c x' + Σ m v_x                 momenta, no matrix
+    q' = ∂H/∂p = M⁻¹ p                 the recursion of `nonlinear.dynamics.recursion` without gravity, at rest, pushed
+    by p p_θ' = −∂H/∂θ = −θ' u·w − g b sin θ + springs        p_x' = −k_c x                 H = ½ pᵀM⁻¹p + V
+
+and dampers and loads add their generalized forces to p'.  A free cart's p_x is constant, digit for digit.
+Vectors p stand as q does, (x, links); further axes of angles and momenta are so many states side by side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics import efforts, joints
+from nonlinear.dynamics.minimal import Recursion
+from nonlinear.system.plant import Group, Plant
+from nonlinear.system.state import Layout, Load, Motion, Push, State
+
+
+class Carried(NamedTuple):
+    """n·w and u·w (kg m²/s) of every link, (n, P), and the momentum of the pendula along the rail (kg m/s), (P,)."""
+
+    across: Floats
+    along: Floats
+    rail: Floats
+
+
+def carried(group: Group, angles: Floats, rates: Floats, cart_rate: float) -> Carried:
+    """The momentum that each link of a group swings: velocities from the top down, momenta from the tip up."""
+    block, sin, cos = group.block, np.sin(angles), np.cos(angles)
+    n, u = np.stack((cos, -sin)), np.stack((sin, cos))
+    ends = np.cumsum(block.length * rates * n, axis=1)
+    ends[0] += cart_rate
+    momentum = block.mass * (ends - (block.length - block.centre) * rates * n)
+    through = np.cumsum(momentum[:, ::-1], axis=1)[:, ::-1]
+    w = block.centre * momentum + block.length * (through - momentum)
+    return Carried((n * w).sum(0), (u * w).sum(0), through[0, 0])
+
+
+def momenta(plant: Plant, state: State) -> Floats:
+    """P = ∂T/∂q' (half,): p_x (kg m/s) on a cart, then p_θ (kg m²/s) of every link."""
+    on_links, rail = np.empty(plant.n_links), 0.0
+    for group in plant.groups:
+        rates = state.link_rates[group.index]
+        found = carried(group, state.links[group.index], rates, state.cart_rate)
+        on_links[group.index] = group.block.inertia * rates + found.across
+        rail += float(found.rail.sum())
+    return np.concatenate(([rail + plant.cart.mass * state.cart_rate], on_links)) if plant.cart else on_links
+
+
+def velocities(plant: Plant, links: Any, p: Any) -> Any:
+    """Q' = M⁻¹ p (half, ...) at the angles (L, ...)."""
+    first, found = int(plant.cart is not None), np.zeros_like(p)
+    solved, mass, force = [], 0.0, 0.0
+    for group in plant.groups:
+        body, angles = Recursion(group, p.ndim - 1), links[group.index]
+        one_mass, one_force, memory = body.pull(angles, 0 * angles, p[first:][group.index], 0.0)
+        mass, force = mass + one_mass, force + one_force
+        solved.append((group, body, memory))
+    if plant.cart:
+        found[0] = (p[0] - force) / (plant.cart.mass + mass)
+    for group, body, memory in solved:
+        found[first:][group.index] = body.turn(memory, found[0] if plant.cart else 0.0)
+    return found
+
+
+def potential(plant: Plant, cart: Any, links: Any) -> Any:
+    """V (J) of gravity and of every spring, lowest with all links hanging where springs let them."""
+    found = plant.cart.stiffness * cart**2 / 2 if plant.cart else 0.0
+    for group in plant.groups:
+        angles = links[group.index]
+        b = group.block.b.reshape(*group.block.b.shape, *[1] * (angles.ndim - 2))
+        found = found - (plant.gravity * b * np.cos(angles)).sum((0, 1))
+        found = found + joints.spring_energy(group, angles).sum((0, 1))
+    return found
+
+
+def hamiltonian(plant: Plant, cart: Any, links: Any, p: Any) -> Any:
+    """H = ½ pᵀM⁻¹p + V (J)."""
+    return (p * velocities(plant, links, p)).sum(0) / 2 + potential(plant, cart, links)
+
+
+@dataclass(frozen=True, eq=False)
+class Hamiltonian:
+    """Hamilton's equations of a plane scene with y = (q, p, work)."""
+
+    plant: Plant
+    load: Load | None = None
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The parts of y, momenta in the place of velocities."""
+        plant, works = self.plant, self.plant.works or self.load is not None
+        return Layout(plant.n_links, 1, plant.cart is not None, works)
+
+    def derivative(self, time: float, y: Floats) -> Floats:
+        """Y' of shape (size,)."""
+        state = self.read(y[None])[0]
+        push = self.load(time, state) if self.load else Push()
+        rates = self.layout.begin(state)[self.layout.half : 2 * self.layout.half]
+        work = [efforts.power(self.plant, state, push)] if self.layout.works else []
+        return np.concatenate((rates, self._forces(state, push), work))
+
+    def _forces(self, state: State, push: Push) -> Floats:
+        """P' = −∂H/∂q and what dampers and loads add."""
+        found = efforts.on_links(self.plant, state, push)
+        for group in self.plant.groups:
+            angles, rates = state.links[group.index], state.link_rates[group.index]
+            thrown = rates * carried(group, angles, rates, state.cart_rate).along
+            found[group.index] -= thrown + self.plant.gravity * group.block.b * np.sin(angles)
+        return np.concatenate(([efforts.on_cart(self.plant, state, push)], found)) if self.plant.cart else found
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state."""
+        y = self.layout.begin(state)
+        y[self.layout.half : 2 * self.layout.half] = momenta(self.plant, state)
+        return y
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion in vectors (T, size), momenta turned into velocities."""
+        first, half = int(self.layout.on_cart), self.layout.half
+        found = np.array(rows)
+        found[:, half : 2 * half] = velocities(self.plant, rows[:, first:half].T, rows[:, half : 2 * half].T).T
+        return self.layout.read(found)
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,): those of momenta are the largest on each diagonal of M times those of rates."""
+        plant, layout = self.plant, self.layout
+        found, inertia = layout.natural(plant), np.empty(plant.n_links)
+        for group in plant.groups:
+            inertia[group.index] = group.block.diagonal
+        mass = [plant.cart.mass + float(plant.mass.sum())] if plant.cart else []
+        found[layout.half : 2 * layout.half] *= np.concatenate((mass, inertia))
+        return found
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """Minimal coordinates have no constraints."""
+        return y, 0.0

@@ -1,0 +1,61 @@
+"""Springs, dampers and drives at the joints of chains in the plane: moments, energy, power, all (n, P) or summed.
+
+A spring acts on the angle γ between two neighbouring links less the one at which it is relaxed, a damper on its rate,
+a van der Pol torque (e − curb γ²) γ' on both.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.system.plant import Group
+
+
+def relative(values: Any) -> Any:
+    """Of every link to the one above, the support's being zero."""
+    return np.diff(values, axis=0, prepend=0.0)
+
+
+def bend(group: Group, angles: Any) -> Any:
+    """The angle (rad) of every link to the one above less that at rest, (n, P, ...)."""
+    return relative(angles) - _spread(group.bent, angles)
+
+
+def moments(group: Group, angles: Any, rates: Any) -> Any:
+    """Generalized forces (N m) on the absolute angles, (n, P, ...) as the angles are."""
+    hinge = np.zeros_like(angles)
+    if group.sprung:
+        hinge -= _spread(group.block.stiffness, angles) * bend(group, angles)
+    if group.damped:
+        hinge -= _spread(group.block.damping, rates) * relative(rates)
+    if group.excited:
+        hinge += _gain(group, angles) * relative(rates)
+    hinge[:-1] -= hinge[1:].copy()
+    return hinge
+
+
+def power(group: Group, angles: Any, rates: Any) -> Any:
+    """Power (W) of the joint dampers, never positive, and of the van der Pol torques, (...)."""
+    gain = -_spread(group.block.damping, rates)
+    if group.excited:
+        gain = gain + _gain(group, angles)
+    return np.sum(gain * relative(rates) ** 2, axis=(0, 1))
+
+
+def spring_energy(group: Group, angles: Floats) -> Floats:
+    """Energy (J) of every joint spring, (n, P, ...)."""
+    return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles) ** 2 / 2)
+
+
+def _gain(group: Group, angles: Any) -> Any:
+    """What the van der Pol torques multiply γ' by (N m s/rad)."""
+    excitation = group.excitation
+    assert excitation is not None
+    return _spread(excitation.strength, angles) - _spread(excitation.curb, angles) * bend(group, angles) ** 2
+
+
+def _spread(constant: Floats, like: Any) -> Floats:
+    return constant.reshape(*constant.shape, *[1] * (like.ndim - 2))

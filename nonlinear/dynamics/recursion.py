@@ -1,0 +1,119 @@
+"""Accelerations in the plane by one pass from the tips up and one back down, O(links), without a matrix.
+
+With u = (sin θ, cos θ) along a link, n = (cos θ, −sin θ) across it and ã = a − g e_z the acceleration of its upper
+joint as the link feels it, everything from that joint down answers with the force f = M ã + p, M symmetric.  Knowing
+M' and p' of what hangs below (zero below the last link), with J = I + m c²,
+
+    D = J + l² n·M'n     h = m c n + l M'n     e = l n·(p' − l ω² M'u) − Q     θ'' = −(h·ã + e)/D
+    M = m + M' − h hᵀ/D         p = p' − ω² (m c u + l M'u) − h e/D
+
+In the basis (n, u) two of M's three numbers come without subtraction (as in `modal.eigen.recursion`):
+
+    M_nn = (m I + (I + m (l−c)²) M'_nn)/D,   M_nu = (I − m c (l−c)) M'_nu / D,   M_uu = m + M'_uu − l² M'_nu²/D
+
+This is the articulated-body recursion (Featherstone, Rigid Body Dynamics Algorithms, 2008, §7.2) of a planar chain.
+Every line is plain arithmetic: floats, arrays of any one shape, complex numbers, SymPy and heyoka expressions run it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+from nonlinear.system.plant import Group
+
+
+class Link(NamedTuple):
+    """The constants of one link, or of one link of many pendula."""
+
+    m: Any  # mass (kg)
+    l: Any  # length (m)
+    mc: Any  # m c (kg m)
+    J: Any  # I + m c² (kg m²)
+    I: Any  # moment of inertia about the centre (kg m²)
+    far: Any  # I + m (l − c)² (kg m²)
+    cross: Any  # I − m c (l − c) (kg m²)
+
+
+class Answer(NamedTuple):
+    """f = M ã + p of everything below a joint, along the rail (x) and down (z): M in kg, p in N."""
+
+    xx: Any
+    xz: Any
+    zz: Any
+    px: Any
+    pz: Any
+
+
+class Turn(NamedTuple):
+    """θ'' = −(hx ã_x + hz ã_z + e)/D of one link, and what carries ã to its lower joint."""
+
+    hx: Any
+    hz: Any
+    e: Any
+    D: Any
+    sin: Any
+    cos: Any
+    rate: Any
+
+
+def links_of(group: Group) -> list[Link]:
+    """The constants of every link of a group, top first, each (P,)."""
+    block = group.block
+    rest = block.length - block.centre
+    far = block.inertia + block.mass * rest**2
+    cross = block.inertia - group.static * rest
+    rows = zip(block.mass, block.length, group.static, group.moment, block.inertia, far, cross, strict=True)
+    return [Link(*row) for row in rows]
+
+
+def upward(
+    links: Sequence[Link], sin: Sequence[Any], cos: Sequence[Any], rate: Sequence[Any], torque: Sequence[Any]
+) -> tuple[Answer, list[Turn]]:
+    """From the tip up: what the first joint feels, and how every link turns, top first.
+
+    `torque` (N m) is the generalized force on each absolute angle, gravity excepted.
+    """
+    below = Answer(*[0 * sin[-1]] * 5)
+    turns: list[Turn] = []
+    for link, s, c, w, Q in reversed(list(zip(links, sin, cos, rate, torque, strict=True))):
+        below, turn = _passed(link, below, s, c, w, Q)
+        turns.append(turn)
+    return below, turns[::-1]
+
+
+def _passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any) -> tuple[Answer, Turn]:
+    l, mc, twice = link.l, link.mc, 2 * s * c * below.xz
+    nn = c * c * below.xx - twice + s * s * below.zz
+    uu = s * s * below.xx + twice + c * c * below.zz
+    nu = s * c * (below.xx - below.zz) + (c * c - s * s) * below.xz
+    pn, pu, ww = c * below.px - s * below.pz, s * below.px + c * below.pz, w * w
+    D = link.J + l * l * nn
+    hn, hu = mc + l * nn, l * nu
+    e = l * (pn - l * ww * nu) - Q
+    pull = e / D
+    nn_, nu_ = (link.m * link.I + link.far * nn) / D, link.cross * nu / D
+    uu_ = link.m + (uu - hu * hu / D)
+    pn, pu = pn - ww * l * nu - hn * pull, pu - ww * (mc + l * uu) - hu * pull
+    skew = s * c * (uu_ - nn_) + (c * c - s * s) * nu_
+    twice = 2 * s * c * nu_
+    answer = Answer(
+        xx=c * c * nn_ + twice + s * s * uu_,
+        xz=skew,
+        zz=s * s * nn_ - twice + c * c * uu_,
+        px=c * pn + s * pu,
+        pz=c * pu - s * pn,
+    )
+    return answer, Turn(c * hn + s * hu, c * hu - s * hn, e, D, s, c, w)
+
+
+def downward(links: Sequence[Link], turns: Sequence[Turn], ax: Any, az: Any) -> list[Any]:
+    """θ'' (rad/s²) of every link, top first, under the acceleration ã = (ax, az) of the first joint."""
+    found = []
+    for link, turn in zip(links, turns, strict=True):
+        alpha = -(turn.hx * ax + turn.hz * az + turn.e) / turn.D
+        ww = turn.rate * turn.rate
+        ax = ax + link.l * (alpha * turn.cos - ww * turn.sin)
+        az = az - link.l * (alpha * turn.sin + ww * turn.cos)
+        found.append(alpha)
+    return found

@@ -1,0 +1,76 @@
+"""Motion in space: the cart along its rail and one unit vector a link, y = (x, u, x', w, work)."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats, Ints
+from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.recursion import links_of
+from nonlinear.dynamics.spatial_joints import generalized
+from nonlinear.dynamics.spatial_recursion import cross, dot, downward, facing, upward
+from nonlinear.dynamics.suspended import Suspended
+from nonlinear.system.plant import Group
+
+
+class Recursion:
+    """The plain body: one pass up and one down; u, u' and the torques on u are (3, n, P, ...)."""
+
+    def __init__(self, group: Group, tail: int = 0) -> None:
+        self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
+
+    def pull(self, u: Any, w: Any, torque: Any, gravity: float) -> tuple[Any, Any, Any]:
+        """The effective mass (kg) and force (N) along the rail, summed over the pendula.
+
+        The stages of an integrator's step leave the sphere, where the two mirrors of `space` would give two answers and
+        y' would jump as a link passes level: so the directions are made unit vectors first.
+        """
+        u = u / np.sqrt(dot(u, u))
+        answer, turns = upward(self.links, u, w, torque, facing(u))
+        force = answer.p[0] - gravity * answer.M[0, 2]
+        return answer.M[0, 0].sum(0), force.sum(0), (turns, gravity, answer.p)
+
+    def turn(self, memory: Any, push: Any) -> Any:
+        """Second derivatives u'' (3, n, P, ...)."""
+        turns, gravity, like = memory
+        felt = np.zeros_like(like)
+        felt[0], felt[2] = push, -gravity
+        return np.stack(downward(self.links, turns, felt), axis=1)
+
+
+class Spatial(Suspended):
+    """The equations of motion of a scene in space, y = (x, u, x', w, work)."""
+
+    width = 3
+
+    @cached_property
+    def places(self) -> tuple[Ints, ...]:
+        """Where the components (3, n, P) of every group stand among those of all links."""
+        return tuple(3 * group.index + np.arange(3)[:, None, None] for group in self.plant.groups)
+
+    def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
+        """Generalized forces (3, n, P, ...) on u, and the power of dampers and moments."""
+        power = 0.0
+        if moments is not None:
+            power = np.sum(dot(moments, cross(links, rates)))
+        if group.sprung or group.damped:
+            hinges = ball_joints.moments(group, links, rates)
+            moments = hinges if moments is None else moments + hinges
+        if group.damped:
+            power = power + ball_joints.damper_power(group, links, rates)
+        return np.zeros_like(links) if moments is None else generalized(moments, links), power
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """Unit u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) that this mends."""
+        first, half = int(self.layout.on_cart), self.layout.half
+        found = y.copy()
+        u, w = (part[first:].reshape(-1, 3) for part in (found[:half], found[half : 2 * half]))
+        length = np.linalg.norm(u, axis=1, keepdims=True)
+        u /= length
+        along = np.sum(u * w, axis=1, keepdims=True)
+        speed = np.linalg.norm(w, axis=1) + np.sqrt(self.plant.gravity / self.plant.by_link("length"))
+        w -= along * u
+        return found, float(max(np.max(abs(length - 1)), np.max(abs(along[:, 0]) / speed)))

@@ -1,0 +1,236 @@
+"""Scenes whose motion from a start is that of a smaller or a handier scene, exactly.
+
+Equal pendula (bit for bit) with equal starts move as one: a pendulum with their masses, dampers and springs added up
+pulls the cart as they do together.  A start in space in the vertical plane of the rail stays in it, so angles say
+everything; only where joints have springs this is left alone, for a joint in space does not wind up
+(`nonlinear.dynamics.spatial_joints`).
+
+No force knows of whole turns of a joint without a spring, nor of the place of a cart without one: where these are so
+large that integrators would measure their tolerance by them, they are taken off.  Masses and lengths so far from 1 that
+double precision cannot square m l² are counted in powers of two next to the largest; gravity goes with lengths, so that
+time stays what it is.
+
+What symmetry ties together stays together however unstable that is; real pendula would not.  The same holds of equal
+pendula that swing against each other about a cart that they leave still, where nothing is made smaller: numbers are as
+symmetric as the motion (`exactly_symmetric`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from math import frexp
+
+import numpy as np
+
+from modal.assembly.arrays import ARRAYS, CartNumbers
+from modal.types import Floats, Ints
+from nonlinear.system.directions import directions, velocities
+from nonlinear.system.plant import Group, Plant
+from nonlinear.system.state import Motion, State
+
+FAR = 10.0  # radians, or lengths of the longest link
+WIDE = 200  # powers of two of m l² (kg m²)
+
+
+@dataclass(frozen=True, eq=False)
+class Symmetry:
+    """Another `plant` that moves in the same way: how to begin there, and how the whole moves, and this in words.
+
+    `ties` says whether it holds together what would part in a motion beside this one.
+    """
+
+    plant: Plant
+    restrict: Callable[[State], State]
+    extend: Callable[[Motion], Motion]
+    words: str
+    ties: bool = False
+
+
+def symmetries(plant: Plant, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
+    """What makes a plant smaller or handier for this start, one after the other.
+
+    Without `planar` a scene in space remains one.
+    """
+    found: list[Symmetry] = []
+    for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
+        if symmetry := find(plant, start):
+            found.append(symmetry)
+            plant, start = symmetry.plant, symmetry.restrict(start)
+    return tuple(found)
+
+
+def symmetrized(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Motion]:
+    """A state as a motion of one instant, and the one nearest by that has these symmetries."""
+    like = state
+    for symmetry in symmetries:
+        like = symmetry.restrict(like)
+    image = _instant(like)
+    for symmetry in reversed(symmetries):
+        image = symmetry.extend(image)
+    return _instant(state), image
+
+
+def _instant(state: State) -> Motion:
+    cart, rate = np.array([state.cart]), np.array([state.cart_rate])
+    return Motion(state.links[None], state.link_rates[None], cart, rate, np.zeros(1))
+
+
+def in_one_plane(plant: Plant, start: State) -> Symmetry | None:
+    """The planar scene of a spatial one whose start has nothing across the rail, None for any other."""
+    if not plant.spatial or any(group.sprung for group in plant.groups):
+        return None
+    if np.any(start.links[:, 1]) or np.any(start.link_rates[:, 1]):
+        return None
+    return Symmetry(replace(plant, spatial=False), _angles, _vectors, "one vertical plane of space", ties=True)
+
+
+def _angles(state: State) -> State:
+    (sin, _, cos), (along, _, down) = state.links.T, state.link_rates.T
+    return replace(state, links=np.arctan2(sin, cos), link_rates=cos * along - sin * down)
+
+
+def _vectors(motion: Motion) -> Motion:
+    u, w = directions(motion.links, 0.0), velocities(motion.links, 0.0, motion.link_rates)
+    return replace(motion, links=u, link_rates=w)
+
+
+def synchronous(plant: Plant, start: State) -> Symmetry | None:
+    """One pendulum for all that are equal and start equally, None where no two do."""
+    groups: list[Group] = []
+    kept, whole = np.zeros(0, dtype=np.int64), np.empty(plant.n_links, dtype=np.int64)
+    for group in plant.groups:
+        first, place, count = _kinds(group, start)
+        index = len(kept) + np.arange(group.n * len(first)).reshape(len(first), group.n).T
+        pendula = sum(other.index.shape[1] for other in groups) + np.arange(len(first))
+        excitation = group.excitation and group.excitation.take(first).times(count)
+        groups.append(Group(group.block.take(first).heavier(count), index, pendula, excitation))
+        whole[group.index] = index[:, place]
+        kept = np.concatenate((kept, group.index[:, first].T.ravel()))
+    if len(kept) == plant.n_links:
+        return None
+    small = replace(plant, groups=tuple(groups), labels=())
+    words = f"{small.n_pendula} of {plant.n_pendula} pendula, the others moving with them"
+    return Symmetry(small, lambda state: _picked(state, kept), lambda motion: _spread(motion, whole), words, ties=True)
+
+
+def _kinds(group: Group, start: State) -> tuple[Ints, Ints, Ints]:
+    """The first pendulum (by column) of each kind, every pendulum's kind, and how many there are of each."""
+    table = _table(group, start)
+    _, first, place, count = np.unique(table, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    order = np.argsort(first)
+    return first[order], np.argsort(order)[place.ravel()], count[order]
+
+
+def _table(group: Group, start: State) -> Floats:
+    """All that a pendulum is and how it starts, one row for each."""
+    columns = [getattr(group.block, name) for name in ARRAYS]
+    columns += [part[group.index].reshape(group.n, -1, part[0].size) for part in (start.links, start.link_rates)]
+    if group.excitation:
+        columns += list(group.excitation.table)
+    return np.hstack([np.moveaxis(column, 1, 0).reshape(group.index.shape[1], -1) for column in columns])
+
+
+def _picked(state: State, kept: Ints) -> State:
+    return replace(state, links=state.links[kept], link_rates=state.link_rates[kept])
+
+
+def _spread(motion: Motion, whole: Ints) -> Motion:
+    return replace(motion, links=motion.links[:, whole], link_rates=motion.link_rates[:, whole])
+
+
+def exactly_symmetric(plant: Plant, start: State) -> bool:
+    """Whether a symmetry of the start holds digit by digit, so that no run of it shows how motions beside it leave it.
+
+    Equal pendula with equal starts; pendula on a cart that are each other's mirror images, or their own; in space also
+    a pendulum in the plane of the rail or across it.
+    """
+    if plant.spatial and _flat(plant, start):
+        return True
+    return synchronous(plant, start) is not None or _mirrored(plant, start)
+
+
+def _flat(plant: Plant, start: State) -> bool:
+    """Whether any pendulum has nothing along the rail, or nothing across it."""
+    most = np.zeros((plant.n_pendula, 2))
+    for part in (start.links, start.link_rates):
+        np.maximum.at(most, plant.pendulum, np.abs(part[:, :2]))
+    return bool(np.any(most == 0))
+
+
+def _mirrored(plant: Plant, start: State) -> bool:
+    """Whether the scene and its start look the same from behind, whole turns left out."""
+    cart = plant.cart
+    if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
+        return False
+    if plant.spatial:
+        image = [part * [-1, 1, 1] + 0.0 for part in (start.links, start.link_rates)]
+    else:
+        turned = start.links - 2 * np.pi * np.round(start.links / (2 * np.pi))
+        start = replace(start, links=np.where(turned == -np.pi, np.pi, turned))
+        image = [np.where(start.links == np.pi, np.pi, 0.0 - start.links), 0.0 - start.link_rates]
+    behind = replace(start, links=image[0], link_rates=image[1])
+    for group in plant.groups:
+        one, other = (np.unique(_table(group, state), axis=0, return_counts=True) for state in (start, behind))
+        if not (np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1])):
+            return False
+    return True
+
+
+def near(plant: Plant, start: State) -> Symmetry | None:
+    """The same without whole turns, its cart where the rail begins, None where neither is far away."""
+    turned = np.zeros_like(start.links) if plant.spatial else start.links - _unwound(plant, start.links)
+    away = start.cart if plant.cart and not plant.cart.stiffness else 0.0
+    if np.abs(turned).max() < FAR and abs(away) < FAR * plant.length:
+        return None
+    return Symmetry(
+        plant,
+        lambda state: replace(state, links=state.links - turned, cart=state.cart - away),
+        lambda motion: replace(motion, links=motion.links + turned, cart=motion.cart + away),
+        "whole turns and the cart's way so far left out",
+    )
+
+
+def _unwound(plant: Plant, links: Floats) -> Floats:
+    """Angles within half a turn of the hanging rest, but at a joint with a spring or a drive as bent as ever."""
+    found = links.copy()
+    for group in plant.groups:
+        angles = links[group.index]
+        within = np.where(np.abs(angles) > np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
+        bend = np.diff(angles, axis=0, prepend=0.0)
+        above = np.zeros_like(within[0])
+        held = group.block.stiffness > 0
+        if group.excitation:
+            held = held | (group.excitation.curb > 0)
+        for own, bent, kept in zip(within, bend, held, strict=True):
+            own[kept] = (above + bent)[kept]
+            above = own
+        found[group.index] = within
+    return found
+
+
+def natural(plant: Plant, start: State) -> Symmetry | None:
+    """The same in natural units of mass and length, None where kg and m serve as well."""
+    m, l = (frexp(float(plant.by_link(name).max()))[1] for name in ("mass", "length"))
+    if abs(m) + 2 * abs(l) < WIDE:
+        return None
+    mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
+    units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
+    cart = plant.cart and CartNumbers(*(number / mass for number in plant.cart))
+    numbers = {name: units.get(name, moment) for name in ARRAYS}
+    groups = tuple(_counted(group, numbers, moment) for group in plant.groups)
+    small = replace(plant, gravity=plant.gravity / length, cart=cart, groups=groups)
+    return Symmetry(
+        small,
+        lambda state: replace(state, cart=state.cart / length, cart_rate=state.cart_rate / length),
+        lambda motion: replace(
+            motion, cart=motion.cart * length, cart_rate=motion.cart_rate * length, work=motion.work * moment
+        ),
+        f"in units of 2^{m} kg and 2^{l} m",
+    )
+
+
+def _counted(group: Group, units: dict[str, float], moment: float) -> Group:
+    numbers = {name: getattr(group.block, name) / unit for name, unit in units.items()}
+    excitation = group.excitation and group.excitation.times(1 / moment)
+    return replace(group, block=replace(group.block, **numbers), excitation=excitation)

@@ -1,0 +1,174 @@
+"""Trajectories on disk: NPZ holds everything to the last bit, CSV the same numbers to read and plot elsewhere.
+
+Both begin with a header in JSON: the scene, how the run was made and what happened.  In a CSV it stands in a comment on
+the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both hold a
+checksum, and a file that is not what was saved is refused whole.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import warnings
+from collections.abc import Iterator
+from dataclasses import asdict, fields, replace
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from modal.report.sealed import finite, index, insist_keys, reading
+from modal.scene.files import whole_file
+from modal.scene.model import Scene, described, scene_from
+from modal.types import Floats
+from nonlinear.integration.methods import FORMS, choose
+from nonlinear.integration.trajectory import TRUNCATED, Run, Trajectory
+from nonlinear.reduction.superposition import CORRECTED, LINEAR
+from nonlinear.saved_files import as_csv, as_npz, checked_kind, from_csv, from_npz
+from nonlinear.system.events import NO_KICKS, Happening, Kicks
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import Motion, State
+
+VERSION = 1
+PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
+TIMES = "times_s"
+AXES = ("x", "y", "z")
+REDUCED = (TRUNCATED, LINEAR, CORRECTED)
+
+
+def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
+    """Write a .npz or .csv file, whole or not at all; SceneError for another name."""
+    content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)
+    with whole_file(path) as stream:
+        stream.write(content)
+
+
+def load(path: str | os.PathLike[str]) -> Trajectory:
+    """The trajectory in a file that `save` wrote; SceneError says what is wrong with any other.
+
+    Applied forces are code and are not saved: a driven run can be read, but not its reaction forces.
+    """
+    name, kind = os.fspath(path), checked_kind(path)
+    with reading(name, "trajectory"):
+        header, times, parts = _read_npz(name) if kind == "npz" else _read_csv(name)
+        return _trajectory(header, times, parts)
+
+
+# ------------------------------------------------------------------------------------------------------- header
+
+
+def _header(trajectory: Trajectory) -> dict[str, Any]:
+    events = [
+        {"name": e.name, "time_s": e.time, **{part: np.asarray(getattr(e.state, part)).tolist() for part in PARTS[:4]}}
+        for e in trajectory.happenings
+    ]
+    return {
+        "multipendula_trajectory": VERSION,
+        "scene": described(trajectory.scene),
+        "run": asdict(trajectory.run),
+        "driven": trajectory.driven,
+        "events": events,
+        "kicks": {name: part.tolist() for name, part in trajectory.kicks._asdict().items()},
+    }
+
+
+def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
+    insist_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
+    if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
+        raise ValueError
+    scene = scene_from(header["scene"])
+    plant = plant_of(scene)
+    shape = (len(times), plant.n_links, *([3] if plant.spatial else []))
+    shapes = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
+    insist_keys(parts, *PARTS)
+    motion = Motion(**{name: finite(parts[name], *shapes[name]) for name in PARTS})
+    if len(times) == 0 or np.any(np.diff(finite(times, len(times))) <= 0):
+        raise ValueError
+    events = tuple(_happening(event, shape[1:]) for event in header["events"])
+    kicks = _kicks(header["kicks"], plant.n_links)
+    return Trajectory(scene, plant, times, motion, _run(header["run"], plant, scene), events, kicks, header["driven"])
+
+
+def _run(found: dict[str, Any], plant: Plant, scene: Scene) -> Run:
+    run = Run(**found)
+    values = [(getattr(run, field.name), field.type) for field in fields(Run)]
+    if any(type(value).__name__ != kind or (kind == "float" and isnan(value)) for value, kind in values):
+        raise TypeError
+    if run.form in FORMS:
+        integrated = replace(plant, spatial=plant.spatial and run.form == "spatial")
+        choose(scene, 1.0, run.tolerance, run.method, run.form, plant=integrated)
+    elif run.form not in REDUCED:
+        raise ValueError
+    return run
+
+
+def _happening(event: dict[str, Any], shape: tuple[int, ...]) -> Happening:
+    insist_keys(event, "name", "time_s", *PARTS[:4])
+    time, cart, cart_rate = finite([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
+    state = State(finite(event["links"], *shape), finite(event["link_rates"], *shape), cart, cart_rate)
+    return Happening(str(event["name"]), time, state)
+
+
+def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
+    insist_keys(found, *NO_KICKS._fields)
+    size = len(found["time"])
+    link = np.array([index(own, n_links) for own in found["link"]], dtype=np.int64)
+    if len(link) != size:
+        raise ValueError
+    return Kicks(link=link, **{name: finite(found[name], size) for name in ("time", "impulse", "energy")})
+
+
+# ---------------------------------------------------------------------------------------------------------- NPZ
+
+
+def _npz(trajectory: Trajectory) -> bytes:
+    parts = {name: getattr(trajectory.motion, name) for name in PARTS}
+    return as_npz(_header(trajectory), {TIMES: trajectory.times} | parts)
+
+
+def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
+    header, arrays = from_npz(name)
+    return header, arrays.pop(TIMES), arrays
+
+
+# ---------------------------------------------------------------------------------------------------------- CSV
+
+
+def columns(plant: Plant) -> list[str]:
+    """The names of a CSV's columns, in its order: time, links, their rates, the cart and the work."""
+    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in plant.labels if label != "x"]
+    if plant.spatial:
+        links = [f"u{axis}_{place}" for place in places for axis in AXES]
+        rates = [f"u{axis}_dot_{place}_per_s" for place in places for axis in AXES]
+    else:
+        links = [f"theta_{place}_rad" for place in places]
+        rates = [f"theta_dot_{place}_rad_per_s" for place in places]
+    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J"]
+
+
+def _csv(trajectory: Trajectory) -> bytes:
+    motion, size = trajectory.motion, len(trajectory.times)
+    blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
+    rows = np.hstack([trajectory.times[:, None], *blocks])
+    return as_csv(_header(trajectory), _lines(columns(trajectory.plant), rows))
+
+
+def _lines(names: list[str], rows: Floats) -> Iterator[str]:
+    yield ",".join(names) + "\n"
+    for row in rows.tolist():
+        yield ",".join(map(repr, row)) + "\n"
+
+
+def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
+    header, text = from_csv(name)
+    names, _, numbers = text.partition("\n")
+    with warnings.catch_warnings(action="ignore"):
+        rows = np.loadtxt(io.StringIO(numbers), delimiter=",", comments=None, ndmin=2)
+    plant = plant_of(scene_from(header["scene"]))
+    if names.split(",") != columns(plant):
+        raise ValueError
+    size, width = len(rows), 3 if plant.spatial else 1
+    count = plant.n_links * width
+    shape = (size, plant.n_links, 3) if plant.spatial else (size, plant.n_links)
+    split = [rows[:, 1 : 1 + count].reshape(shape), rows[:, 1 + count : 1 + 2 * count].reshape(shape), *rows[:, -3:].T]
+    return header, rows[:, 0], dict(zip(PARTS, split, strict=True))

@@ -1,0 +1,152 @@
+"""What is asked of a run, checked before anything is computed, all mistakes at once."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from math import ceil, inf, isfinite, pi
+from numbers import Integral, Real
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.integration.steppers import Pace
+from nonlinear.integration.timescales import timescales
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import Load, Push, State
+
+LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
+COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
+PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # samples kept where nobody says how many
+MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # kept in all, as asked for and where nobody asks
+
+
+def gathered(*actions: Callable[[], Any]) -> list[Any]:
+    """What the actions return; one SceneError with the problems of all of them."""
+    found: list[Any] = []
+    problems: list[str] = []
+    for action in actions:
+        try:
+            found.append(action())
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(problems)
+    return found
+
+
+def insist_numbers(duration: float, tolerance: float, start_time: float) -> None:
+    """SceneError for a duration, a tolerance or a start time that cannot be."""
+    checks = {
+        f"duration {duration!r}: must be a positive number of seconds": _real(duration) and duration > 0,
+        f"tolerance {tolerance!r}: must be from {TIGHTEST:g} to {LOOSEST:g}": _real(tolerance)
+        and TIGHTEST <= tolerance <= LOOSEST,
+        f"start_time {start_time!r}: must be a number of seconds": _real(start_time),
+    }
+    if problems := [problem for problem, holds in checks.items() if not holds]:
+        raise SceneError(problems)
+
+
+def insist_accuracy(accuracy: float | None) -> None:
+    """SceneError for an accuracy that cannot be."""
+    if accuracy is None:
+        return
+    if not _real(accuracy) or not FINEST <= accuracy <= COARSEST:
+        raise SceneError([f"accuracy {accuracy!r}: must be from {FINEST:g} to {COARSEST:g} rad"])
+
+
+def _real(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
+
+
+def sampled(scene: Scene, duration: float, start_time: float, output: int | Sequence[float] | Floats | None) -> Floats:
+    """The times to keep, from `start_time` on: so many, these after the start, or as the scene's own swing wants."""
+    insist_numbers(duration, LOOSEST, start_time)
+    size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
+    if output is None:
+        wished = min(max(ceil(min(duration * timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST)), FEWEST), MOST)
+        output = max(2, min(wished, USUAL_NUMBERS // size)) + 1
+    if isinstance(output, Integral) and not isinstance(output, bool):
+        count, most = int(output), MOST_NUMBERS // size
+        if not 2 <= count <= most:
+            raise SceneError([f"output {count}: must be from 2 to {most} samples for this scene"])
+        times = start_time + np.linspace(0.0, duration, count)
+    else:
+        times = start_time + _listed(output, duration)
+    if np.any(np.diff(times) <= 0):
+        raise SceneError([f"duration {duration:g}: too short beside the start at {start_time:g} s"])
+    return np.asarray(times)
+
+
+def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
+    """The pace whose steps end at these times (s), in any order, none longer than `max_step` (s); else SceneError."""
+    try:
+        times = np.array([] if breaks is None else breaks, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    problems = []
+    if times.ndim != 1 or not np.all(np.isfinite(times)):
+        problems.append("breaks: must be times in seconds")
+    if max_step is not None and not (_real(max_step) and max_step > 0):
+        problems.append(f"max_step {max_step!r}: must be a positive number of seconds")
+    if problems:
+        raise SceneError(problems)
+    return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(np.unique(times).tolist()))
+
+
+def insist_seen(load: Load | None, accuracy: float | None, *told: object) -> None:
+    """SceneError for an accuracy under a load where nothing is `told` of how soon that changes."""
+    if load is not None and accuracy is not None and all(each is None for each in told):
+        what = "a short one can fall between the steps of every run, so that all agree and are wrong"
+        times = "the times at which it jumps as breaks, [] where it never does"
+        raise SceneError([f"load: {what}: for an accuracy give {times}, or the shortest time that it acts as max_step"])
+
+
+def _listed(output: Any, duration: float) -> Floats:
+    try:
+        times = np.array(output, dtype=float)
+    except (TypeError, ValueError):
+        times = np.array(np.nan)
+    if times.ndim != 1 or times.size == 0 or not np.all(np.isfinite(times)) or np.any(np.diff(times) <= 0):
+        raise SceneError(["output: must be a number of samples or ascending times in seconds"])
+    if times[0] < 0 or times[-1] > duration:
+        raise SceneError([f"output: must lie between 0 and {duration:g} s"])
+    return times if times[0] == 0 else np.concatenate(([0.0], times))
+
+
+def insist_push(load: Load | None, plant: Plant, start: State, time: float) -> None:
+    """Ask a load once, at the start; SceneError for anything but a `Push` that fits the scene."""
+    if load is None:
+        return
+    push, shape = load(time, start), (plant.n_links, 3) if plant.spatial else (plant.n_links,)
+    if not isinstance(push, Push):
+        raise SceneError([f"load: must return a Push, not {type(push).__name__}"])
+    problems = []
+    if plant.cart is None and push.cart:
+        problems.append("load: pushes the cart, and the support is fixed")
+    if push.moments is not None and np.shape(push.moments) != shape:
+        problems.append(f"load: moments have shape {np.shape(push.moments)}, this scene needs {shape}")
+    if push.cart is None or not all(np.all(np.isfinite(part)) for part in push if part is not None):
+        problems.append("load: must be finite")
+    if problems:
+        raise SceneError(problems)
+
+
+def extent(state: State, plant: Plant) -> float:
+    """How far a start is from rest, in natural units: at most 1, and 1 for a start at rest itself.
+
+    Whole turns, the place of a cart without a spring and its coasting without a damper do not count.
+    """
+    sigma, cart = plant.by_link("sigma"), plant.cart
+    if plant.spatial:
+        aside = state.links - np.outer(sigma, [0.0, 0.0, 1.0])
+    else:
+        aside = (state.links - np.where(sigma > 0, 0.0, pi) + pi) % (2 * pi) - pi
+    parts = [float(np.abs(aside).max()), float(np.abs(state.link_rates).max()) / plant.rate]
+    if cart and cart.stiffness:
+        parts.append(abs(state.cart) / plant.length)
+    if cart and (cart.stiffness or cart.damping):
+        parts.append(abs(state.cart_rate) / plant.length / plant.rate)
+    return min(max(parts), 1.0) or 1.0

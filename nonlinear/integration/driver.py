@@ -1,0 +1,171 @@
+"""Drive a stepper from beginning to end: samples, events, constraints, progress, and a clean stop on Ctrl-C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+from math import isfinite
+
+import numpy as np
+from scipy.optimize import brentq
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.integration.escapements import Escapements
+from nonlinear.integration.steppers import Stepper
+from nonlinear.system.events import NO_KICKS, Event, Happening, Kicks
+from nonlinear.system.state import State, System
+
+SILENT = 1e-9
+"""Share of what an event's value becomes within the first step below which it begins at zero: that is no crossing."""
+
+
+@dataclass
+class Record:
+    """What a run has found so far: y at the sampled times, events, and how it went."""
+
+    times: Floats
+    rows: Floats
+    filled: int = 0
+    last: tuple[float, Floats] | None = None  # where it stopped, if between samples
+    happenings: list[Happening] = field(default_factory=list)
+    drift: float = 0.0
+    kicks: Kicks = NO_KICKS
+    steps: int = 0
+    stopped: str = ""  # why, where it did not reach its end
+    interrupted: bool = False
+    failed: bool = False
+
+    def close(self) -> None:
+        """Leave out what was not reached, and let the last sample be where the run stopped."""
+        self.times, self.rows = self.times[: self.filled], self.rows[: self.filled]
+        if self.stopped and self.last and self.last[0] > self.times[-1]:
+            time, row = self.last
+            self.times, self.rows = np.append(self.times, time), np.vstack((self.rows, row))
+
+    def keep(self, rows: Floats) -> None:
+        """The next samples."""
+        self.rows[self.filled : self.filled + len(rows)] = rows
+        self.filled += len(rows)
+
+
+@dataclass
+class Drive:
+    """A stepper, the system it integrates, the sampled times (ascending, first where it starts) and the events.
+
+    `escapements` kick on the way, `report` hears of the seconds gone through.
+    """
+
+    stepper: Stepper
+    system: System
+    times: Floats
+    events: Sequence[Event] = ()
+    report: Callable[[float], object] = lambda time: None
+    escapements: Escapements | None = None
+
+    def run(self) -> Record:
+        """Go to the last sampled time, or as far as can be gone."""
+        record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
+        record.keep(self.stepper.y[None])
+        try:
+            while record.filled < len(self.times) and not record.stopped:
+                self._on(record)
+        except KeyboardInterrupt:
+            record.stopped, record.interrupted = f"interrupted at {self.stepper.time:.9g} s", True
+        except ComputationError as error:
+            record.stopped, record.failed = str(error), True
+        record.close()
+        if self.escapements:
+            record.kicks = self.escapements.kicks
+        return record
+
+    def _on(self, record: Record) -> None:
+        """One step and all that lies within it."""
+        before = self.stepper.time
+        with np.errstate(all="ignore"):
+            self.stepper.step()
+        record.steps += 1
+        now, y = self.stepper.time, self.stepper.y
+        kick = self.escapements.next(self.stepper, before) if self.escapements else None
+        if kick:
+            now, y = kick.time, self.stepper.exact(kick.time)
+        stop = _first_stop(record, sorted(self._happenings(before, now), key=lambda found: found[0].time))
+        if stop is not None:
+            now, y = stop, self.stepper.exact(stop)
+        self._sample(record, now)
+        record.last = now, self.system.project(y)[0]
+        if self.escapements and kick:
+            if not record.stopped:
+                kicked = self.escapements.kicked(kick, y)
+                _first_stop(record, self._jumps(now, y, kicked))
+                record.last = now, kicked
+                self.stepper.restart(kicked, now)
+        else:
+            mended, drift = self.system.project(self.stepper.y)
+            record.drift = max(record.drift, drift)
+            if drift:
+                self.stepper.restart(mended)
+        self.report(now - self.times[0])
+
+    def _sample(self, record: Record, now: float) -> None:
+        """The sampled times up to now; where the step ends on one, what the step itself found."""
+        count = int(np.searchsorted(self.times, now, side="right")) - record.filled
+        if count > 0:
+            times = self.times[record.filled : record.filled + count]
+            rows = self.stepper.inside(times)
+            rows[times == self.stepper.time] = self.stepper.y
+            record.keep(np.array([self.system.project(row)[0] for row in rows]))
+
+    def _happenings(self, before: float, now: float) -> Iterator[tuple[Happening, bool]]:
+        if not self.events:
+            return
+        for event in self.events:
+            looks = np.linspace(before, now, event.looks + 1)
+            values = [self._value(event, time) for time in looks]
+            if before == self.times[0] and abs(values[0]) < SILENT * max(map(abs, values)):
+                values[0] = values[1]
+            for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
+                if _passes(event, low, high):
+                    time = self._refined(event, start, end)
+                    yield Happening(event.name, time, self._state(self.stepper.exact(time))), event.stop
+
+    def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[Happening, bool]]:
+        """The events that a kick brings about in an instant."""
+        for event in self.events:
+            if _passes(event, *(event.value(self._state(row)) for row in (before, after))):
+                yield Happening(event.name, time, self._state(after)), event.stop
+
+    def _refined(self, event: Event, start: float, end: float) -> float:
+        """The root on the interpolant, then one secant step with what the integrator itself gives there."""
+        within = partial(self._value, event)
+        time = float(brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+        width = (end - start) / 1000
+        slope = (within(time + width) - within(time - width)) / (2 * width)
+        moved = time - event.value(self._state(self.stepper.exact(time))) / slope if slope else time
+        return moved if start <= moved <= end else time
+
+    def _value(self, event: Event, time: float) -> float:
+        value = event.value(self._state(self.stepper.inside(np.array([time]))[0]))
+        if not isfinite(value):
+            raise ComputationError(f"event {event.name} is {value} at {time:.9g} s")
+        return value
+
+    def _state(self, row: Floats) -> State:
+        return self.system.read(row[None])[0]
+
+
+def _passes(event: Event, low: float, high: float) -> bool:
+    """Whether an event comes about between these two values."""
+    return (low < 0 <= high and event.direction >= 0) or (low > 0 >= high and event.direction <= 0)
+
+
+def _first_stop(record: Record, found: Iterable[tuple[Happening, bool]]) -> float | None:
+    """Keep what happened, up to the first event that stops the run; when that is (s)."""
+    for happening, stop in found:
+        record.happenings.append(happening)
+        if stop:
+            record.stopped = f"{happening.name} at {happening.time:.9g} s"
+            return happening.time
+    return None

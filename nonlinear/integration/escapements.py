@@ -1,0 +1,199 @@
+"""Escapements at work: when the next kick comes, and what it does.
+
+A kick P at a joint turns the link below it by +P and the one above by −P.  No force of finite size acts in an instant,
+so with the generalized impulse J of all kicks that come together
+
+    M(q) (v₊ − v₋) = J,        energy fed = Σ P (γ'₋ + γ'₊)/2 = ½ v₊ᵀMv₊ − ½ v₋ᵀMv₋  exactly.
+
+M⁻¹J is what the recursion along the chains answers to the moments J where nothing moves, weighs or pulls.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq
+
+from modal.assembly.arrays import CartNumbers
+from modal.types import Booleans, Floats, Ints
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.integration.steppers import Stepper
+from nonlinear.system.events import NO_KICKS, Kicks
+from nonlinear.system.plant import Group, Plant
+from nonlinear.system.state import Layout, Push
+
+LOOKS = 6  # within every step
+TOGETHER = 1e-12  # rad by which a kick may come early to come with another
+BUMP = 0.25  # of its change of slope, by which a curve that bends one way may rise above both its ends
+
+
+@dataclass(frozen=True, eq=False)
+class Escaping:
+    """The joints with escapements of a plant, J of them, all (J,): which links stand below and above (−1: support).
+
+    `bent` is the angle (rad) at rest, `impulse` (N m s), `angle` (rad).
+    """
+
+    plant: Plant
+    below: Ints
+    above: Ints
+    bent: Floats
+    impulse: Floats
+    angle: Floats
+
+    def gamma(self, links: Floats, rest: Floats | float = 0.0) -> Floats:
+        """Of every joint (..., J) from what its links have (..., L)."""
+        padded = np.concatenate((links, np.zeros_like(links[..., :1])), axis=-1)
+        return np.asarray(padded[..., self.below] - padded[..., self.above] - rest)
+
+    @cached_property
+    def _free(self) -> Plant:
+        """The masses alone."""
+        cart = self.plant.cart and CartNumbers(self.plant.cart.mass, 0.0, 0.0)
+        return replace(self.plant, gravity=0.0, cart=cart, groups=tuple(map(_loose, self.plant.groups)))
+
+    def jump(self, links: Floats, kicked: Floats) -> Floats:
+        """The change of the velocities (half of y) when joints are kicked by so much each (J,) in N m s."""
+        moments = np.zeros(self.plant.n_links + 1)
+        np.add.at(moments, self.below, kicked)
+        np.add.at(moments, self.above, -kicked)
+        push = Push(moments=moments[:-1])
+        still = Minimal(self._free, tuple(Recursion(group) for group in self._free.groups), lambda time, state: push)
+        layout, y = still.layout, np.zeros(still.layout.size)
+        y[layout.on_cart : layout.half] = links
+        return np.asarray(still.derivative(0.0, y)[layout.half : 2 * layout.half])
+
+
+def escaping(plant: Plant) -> Escaping:
+    """The joints with escapements, in the order of the groups."""
+    parts: list[Floats] = []
+    for group in plant.groups:
+        if group.kicked and group.excitation:
+            above = np.vstack((np.full_like(group.index[:1], -1), group.index[:-1]))
+            drive = group.excitation
+            columns = (group.index, above, group.bent, drive.impulse, drive.angle)
+            parts.append(np.stack([part[drive.impulse > 0] for part in columns]))
+    below, above, *rest = np.hstack(parts)
+    return Escaping(plant, below.astype(np.int64), above.astype(np.int64), *rest)
+
+
+def _loose(group: Group) -> Group:
+    none = np.zeros_like(group.block.damping)
+    return replace(group, block=replace(group.block, damping=none, stiffness=none), excitation=None)
+
+
+class Due(NamedTuple):
+    """The next kick: its time (s) and which of the joints' two sides it is on (an index into both)."""
+
+    time: float
+    place: tuple[int, int]
+
+
+@dataclass(eq=False)
+class Escapements:
+    """The kicks of a run as they come: `side` (J,) is where the next of each joint is, 0 where either may be."""
+
+    joints: Escaping
+    layout: Layout
+    side: Floats
+    found: list[Kicks] = field(default_factory=list)
+
+    @property
+    def kicks(self) -> Kicks:
+        """So far."""
+        return Kicks(*map(np.concatenate, zip(*self.found, strict=True))) if self.found else NO_KICKS
+
+    def next(self, stepper: Stepper, before: float) -> Due | None:
+        """The first kick within the last step, None where there is none."""
+        looks = np.linspace(before, stepper.time, LOOKS + 1)
+        over, speed = self._out(np.vstack((stepper.inside(looks[:-1]), stepper.y)))
+        for k, (start, end) in enumerate(pairwise(looks.tolist())):
+            low, high, rise, fall = over[:, k], over[:, k + 1], speed[:, k], speed[:, k + 1]
+            leaving = (low >= 0) & ((rise > 0) | ((rise == 0) & (high > 0)))
+            if leaving.any():
+                return Due(start, _largest(leaving))
+            bump = np.maximum(low, high) + BUMP * (end - start) * (rise - fall)
+            back = (low < 0) & (high < 0) & (rise > 0) & (fall < 0) & (bump >= 0)
+            beyond = [*self._peaks(stepper, start, end, back), *[end] * bool(np.any((low < 0) & (high >= 0)))]
+            if beyond:
+                return self._first(stepper, start, min(beyond), low < 0)
+        return None
+
+    def kicked(self, due: Due, y: Floats) -> Floats:
+        """The y after all kicks of that time."""
+        layout, joints = self.layout, self.joints
+        over, speed = (values[:, 0] for values in self._out(y[None]))
+        now = (over > -TOGETHER) & (speed > 0)
+        now[due.place] = True
+        side = now[0].astype(float) - now[1]
+        kick = side * joints.impulse
+        self.side = np.where(side, -side, self.side)
+        found = y.copy()
+        found[layout.half : 2 * layout.half] += joints.jump(y[layout.on_cart : layout.half], kick)
+        fed = kick * joints.gamma((y + found)[self._rates]) / 2
+        found[-1] += fed.sum()
+        which = np.flatnonzero(side)
+        self.found.append(Kicks(np.full(len(which), due.time), joints.below[which], kick[which], fed[which]))
+        return found
+
+    @property
+    def _rates(self) -> slice:
+        return slice(self.layout.half + self.layout.on_cart, 2 * self.layout.half)
+
+    def _out(self, rows: Floats) -> tuple[Floats, Floats]:
+        """How far (rad) every joint is out of the angle of its next kick, −inf on a side that waits, and how fast.
+
+        Both (2, T, J): to the right and to the left.
+        """
+        gamma = self.joints.gamma(rows[:, self.layout.on_cart : self.layout.half], self.joints.bent)
+        sides = np.array([1.0, -1.0])[:, None, None]
+        over = np.where(self.side * sides < 0, -np.inf, sides * gamma - self.joints.angle)
+        return over, sides * self.joints.gamma(rows[:, self._rates])
+
+    def _at(self, stepper: Stepper, time: float) -> tuple[Floats, Floats]:
+        """Both of `_out` at one time within the last step, (2, J)."""
+        over, speed = self._out(stepper.inside(np.array([time])))
+        return over[:, 0], speed[:, 0]
+
+    def _peaks(self, stepper: Stepper, start: float, end: float, back: Booleans) -> Iterator[float]:
+        """When those joints and sides turn back that do so beyond their angle, each once between start and end."""
+        for s, j in zip(*np.nonzero(back), strict=True):
+            time = _root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
+            if self._at(stepper, time)[0][s, j] >= 0:
+                yield time
+
+    def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Due:
+        """Of those joints and sides, all within their angles at the start and one beyond at the end, the first out."""
+
+        def over(time: float) -> Floats:
+            return np.where(among, self._at(stepper, time)[0], -np.inf)
+
+        time = _root(lambda time: float(over(time).max()), start, end)
+        return Due(time, _largest(over(time)))
+
+
+def escapements(plant: Plant, layout: Layout, y: Floats, before: Kicks = NO_KICKS) -> Escapements:
+    """The escapements of a run that begins at y, after the kicks `before`.
+
+    A joint out of its angle, and one that was kicked before, have had their kick on that side.
+    """
+    joints = escaping(plant)
+    gamma = joints.gamma(y[layout.on_cart : layout.half], joints.bent)
+    last = np.zeros(plant.n_links)
+    last[before.link] = before.impulse
+    aside = np.where(np.abs(gamma) > joints.angle, gamma, last[joints.below])
+    return Escapements(joints, layout, -np.sign(aside))
+
+
+def _root(value: Callable[[float], float], start: float, end: float) -> float:
+    return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
+
+
+def _largest(values: Floats | Booleans) -> tuple[int, int]:
+    side, joint = np.unravel_index(np.argmax(values), values.shape)
+    return int(side), int(joint)

@@ -1,0 +1,205 @@
+"""Which equations, body and integrator a run takes, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.util import find_spec
+from math import inf, pi
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.scene.model import Scene
+from nonlinear.dynamics.dense import Small
+from nonlinear.dynamics.interrupts import undisturbed
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.reduced import Reduced
+from nonlinear.dynamics.short import Dense
+from nonlinear.dynamics.suspended import Body
+from nonlinear.dynamics.symmetries import Symmetry
+from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
+from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
+from nonlinear.integration.timescales import timescales
+from nonlinear.system.plant import Group, Plant, plant_of
+from nonlinear.system.state import Load, System
+
+ASKED = "as asked for"
+METHODS = ("auto", *SCIPY, "taylor")
+FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
+STIFF = 30.0  # fastest decay over the fastest swing
+LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
+FRAIL = 1e-3  # share of a heavier link's mass below which dense forms lose digits to a link above it
+SHORTEST = 1e-13  # share of the longest link, of positions in maximal coordinates
+ROOM = 1e140  # largest moment of inertia, and one over the smallest, whose square is a number
+FEWEST = 24  # links of a scene that is one dense matrix
+SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
+FINEST = 1e-13  # tolerance below which only Taylor series gain anything
+PER_KICK = 2.0  # steps: one that is cut short, one to land on it
+PER_PERIOD = 14.0  # steps of DOP853 a period at tolerance 1e-6 and large angles
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The form of the equations, who solves them, the integrator and its tolerance, and why these were taken."""
+
+    form: str
+    method: str
+    compiled: bool
+    reason: str
+    tolerance: float = 1e-9
+
+
+def choose(
+    scene: Scene,
+    duration: float,
+    tolerance: float,
+    method: str = "auto",
+    form: str = "auto",
+    *,
+    driven: bool = False,
+    size: float = 1.0,
+    plant: Plant | None = None,
+) -> Choice:
+    """Fill in what is "auto" for a motion of this size; SceneError names every word that is unknown or unfit.
+
+    `plant` is what is integrated, where that is less than the whole scene.
+    """
+    plant = plant or plant_of(scene)
+    space = plant.spatial
+    problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
+    if form not in FORMS:
+        problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
+    elif space and form not in {"auto", "spatial"}:
+        problems.append(f"form {form}: is for the plane, and this scene is in space")
+    elif not space and form == "spatial":
+        problems.append("form spatial: is for space, and this scene is in the plane")
+    if plant.kicked and form not in {"auto", "minimal"}:
+        problems.append(f"form {form}: cannot take the kicks of escapements; minimal can")
+    if form == "maximal" and (least := float(np.min(plant.by_link("length"))) / plant.length) < SHORTEST:
+        problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
+    if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
+        problems.append("method taylor: runs plane scenes in minimal coordinates without applied forces")
+    form = form if form != "auto" else "spatial" if space else "minimal"
+    if form in {"spatial", "maximal"} and method in SCIPY and method not in EXPLICIT:
+        problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
+    if problems:
+        raise SceneError(problems)
+    if method == "auto":
+        method, why = _automatic(scene, plant, duration, tolerance, form, driven or tolerance * size < TIGHTEST)
+    else:
+        why = ASKED
+    compiled = (
+        form == "minimal"
+        and not driven
+        and method in SCIPY
+        and _worth_compiling(_costs(scene, plant, duration, tolerance))
+    )
+    finest = SMALLEST if method in SCIPY else TIGHTEST / size
+    return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
+
+
+def _automatic(
+    scene: Scene, plant: Plant, duration: float, tolerance: float, form: str, plain: bool
+) -> tuple[str, str]:
+    found = timescales(scene)
+    if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
+        fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest swing"
+        if form == "minimal":
+            return "Radau", fast
+        return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
+    if form == "minimal" and not plain and _taylor_takes(plant):
+        if tolerance < FINEST:
+            return "taylor", "an accuracy near that of double precision, which takes a method of high order"
+        costs = _costs(scene, plant, duration, tolerance)
+        if costs["taylor"] < min(costs["DOP853"], costs["compiled"]):
+            return "taylor", "a run long enough to pay for compiling its series"
+    return "DOP853", "no part of the motion decays far faster than it swings"
+
+
+def _taylor_takes(plant: Plant) -> bool:
+    longest = max(group.n for group in plant.groups)
+    return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and plant.n_links <= MOST_LINKS
+
+
+def _costs(scene: Scene, plant: Plant, duration: float, tolerance: float) -> dict[str, float]:
+    """Roughly how many seconds each way takes, compilers included, as benchmarks/simulation.py finds them."""
+    links, longest = plant.n_links, max(group.n for group in plant.groups)
+    periods = duration * timescales(scene).swing / (2 * pi)
+    steps = periods * (PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + PER_KICK * plant.kicks_a_period)
+    return {
+        "DOP853": steps * (3e-4 + 1e-6 * links),
+        "compiled": 0.4 + steps * (1.2e-4 + 1e-6 * links) if find_spec("numba") else inf,
+        "taylor": 1.6 + 0.008 * longest**2 + 0.005 * links + steps * 2e-6 * links,
+    }
+
+
+def _worth_compiling(costs: dict[str, float]) -> bool:
+    """Whether what a compiled body saves is more than loading the compiler costs."""
+    return bool(costs["compiled"] < costs["DOP853"])
+
+
+def body_of(group: Group, plant: Plant) -> Body:
+    """Who solves one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
+    if _light(plant) or _frail(group):
+        return Recursion(group)
+    if group.n < SHORT and group.index.size <= MANY:
+        return Dense(group)
+    if group.n < SHORT or group.index.shape[1] > FEW:
+        return Recursion(group)
+    from nonlinear.dynamics.banded import Banded
+
+    return Banded(group)
+
+
+def _light(plant: Plant) -> bool:
+    """Whether the cart is so light that a dense form would lose digits."""
+    return plant.cart is not None and plant.cart.mass < LIGHT * float(plant.mass.sum())
+
+
+def _frail(group: Group) -> bool:
+    """Whether a link is so light beside one below it that dense and banded forms would lose digits."""
+    heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
+    return bool(np.any(group.block.mass < FRAIL * heaviest))
+
+
+def insist_room(scene: Scene, plant: Plant) -> None:
+    """SceneError that names the two ends of what a `plant`, the scene in the units it is integrated in, cannot hold."""
+    moments = plant.mass * plant.by_link("length") ** 2
+    if 1 / ROOM < float(moments.min()) <= float(moments.max()) < ROOM:
+        return
+    places = {
+        f"pendulum[{i}].links[{j}]": link.mass * link.length**2
+        for i, pendulum in enumerate(scene.pendulum)
+        for j, link in enumerate(pendulum.links)
+    }
+    low, high = min(places, key=places.__getitem__), max(places, key=places.__getitem__)
+    numbers = f"m l² goes from {places[low]:.3g} kg m² here to {places[high]:.3g} kg m² in {high}"
+    raise SceneError([f"{low}: {numbers}, which double precision cannot square: choose other units"])
+
+
+def system_of(plant: Plant, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()) -> System:
+    """The equations of motion in the chosen form, of what symmetries leave to be integrated."""
+    if symmetries:
+        return Reduced(plant, system_of(symmetries[-1].plant, choice), symmetries)
+    if choice.form == "spatial":
+        from nonlinear.dynamics.spatial import Recursion as InSpace
+        from nonlinear.dynamics.spatial import Spatial
+
+        return Spatial(plant, tuple(InSpace(group) for group in plant.groups), load)
+    if choice.form == "maximal":
+        from nonlinear.dynamics.maximal import Maximal
+
+        return Maximal(plant, load)
+    if choice.form == "hamiltonian":
+        from nonlinear.dynamics.hamiltonian import Hamiltonian
+
+        return Hamiltonian(plant, load)
+    if choice.compiled:
+        with undisturbed():
+            from nonlinear.dynamics.compiled import Compiled
+
+            return Compiled(plant)
+    if plant.n_links <= FEWEST and not (_light(plant) or any(map(_frail, plant.groups))):
+        return Small(plant, load=load)
+    return Minimal(plant, tuple(body_of(group, plant) for group in plant.groups), load)

@@ -1,0 +1,212 @@
+"""Equations, start and integrator put together: a run that is ready to go."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import cast
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.reduced import Reduced
+from nonlinear.dynamics.symmetries import Symmetry, symmetries
+from nonlinear.integration.arguments import extent
+from nonlinear.integration.driver import Drive, Record
+from nonlinear.integration.escapements import escapements
+from nonlinear.integration.methods import Choice, choose, insist_room, system_of
+from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
+from nonlinear.integration.timescales import timescales
+from nonlinear.integration.trajectory import Run, Trajectory
+from nonlinear.system.events import NO_KICKS, Event, Kicks
+from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.state import Load, State, System
+
+FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
+HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much
+NEAR_ZERO = 0.1  # share of the motion's size that the tolerance is relative to where a quantity passes zero
+
+
+class SimulationError(ComputationError):
+    """A run that could not reach its end; `trajectory` holds what was computed."""
+
+    def __init__(self, problem: str, trajectory: Trajectory) -> None:
+        self.trajectory = trajectory
+        super().__init__(problem)
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A run of a scene, sampled at `times` (s), which begins where its stepper stands, after the kicks `before`."""
+
+    scene: Scene
+    choice: Choice
+    system: System
+    stepper: Stepper
+    times: Floats
+    before: Kicks = NO_KICKS
+
+    def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = lambda elapsed: None) -> Trajectory:
+        """Once, to the end or as far as can be gone; SimulationError where the integrator gives up."""
+        plant, y = self.system.plant, self.stepper.y
+        kicking = escapements(plant, cast("Minimal", self.system).layout, y, self.before) if plant.kicked else None
+        record = Drive(self.stepper, self.system, self.times, events, report, kicking).run()
+        trajectory = self._trajectory(record)
+        if record.failed:
+            hint = _hint(plant) or _haste(self.scene, float(self.times[-1] - self.times[0]))
+            raise SimulationError(f"{record.stopped}{hint}", trajectory)
+        return trajectory
+
+    def _trajectory(self, record: Record) -> Trajectory:
+        system, choice = self.system, self.choice
+        run = Run(
+            form=choice.form,
+            method=choice.method,
+            reason=choice.reason,
+            tolerance=choice.tolerance,
+            steps=record.steps,
+            calls=self.stepper.calls,
+            drift=record.drift,
+            stopped=record.stopped,
+            interrupted=record.interrupted,
+            reduced=system.words if isinstance(system, Reduced) else "",
+        )
+        motion, events = system.read(record.rows), tuple(record.happenings)
+        driven = system.load is not None
+        return Trajectory(
+            self.scene, system.plant, record.times, motion, run, events, record.kicks, driven=driven, system=system
+        )
+
+
+def prepared(
+    scene: Scene,
+    system: System,
+    choice: Choice,
+    start: State,
+    times: Floats,
+    size: float,
+    before: Kicks = NO_KICKS,
+    pace: Pace = AT_EASE,
+) -> Prepared:
+    """The equations of a scene with the chosen integrator, for a motion of this size (`extent`).
+
+    ComputationError where the motion cannot begin.
+    """
+    y = system.begin(start)
+    slope = _slope(system, float(times[0]), y)
+    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, slope, times, size, pace), times, before)
+
+
+@dataclass(frozen=True, eq=False)
+class Request:
+    """What is asked: the motion of a scene from a start on, kept at these times (T,) in s.
+
+    Method and form are chosen where they are "auto".  `before` are the kicks of escapements until then.  `pace` says
+    where the integrator begins anew and how long a step may be.  `report` hears of the seconds gone through after every
+    step.
+    """
+
+    scene: Scene
+    start: State
+    times: Floats
+    method: str = "auto"
+    form: str = "auto"
+    load: Load | None = None
+    events: Sequence[Event] = ()
+    before: Kicks = NO_KICKS
+    pace: Pace = AT_EASE
+    report: Callable[[float], object] = lambda elapsed: None
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The scene as arrays."""
+        return plant_of(self.scene)
+
+    @cached_property
+    def smaller(self) -> tuple[Symmetry, ...]:
+        """What symmetry leaves out."""
+        flat = self.form not in {"spatial", "maximal", "hamiltonian"}
+        return () if self.load or self.plant.kicked else symmetries(self.plant, self.start, planar=flat)
+
+    @property
+    def integrated(self) -> Plant:
+        """What is left of it by symmetry."""
+        return self.smaller[-1].plant if self.smaller else self.plant
+
+    @cached_property
+    def size(self) -> float:
+        """How large the motion is, at most 1; 1 where something drives it."""
+        return 1.0 if self.load else extent(self.start, self.plant)
+
+    @property
+    def duration(self) -> float:
+        """From the first of the times to the last (s)."""
+        return float(self.times[-1] - self.times[0])
+
+    def choice(self, tolerance: float) -> Choice:
+        """How to integrate at this tolerance."""
+        return choose(
+            self.scene,
+            self.duration,
+            tolerance,
+            self.method,
+            self.form,
+            driven=self.load is not None,
+            size=self.size,
+            plant=self.integrated,
+        )
+
+    def prepared(self, choice: Choice) -> Prepared:
+        """Ready to go in this way."""
+        insist_room(self.scene, self.integrated)
+        system = system_of(self.plant, choice, self.load, self.smaller)
+        return prepared(self.scene, system, choice, self.start, self.times, self.size, self.before, self.pace)
+
+    def run(self, choice: Choice) -> Trajectory:
+        """The motion in this way; SimulationError where the integrator gives up."""
+        return self.prepared(choice).go(self.events, self.report)
+
+
+def _stepper(
+    scene: Scene, system: System, choice: Choice, y: Floats, slope: Floats, times: Floats, size: float, pace: Pace
+) -> Stepper:
+    """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
+    first, last = float(times[0]), float(times[-1])
+    if choice.method == "taylor":
+        from nonlinear.integration import taylor
+
+        pace = replace(pace, first=taylor.first_step(timescales(scene).swing))
+        series = system.inner if isinstance(system, Reduced) else system
+        return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, pace)
+    relative = choice.tolerance * sharpened(slope, system.scale)
+    absolute = NEAR_ZERO * relative * size * system.scale
+    pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / system.plant.rate))
+    return SciPyStepper(choice.method, system.derivative, first, y, last, relative, absolute, pace)
+
+
+def _slope(system: System, time: float, y: Floats) -> Floats:
+    """The derivative at the start, (size,): where it is not finite integrators would seek a first step for ever."""
+    with np.errstate(all="ignore"):
+        found = system.derivative(time, y)
+    if not np.all(np.isfinite(found)):
+        hint = _hint(system.plant) or "; choose units in which masses and lengths are nearer to 1"
+        raise ComputationError(f"the accelerations at the start are not finite in double precision{hint}")
+    return found
+
+
+def _hint(plant: Plant) -> str:
+    if plant.cart is None or plant.cart.mass:
+        return ""
+    return "; a massless cart has no equation of motion where all that pulls it hangs straight down: give it a mass"
+
+
+def _haste(scene: Scene, duration: float) -> str:
+    swing = timescales(scene).swing
+    if swing * duration < HASTE:
+        return ""
+    words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
+    return f"{words}: leave out what is so light or so stiff, or ask for less time"

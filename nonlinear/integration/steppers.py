@@ -1,0 +1,202 @@
+"""One step of an integrator at a time, with the motion inside the step at hand."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import inf, sqrt, ulp
+from typing import Protocol
+
+import numpy as np
+from scipy import integrate
+
+from modal.errors import ComputationError
+from modal.types import Floats
+
+Derivative = Callable[[float, Floats], Floats]
+EXPLICIT = {"DOP853": integrate.DOP853, "RK45": integrate.RK45, "RK23": integrate.RK23}
+OTHERS = {"Radau": integrate.Radau, "BDF": integrate.BDF, "LSODA": integrate.LSODA}
+SCIPY = {**EXPLICIT, **OTHERS}
+SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
+FEW = 32  # components among which resting ones hide no error worth a step
+BESIDE = 4  # units in the last place by which a time keeps clear of a break
+
+
+@dataclass(frozen=True)
+class Pace:
+    """How an integrator steps: it ends a step at each of the `breaks` (s, ascending) and begins anew there.
+
+    `first` (s) is the step to try where it begins, the method's own where it is None; none is longer than `longest`
+    (s).  A `share` below 1 makes every step shorter than that part of `longest` and of the stretch between two breaks,
+    so that runs with different shares step differently, whatever holds their steps down.
+    """
+
+    first: float | None = None
+    longest: float = inf
+    breaks: tuple[float, ...] = ()
+    share: float = 1.0
+
+    def stretch(self, time: float) -> tuple[float, float]:
+        """The breaks around a time, one at that time before it; infinite where there is none."""
+        at = bisect_right(self.breaks, time)
+        return (self.breaks[at - 1] if at else -inf), (self.breaks[at] if at < len(self.breaks) else inf)
+
+    def most(self, start: float, end: float) -> float:
+        """The longest step (s) between these two times, breaks or the ends of the run."""
+        return self.longest if self.share == 1 else self.share * min(self.longest, end - start)
+
+
+AT_EASE = Pace()
+
+
+def first_step(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
+    """A first step (s) to try, at most `longest`: in which y at this slope goes as far as it is from zero.
+
+    Both are measured in `scale`, what is left of each component.  SciPy's rule (Hairer, Nørsett and Wanner, Solving
+    Ordinary Differential Equations I, 1993, §II.4) ends with a power of seconds, so other units change every step.
+    """
+    size, speed = (float(np.max(np.abs(values / scale))) for values in (y, slope))
+    return min(size / speed, longest) if size and speed else longest
+
+
+def sharpened(slope: Floats, units: Floats) -> float:
+    """What to take a tolerance times where much of y rests at the start, at most 1.
+
+    SciPy's methods but LSODA hold the mean square of all errors to the tolerance, so that of k among n components in
+    motion may be √(n/k) too large.  With s the slope in natural units (size,), k = (Σ s²)²/Σ s⁴; a start from rest has
+    speeds of zero and unequal pendula unequal ones, wherefore 4 k count, and a few are never told from many.
+    """
+    speed = np.abs(slope / units)
+    if not (most := float(speed.max())):
+        return 1.0
+    moved = (speed / most) ** 2
+    alive = float(moved.sum() ** 2 / (moved**2).sum())
+    return min(1.0, sqrt(max(4 * alive, FEW) / moved.size))
+
+
+class Stepper(Protocol):
+    """An integrator on its way."""
+
+    @property
+    def time(self) -> float:
+        """Where it stands (s)."""
+        ...
+
+    @property
+    def y(self) -> Floats:
+        """What it found there, (size,)."""
+        ...
+
+    @property
+    def calls(self) -> int:
+        """How often it asked for a derivative."""
+        ...
+
+    def step(self) -> None:
+        """Go one step on; ComputationError where that cannot be."""
+        ...
+
+    def inside(self, times: Floats) -> Floats:
+        """The y (T, size) at times within the last step, as accurate as the integrator gives them cheaply."""
+        ...
+
+    def exact(self, time: float) -> Floats:
+        """The y at one time within the last step, as accurate as the step itself."""
+        ...
+
+    def restart(self, y: Floats, time: float | None = None) -> None:
+        """Go on from another y at the present time, or at one within the last step."""
+        ...
+
+
+class SciPyStepper:
+    """A method of `scipy.integrate` (see there for the papers behind each).
+
+    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is what it leaves of components near zero.  What
+    jumps at a break is asked for just beside it, on the side of the step.
+    """
+
+    def __init__(
+        self,
+        method: str,
+        f: Derivative,
+        start: float,
+        y: Floats,
+        end: float,
+        tolerance: float,
+        absolute: Floats,
+        pace: Pace = AT_EASE,
+    ) -> None:
+        self.method, self.f, self.tolerance, self.absolute, self.pace = method, f, tolerance, absolute, pace
+        self.start, self.end, self._done = start, end, 0
+        self.before, self.y_before = start, y
+        self._within: integrate.DenseOutput | None = None
+        with np.errstate(all="ignore"):
+            self._solver = self._begun(start, y, pace.first)
+
+    def _begun(self, time: float, y: Floats, first: float | None) -> integrate.OdeSolver:
+        """An integrator from here to the next break or the end."""
+        self._low, self._high = self.pace.stretch(time)
+        return self._made(time, y, min(self._high, self.end), first)
+
+    def _made(self, time: float, y: Floats, end: float, first: float | None) -> integrate.OdeSolver:
+        tried = None if first is None or self.method == "LSODA" else min(first, end - time) or None
+        longest = self.pace.most(max(self._low, self.start), min(self._high, self.end))
+        options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
+        f = self._beside if self.pace.breaks else self.f
+        return SCIPY[self.method](f, time, y, end, max_step=longest, **options)
+
+    def _beside(self, time: float, y: Floats) -> Floats:
+        """The derivative, as it is between the breaks around."""
+        clear = BESIDE * ulp(time)
+        return self.f(min(max(time, self._low + clear), self._high - clear), y)
+
+    @property
+    def time(self) -> float:
+        """Where it stands (s)."""
+        return float(self._solver.t)
+
+    @property
+    def y(self) -> Floats:
+        """What it found there."""
+        return np.asarray(self._solver.y)
+
+    @property
+    def calls(self) -> int:
+        """Derivatives so far."""
+        return self._done + int(self._solver.nfev)
+
+    def step(self) -> None:
+        """Go one step on."""
+        if self._high <= self.time < self.end:
+            self._done += self._solver.nfev
+            self._solver = self._begun(self.time, self.y, self.pace.first)
+        self.before, self.y_before, self._within = self.time, self.y, None
+        message = self._solver.step()
+        if self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
+            raise ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message or 'not finite'}")
+
+    def inside(self, times: Floats) -> Floats:
+        """By the method's own interpolation."""
+        if self._within is None:
+            self._within = self._solver.dense_output()
+        return np.asarray(self._within(times)).T
+
+    def exact(self, time: float) -> Floats:
+        """By integrating anew from the beginning of the step."""
+        if time <= self.before:
+            return self.y_before
+        solver = self._made(self.before, self.y_before, time, time - self.before)
+        while solver.status == "running":
+            solver.step()
+        self._done += solver.nfev
+        return np.asarray(solver.y)
+
+    def restart(self, y: Floats, time: float | None = None) -> None:
+        """Go on from another y; an explicit method that stays where it is keeps its length of step."""
+        if time is None and self.method in EXPLICIT:
+            self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
+            return
+        self._done += self._solver.nfev
+        self._solver = self._begun(self.time if time is None else time, y, self.time - self.before)

@@ -1,0 +1,51 @@
+"""What the linear modes say beforehand of how fast a scene swings and decays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import sqrt
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.modes.modes import natural_modes
+from modal.scene.model import Scene
+from nonlinear.system.plant import plant_of
+
+MOST_SURVEYED = 2000  # links of a scene whose modes are computed
+
+
+@dataclass(frozen=True)
+class Timescales:
+    """The fastest swing or growth (rad/s) and the fastest decay (1/s) about the rest; `modal` where they are of modes.
+
+    Elsewhere they are guesses, from the shortest link and from each joint's damper and inertia by themselves.
+    """
+
+    swing: float
+    decay: float
+    modal: bool
+
+
+@lru_cache(maxsize=4)
+def timescales(scene: Scene) -> Timescales:
+    """Of a scene's modes where these can be had quickly, else guessed."""
+    if scene.n_links <= MOST_SURVEYED:
+        try:
+            found = natural_modes(scene).eigenvalue
+        except ComputationError:
+            return _guessed(scene)
+        swings = np.abs(found[(np.abs(found.imag) > np.abs(found.real)) | (found.real > 0)])
+        swing = float(swings.max(initial=0.0)) or _guessed(scene).swing
+        return Timescales(swing, float(np.max(-found.real, initial=0.0)), True)
+    return _guessed(scene)
+
+
+def _guessed(scene: Scene) -> Timescales:
+    plant = plant_of(scene)
+    decay = max(float(np.max(group.block.damping / group.moment)) for group in plant.groups)
+    if plant.cart and plant.cart.mass:
+        decay = max(decay, plant.cart.damping / plant.cart.mass)
+    shortest = min(link.length for link in scene.links())
+    return Timescales(sqrt(4 * scene.gravity / shortest), decay, False)

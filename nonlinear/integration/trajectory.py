@@ -1,0 +1,139 @@
+"""What a run found: states at sampled times, what they mean, and the certificates that say how far to trust them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.dynamics.mechanics import Mechanics
+from nonlinear.system.events import NO_KICKS, Happening, Kicks
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import Motion, State, System
+
+NOISE = 1e-7
+CLOSED = "closed form"  # the method where nothing is integrated
+TRUNCATED = "truncated"  # the form in a few mode shapes
+
+
+@dataclass(frozen=True)
+class Run:
+    """How a trajectory was computed: the form of the equations, the method, and why these; counts; what ended it.
+
+    `drift` is the largest violation of a constraint before it was mended, relative to the lengths of the scene;
+    `reduced` says what was integrated where that was less than the whole scene.  `error` is what any angle may be off
+    by (rad) where an accuracy was asked for, inf where nobody knows.
+    """
+
+    form: str
+    method: str
+    reason: str
+    tolerance: float
+    steps: int = 0
+    calls: int = 0
+    drift: float = 0.0
+    stopped: str = ""
+    interrupted: bool = False
+    reduced: str = ""
+    error: float = inf
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A scene's motion at `times` (T,) in s, what happened on the way, and how it was computed.
+
+    `kicks` are those of escapements; `driven` says whether anything acted from outside, `system` holds the equations
+    of a run made in this process.
+    """
+
+    scene: Scene
+    plant: Plant
+    times: Floats
+    motion: Motion
+    run: Run
+    happenings: tuple[Happening, ...] = ()
+    kicks: Kicks = NO_KICKS
+    driven: bool = False
+    system: System | None = field(default=None, repr=False)
+
+    @cached_property
+    def mechanics(self) -> Mechanics:
+        """Positions, energies and momenta."""
+        return Mechanics(self.plant, self.motion)
+
+    def at(self, rows: Any) -> Trajectory:
+        """The same at some of its times: a slice, indices or a mask."""
+        return replace(self, times=self.times[rows], motion=self.motion.at(rows))
+
+    @property
+    def final(self) -> State:
+        """The last state, from which another run can go on."""
+        return self.motion[-1]
+
+    @property
+    def complete(self) -> bool:
+        """Whether the run reached its end."""
+        return not self.run.stopped
+
+    @cached_property
+    def _steady(self) -> Mechanics:
+        """Seen from where nothing coasts: of the energy of a fast free cart the certificate would be all rounding."""
+        if not self.keeps_momentum:
+            return self.mechanics
+        coasting = self.mechanics.momentum / self.plant.total_mass
+        return Mechanics(self.plant, replace(self.motion, cart_rate=self.motion.cart_rate - coasting))
+
+    @cached_property
+    def energy_scale(self) -> float:
+        """What an energy drift is measured against (J): what the energies of the run range over, or its work.
+
+        Where hardly anything happens it is NOISE of the potential energy, whose rounding would else be all there is.
+        """
+        mechanics = self._steady
+        kinetic = mechanics.kinetic.sum(1) + mechanics.cart_kinetic
+        potential = mechanics.potential.sum(1) + mechanics.cart_potential
+        ranges = kinetic.max(), np.ptp(potential), abs(self.motion.work).max(), NOISE * abs(potential).max()
+        return float(max(ranges)) or 1.0
+
+    @cached_property
+    def energy_error(self) -> Floats:
+        """(E(t) − E(0) − work done by dampers and applied forces) / `energy_scale`, (T,)."""
+        energy = self._steady.energy
+        return np.asarray((energy - energy[0] - self.motion.work) / self.energy_scale)
+
+    def energy_drift(self) -> float:
+        """The largest |energy_error|."""
+        return float(np.max(np.abs(self.energy_error)))
+
+    @property
+    def keeps_momentum(self) -> bool:
+        """Whether momentum along the rail is conserved: a cart that nothing holds, damps or drives."""
+        cart = self.plant.cart
+        return cart is not None and not (cart.damping or cart.stiffness or self.driven)
+
+    @property
+    def keeps_spin(self) -> bool:
+        """Whether angular momentum about the vertical is conserved: in space, each pendulum on a fixed support."""
+        return self.plant.spatial and self.plant.cart is None and not (self.plant.works or self.driven)
+
+    def momentum_drift(self) -> float:
+        """The largest change of a conserved momentum over Σ m |v|, coasting left out, or Σ m r |v|; else NaN."""
+        mechanics, mass = self.mechanics, self.plant.mass
+        speed = np.linalg.norm(mechanics.speeds, axis=-1)
+        if self.keeps_momentum:
+            along = mechanics.speeds[..., 0] - mechanics.momentum[:, None] / self.plant.total_mass
+            kept, scale = mechanics.momentum, (np.hypot(along, mechanics.speeds[..., -1]) @ mass).max()
+        elif self.keeps_spin:
+            kept, scale = mechanics.spin, ((speed * np.linalg.norm(mechanics.centres, axis=-1)) @ mass).max()
+        else:
+            return float("nan")
+        return float(np.max(np.abs(kept - kept[0])) / (scale or 1.0))
+
+    def constraint_drift(self) -> float:
+        """The largest violation of a constraint before it was mended; 0 in minimal coordinates."""
+        return self.run.drift

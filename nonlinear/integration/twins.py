@@ -1,0 +1,103 @@
+"""Twins of a run: the same scene from a start a little aside, which has none of its symmetry.
+
+Equal pendula that start equally pull the cart alike for ever, in numbers as in theory, and so do mirror images; where
+that is unstable real ones part, and two runs that share the symmetry agree longer than they are right.  A twin does
+not share it.  Of pendula that move as one only the first is put aside: how fast it leaves the others does not depend on
+their number, and the twin costs at most two pendula of each kind.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import count
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.errors import ComputationError
+from nonlinear.dynamics.symmetries import exactly_symmetric, symmetrized, synchronous
+from nonlinear.integration.arguments import extent
+from nonlinear.integration.run import Request, SimulationError
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.system.events import Event
+from nonlinear.system.initial import rests_unstably
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import State, apart
+
+ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # of a twin's start; rad, far above the rounding of an angle
+LAST_DIGITS = 4 * float(np.finfo(float).eps)  # of an angle, and of the motion's size
+GONE = 1e-4  # rad, at which a twin has left and is followed no further
+SAMPLES, STEPS, TOLERANCE = 200, 3000, 1e-9  # of a twin that tells how fast it leaves, and its steps at most
+
+
+class Departure(NamedTuple):
+    """By which `factor` the distance of a twin from a symmetric run has grown at most within `seconds`."""
+
+    factor: float
+    seconds: float
+
+    @property
+    def words(self) -> str:
+        """A sentence."""
+        return f"a small breach of it would grow {self.factor:.2g}-fold in {self.seconds:.3g} s"
+
+
+def aside(plant: Plant, start: State, by: Any) -> State:
+    """A start with the angles of every pendulum (of those that are one the first) up to `by` (rad) aside.
+
+    In space every component of the unit vectors is.  `by` is a number or fits `start.links`.
+    """
+    shift = by * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
+    if one := synchronous(plant, start):
+        number = np.arange(float(plant.n_links))
+        shift[~np.isin(number, one.restrict(State(number, number)).links)] = 0.0
+    links = start.links + shift
+    if links.ndim == 2:
+        links /= np.linalg.norm(links, axis=1, keepdims=True)
+    return replace(start, links=links)
+
+
+def slightly(plant: Plant, start: State) -> float:
+    """What a twin is put aside by (rad) to see how a difference grows."""
+    return max(ASIDE * extent(start, plant), LEAST)
+
+
+def rounded(request: Request) -> Request | None:
+    """What is asked, from a start that differs in its last digits; None where the start has nothing to lose by that.
+
+    Where no symmetry and no unstable rest holds digit by digit, runs at two tolerances know as much.
+    """
+    plant, start = request.plant, request.start
+    if not (exactly_symmetric(plant, start) or rests_unstably(plant, start)):
+        return None
+    by = np.maximum(LAST_DIGITS * request.size, 4 * np.spacing(np.abs(start.links)))
+    return replace(request, start=aside(plant, start, by))
+
+
+def departure(trajectory: Trajectory) -> Departure | None:
+    """How fast a twin leaves a run that integrates fewer pendula than hang there, or in one plane what is in space.
+
+    None for any other run.  The twin is followed until it is GONE, for STEPS at most.
+    """
+    start, times = trajectory.motion[0], trajectory.times
+    asked = Request(trajectory.scene, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES))
+    if not (trajectory.run.reduced and asked.duration and any(one.ties for one in asked.smaller)):
+        return None
+    steps = count(1)
+
+    def distance(state: State) -> float:
+        return float(apart(*symmetrized(asked.smaller, state))[0])
+
+    def patient(elapsed: float) -> None:
+        if next(steps) > STEPS:
+            raise ComputationError("the twin is followed no further")
+
+    begun = aside(asked.plant, start, slightly(asked.plant, start))
+    left = Event("a twin has left", lambda state: distance(state) - GONE, stop=True)
+    twin = replace(asked, start=begun, events=(left,), report=patient)
+    try:
+        found = twin.run(twin.choice(TOLERANCE))
+    except SimulationError as error:
+        found = error.trajectory
+    gone = max(distance(found.motion[at]) for at in range(len(found.times)))
+    return Departure(gone / distance(begun), float(found.times[-1]))

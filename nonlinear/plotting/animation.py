@@ -1,0 +1,243 @@
+"""Films of a motion: the pendula beside their energies, as an animated GIF, an MP4 or a page for the browser."""
+
+from __future__ import annotations
+
+import base64
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import reduce
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen
+from tempfile import TemporaryDirectory
+from typing import IO
+
+import numpy as np
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from modal.errors import ComputationError, SceneError
+from modal.plotting.palette import colour, ink, paper
+from modal.plotting.style import any_letters
+from modal.report.escaping import html
+from nonlinear.dynamics.interrupts import deaf_children
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.plotting.film import Film
+
+FORMS = ("gif", "mp4", "html")
+LONGEST = 20.0
+"""Seconds of film where nobody says how many."""
+COLOURS, SAMPLED = 64, 6
+"""Colours of a GIF, chosen from this many of its frames."""
+NEARLY = 8
+"""How far a colour may be from the paper's, in 255 steps, to be drawn as the paper."""
+MOST_FRAMES = 20_000
+NO_FFMPEG = (
+    "mp4 needs ffmpeg: install it, or the extra `video` (pip install 'multipendula[video]'); gif and html do not"
+)
+Report = Callable[[float], object]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a film shows: frames, how many a second, the seconds of motion; `left_out` is the rest of the run (s)."""
+
+    frames: int
+    fps: float
+    motion: float
+    left_out: float
+
+    @property
+    def seconds(self) -> float:
+        """How long the film lasts (s)."""
+        return self.frames / self.fps
+
+
+def animate(
+    trajectory: Trajectory,
+    stream: IO[bytes],
+    form: str,
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    seconds: float | None = None,
+    report: Report = lambda done: None,
+) -> Shown:
+    """Write a film of a trajectory as "gif", "mp4" or "html".
+
+    `fps` frames a second (25 in a GIF, 30 else; a GIF counts hundredths of a second and gets the nearest it can),
+    `speed` seconds of motion a second of film, at most `seconds` of film (20).  `report` hears of the seconds of film
+    that are done.  Raises SceneError for arguments that cannot be, ComputationError where samples are too far apart
+    and where an MP4 is asked for without ffmpeg.
+    """
+    _check(form, fps, speed, seconds)
+    executable = _ffmpeg() if form == "mp4" else ""
+    rate = _rate(form, fps)
+    length = float(trajectory.times[-1] - trajectory.times[0]) / speed
+    frames = max(1, int(min(length, seconds or LONGEST) * rate + 1e-9))
+    if frames > MOST_FRAMES:
+        raise SceneError([f"{frames} frames: must be at most {MOST_FRAMES}; ask for fewer seconds or fps"])
+
+    def shot(frame: int) -> Image.Image:
+        image = film.image(frame)
+        report((frame + 1) / rate)
+        return image
+
+    with any_letters():
+        film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed)
+        if form == "gif":
+            _write_gif(film, shot, stream)
+        elif form == "html":
+            _write_html(film, shot, stream)
+        else:
+            _write_mp4(film, shot, executable, stream)
+    motion = min(frames * speed / rate, length * speed)
+    return Shown(frames, rate, motion, max(0.0, (length * speed) - motion))
+
+
+def _check(form: str, fps: float | None, speed: float, seconds: float | None) -> None:
+    problems = [] if form in FORMS else [f"{form!r}: a film is one of {', '.join(FORMS)}"]
+    if fps is not None and not 1 <= fps <= 60:
+        problems.append(f"fps {fps!r}: must be from 1 to 60")
+    for name, value in (("speed", speed), ("seconds", seconds)):
+        if value is not None and not 0 < value < float("inf"):
+            problems.append(f"{name} {value!r}: must be positive")
+    if problems:
+        raise SceneError(problems)
+
+
+def _rate(form: str, fps: float | None) -> float:
+    if form == "gif":
+        return 100.0 / max(2, round(100.0 / (fps or 25.0)))
+    return fps or 30.0
+
+
+def _write_gif(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
+    """One palette for all frames, so that only what moves is stored."""
+    count = len(film.times)
+    samples = [np.asarray(film.image(int(k))) for k in np.unique(np.linspace(0, count - 1, SAMPLED).astype(int))]
+    palette = _on_paper(Image.fromarray(np.concatenate(samples)).quantize(COLOURS))
+
+    def reduced(frame: int) -> Image.Image:
+        return shot(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    rest = map(reduced, range(1, count))
+    duration = round(1000 / film.rate)
+    reduced(0).save(stream, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=True)
+
+
+def _on_paper(image: Image.Image) -> Image.Image:
+    """The same palette with what is nearly paper made paper."""
+    colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
+    blank = Image.new("RGB", (1, 1), tuple(plain.tolist())).quantize(palette=image, dither=Image.Dither.NONE)
+    colours[np.abs(colours.astype(int) - plain).max(1) <= NEARLY] = plain
+    colours[np.asarray(blank)] = plain
+    image.putpalette(colours.tobytes())
+    return image
+
+
+def _write_mp4(film: Film, shot: Callable[[int], Image.Image], executable: str, stream: IO[bytes]) -> None:
+    """Frames go to ffmpeg through a pipe; it never hears Ctrl-C, which is for this process to answer."""
+    width, height = film.canvas.get_width_height()
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-framerate", repr(film.rate)]
+    coded = ["-vcodec", "h264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart"]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        try:
+            with deaf_children():
+                command = [executable, "-loglevel", "error", *raw, "-i", "pipe:", *coded, str(path)]
+                encoder = Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=PIPE)
+        except OSError as error:
+            raise _failed(executable, str(error.strerror)) from None
+        with encoder:
+            try:
+                said = _fed(encoder, (shot(frame).tobytes() for frame in range(len(film.times))))
+            except BaseException:
+                encoder.kill()
+                raise
+        if encoder.returncode:
+            raise _failed(executable, said or f"it ended with {encoder.returncode}")
+        stream.write(path.read_bytes())
+
+
+def _fed(encoder: Popen[bytes], frames: Iterable[bytes]) -> str:
+    """What a program says last of all that it is given; one that has ended takes no more."""
+    assert encoder.stdin
+    with suppress(BrokenPipeError):
+        for frame in frames:
+            encoder.stdin.write(frame)
+    said = encoder.communicate()[1].decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(said) if line.strip()), "")
+
+
+def _failed(executable: str, words: str) -> ComputationError:
+    return ComputationError(f"ffmpeg ({executable}) could not write the film: {words}")
+
+
+def _ffmpeg() -> str:
+    """The program on the path, or the one that the extra brings."""
+    found = shutil.which("ffmpeg")
+    if found:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise ComputationError(NO_FFMPEG) from None
+
+
+def _write_html(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
+    """A page that needs nothing else: frames as PNG, a button, a slider."""
+    words = {"RATE": f"{film.rate:g}", "INK": ink(), "PAPER": paper(), "HUE": colour(0), "TITLE": html(film.title)}
+    head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
+    stream.write(head.encode())
+    for part in chain.from_iterable(_embedded(shot(k)) for k in range(len(film.times))):
+        stream.write(part)
+    stream.write(tail.encode())
+
+
+def _embedded(image: Image.Image) -> Iterator[bytes]:
+    buffer = BytesIO()
+    _on_paper(image.quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
+    yield b'"' + base64.b64encode(buffer.getvalue()) + b'",\n'
+
+
+PAGE = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<title>TITLE</title>
+<style>
+body { margin: 2em auto; max-width: 800px; font-family: sans-serif; color: INK; background: PAPER; }
+img { width: 100%; display: block; }
+div { display: flex; gap: 1em; align-items: center; }
+input { flex: 1; accent-color: HUE; }
+</style>
+<img id="picture" alt="TITLE">
+<div><button id="button">pause</button><input id="slider" type="range" min="0" value="0" aria-label="frame"></div>
+<script>
+const rate = RATE, frames = [
+FRAMES];
+const picture = document.getElementById("picture"), button = document.getElementById("button");
+const slider = document.getElementById("slider");
+let playing = true, since = performance.now();
+slider.max = frames.length - 1;
+function show(k) { picture.src = "data:image/png;base64," + frames[k]; slider.value = k; }
+function play(playOn) { playing = playOn; button.textContent = playOn ? "pause" : "play"; }
+function restart() { since = performance.now() - 1000 * slider.value / rate; }
+button.onclick = () => { play(!playing); restart(); };
+slider.oninput = () => { play(false); show(+slider.value); };
+function tick(now) {
+  const k = Math.floor((now - since) / 1000 * rate) % frames.length;
+  if (playing && k >= 0 && k != +slider.value) show(k);
+  requestAnimationFrame(tick);
+}
+show(0);
+requestAnimationFrame(tick);
+</script>
+</html>
+"""

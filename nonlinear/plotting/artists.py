@@ -1,0 +1,211 @@
+"""The left half of a film: pendula hanging from their cart or support, drawn once and moved from frame to frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.colors import to_rgb
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle, FancyBboxPatch, Polygon
+from matplotlib.ticker import MaxNLocator
+
+from modal.plotting.layout import SMALL
+from modal.plotting.palette import QUIET, colour, ink, muted, paper, shade
+from modal.scene.model import Bob, Body, Rod
+from modal.types import Floats
+from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, Stage
+
+BODY, FLOOR, SHADOW = 0.14, 0.05, 0.2  # how much of ink is in them
+MOST_MARKS = 40
+MARGIN = 0.09
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a panel shows around the camera (m)."""
+
+    left: float
+    right: float
+    bottom: float
+    top: float
+
+    @property
+    def width(self) -> float:
+        """From edge to edge (m)."""
+        return self.right - self.left
+
+
+def limits_of(stage: Stage, ratio: float) -> Limits:
+    """Everything that moves, with a margin, in a panel `ratio` times as wide as high."""
+    low, high = stage.extent
+    middle, half = (low + high) / 2, (1 + 2 * MARGIN) * (high - low) / 2
+    half = np.maximum(half, (half[1] * ratio, half[0] / ratio))
+    return Limits(middle[0] - half[0], middle[0] + half[0], middle[1] - half[1], middle[1] + half[1])
+
+
+class Scenery:
+    """A stage on an axis whose panel is `ratio` times as wide as high; `trail` is how many frames the trails last."""
+
+    def __init__(self, axis: Axes, stage: Stage, ratio: float, trail: int) -> None:
+        self.axis, self.stage, self.limits = axis, stage, limits_of(stage, ratio)
+        axis.set(xlim=(self.limits.left, self.limits.right), ylim=(self.limits.bottom, self.limits.top))
+        axis.set_aspect("equal")
+        self.cart = _Cart(axis, stage) if stage.on_cart else None
+        if stage.on_cart:
+            _rail(axis, -0.17 * stage.depth)
+        else:
+            _ceiling(axis, stage)
+        points = _points_per_metre(axis, self.limits)
+        self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
+        if stage.floor is not None:
+            _floor(axis, stage)
+
+    def show(self, frame: int) -> None:
+        """Move everything to where it is in a frame."""
+        camera = float(self.stage.camera[frame])
+        self.axis.set_xlim(camera + self.limits.left, camera + self.limits.right)
+        if self.cart:
+            self.cart.show(float(self.stage.cart[frame]))
+        for player in self.players:
+            player.show(frame)
+
+
+def _points_per_metre(axis: Axes, limits: Limits) -> float:
+    pixels = axis.get_window_extent().width
+    return float(72 * pixels / axis.figure.dpi / limits.width)
+
+
+class _Cart:
+    """A box on two wheels, the pivots along the middle of the box."""
+
+    def __init__(self, axis: Axes, stage: Stage) -> None:
+        depth, half = stage.depth, stage.half
+        self.half, self.wheels = half, (-0.72 * half, 0.72 * half)
+        self.box = FancyBboxPatch(
+            (-half, -0.07 * depth),
+            2 * half,
+            0.14 * depth,
+            boxstyle=f"round,pad=0,rounding_size={0.04 * depth}",
+            facecolor=shade(BODY),
+            edgecolor=ink(),
+            lw=1.2,
+            zorder=2,
+        )
+        axis.add_patch(self.box)
+        self.circles = [
+            Circle((x, -0.1 * depth), 0.06 * depth, facecolor=paper(), edgecolor=ink(), lw=1.4, zorder=2.5)
+            for x in self.wheels
+        ]
+        for circle in self.circles:
+            axis.add_patch(circle)
+
+    def show(self, x: float) -> None:
+        self.box.set_x(x - self.half)
+        for circle, place in zip(self.circles, self.wheels, strict=True):
+            circle.center = (x + place, circle.center[1])
+
+
+def _rail(axis: Axes, height: float) -> None:
+    """A rail with ticks, metres along it at the lower edge."""
+    axis.spines[["left", "right", "bottom"]].set_visible(False)
+    axis.spines["top"].set(position=("data", height), color=muted(), lw=1.6, visible=True)
+    axis.set_yticks([])
+    axis.set_xlabel("along the rail (m)", fontsize=SMALL, labelpad=1)
+    axis.xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))
+    axis.xaxis.set_major_formatter("{x:.3g}")
+    axis.grid(visible=False)
+    axis.tick_params(axis="x", top=True, bottom=False, colors=muted(), labelsize=SMALL, length=3.5, pad=1)
+
+
+def _ceiling(axis: Axes, stage: Stage) -> None:
+    """A beam hatched from above."""
+    axis.set_axis_off()
+    height, feet = 0.045 * stage.depth, np.linspace(-stage.half, stage.half, 4 + 5 * len(stage.pivots))[:-1]
+    lean = feet[1] - feet[0]
+    strokes = [[(x, 0.0), (x + lean, height)] for x in feet]
+    axis.add_collection(LineCollection(strokes, colors=muted(), linewidths=0.9, zorder=1), autolim=False)
+    axis.plot([-stage.half, stage.half], [0, 0], color=ink(), lw=2.6, zorder=2)
+
+
+def _floor(axis: Axes, stage: Stage) -> None:
+    """Where shadows fall: as wide as the shadows and as deep."""
+    shadows = np.concatenate([actor.shadow for actor in stage.actors if actor.shadow is not None])
+    shadows = shadows - np.stack((stage.camera, 0 * stage.camera), axis=-1).repeat(len(stage.actors), 0)[:, None]
+    level = -(stage.floor or 0.0)
+    y = (shadows[..., 1] - level) / OBLIQUE[1]
+    x = shadows[..., 0] - y * OBLIQUE[0]
+    pad = 0.08 * stage.depth
+    (left, right), (near, far) = ((float(v.min()) - pad, float(v.max()) + pad) for v in (x, y))
+    corners = [
+        (a + b * OBLIQUE[0], level + b * OBLIQUE[1])
+        for a, b in ((left, near), (right, near), (right, far), (left, far))
+    ]
+    axis.add_patch(Polygon(corners, facecolor=shade(FLOOR), edgecolor=shade(SHADOW), lw=0.8, zorder=0))
+
+
+class _Player:
+    """A pendulum: links as lines with round ends, bobs as discs, the centres of bodies as diamonds, a fading trail."""
+
+    def __init__(self, axis: Axes, actor: Actor, hue: str, points: float, trail: int) -> None:
+        self.actor, self.trail = actor, DETAIL * trail
+        marked = len(actor.links) <= MOST_MARKS
+        kinds = [type(link) if marked else Body for link in actor.links]
+        self.rods = [i for i, kind in enumerate(kinds) if kind is Rod]
+        self.bobs = [i for i, kind in enumerate(kinds) if kind is Bob]
+        self.pinned = [0, *(i + 1 for i in range(len(kinds) - 1) if i not in self.bobs)]
+        self.bodies = [i for i, kind in enumerate(kinds) if kind is Body and marked]
+        shortest = points * min(link.length for link in actor.links)
+        thick = float(np.clip(0.16 * shortest, 2.5, 7.0))
+        round_ended: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": hue}
+        self.shadow = axis.plot([], [], color=shade(SHADOW), lw=0.6 * thick, gid=QUIET, zorder=0.5)[0]
+        self.wake = _wake(axis, hue, self.trail)
+        self.line = axis.plot([], [], lw=min(2.2, thick), **round_ended, zorder=4)[0]
+        self.bars = axis.plot([], [], lw=thick, **round_ended, zorder=5)[0]
+        self.reach = axis.plot([], [], ":", lw=1.2, color=hue, zorder=4)[0]
+        self.discs = _dots(axis, "o", self._sizes(self.bobs, shortest), hue, 6)
+        self.diamonds = _dots(axis, "D", 0.5 * self._sizes(self.bodies, shortest), hue, 6)
+        size = min(2.8, 0.6 * thick) if marked else 0.0
+        self.pins = axis.plot([], [], "o", ms=size, color=paper(), mec=hue, mew=0.8, zorder=7)[0]
+
+    def _sizes(self, links: list[int], shortest: float) -> Floats:
+        """Areas (pt²) of discs, volumes in proportion to masses."""
+        mass = np.array([link.mass for link in self.actor.links])
+        across = min(15.0, max(5.0, 0.6 * shortest)) * np.cbrt(mass[links] / mass.max())
+        return np.asarray(np.maximum(across, 3.5) ** 2)
+
+    def show(self, frame: int) -> None:
+        joints, centres = self.actor.joints[frame], self.actor.centres[frame]
+        self.line.set_data(*joints.T)
+        _pieces(self.bars, joints[:-1][self.rods], joints[1:][self.rods])
+        _pieces(self.reach, joints[1:][self.bodies], centres[self.bodies])
+        self.discs.set_offsets(centres[self.bobs])
+        self.diamonds.set_offsets(centres[self.bodies])
+        self.pins.set_data(*joints[self.pinned].T)
+        way = self.actor.trail[max(0, DETAIL * frame - self.trail) : DETAIL * frame + 1][::-1]
+        self.wake.set_segments(list(np.stack((way[:-1], way[1:]), axis=1)))
+        if self.actor.shadow is not None:
+            self.shadow.set_data(*self.actor.shadow[frame].T)
+
+
+def _wake(axis: Axes, hue: str, length: int) -> LineCollection:
+    """Segments from the newest, which is the strongest and the widest."""
+    age = np.linspace(0, 1, max(length, 1))
+    colours = [(*to_rgb(hue), 0.6 * (1 - a) ** 1.5) for a in age]
+    wake = LineCollection([], colors=colours, linewidths=2.4 - 1.6 * age, zorder=3)
+    axis.add_collection(wake, autolim=False)
+    return wake
+
+
+def _dots(axis: Axes, marker: str, sizes: Floats, hue: str, zorder: int) -> PathCollection:
+    none = np.full(len(sizes), np.nan)
+    return axis.scatter(none, none, sizes, marker=marker, color=hue, edgecolors=paper(), linewidths=0.8, zorder=zorder)
+
+
+def _pieces(line: Line2D, starts: Floats, ends: Floats) -> None:
+    """Separate strokes as one line with gaps."""
+    gaps = np.full_like(starts, np.nan)
+    line.set_data(*np.stack((starts, ends, gaps), axis=1).reshape(-1, 2).T)

@@ -1,0 +1,77 @@
+"""Branches of configurations as a picture: how far pendula swing and how fast, and where each branch lasts."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from modal.errors import ComputationError
+from modal.plotting.layout import headline, key
+from modal.plotting.loci import axis_words, scale
+from modal.plotting.palette import HUES, colour, ink, paper, thickness
+from modal.plotting.style import WIDTH, save, sheet
+from modal.types import Floats
+from nonlinear.synchronization.branches import Branch, Branches
+
+MOST_CURVES = HUES
+LASTING, PASSING = "-", (0, (3, 2))
+
+
+def draw_branches(found: Branches, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf: full lines where a branch lasts, broken ones where it does not.
+
+    Circles are critical values.  Raises ComputationError for no branch and for more than MOST_CURVES.
+    """
+    save(branches_figure(found), stream, form)
+
+
+def branches_figure(found: Branches) -> Figure:
+    """The same as a figure."""
+    if not 1 <= len(found.branches) <= MOST_CURVES:
+        raise ComputationError(f"{len(found.branches)} configurations do not fit a picture: from 1 to {MOST_CURVES}")
+    figure = sheet(WIDTH, 7.0)
+    upper, lower = figure.subplots(2, 1, sharex=True)
+    values = found.variation.values
+    for number, one in enumerate(found.branches):
+        _curve(upper, one, np.rad2deg(one.angle), number)
+        _curve(lower, one, one.omega, number)
+    upper.set(ylabel="largest angle (°)", xlim=(values[0], values[-1]))
+    upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
+    lower.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)")
+    scale(lower, "x", found.variation)
+    headline(figure, found.scene.title, "configurations that keep swinging")
+    key(figure, _handles(found), columns=2)
+    return figure
+
+
+def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
+    """Piece by piece of one fate."""
+    fates = np.array(one.lasts)
+    breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
+    for start, stop in pairwise(breaks):
+        piece = slice(max(start - 1, 0), stop)
+        style = LASTING if fates[start] else PASSING
+        axis.plot(one.values[piece], y[piece], color=colour(number), ls=style, lw=thickness(number), zorder=3)
+    critical = [change.value for change in one.changes]
+    axis.plot(critical, np.interp(critical, one.values, y), **_ring())
+
+
+def _ring() -> dict[str, Any]:
+    return {"ls": "", "marker": "o", "mfc": paper(), "mec": ink(), "ms": 6.0, "mew": 1.2, "zorder": 5}
+
+
+def _handles(found: Branches) -> list[Line2D]:
+    lines = [
+        Line2D([], [], color=colour(number), lw=thickness(number), label=f"{number + 1}: {one.words}")
+        for number, one in enumerate(found.branches)
+    ]
+    fates = [
+        Line2D([], [], color=ink(), ls=style, label=label)
+        for style, label in ((LASTING, "lasts"), (PASSING, "does not last"))
+    ]
+    return [*lines, *fates, Line2D([], [], label="critical value", **_ring())]

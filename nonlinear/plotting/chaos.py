@@ -1,0 +1,118 @@
+"""Pictures of chaos: a Lyapunov exponent as it settles, and exponents against links or cart mass."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import IO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from modal.plotting.layout import headline
+from modal.plotting.palette import QUIET, colour, muted
+from modal.plotting.style import WIDE, WIDTH, save, sheet
+from modal.scene.model import Scene
+from nonlinear.chaos.lyapunov import Exponent
+from nonlinear.chaos.studies import Case, Finding
+
+MARKERS = ("o", "s", "D", "^")
+MOST_LINES = 24
+"""Single starts drawn behind their mean."""
+NUDGE = 1.06
+"""Series of carts stand this factor apart, so that their error bars can be told from each other."""
+Rows = Sequence[tuple[Case, Exponent]]
+
+
+def draw_running(exponent: Exponent, stream: IO[bytes], *, kind: str = "png") -> None:
+    """Write the picture of `exponent_figure` as png, svg or pdf."""
+    save(exponent_figure(exponent), stream, kind)
+
+
+def exponent_figure(exponent: Exponent) -> Figure:
+    """λ as it stood after every time: each start, their mean with its interval, and what regular motion looks like."""
+    figure = sheet(WIDTH, 4.6)
+    axis = figure.subplots()
+    times, running = exponent.running()
+    since, mean = times - exponent.transient, running.mean(1)
+    if exponent.ensemble > 1:
+        axis.plot(since, running[:, :MOST_LINES], color=colour(0), lw=0.6, alpha=0.4, gid=QUIET)
+    axis.plot([], [], color=colour(0), lw=0.8, label="single starts")
+    half, words = exponent.half_width, "95 % interval of the mean"
+    axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=0.25, lw=0, label=words)
+    axis.plot(since, mean, color=colour(1), lw=2.2, label=f"mean of {exponent.ensemble}: {exponent.equation}")
+    axis.plot(since, exponent.regular(since), "--", color=muted(), lw=1.4, label="what regular motion can look like")
+    late = running[since > since[-1] / 10]
+    low, high = float(min(late.min(), 0.0)), float(max(late.max(), 2 * exponent.floor))
+    axis.set(xlim=(0, since[-1]), ylim=(low - 0.05 * (high - low), high * 1.08))
+    axis.set(xlabel="time measured T (s)", ylabel="growth of a small error, λ(T) (1/s)")
+    axis.legend(loc="upper right")
+    headline(figure, exponent.scene.title, "the largest Lyapunov exponent")
+    return figure
+
+
+def draw_finding(finding: Finding, stream: IO[bytes], *, kind: str = "png") -> None:
+    """Write the picture of `finding_figure` as png, svg or pdf."""
+    save(finding_figure(finding), stream, kind)
+
+
+def finding_figure(finding: Finding) -> Figure:
+    """λ with its 95 % interval for every case; a hollow triangle is what λ lies below."""
+    return _DRAWN[finding.study.paper](finding)
+
+
+def _chains(finding: Finding) -> Figure:
+    figure = sheet(WIDE, 4.6)
+    left, right = figure.subplots(1, 2)
+    for k, (name, rows) in enumerate(finding.series().items()):
+        links = [float(exponent.scene.n_links) for _, exponent in rows]
+        rates = [_natural_rate(case.scene) for case, _ in rows]
+        _points(left, links, rows, rates, k, name)
+        _points(right, links, rows, [rate / n**0.5 for rate, n in zip(rates, links, strict=True)], k, name)
+    left.set(title="links of one length l", ylabel="exponent λ √(l/g) (–)")
+    right.set(title="one total length L, cut into more links", ylabel="exponent λ √(L/g) (–)")
+    for axis in (left, right):
+        axis.set(xlabel="number of links (–)", ylim=(-0.04 * axis.get_ylim()[1], None))
+        axis.xaxis.set_major_locator(MaxNLocator(integer=True))
+        axis.legend(loc="upper left")
+    headline(figure, "Paper 001", f"{finding.study.claim}?")
+    return figure
+
+
+def _natural_rate(scene: Scene) -> float:
+    """sqrt(g/l) of the first link (1/s)."""
+    return float(np.sqrt(scene.gravity / scene.pendulum[0].links[0].length))
+
+
+def _carts(finding: Finding) -> Figure:
+    figure = sheet(WIDTH, 4.8)
+    axis = figure.subplots()
+    for k, (name, rows) in enumerate(finding.series().items()):
+        fixed = next(exponent for case, exponent in rows if case.at is None)
+        half = fixed.half_width
+        axis.axhspan(fixed.value - half, fixed.value + half, color=colour(k), alpha=0.16, lw=0)
+        axis.axhline(fixed.value, color=colour(k), ls="--", lw=1.1)
+        carts = [(case, exponent) for case, exponent in rows if case.at is not None]
+        masses = [(case.at or 0.0) * NUDGE ** (k - 1) for case, _ in carts]
+        _points(axis, masses, carts, [1.0] * len(carts), k, name)
+    axis.plot([], [], "--", color=muted(), lw=1.1, label="the same on a fixed support")
+    axis.set(xscale="log", xlabel="cart mass (kg)", ylabel="exponent λ (1/s)", ylim=(0, None))
+    axis.xaxis.set_major_formatter("{x:g}")
+    axis.legend(loc="lower right")
+    headline(figure, "Paper 000", f"{finding.study.claim}?")
+    return figure
+
+
+_DRAWN = {"000": _carts, "001": _chains}
+
+
+def _points(axis: Axes, at: Sequence[float], rows: Rows, units: Sequence[float], k: int, name: str) -> None:
+    hue, marker = colour(k), MARKERS[k]
+    triples = list(zip(at, (exponent for _, exponent in rows), units, strict=True))
+    told = np.array([(x, e.value / unit, e.half_width / unit) for x, e, unit in triples if e.is_positive])
+    bounds = np.array([(x, e.bound / unit) for x, e, unit in triples if not e.is_positive])
+    if told.size:
+        axis.errorbar(*told.T, color=hue, marker=marker, ms=5.5, lw=1.4, label=name)
+    if bounds.size:
+        axis.plot(*bounds.T, "v", color="none", mec=hue, mew=1.4, ms=7.0)

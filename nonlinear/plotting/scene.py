@@ -1,0 +1,168 @@
+"""What a film shows and where: the drawn pendula over all frames in the picture's metres, the camera, the energies.
+
+The pivots of all pendula are one point of the equations; the picture sets them apart.  Space is seen obliquely: what
+is y across the rail stands y/2 to the upper right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.scene.model import Bob, Body, Rod
+from modal.types import Floats, Ints
+from nonlinear.dynamics.mechanics import Mechanics, vectors
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing.resampling import picked, resampled
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import Motion
+
+MOST_PENDULA, DETAIL, CLAUSE = 12, 3, 4_000_000
+OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
+Link = Bob | Rod | Body
+
+
+def flat(points: Floats) -> Floats:
+    """Points (..., 2) or (..., 3) as in `nonlinear.dynamics.mechanics`, as (..., 2), to the right and up."""
+    seen = np.stack((points[..., 0], -points[..., -1]), axis=-1)
+    return seen + points[..., 1:2] * OBLIQUE if points.shape[-1] == 3 else seen
+
+
+@dataclass(frozen=True, eq=False)
+class Actor:
+    """One pendulum of n links: joints from the pivot down (F, n + 1, 2), centres (F, n, 2) and shadow, all in m.
+
+    `trail` (G, 2) is the way of its tip, DETAIL points a frame.  In the plane nothing casts a shadow: None.
+    """
+
+    links: tuple[Link, ...]
+    joints: Floats
+    centres: Floats
+    trail: Floats
+    shadow: Floats | None
+
+
+@dataclass(frozen=True, eq=False)
+class Energies:
+    """Kinetic energy and potential energy above rest (J) of what `names` says (F, B) and of all (F,)."""
+
+    names: tuple[str, ...]
+    kinetic: Floats
+    potential: Floats
+    whole: tuple[Floats, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """The drawn pendula, the place of the cart (F,) in m, the pivots on it and the length (m) of the longest chain.
+
+    `floor` is how far below the rail shadows fall (m), None in the plane.
+    """
+
+    actors: tuple[Actor, ...]
+    cart: Floats
+    pivots: Floats
+    depth: float
+    on_cart: bool
+    floor: float | None
+
+    @property
+    def half(self) -> float:
+        """Half the length of the cart or of the support (m)."""
+        return float(self.pivots[-1]) + 0.2 * self.depth
+
+    @cached_property
+    def follows(self) -> bool:
+        """Whether the cart goes so far that the camera goes with it."""
+        return bool(np.ptp(self.cart) > 0.75 * self.depth + 0.5 * self.half)
+
+    @cached_property
+    def camera(self) -> Floats:
+        """Where on the rail the middle of the picture's own coordinates is (m), (F,)."""
+        return self.cart if self.follows else np.zeros_like(self.cart)
+
+    @cached_property
+    def extent(self) -> tuple[Floats, Floats]:
+        """The least and the largest coordinates (m), seen from the camera, of everything that moves."""
+        corners = [-self.half, self.half] + (self.cart - self.camera)[:, None]
+        across = [corners.ravel()]
+        up = [np.array([-0.2, 0.14]) * self.depth]
+        for actor in self.actors:
+            shadow = [] if actor.shadow is None else [actor.shadow]
+            for points in (actor.joints, actor.centres, *shadow):
+                across.append((points[..., 0] - self.camera[:, None]).ravel())
+                up.append(points[..., 1].ravel())
+        ranges = [np.concatenate(values) for values in (across, up)]
+        return np.array([values.min() for values in ranges]), np.array([values.max() for values in ranges])
+
+
+def chosen(plant: Plant) -> Ints:
+    """The pendula, from 0, that are drawn: all or MOST_PENDULA of them evenly."""
+    count = plant.n_pendula
+    return np.unique(np.linspace(0, count - 1, min(count, MOST_PENDULA)).astype(np.int64))
+
+
+def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
+    """The drawn pendula at evenly spaced times `at` (F,) in s."""
+    plant, pendula = trajectory.plant, chosen(trajectory.plant)
+    fine = np.interp(np.arange(DETAIL * (len(at) - 1) + 1) / DETAIL, np.arange(len(at)), at)
+    places = [np.flatnonzero(plant.pendulum == pendulum) for pendulum in pendula]
+    moved = [resampled(trajectory.times, picked(trajectory.motion, place), fine) for place in places]
+    length, centre = plant.by_link("length"), plant.by_link("centre")
+    depth = max(float(length[place].sum()) for place in places)
+    spacing = depth * (0.95 if len(places) <= 4 else 0.5)
+    pivots = np.asarray(spacing * (np.arange(len(places)) - (len(places) - 1) / 2))
+    shapes = [
+        _shape(motion, length[place], centre[place], pivot)
+        for motion, place, pivot in zip(moved, places, pivots, strict=True)
+    ]
+    floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if plant.spatial else None
+    actors = tuple(
+        _actor(_links(trajectory, pendulum), joints, centres, floor)
+        for pendulum, (joints, centres) in zip(pendula, shapes, strict=True)
+    )
+    return Stage(actors, moved[0].cart[::DETAIL], pivots, depth, plant.cart is not None, floor)
+
+
+def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float) -> tuple[Floats, Floats]:
+    """Joints (G, n + 1, d) and centres (G, n, d)."""
+    along = vectors(motion)[0]
+    joints = np.cumsum(length[:, None] * along, axis=1)
+    joints = np.concatenate((np.zeros_like(joints[:, :1]), joints), axis=1)
+    joints[..., 0] += pivot + motion.cart[:, None]
+    return joints, joints[:, :-1] + centre[:, None] * along
+
+
+def _actor(links: tuple[Link, ...], joints: Floats, centres: Floats, floor: float | None) -> Actor:
+    shadow = None
+    if floor is not None:
+        lowered = joints[::DETAIL].copy()
+        lowered[..., -1] = floor
+        shadow = flat(lowered)
+    return Actor(links, flat(joints[::DETAIL]), flat(centres[::DETAIL]), flat(joints[:, -1]), shadow)
+
+
+def _links(trajectory: Trajectory, pendulum: int) -> tuple[Link, ...]:
+    entries = trajectory.scene.pendulum
+    entry = entries[int(np.searchsorted(np.cumsum([entry.count for entry in entries]), pendulum, side="right"))]
+    return tuple(link for link in entry.links for _ in range(link.count))
+
+
+def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
+    """The energies of the drawn pendula, of a cart after them, and of everything, at the times `at` (F,) in s."""
+    rows = max(1, CLAUSE // trajectory.plant.n_links)
+    parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
+    kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    own, cart = chosen(trajectory.plant), trajectory.plant.cart is not None
+    bars = np.append(own, trajectory.plant.n_pendula) if cart else own
+    names = (*map(str, own + 1), *["cart"] * cart)
+    return Energies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
+
+
+def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
+    """Kinetic energy and potential energy above rest of every pendulum and, last, of the cart."""
+    found = Mechanics(trajectory.plant, resampled(trajectory.times, trajectory.motion, at))
+    kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
+    return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

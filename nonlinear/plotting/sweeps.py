@@ -1,0 +1,176 @@
+"""Sweeps as pictures: numbers along one parameter as curves, one number over two parameters as a map."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm, Normalize
+from matplotlib.figure import Figure
+
+from modal.errors import ComputationError
+from modal.plotting.layout import NUMBER, headline, log_ticks
+from modal.plotting.loci import axis_words, scale
+from modal.plotting.palette import MOST_CURVES, colour, dash, rest
+from modal.plotting.style import WIDE, WIDTH, save, sheet
+from modal.scene.parameters import Variation
+from modal.types import Floats
+from nonlinear.sweeps.running import Sweep
+
+MOST_MAPS = 6
+MOST_TICKS = 12  # of a map whose values are whole numbers
+DECADES = 30.0
+"""The ratio of largest to smallest from which colours and curves go by ratios."""
+STILL, WINDOW = 1e-6, 0.01
+"""A relative change too small to be drawn, and what an axis then shows on either side."""
+UNITS = (
+    ("_rad_per_s", "rad/s"),
+    ("_deg_per_s", "°/s"),
+    ("_m_per_s", "m/s"),
+    ("_per_s", "1/s"),
+    ("_deg", "°"),
+    ("_rad", "rad"),
+    ("_s", "s"),
+    ("_m", "m"),
+    ("_kg", "kg"),
+    ("_J", "J"),
+    ("_W", "W"),
+    ("_N", "N"),
+)
+
+
+def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
+    """Every number of a sweep: curves over one parameter, a map each over two; logarithmic where the variation was.
+
+    Points that failed are hatched.  Raises ComputationError where nothing is known, for three parameters, and for
+    more than a picture holds.
+    """
+    save(sweep_figure(sweep), stream, form)
+
+
+def sweep_figure(sweep: Sweep) -> Figure:
+    """The same as a figure."""
+    insist(sweep.study.variations)
+    known = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
+    if not known:
+        raise ComputationError("no point has a number: there is nothing to draw")
+    axes = sweep.study.variations
+    most = MOST_CURVES if len(axes) == 1 else MOST_MAPS
+    if len(known) > most:
+        raise ComputationError(f"{len(known)} numbers do not fit a picture: measure at most {most}")
+    figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
+    headline(figure, sweep.study.scene.title, "sweep")
+    return figure
+
+
+def insist(axes: Sequence[Variation]) -> None:
+    """ComputationError where a sweep over these cannot be drawn."""
+    if len(axes) > 2 or any(len(variation.values) < 2 for variation in axes):
+        raise ComputationError("a picture is of one parameter or two, each with two values or more")
+
+
+def words(column: str) -> tuple[str, str]:
+    """A column's name and unit for people: ("omega 1", "rad/s")."""
+    for ending, unit in UNITS:
+        if column.endswith(ending):
+            return column.removesuffix(ending).replace("_", " "), unit
+    return column.replace("_", " "), ""
+
+
+def label(column: str) -> str:
+    """A column as the label of an axis."""
+    name, unit = words(column)
+    shown = re.sub(r"^omega (\d+[a-z]*)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
+    return f"{shown} ({unit or NUMBER})"
+
+
+# ------------------------------------------------------------------------------------------------------- curves
+
+
+def _curves(sweep: Sweep, known: list[str]) -> Figure:
+    """One panel for each kind of number, a kind being a name without its number."""
+    panels: dict[str, list[str]] = {}
+    for name in known:
+        panels.setdefault(re.sub(r"_\d+[a-z]*(?=_|$)", "", name), []).append(name)
+    figure = sheet(WIDTH, 1.6 + 2.9 * len(panels))
+    variation = sweep.study.variations[0]
+    axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
+    for axis, (kind, names) in zip(axes, panels.items(), strict=True):
+        for k, name in enumerate(names):
+            look: dict[str, Any] = {"color": colour(k), "ls": dash(k), "marker": ".", "ms": 4}
+            axis.plot(variation.values, _finite(sweep, name), label=label(name), **look)
+        if len(names) > 1:
+            axis.legend(ncols=min(4, len(names)))
+        _range(axis, np.array([_finite(sweep, name) for name in names]))
+        axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
+    scale(axes[-1], "x", variation)
+    axes[-1].set(xlabel=axis_words(variation), xlim=(variation.values[0], variation.values[-1]))
+    return figure
+
+
+def _finite(sweep: Sweep, name: str) -> Floats:
+    values = sweep.values(name)
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _range(axis: Axes, values: Floats) -> None:
+    """By ratios where values range widely; rounding of what stays the same is not blown up."""
+    low, high = float(np.nanmin(values)), float(np.nanmax(values))
+    if low > 0 and high > DECADES * low:
+        axis.set_yscale("log")
+    elif high - low < STILL * max(abs(low), abs(high)):
+        middle, half = (low + high) / 2, WINDOW * max(abs(low), abs(high))
+        axis.set_ylim(middle - half, middle + half)
+
+
+# --------------------------------------------------------------------------------------------------------- maps
+
+
+def _maps(sweep: Sweep, known: list[str]) -> Figure:
+    columns = min(len(known), 2)
+    rows = -(-len(known) // columns)
+    figure = sheet(WIDTH if columns == 1 else WIDE, 0.8 + 4.0 * rows)
+    panels = np.atleast_1d(figure.subplots(rows, columns, sharex=True, sharey=True)).ravel()
+    y, x = sweep.study.variations
+    for place, (axis, name) in enumerate(zip(panels, known, strict=False)):
+        _map(figure, axis, sweep, name)
+        axis.set(xlabel=axis_words(x), ylabel=axis_words(y))
+        axis.label_outer()
+        if place + columns >= len(known):
+            axis.set_xlabel(axis_words(x))
+            axis.tick_params(which="both", labelbottom=True)
+    for axis in panels[len(known) :]:
+        axis.remove()
+    return figure
+
+
+def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
+    y, x = sweep.study.variations
+    values = sweep.values(name)
+    known = values[np.isfinite(values)]
+    by_ratio = known.min() > 0 and known.max() > DECADES * known.min()
+    norm = (LogNorm if by_ratio else Normalize)(known.min(), known.max())
+    axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
+    shown = np.ma.masked_invalid(values)
+    mesh = axis.pcolormesh(_edges(x), _edges(y), shown, norm=norm, rasterized=True, lw=0)
+    scale(axis, "x", x)
+    scale(axis, "y", y)
+    axis.grid(visible=False)
+    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
+    bar.set_label(label(name))
+    if by_ratio:
+        log_ticks(bar.ax.yaxis, known.max() / known.min())
+    elif np.all(known == np.round(known)) and len(rows := np.unique(known)) <= MOST_TICKS:
+        bar.set_ticks(rows.tolist(), labels=[f"{row:g}" for row in rows])
+    bar.outline.set_visible(False)
+
+
+def _edges(variation: Variation) -> Floats:
+    """Where the cells around the values end, halfway between neighbours."""
+    values = np.log(variation.values) if variation.log else np.array(variation.values)
+    middle = (values[1:] + values[:-1]) / 2
+    edges = np.concatenate(([2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]))
+    return np.exp(edges) if variation.log else edges

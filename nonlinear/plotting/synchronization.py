@@ -1,0 +1,187 @@
+"""Who keeps time with whom in one picture: swings, order, modes, energies and phases."""
+
+from __future__ import annotations
+
+from math import pi
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+
+from modal.errors import ComputationError
+from modal.modes.mode import Mode
+from modal.plotting.layout import SMALL, framed, headline, key, legend
+from modal.plotting.palette import HUES, QUIET, colour, ink, muted, paper, rest, thickness
+from modal.plotting.style import WIDE, save, sheet
+from modal.report.prose import counted
+from modal.types import Floats, Ints
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing.averages import smoothed
+from nonlinear.postprocessing.resampling import picked, resampled
+from nonlinear.synchronization.modal_energy import Survival, survival
+from nonlinear.synchronization.phases import Phases
+
+MOST_LINES = HUES
+PERIODS, POINTS = 4, 600  # of each window of swings, and points drawn in it
+UNSEEN = 1e-3  # share of the energy that a row must reach to be drawn by itself
+
+
+def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture as png, svg or pdf; ComputationError for a run of a single instant.
+
+    Of many pendula some swings are drawn, their energies as a band; where energies cannot be told apart by modes the
+    picture says why.
+    """
+    save(sync_figure(trajectory, phases), stream, kind)
+
+
+def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
+    """The same as a figure."""
+    if len(trajectory.times) < 2:
+        raise ComputationError("a run of a single instant has nothing to draw")
+    figure = sheet(WIDE, 9.8)
+    grid = figure.add_gridspec(3, 2)
+    shown = _shown(trajectory.plant.n_pendula)
+    begin = figure.add_subplot(grid[0, 0])
+    _swings(begin, figure.add_subplot(grid[0, 1], sharey=begin), trajectory, _period(phases), shown)
+    order = figure.add_subplot(grid[1, 0])
+    _order(order, phases)
+    _shares(figure.add_subplot(grid[1, 1]), trajectory)
+    _energies(figure.add_subplot(grid[2, 0], sharex=order), phases, shown)
+    _circle(figure.add_subplot(grid[2, 1], projection="polar"), phases, shown)
+    _finish(figure, trajectory, shown)
+    return figure
+
+
+def _shown(pendula: int) -> Ints:
+    """The pendula that are drawn one by one, spread over all."""
+    return np.unique(np.linspace(0, pendula - 1, min(pendula, MOST_LINES)).round().astype(np.int64))
+
+
+def _period(phases: Phases) -> float:
+    """A middling period of the pendula in the leading own mode (s)."""
+    return float(2 * pi / np.median(phases.omega[:, phases.leading]))
+
+
+def _line(axis: Axes, x: Floats, y: Floats, k: int, **look: Any) -> None:
+    axis.plot(x, y, color=colour(k), lw=thickness(k), **look)
+
+
+# ------------------------------------------------------------------------------------------------------- swings
+
+
+def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown: Ints) -> None:
+    """Angles of top links in the first and the last few periods, half of the run each at most."""
+    times = trajectory.times
+    width = min(PERIODS * period, float(times[-1] - times[0]) / 2)
+    tops = _tops(trajectory)[shown]
+    for axis, start, words in ((begin, times[0], "at first"), (end, times[-1] - width, "at the end")):
+        x, angles = _close(trajectory, tops, float(start), width)
+        for k, angle in enumerate(angles.T):
+            _line(axis, x, np.rad2deg(angle), k)
+        axis.set_xlim(x[0], x[-1])
+        framed(axis, "time (s)", "angle (°)", f"Top links {words}")
+    end.set_ylabel("")
+    end.tick_params(labelleft=False)
+
+
+def _tops(trajectory: Trajectory) -> Ints:
+    """The place of every pendulum's top link, (N,)."""
+    found = np.empty(trajectory.plant.n_pendula, dtype=np.int64)
+    for group in trajectory.plant.groups:
+        found[group.pendula] = group.index[0]
+    return found
+
+
+def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
+    """Times and angles (rad) of these links over a window, with points between the samples where these allow it."""
+    motion, fine = picked(trajectory.motion, links), np.linspace(start, start + width, POINTS)
+    try:
+        return fine, resampled(trajectory.times, motion, fine).links
+    except ComputationError:
+        within = (trajectory.times >= start) & (trajectory.times <= start + width)
+        return trajectory.times[within], motion.links[within]
+
+
+# --------------------------------------------------------------------------------------------- order and modes
+
+
+def _order(axis: Axes, phases: Phases) -> None:
+    axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4)
+    axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
+    which = f" (fixed-base mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
+    framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 in balance")
+
+
+def _shares(axis: Axes, trajectory: Trajectory) -> None:
+    framed(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
+    axis.set(xlim=(trajectory.times[0], trajectory.times[-1]), ylim=(-0.03, 1.03))
+    try:
+        found = survival(trajectory)
+    except ComputationError as error:
+        style: dict[str, Any] = {"ha": "center", "fontsize": SMALL, "color": muted(), "wrap": True}
+        axis.text(0.5, 0.5, str(error), transform=axis.transAxes, **style)
+        return
+    rows, rest = _largest(found)
+    modes = found.modes.rows([int(found.row[row]) - 1 for row in rows])
+    for k, (row, mode) in enumerate(zip(rows, modes, strict=True)):
+        _line(axis, found.times, found.share[:, row], k, label=mode_words(mode))
+    if rest.size:
+        words = counted(rest.size, "other", "others")
+        axis.plot(found.times, found.share[:, rest].sum(1), "--", color=muted(), lw=1.2, label=words)
+    axis.set_yticks(np.linspace(0, 1, 6))
+    legend(axis, 2)
+
+
+def _largest(found: Survival) -> tuple[list[int], Ints]:
+    """The rows that are drawn by themselves, in the table's order, and the others."""
+    peaks = np.nan_to_num(found.share).max(axis=0)
+    strongest = np.argsort(-peaks, kind="stable")[: MOST_LINES - 1]
+    rows = sorted(int(row) for row in strongest if peaks[row] >= UNSEEN)
+    return rows, np.setdiff1d(np.arange(peaks.size), rows)
+
+
+def mode_words(mode: Mode) -> str:
+    """A row in a few words: cart still 2.680 rad/s."""
+    support = mode.family.partition(":")[0].partition(",")[0]
+    return f"{support} {mode.omega:#.4g}".rstrip(".") + " rad/s"
+
+
+# -------------------------------------------------------------------------------------------- energies, phases
+
+
+def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
+    """Means over a period: of each pendulum, or from least to most with the median between."""
+    times, energy = phases.times, smoothed(phases.times, phases.energy, _period(phases))
+    if len(shown) == energy.shape[1]:
+        for k, one in enumerate(energy.T):
+            _line(axis, times, one, k)
+    else:
+        axis.fill_between(times, energy.min(1), energy.max(1), color=rest(), lw=0, label="least to most")
+        axis.plot(times, np.median(energy, axis=1), color=ink(), lw=1.4, label="median")
+        legend(axis, 2)
+    axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
+    framed(axis, "time (s)", "energy (J)", "Energy of each pendulum, mean over a period")
+
+
+def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
+    """Every pendulum at the end, its phase counted from that of the first, its amplitude as the radius."""
+    z = phases.z[-1, :, phases.leading]
+    angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
+    axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)
+    for k, pendulum in enumerate(shown):
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=colour(k), lw=thickness(k))
+        axis.plot(angle[pendulum], size[pendulum], "o", color=colour(k), ms=10 - k, mec=paper(), zorder=4 + k)
+    axis.set_ylim(0, 1.1 * float(size.max()) or 1.0)
+    axis.yaxis.set_major_locator(MaxNLocator(4))
+    axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)")
+
+
+def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
+    headline(figure, trajectory.scene.title, "who keeps time with whom")
+    lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(shown))]
+    names = [f"pendulum {number + 1}" for number in shown]
+    key(figure, lines, names, columns=MOST_LINES)

@@ -1,0 +1,147 @@
+"""Pictures of the small-angle check: shifts of frequency with amplitude, and spectra of modal coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import degrees, pi
+from typing import IO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from modal.errors import ComputationError
+from modal.plotting.layout import SMALL, headline, key, log_ticks, mark_modes
+from modal.plotting.palette import DASHES, HUES, colour, dash, muted, paper
+from modal.plotting.style import WIDTH, save, sheet
+from modal.types import Floats
+from nonlinear.postprocessing.frequencies import ORDER
+from nonlinear.verification.modes import ONE_PERCENT, Check, ModeCheck
+from nonlinear.verification.motion import Comparison, ModeInMotion
+
+MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
+MOST_CURVES, POINTS = HUES * len(MARKERS), 200
+BEYOND = 1.5  # how far the axes go on beside the outermost run
+DEEPEST = 1e-5  # of the strongest line, the least that a spectrum shows
+PADDING = 4
+
+
+def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(check_figure(found), stream, form)
+
+
+def check_figure(found: Check) -> Figure:
+    """|ω(a)/ω − 1| against the largest angle on logarithmic axes, measured (marks) and predicted (lines: κa²).
+
+    The level of 1 % is marked, and on it the angle that was measured; hollow marks rise with the amplitude.  Irregular
+    runs are left out.  Raises ComputationError where nothing is left to draw or does not fit.
+    """
+    rows = [row for row in found.rows if any(not run.irregular and run.shift for run in row.measurements)]
+    if not rows:
+        raise ComputationError("no mode was measured: there is nothing to draw")
+    if len(rows) > MOST_CURVES:
+        raise ComputationError(f"{len(rows)} modes do not fit a picture: choose at most {MOST_CURVES}")
+    figure = sheet(WIDTH, 5.4)
+    axis = figure.subplots()
+    angles = [degrees(run.effective) for row in rows for run in row.measurements]
+    low, high = min(angles) / BEYOND, min(max(angles) * BEYOND, 180.0)
+    for k, row in enumerate(rows):
+        _shifts(axis, row, low, high, k)
+    sizes = [abs(run.shift) for row in rows for run in row.measurements if not run.irregular]
+    bottom, top = min(sizes) / BEYOND**2, min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
+    axis.axhline(ONE_PERCENT, color=muted(), lw=0.9, ls=":", zorder=0)
+    axis.annotate("1 %", (0.004, ONE_PERCENT), (0, 3), axis.get_yaxis_transform(), "offset points", fontsize=SMALL)
+    axis.set(xscale="log", yscale="log", xlim=(low, high), ylim=(bottom, top))
+    axis.set(xlabel="largest angle a (°)", ylabel="shift of frequency |ω(a)/ω − 1| (–)")
+    log_ticks(axis.xaxis)
+    headline(figure, found.scene.title, "frequency against amplitude")
+    key(figure, [_handle(k) for k in range(len(rows))], [_named(row) for row in rows], columns=2)
+    return figure
+
+
+def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
+    """One mode: κa² as a line, runs as marks, the measured 1 % as a tick."""
+    a = np.geomspace(low, high, POINTS)
+    axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=DASHES[k % 2], lw=1.3, zorder=2)
+    steady = [run for run in row.measurements if not run.irregular]
+    for falls in (True, False):
+        x, y = (np.array(v) for v in ([degrees(run.effective) for run in steady], [run.shift for run in steady]))
+        kept = (y < 0) == falls
+        face, edge = (colour(k), paper()) if falls else (paper(), colour(k))
+        axis.plot(x[kept], np.abs(y[kept]), _marker(k), ms=_size(k), mfc=face, mec=edge, mew=1.0, zorder=4)
+    if np.isfinite(row.one_percent_deg):
+        axis.plot(row.one_percent_deg, ONE_PERCENT, "|", ms=15, mew=1.8, color=colour(k), zorder=3)
+
+
+def draw_spectrum(found: Comparison, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(spectrum_figure(found), stream, form)
+
+
+def spectrum_figure(found: Comparison) -> Figure:
+    """Amplitude spectra of the modal coordinates that move, the strongest of a mode's copies, on a logarithmic scale.
+
+    Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing swings.
+    """
+    rows = _strongest(found)
+    figure = sheet(WIDTH, 5.4)
+    axis = figure.subplots()
+    omega, sizes = _spectra(found, rows)
+    top = float(sizes.max())
+    for k, size in enumerate(sizes):
+        axis.plot(omega, size, color=colour(k), ls=dash(k), lw=1.3, zorder=3)
+    low, high = found.swinging.min() / 2, min(float(omega[-1]), 1.6 * float(found.swinging.max()))
+    axis.set(xlim=(low, high), yscale="log", ylim=(top * DEEPEST, top * 3))
+    axis.set(xlabel="angular frequency ω (rad/s)", ylabel="amplitude of the modal coordinate (°)")
+    inside = enumerate(np.abs(found.modes.eigenvalue.imag).tolist(), 1)
+    mark_modes(axis, [(number, omega) for number, omega in inside if low < omega < high])
+    handles = [Line2D([], [], color=colour(k), ls=dash(k)) for k in range(len(rows))]
+    names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
+    headline(figure, found.modes.scene.title, "spectra of the modal coordinates")
+    key(figure, handles, names)
+    return figure
+
+
+def _strongest(found: Comparison) -> list[ModeInMotion]:
+    """Of every mode that swings the copy that swings most, of these the largest."""
+    best: dict[int, ModeInMotion] = {}
+    for row in found.rows:
+        if row.mode.oscillates and row.largest > best.get(row.mode.number, row).largest * (row.mode.number in best):
+            best[row.mode.number] = row
+    kept = sorted(best.values(), key=lambda row: -row.largest)[:HUES]
+    if not kept:
+        raise ComputationError("no mode swings: there is no spectrum to draw")
+    return sorted(kept, key=lambda row: row.mode.number)
+
+
+def _spectra(found: Comparison, rows: Sequence[ModeInMotion]) -> tuple[Floats, Floats]:
+    """ω (W,) and amplitudes (rows, W) in degrees, in the window of `nonlinear.postprocessing.frequencies`."""
+    count = len(found.times)
+    places = list(zip(found.motion.number.tolist(), found.motion.copy.tolist(), strict=True))
+    chosen = found.motion.coordinate[:, [places.index((row.mode.number - 1, row.copy)) for row in rows]]
+    window = (1 + np.cos(pi * np.linspace(-1, 1, count))) ** ORDER
+    sizes = np.abs(np.fft.rfft((window / window.sum())[:, None] * chosen, PADDING * count, axis=0)).T
+    omega = 2 * pi * np.fft.rfftfreq(PADDING * count, float(found.times[1] - found.times[0]))
+    return np.asarray(omega, dtype=np.float64), np.degrees(2 * sizes)
+
+
+# ------------------------------------------------------------------------------------------------------- dress
+
+
+def _marker(k: int) -> str:
+    return MARKERS[k // HUES]
+
+
+def _handle(k: int) -> Line2D:
+    return Line2D([], [], color=colour(k), ls=DASHES[k % 2], marker=_marker(k), ms=_size(k), mec=paper())
+
+
+def _size(k: int) -> float:
+    """Neighbours in turn large and small: the small ones stay visible on top."""
+    return SIZES[k % 2]
+
+
+def _named(row: ModeCheck) -> str:
+    return f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s, κ = {row.mode.kappa:.4g}".replace("-", "−")

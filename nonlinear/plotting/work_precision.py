@@ -1,0 +1,89 @@
+"""Time against accuracy in one picture."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from typing import IO, Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from modal.errors import ComputationError
+from modal.plotting.layout import SMALL, headline, key
+from modal.plotting.palette import HUES, QUIET, colour, ink, paper, rest
+from modal.plotting.style import WIDTH, save, sheet
+from nonlinear.accuracy.candidates import Rung
+from nonlinear.accuracy.work_precision import Row, Tradeoff
+from nonlinear.reduction.superposition import CORRECTED, LINEAR
+
+METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
+LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}
+MODAL = {LINEAR: "P", CORRECTED: "*"}
+BEYOND = 2.5  # how far the axes go on beside the outermost rung
+
+
+def draw_tradeoff(found: Tradeoff, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(tradeoff_figure(found), stream, form)
+
+
+def tradeoff_figure(found: Tradeoff) -> Figure:
+    """The largest error (rad) of every rung against its time (s) on logarithmic axes, one line a family.
+
+    The broad line joins the rungs that none beats in both; in the shaded part the reference cannot tell errors apart,
+    and rungs that reach it stand on its edge.  Raises ComputationError where no rung was measured.
+    """
+    rows = [row for row in found.rows if row.rung != found.reference.rung]
+    if not rows:
+        raise ComputationError("no rung was measured: there is nothing to draw")
+    figure = sheet(WIDTH, 6.0)
+    axis = figure.subplots()
+    _bounds(axis, found, rows)
+    _front(axis, found)
+    for _, members in groupby(rows, key=lambda row: row.rung.family):
+        _family(axis, found, list(members))
+    _dress(figure, axis, found)
+    return figure
+
+
+def _bounds(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
+    times, errors = [row.seconds for row in rows], [found.judged(row) for row in rows]
+    bottom, floor = min(errors) / BEYOND**2, found.reference.floor
+    axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
+    axis.set(ylim=(bottom, max(errors) * BEYOND))
+    if floor > bottom:
+        axis.axhspan(bottom, floor, color=rest(), alpha=0.45, lw=0, zorder=0)
+        style: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": SMALL}
+        place = 0.01, (bottom * floor) ** 0.5
+        axis.text(*place, "too small for the reference to tell", transform=axis.get_yaxis_transform(), **style)
+
+
+def _front(axis: Axes, found: Tradeoff) -> None:
+    points = [(row.seconds, found.judged(row)) for row in found.pareto]
+    look: dict[str, Any] = {"color": rest(), "lw": 8, "drawstyle": "steps-post", "gid": QUIET}
+    axis.plot(*zip(*points, strict=True), zorder=1, label="none is better", **look)
+
+
+def _family(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
+    points, rung = zip(*((row.seconds, found.judged(row)) for row in rows), strict=True), rows[0].rung
+    if rung.modal:
+        axis.plot(*points, MODAL[rung.kind], color=ink(), ms=11, mec=paper(), label=rung.kind, zorder=5)
+        return
+    marker, line = LOOKS["compiled" if rung.compiled else rung.kind]
+    hue = colour(METHODS[rung.method])
+    look: dict[str, Any] = {"color": hue, "mfc": paper() if rung.compiled else hue, "ms": 6, "lw": 1.4}
+    axis.plot(*points, line, marker=marker, label=_named(rung), zorder=4, **look)
+
+
+def _named(rung: Rung) -> str:
+    return rung.family.replace("taylor", "Taylor")
+
+
+def _dress(figure: Figure, axis: Axes, found: Tradeoff) -> None:
+    horizon, tolerances = found.reference.horizon, [row.rung.tolerance for row in found.rows[1:] if not row.rung.modal]
+    axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
+    if tolerances:
+        words = f"along each line: tolerances from {max(tolerances):.0e} to at most {min(tolerances):.0e}"
+        axis.set_title(words, loc="right")
+    headline(figure, found.scene.title, "time against accuracy")
+    key(figure, *axis.get_legend_handles_labels())

@@ -1,0 +1,61 @@
+"""Means over time: over the last part of a run, and over a span that moves along with it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats, Ints
+
+
+def last(times: Floats, part: float) -> slice:
+    """The samples in the last `part` of times (T,) in s, ascending; two at least, where there are two."""
+    begin = int(np.searchsorted(times, times[-1] - part * (times[-1] - times[0])))
+    return slice(max(0, min(begin, len(times) - 2)), None)
+
+
+def smoothed(times: Floats, values: Floats, span: float) -> Floats:
+    """Means of values (T, ...) over t ± span/2 (s), of the straight lines between samples, within the run.
+
+    Nothing is subtracted: what decays by many orders of magnitude keeps its digits.
+    """
+    if len(times) < 2:
+        return values
+    low, high = np.maximum(times - span / 2, times[0]), np.minimum(times + span / 2, times[-1])
+    (first, begin), (final, end) = (_placed(times, values, at) for at in (low, high))
+    inner = _sums(_across(times[:-1], times[1:], values[:-1], values[1:]), first + 1, final)
+    left = _across(low, times[first + 1], begin, values[first + 1])
+    right = _across(times[final], high, values[final], end)
+    within = _wide(first == final, values)
+    whole = np.where(within, _across(low, high, begin, end), left + inner + right)
+    return np.asarray(whole / _wide(high - low, values))
+
+
+def _wide(column: Any, values: Floats) -> Any:
+    return column.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _across(start: Floats, stop: Floats, one: Floats, other: Floats) -> Floats:
+    """Integrals of straight lines."""
+    return np.asarray(_wide(stop - start, one) * (one + other) / 2)
+
+
+def _placed(times: Floats, values: Floats, at: Floats) -> tuple[Ints, Floats]:
+    """Between which samples times are, and the values there."""
+    k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    part = _wide((at - times[k]) / (times[k + 1] - times[k]), values)
+    return k, np.asarray((1 - part) * values[k] + part * values[k + 1])
+
+
+def _sums(pieces: Floats, begin: Ints, end: Ints) -> Floats:
+    """Σ pieces[begin:end] for each pair, from sums of 1, 2, 4, … neighbours; 0 where end ≤ begin."""
+    found, at, left = np.zeros((len(begin), *pieces.shape[1:])), begin.copy(), np.maximum(end - begin, 0)
+    size = 1
+    while left.any():
+        taken = np.flatnonzero(left & size)
+        found[taken] += pieces[at[taken]]
+        at[taken] += size
+        left[taken] -= size
+        pieces, size = pieces[:-size] + pieces[size:], 2 * size
+    return found

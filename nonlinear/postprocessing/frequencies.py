@@ -1,0 +1,246 @@
+"""Frequencies of the lines in an evenly sampled real signal, far beyond the resolution 2π/T of its spectrum.
+
+Over the window's own time s = (t − middle)/(T/2) and x = ωT/2, amplitudes and frequencies of the lines
+
+    f(s) ≈ m + Σ_j [ a_j cos(x_j s) + b_j sin(x_j s) ]
+
+are those whose residual r is orthogonal to everything that a small change of them adds,
+
+    ⟨r, 1⟩ = ⟨r, cos x_j s⟩ = ⟨r, sin x_j s⟩ = ⟨r, s (b_j cos x_j s − a_j sin x_j s)⟩ = 0,    ⟨f, g⟩ = Σ χ f g,
+
+with the window χ = (1 + cos πs)^p.  For one line this is the maximum of |⟨f, e^{ixs}⟩| (Laskar, Icarus 88, 266 (1990);
+Laskar, Physica D 67, 257 (1993)); solved for all lines at once it needs no Gram–Schmidt step and no correction for the
+lines' images at −ω.  A line that is left out shifts the others by its amplitude over the (2p + 1)-th power of its
+distance.  χ and its derivatives vanish at both ends, which makes the sum over the samples as good as the integral.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import atan2, hypot, inf, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from modal.errors import ComputationError
+from modal.types import Floats
+
+ORDER, OTHER_ORDERS = 3, (2, 4)
+LEAST_PERIODS = 4.0
+PADDING = 4
+PART = 0.75  # of the signal, early or late, that must give the same frequency
+COMPANIONS = 4  # lines that are removed next to the one that is asked for
+STANDS_OUT, FAINTEST = 30.0, 1e-13  # over the median of the spectrum; against the strongest line
+SIGMAS = 4.0
+MOST_STEPS, SETTLED, ROUNDING, TINY = 60, 1e-13, 1e-15, 1e-300
+NEAR = 0.25
+
+
+@dataclass(frozen=True)
+class Line:
+    """A cos(ωt + φ): `omega` (rad/s) to within `error`, `amplitude` in the signal's unit, `phase` φ at t = 0 (rad)."""
+
+    omega: float
+    amplitude: float
+    phase: float
+    error: float
+
+    @property
+    def relative_error(self) -> float:
+        """Of the frequency."""
+        return self.error / self.omega
+
+
+class _Waves(NamedTuple):
+    """The mean and, line by line, x, a and b (K,)."""
+
+    mean: float
+    x: Floats
+    a: Floats
+    b: Floats
+
+    @property
+    def amplitude(self) -> Floats:
+        return np.hypot(self.a, self.b)
+
+
+@dataclass(frozen=True, eq=False)
+class _Signal:
+    """Values f (N,) at s (N,) from −1 to 1 and their window χ (N,)."""
+
+    s: Floats
+    f: Floats
+    window: Floats
+
+    @classmethod
+    def of(cls, values: Floats, order: int = ORDER) -> _Signal:
+        s = np.linspace(-1.0, 1.0, len(values))
+        window = (1 + np.cos(pi * s)) ** order
+        return cls(s, values, window / window.mean())
+
+    def residual(self, waves: _Waves) -> Floats:
+        """What the lines leave (N,)."""
+        angle = np.outer(self.s, waves.x)
+        return np.asarray(self.f - waves.mean - np.cos(angle) @ waves.a - np.sin(angle) @ waves.b)
+
+    def spectrum(self, waves: _Waves) -> tuple[Floats, Floats]:
+        """X and the amplitude there of what the lines leave, as if each were a line by itself."""
+        size = np.abs(np.fft.rfft((self.window * self.residual(waves))[:-1], PADDING * (len(self.f) - 1)))
+        return np.asarray(pi / PADDING * np.arange(len(size)), dtype=np.float64), np.asarray(2 * size / len(self.f))
+
+    def solved(self, *columns: Floats) -> list[Floats]:
+        """The coefficients (1,) and (K,) ... of 1 and these columns (N, K) ... that leave the least of f."""
+        root, sizes = np.sqrt(self.window)[:, None], np.cumsum([1, *(part.shape[1] for part in columns)])
+        whole = np.hstack((np.ones((len(self.s), 1)), *columns)) * root
+        return np.split(np.linalg.lstsq(whole, self.f * root[:, 0], rcond=None)[0], sizes[:-1])
+
+    def phased(self, x: Floats) -> _Waves:
+        """Lines at x (K,) with the amplitudes and phases that fit best."""
+        angle = np.outer(self.s, x)
+        mean, a, b = self.solved(np.cos(angle), np.sin(angle))
+        return _Waves(float(mean[0]), x, a, b)
+
+    def fitted(self, x: Floats) -> _Waves:
+        """Lines from x (K,) moved to where the residual is orthogonal to all that they can do (Gauss–Newton)."""
+        waves = self.phased(x)
+        for _ in range(MOST_STEPS):
+            waves, settled = self._step(waves)
+            if settled:
+                return waves
+        raise ComputationError("the signal has no steady line: its frequency does not settle")
+
+    def _step(self, waves: _Waves) -> tuple[_Waves, bool]:
+        """Closer, and whether what is left to go is rounding."""
+        angle, size = np.outer(self.s, waves.x), np.maximum(waves.amplitude, TINY)
+        c, d = np.cos(angle), np.sin(angle)
+        mean, a, b, along = self.solved(c, d, self.s[:, None] * (c * waves.b - d * waves.a) / size)
+        move = np.clip(along / size, -pi / 4, pi / 4)
+        unclear = SETTLED * waves.x + ROUNDING * np.abs(self.f).max() / size
+        return _Waves(float(mean[0]), waves.x + move, a, b), bool(np.all(np.abs(move) <= unclear))
+
+    def noise(self, waves: _Waves) -> Floats:
+        """How far (K,) in x what is left, as strong as it is just beside each line, can have moved it."""
+        left = self.window * self.residual(waves) * self.s
+        beside = pi * np.concatenate((-(aside := np.arange(ORDER + 1, ORDER + 9)), aside))
+        level = [np.sqrt(np.mean(np.abs(np.exp(-1j * np.outer(x + beside, self.s)) @ left) ** 2)) for x in waves.x]
+        return np.asarray(np.sqrt(2) * np.array(level) / (waves.amplitude * np.sum(self.window * self.s**2)))
+
+
+def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> Line:
+    """The strongest line, or the strongest within a quarter of `near` (rad/s), companions being removed.
+
+    `times` (N,) in s, evenly spaced; `values` (N,).  `error` bounds the error of `omega` in practice: it adds what
+    other windows (of order 2 and 4, the first and the last three quarters of the signal) find differently and what
+    remains of the signal beside the line.  Raises ComputationError where the signal is too short for the line (less
+    than 4 periods), has none, or its frequency does not settle.
+    """
+    return _found(times, values, 1 + COMPANIONS, near)[0]
+
+
+def lines(times: ArrayLike, values: ArrayLike, count: int) -> tuple[Line, ...]:
+    """At most `count` lines, the strongest first, as few as stand out.  Arguments and errors as for `line`."""
+    found = _found(times, values, count + COMPANIONS, None)
+    return tuple(sorted(found, key=lambda one: -one.amplitude)[:count])
+
+
+def attention(count: int) -> Floats:
+    """The weights (count,), of sum 1, with which the frequency at each instant counts where it changes slowly.
+
+    For a phase φ(s) with ⟨…⟩ as above the maximum lies at ω = ⟨s φ⟩/⟨s²⟩, by parts ∫ φ'(s) ∫_s^1 χ(σ) σ dσ ds / ⟨s²⟩.
+    """
+    signal = _Signal.of(np.zeros(count))
+    moment = signal.window * signal.s
+    weight = np.cumsum(moment[::-1])[::-1] - moment / 2
+    return np.asarray(weight / weight.sum())
+
+
+def _found(times: ArrayLike, values: ArrayLike, most: int, near: float | None) -> list[Line]:
+    t, f = np.asarray(times, dtype=float), np.asarray(values, dtype=float)
+    half = _half_length(t, f)
+    band = (0.0, np.inf) if near is None else tuple(near * half * side for side in (1 - NEAR, 1 + NEAR))
+    signal = _Signal.of(f)
+    waves = _extended(signal, _first(signal, band), most)
+    error = signal.noise(waves) * SIGMAS + _spread(signal, waves) + 8 * np.finfo(float).eps * waves.x
+    middle = float(t[0] + half)
+    return [
+        Line(x / half, hypot(a, b), _turned(atan2(-b, a) - x / half * middle), e / half)
+        for x, a, b, e in zip(*(part.tolist() for part in (*waves[1:], error)), strict=True)
+    ]
+
+
+def _half_length(t: Floats, f: Floats) -> float:
+    if t.ndim != 1 or t.shape != f.shape or len(t) < 4 * LEAST_PERIODS:
+        raise ComputationError(f"a signal of {f.size} values: needs at least {4 * LEAST_PERIODS:g}, one for each time")
+    step = np.diff(t)
+    if not np.all(np.isfinite(f)) or np.ptp(step) > 1e-6 * step.mean() or step.mean() <= 0:
+        raise ComputationError("a signal's values must be finite, its times evenly spaced")
+    return float(t[-1] - t[0]) / 2
+
+
+def _first(signal: _Signal, band: Sequence[float]) -> _Waves:
+    x, size = signal.spectrum(signal.phased(np.zeros(0)))
+    size = np.where((x >= band[0]) & (x <= band[1]), size, 0.0)
+    at = int(np.argmax(size))
+    if size[at] <= np.finfo(float).eps * np.abs(signal.f).max():
+        raise ComputationError("the signal has no line")
+    if x[at] < LEAST_PERIODS * pi:
+        raise ComputationError(f"the signal holds only {x[at] / pi:.3g} periods: at least {LEAST_PERIODS:g} are needed")
+    return signal.fitted(x[at : at + 1])
+
+
+def _extended(signal: _Signal, waves: _Waves, most: int) -> _Waves:
+    """Further lines that stand out of the rest, each the strongest of it, all fitted together."""
+    while len(waves.x) < most:
+        x, size = signal.spectrum(waves)
+        apart = np.abs(x[:, None] - waves.x).min(1) >= pi * (ORDER + 1)
+        size = np.where(apart & (x >= LEAST_PERIODS * pi), size, 0.0)
+        at, strongest = int(np.argmax(size)), waves.amplitude.max()
+        if size[at] < max(STANDS_OUT * float(np.median(size)), FAINTEST * strongest):
+            break
+        try:
+            more = signal.fitted(np.append(waves.x, x[at]))
+        except ComputationError:
+            break
+        if _crowded(more) or np.any(np.abs(more.x[:-1] - waves.x) > pi):
+            break
+        waves = more
+    return waves
+
+
+def _crowded(waves: _Waves) -> bool:
+    return bool(np.any(np.diff(np.sort(waves.x)) < pi * ORDER) or waves.x.min() < pi)
+
+
+def _spread(signal: _Signal, waves: _Waves) -> Floats:
+    """The largest differences (K,) in x that other windows make."""
+    length = round(PART * (len(signal.f) - 1)) + 1
+    whole, early, late = slice(None), slice(length), slice(-length, None)
+    windows = [(whole, order) for order in OTHER_ORDERS] + [(early, ORDER), (late, ORDER)]
+    found = np.array([_refitted(signal, waves, *window) for window in windows])
+    return np.asarray(np.max(np.abs(found - waves.x), axis=0))
+
+
+def _refitted(signal: _Signal, waves: _Waves, piece: slice, order: int) -> Floats:
+    """X (K,) of the same lines in another window: of all at once, or where they do not settle so, one by one."""
+    part = (len(signal.f[piece]) - 1) / (len(signal.f) - 1)
+    try:
+        return _Signal.of(signal.f[piece], order).fitted(waves.x * part).x / part
+    except ComputationError:
+        return np.array([_alone(signal, waves, at, piece, order) / part for at in range(len(waves.x))])
+
+
+def _alone(signal: _Signal, waves: _Waves, at: int, piece: slice, order: int) -> float:
+    """X of one line in another window, the others being taken away; far off where it does not settle."""
+    others = _Waves(waves.mean, *(np.delete(part, at) for part in waves[1:]))
+    single = _Signal.of(signal.residual(others)[piece], order)
+    try:
+        return float(single.fitted(waves.x[[at]] * (len(single.f) - 1) / (len(signal.f) - 1)).x[0])
+    except ComputationError:
+        return inf
+
+
+def _turned(angle: float) -> float:
+    """The same angle in (−π, π]."""
+    return atan2(np.sin(angle), np.cos(angle))

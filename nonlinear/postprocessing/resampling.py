@@ -1,0 +1,95 @@
+"""A motion at other times: the cubic through neighbouring samples and their rates, h⁴ θ''''/384 from the truth.
+
+With s = (t − t_i)/h and h = t_{i+1} − t_i, Hermite's basis on values y and rates v is
+
+    y(t) = (1 + 2s)(1 − s)² y_i + s²(3 − 2s) y_{i+1} + h s (1 − s) [(1 − s) v_i − s v_{i+1}].
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats, Ints
+from nonlinear.system.state import Motion
+
+WIDEST = 0.25
+"""Largest h³ θ'''/12 (rad), the trapezoid's defect, that a cubic is trusted across: 1 rad swings true to 0.01 rad."""
+
+
+def resampled(times: Floats, motion: Motion, at: Floats) -> Motion:
+    """The motion at times `at` (F,) in s, within `times` (T,); unit vectors stay unit and square to their rates.
+
+    Raises ComputationError where the samples are too far apart to tell what lies between.
+    """
+    if len(times) < 2:
+        raise ComputationError("the run holds a single instant: there is no motion to draw")
+    place = _placed(times, at)
+    _insist(times, motion, place)
+    links, link_rates = _between(place, motion.links, motion.link_rates)
+    if links.ndim == 3:
+        links, link_rates = _unit(links, link_rates)
+    cart, cart_rate = _between(place, motion.cart, motion.cart_rate)
+    return Motion(links, link_rates, cart, cart_rate, np.interp(at, times, motion.work))
+
+
+def extremes(times: Floats, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
+    """The lowest and the highest (...) that samples (T, ...) and the cubics between them come to."""
+    h = np.diff(times).reshape(-1, *[1] * (values.ndim - 1))
+    turns = rates[:-1] * rates[1:] < 0
+    v, v1, rise = rates[:-1], rates[1:], np.diff(values, axis=0) / h
+    with np.errstate(divide="ignore", invalid="ignore"):
+        B, A = 3 * rise - 2 * v - v1, 3 * (v + v1 - 2 * rise)  # slope v + 2 B s + A s²
+        s = np.abs(v) / (np.sqrt(B * B - A * v) - np.sign(v) * B)
+        inside = values[:-1] + h * s * (v + s * (B + s * A / 3))
+    between = np.where(turns, inside, values[:-1])
+    return np.minimum(values.min(0), between.min(0)), np.maximum(values.max(0), between.max(0))
+
+
+def picked(motion: Motion, links: Ints) -> Motion:
+    """The same motion with these links only."""
+    return Motion(motion.links[:, links], motion.link_rates[:, links], motion.cart, motion.cart_rate, motion.work)
+
+
+class _Place(NamedTuple):
+    """The sample before each time (F,), the step (s) from it to the next, and the part of the step that has gone by."""
+
+    before: Ints
+    step: Floats
+    part: Floats
+
+
+def _placed(times: Floats, at: Floats) -> _Place:
+    before = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    step = times[before + 1] - times[before]
+    return _Place(before, step, (at - times[before]) / step)
+
+
+def _between(place: _Place, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
+    """The cubic and its derivative."""
+    h, s = (part.reshape(-1, *[1] * (values.ndim - 1)) for part in (place.step, place.part))
+    y, y1, v, v1 = (array[place.before + k] for array in (values, rates) for k in (0, 1))
+    cubic = (1 + 2 * s) * (1 - s) ** 2 * y + s**2 * (3 - 2 * s) * y1 + h * s * (1 - s) * ((1 - s) * v - s * v1)
+    slope = 6 * s * (1 - s) * (y1 - y) / h + (1 - s) * (1 - 3 * s) * v + s * (3 * s - 2) * v1
+    return cubic, slope
+
+
+def _unit(u: Floats, w: Floats) -> tuple[Floats, Floats]:
+    length = np.linalg.norm(u, axis=-1, keepdims=True)
+    u, w = u / length, w / length
+    return u, w - u * np.sum(u * w, axis=-1, keepdims=True)
+
+
+def _insist(times: Floats, motion: Motion, place: _Place) -> None:
+    first, last = int(place.before.min()), int(place.before.max()) + 2
+    h = np.diff(times[first:last]).reshape(-1, *[1] * (motion.links.ndim - 1))
+    links, rates = motion.links[first:last], motion.link_rates[first:last]
+    worst = float(np.max(np.abs(np.diff(links, axis=0) - h * (rates[1:] + rates[:-1]) / 2)))
+    if not worst <= WIDEST:
+        closer = min(float(np.max(h)) * (WIDEST / worst) ** (1 / 3), WIDEST / float(np.max(np.abs(rates))))
+        raise ComputationError(
+            f"samples {np.max(h):.3g} s apart are too far from each other to draw what lies between: "
+            f"simulate with one every {closer:.2g} s, {int((times[-1] - times[0]) / closer) + 2} samples"
+        )

@@ -1,0 +1,84 @@
+"""A run in a few lines: what moved how far, how it was computed, and what certifies it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import isfinite
+
+import numpy as np
+
+from modal.report.escaping import visible
+from nonlinear.integration.trajectory import CLOSED, TRUNCATED, Trajectory
+from nonlinear.integration.twins import departure
+from nonlinear.reduction.superposition import CORRECTED, LINEAR
+from nonlinear.system.initial import rests_unstably
+
+FORMS = {
+    "minimal": "minimal coordinates",
+    "maximal": "maximal coordinates and pivot forces",
+    "hamiltonian": "Hamilton's equations",
+    "spatial": "unit vectors",
+    TRUNCATED: "a few mode shapes",
+    LINEAR: "modes in closed form",
+    CORRECTED: "modes in closed form, each with the frequency of its amplitude",
+}
+MOST_EVENTS = 10
+
+
+def text(trajectory: Trajectory) -> str:
+    """The lines, ready to print."""
+    lines = list(_lines(trajectory))
+    width = max(len(name) for name, _ in lines)
+    title = trajectory.scene.title or "untitled scene"
+    return "\n".join(map(visible, [title, *(f"{name:<{width}}  {words}" for name, words in lines)]))
+
+
+def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    run, times = trajectory.run, trajectory.times
+    yield "time", f"{times[0]:g} to {times[-1]:.9g} s in {len(times)} samples"
+    if run.stopped:
+        yield "stopped", run.stopped
+    yield from _way(trajectory)
+    if isfinite(run.error):
+        yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
+    yield from _ranges(trajectory)
+    if trajectory.plant.kicked:
+        yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
+    if run.method == CLOSED and trajectory.plant.works:
+        yield "energy", "what dampers take is not counted in closed form"
+    else:
+        yield "energy", f"drift {trajectory.energy_drift():.2g} of what its energies range over"
+    if trajectory.keeps_momentum or trajectory.keeps_spin:
+        which = "along the rail" if trajectory.keeps_momentum else "about the vertical"
+        yield "momentum", f"drift {trajectory.momentum_drift():.2g}, {which}"
+    if run.form in {"maximal", "spatial"}:
+        yield "constraints", f"drift {trajectory.constraint_drift():.2g} in a step"
+    for happening in trajectory.happenings[:MOST_EVENTS]:
+        yield "event", f"{happening.name} at {happening.time:.12g} s"
+    if (more := len(trajectory.happenings) - MOST_EVENTS) > 0:
+        yield "", f"and {more} more"
+
+
+def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    run = trajectory.run
+    yield "equations", FORMS[run.form]
+    if rests_unstably(trajectory.plant, trajectory.motion[0]):
+        yield "start", "an unstable rest: what follows is rounding"
+    if run.reduced:
+        yield "integrated", run.reduced
+    if found := departure(trajectory):
+        yield "symmetry", found.words
+    if run.method == CLOSED:
+        yield "integrator", f"none: {run.reason}"
+    else:
+        yield "integrator", f"{run.method} at tolerance {run.tolerance:g}: {run.reason}"
+        yield "cost", f"{run.steps} steps, {run.calls} derivatives"
+
+
+def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    motion = trajectory.motion
+    down = np.clip(motion.links[..., -1], -1.0, 1.0) if trajectory.plant.spatial else None
+    angles = np.rad2deg(motion.links if down is None else np.arccos(down))
+    yield "angles", f"{angles.min():.6g} to {angles.max():.6g} deg" + (" from the vertical" if down is not None else "")
+    if trajectory.plant.cart:
+        yield "cart", f"{motion.cart.min():.6g} to {motion.cart.max():.6g} m"

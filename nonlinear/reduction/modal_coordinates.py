@@ -1,0 +1,160 @@
+"""A motion seen as the motion of the modes: how much of each there is, at every instant.
+
+With q = (x, θ − rest), v = q' and the shapes φ of an undamped scene, orthogonal in M, the modal coordinates are
+
+    η_r = φ_rᵀ M q / φ_rᵀ M φ_r,     q = Σ_r φ_r η_r.
+
+With dampers, shapes and eigenvalues are complex.  They are orthogonal in the first-order form of the equations
+(Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5), which separates even modes that dampers couple:
+
+    z_r = φ_rᵀ [(λ_r M + D) q + M v] / φ_rᵀ (2 λ_r M + D) φ_r,     q = Σ_r 2 Re φ_r z_r,     η_r = 2 Re z_r,
+
+a z_r without its conjugate (λ_r real) counting once.  For D = 0 and λ = iω both say the same.  In linear motion every
+z_r goes like exp(λ_r t).  Modes that share an eigenvalue are separated by their small Gram matrix.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.assembly.matrices import Matrices, matrices
+from modal.errors import ComputationError
+from modal.modes.modes import Modes
+from modal.scene.model import Scene
+from modal.types import Complexes, Floats, Ints
+from nonlinear.system.state import Motion, State
+
+
+@dataclass(frozen=True, eq=False)
+class ModalMotion:
+    """C modal coordinates of a motion at T times, with `number` and `copy` (C,) of the shapes, both from 0.
+
+    `coordinate` η and `rate` η' (T, C) are in rad and rad/s of the largest angle (in m of the cart where the shape has
+    no angle).  `displacement` q and `velocity` v (T, n) are the whole motion from its rest, `shapes` (n, C) the φ.
+    """
+
+    modes: Modes
+    matrices: Matrices
+    number: Ints
+    copy: Ints
+    shapes: Complexes
+    coordinate: Floats
+    rate: Floats
+    displacement: Floats
+    velocity: Floats
+
+    @cached_property
+    def energy(self) -> Floats:
+        """Energy (J) that each mode would have by itself, (T, C): ½ m_r (η'² + ω_r² η²) for an undamped scene."""
+        parts = [self._energy(*self.part(at)) for at in range(len(self.number))]
+        return np.stack(parts, axis=1)
+
+    @cached_property
+    def total_energy(self) -> Floats:
+        """½ vᵀMv + ½ qᵀKq (J), the energy of the whole motion to second order in the angles, (T,)."""
+        return self._energy(self.displacement, self.velocity)
+
+    def part(self, at: int) -> tuple[Floats, Floats]:
+        """What the at-th coordinate alone adds to q and v, (T, n)."""
+        value = self.modes.eigenvalue[self.number[at]]
+        phi, eta, rate = self.shapes[:, at], self.coordinate[:, at], self.rate[:, at]
+        if phi.imag.any() and value.imag:
+            imaginary = (value.real * eta - rate) / value.imag
+            z = (eta + 1j * imaginary)[:, None] * phi
+            return z.real, (value * z).real
+        return np.outer(eta, phi.real), np.outer(rate, phi.real)
+
+    def share_outside(self, at: int) -> Floats:
+        """Share of the energy that is not in the at-th mode, (T,)."""
+        own, speed = self.part(at)
+        return self._energy(self.displacement - own, self.velocity - speed) / self.total_energy
+
+    def _energy(self, q: Floats, v: Floats) -> Floats:
+        M, K = self.matrices.M, self.matrices.K
+        return np.asarray((np.sum(v @ M * v, axis=1) + np.sum(q @ K * q, axis=1)) / 2)
+
+
+def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = None) -> ModalMotion:
+    """Project a motion in the plane on the modes with these indices (from 0; left out, all), all copies of each.
+
+    Of a scene in space the modes along the rail are taken, which lie in the plane.  Raises ComputationError for a
+    motion out of the plane and for more coordinates than `modal.assembly.matrices` writes out.
+    """
+    q, v = deflection(modes.scene, motion)
+    found = matrices(modes.scene)
+    rows = range(len(modes)) if numbers is None else numbers
+    each = [(number, *along_rail(modes, number)) for number in rows]
+    projected = [_projected(found, modes.eigenvalue[number], phi, q, v) for number, _, phi in each]
+    none = np.zeros((len(q), 0))
+    return ModalMotion(
+        modes,
+        found,
+        number=np.array([number for number, copies, _ in each for _ in copies], dtype=np.int64),
+        copy=np.array([copy for _, copies, _ in each for copy in copies], dtype=np.int64),
+        shapes=np.hstack([np.zeros((q.shape[1], 0)), *(phi for _, _, phi in each)]).astype(complex),
+        coordinate=np.hstack([none, *(eta for eta, _ in projected)]),
+        rate=np.hstack([none, *(rate for _, rate in projected)]),
+        displacement=q,
+        velocity=v,
+    )
+
+
+def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
+    """Q and v (T, n): the cart, then every link's angle from its rest."""
+    if motion.links.ndim != 2:
+        raise ComputationError("modal coordinates: only of motion in the plane")
+    q, v = motion.links - rest_angles(scene), motion.link_rates
+    if scene.support.kind == "cart":
+        q, v = (np.column_stack(pair) for pair in ((motion.cart, q), (motion.cart_rate, v)))
+    return q, v
+
+
+def rest_angles(scene: Scene) -> Floats:
+    """Angle (L,) at which every link rests: 0 hanging, π standing."""
+    ways = [way for pendulum in scene.pendulum for _ in range(pendulum.count) for way in pendulum.ways]
+    return np.where(np.array(ways) == "up", np.pi, 0.0)
+
+
+def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
+    """The copies (from 0) of a mode that move along the rail, and their shapes (n, copies)."""
+    shapes = [modes.shape(number, copy) for copy in range(int(modes.multiplicity[number]))]
+    kept = [copy for copy, shape in enumerate(shapes) if not shape.across]
+    head = [[shapes[copy].cart] if modes.on_cart else [] for copy in kept]
+    vectors = [np.concatenate((first, shapes[copy].angles)) for first, copy in zip(head, kept, strict=True)]
+    size = modes.scene.n_links + modes.on_cart
+    return kept, np.array(vectors).T if kept else np.zeros((size, 0))
+
+
+def _projected(found: Matrices, value: complex, phi: Any, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """η and η' (T, copies)."""
+    if not found.D.any():
+        dual = found.M @ np.linalg.solve(phi.T @ found.M @ phi, phi.T).T
+        return q @ dual, v @ dual
+    D = value * found.M + found.D
+    dual = np.linalg.solve(phi.T @ (D + value * found.M) @ phi, phi.T).T
+    z = (1 + (value.imag != 0)) * (q @ (D @ dual) + v @ (found.M @ dual))
+    return z.real, (value * z).real
+
+
+def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplitude: float = 0.1) -> State:
+    """A start in the copy-th shape of the mode with index `number`, both from 0, its largest angle `amplitude` rad.
+
+    At rest; a damped mode begins with the velocities that it then has, Re λφ, or other modes would join in.  Where a
+    shape has no angle the cart is `amplitude` m aside.  Raises ComputationError for a shape across the rail.
+    """
+    shape = modes.shape(number, copy)
+    if shape.across:
+        raise ComputationError(f"mode {number + 1}: shape {copy + 1} moves across the rail")
+    value = modes.eigenvalue[number] if scene.has_damping else 0.0
+    cart, angles = amplitude * complex(shape.cart), amplitude * shape.angles
+    return State(
+        links=rest_angles(scene) + angles.real,
+        link_rates=(value * angles).real + np.zeros(len(angles)),
+        cart=cart.real,
+        cart_rate=(value * cart).real,
+    )

@@ -1,0 +1,99 @@
+"""What is left of the equations of motion when any motion is put into them: the forces that would make it true.
+
+With the direction u of every link and its tangents t = ∂u/∂q, a the acceleration of its upper joint less gravity,
+
+    ρ_i = t_i·(A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'') − Q_i,     a_i = x'' e_x − g e_z + Σ_{j<i} l_j u_j'',
+    ρ_x = M x'' + c_c x' + k_c x + e_x·Σ b_j u_j'',
+
+Q_i of springs, dampers and drives at the joints; sums run down and up each chain, so O(links) operations an instant.
+The coordinates are those of `nonlinear.reduction.two_planes`: θ in the plane, in space p = θ (cos φ, sin φ) from the
+rest with
+
+    u = σ (s p, cos θ),    ∂u/∂p_k = σ (s e_k + r p_k p, −s p_k),    h = p·p',    k = −(s + 3 r)/θ²,
+    u'' = σ (s p'' + 2 r h p' + [r (|p'|² + p·p'') + k h²] p,  −s (|p'|² + p·p'') − r h²).
+
+All arrays have times on their last axis; vectors have their components on the first.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics import joints
+from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.reduction.two_planes import factors
+from nonlinear.system.plant import Group, Plant
+
+TINY = 0.02  # rad, below which a series takes the place of k
+
+
+def residual(plant: Plant, planes: list[Floats]) -> list[Floats]:
+    """The forces ρ (n, T) in each vertical plane, from its q, q' and q'' (3, n, T), deflections from the rest.
+
+    One plane, or of a plant in space the ones along the rail (with the cart, N; the links' in N m) and across it.
+    """
+    on = int(plant.cart is not None)
+    starts = [on, 0][: len(planes)]
+    found = [np.zeros(plane.shape[1:]) for plane in planes]
+    pull = np.zeros(planes[0].shape[-1])
+    felt = np.zeros((2 + plant.spatial, len(pull)))
+    felt[0], felt[-1] = (planes[0][2, 0] if on else 0.0), -plant.gravity
+    for group in plant.groups:
+        own = np.array([plane[:, first:][:, group.index] for plane, first in zip(planes, starts, strict=True)])
+        second, forces = (_spatial if plant.spatial else _planar)(group, own, felt)
+        pull += np.einsum("np,npt->t", group.block.b, second[0])
+        for whole, first, force in zip(found, starts, forces, strict=True):
+            whole[first:][group.index] = force
+    if plant.cart:
+        x, speed, acceleration = planes[0][:, 0]
+        found[0][0] = plant.total_mass * acceleration + plant.cart.damping * speed + plant.cart.stiffness * x + pull
+    return found
+
+
+def _planar(group: Group, own: Floats, felt: Floats) -> tuple[Floats, Any]:
+    """U'' (2, n, P, T) and ρ (1, n, P, T)."""
+    q, rate, turn = own[0]
+    theta = q + np.where(group.block.sigma > 0, 0.0, np.pi)[..., None]
+    sine, cosine = np.sin(theta), np.cos(theta)
+    u, tangent = np.array([sine, cosine]), np.array([cosine, -sine])
+    second = turn * tangent - rate**2 * u
+    forces = _along(tangent, _inertial(group, second, felt))
+    if group.hinged:
+        forces -= joints.moments(group, theta, rate)
+    return second, forces[None]
+
+
+def _spatial(group: Group, own: Floats, felt: Floats) -> tuple[Floats, Any]:
+    """U'' (3, n, P, T) and ρ (2, n, P, T)."""
+    p, rate, turn = np.moveaxis(own, 1, 0)
+    theta, sigma = np.hypot(*p), group.block.sigma[..., None]
+    s, r = factors(theta)
+    k = np.where(theta < TINY, 1 / 15 - theta**2 / 210, -(s + 3 * r) / np.maximum(theta, TINY) ** 2)
+    h, twice = _along(p, rate), _along(rate, rate) + _along(p, turn)
+    flat = s * turn + 2 * r * h * rate + (r * twice + k * h**2) * p
+    second = sigma * np.array([*flat, -s * twice - r * h**2])
+    forces = _inertial(group, second, felt)
+    if group.sprung or group.damped:
+        u, w = (sigma * np.array(part) for part in ([*(s * p), np.cos(theta)], [*(s * rate + r * h * p), -s * h]))
+        forces -= ball_joints.generalized(ball_joints.moments(group, u, w), u)
+    return second, sigma * (s * forces[:2] + (r * _along(p, forces[:2]) - s * forces[2]) * p)
+
+
+def _inertial(group: Group, second: Any, felt: Floats) -> Any:
+    """A_ii u_i'' + b_i a_i + l_i Σ_{j>i} b_j u_j'', (d, n, P, T), in one pass down and one up."""
+    l, b, A = (values[..., None] for values in (group.block.length, group.block.b, group.block.diagonal))
+    found, a, below = A * second, felt[:, None], 0.0
+    for i in range(group.n):
+        found[:, i] += b[i] * a
+        a = a + l[i] * second[:, i]
+    for i in reversed(range(group.n)):
+        found[:, i] += l[i] * below
+        below = below + b[i] * second[:, i]
+    return found
+
+
+def _along(a: Any, b: Any) -> Any:
+    return np.sum(a * b, axis=0)

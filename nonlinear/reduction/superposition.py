@@ -1,0 +1,197 @@
+"""The motion that the modes promise, in closed form: no equation is integrated.
+
+With the coordinate η of each mode at the start (`nonlinear.reduction.modal_coordinates`) and c = η − i (η' − σ η)/ω, λ
+= σ + iω,
+
+    q(t) = Σ_r Re φ_r c_r exp(σ_r t + i ω_r u_r),    u = t,
+
+cosh and sinh where an undamped rest is left, η + η' t for a rigid translation.  The amplitude-corrected motion lets the
+phase of each mode run on the clock of its own amplitude a = |c|, the largest angle of the mode at the start (rad),
+
+    u = t + κ a² (exp(2 σ t) − 1)/2σ,    undamped  u = (1 + κ a²) t,
+
+which is ω(1 + κ a²) of `modal.eigen.amplitude` with every mode by itself: what modes do to each other's frequencies is
+left out.  Of a scene in space both vertical planes are taken; across its rail a cart is a fixed support.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from modal.assembly.matrices import matrices
+from modal.errors import ComputationError
+from modal.modes.modes import Modes, natural_modes
+from modal.scene.model import Fixed, Scene
+from modal.types import Complexes, Floats
+from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
+from nonlinear.reduction.two_planes import joined, split
+from nonlinear.system.state import Motion, State
+
+LINEAR, CORRECTED = "linear modes", "corrected modes"
+LEAST = -0.5  # κ a² below which it is no correction any more
+SPANNED = 1e-6  # part of a start that the modes may miss
+INCOMPLETE = "the modes do not add up to this start: some of them share an eigenvalue and a shape"
+
+
+@dataclass(frozen=True, eq=False)
+class Swing:
+    """One mode at work: its shape φ (n,), λ (rad/s), κ (1/rad²; 0 for the linear motion), η and η' at the start."""
+
+    shape: Complexes
+    value: complex
+    kappa: float
+    eta: float
+    rate: float
+    damped: bool
+
+    def motion(self, times: Floats) -> Floats:
+        """What the mode adds to q, q' and q'', (3, T, n)."""
+        return together([self], times)
+
+    @property
+    def amplitude(self) -> complex:
+        """The c of a mode that turns."""
+        return complex(self.eta, (self.value.real * self.eta - self.rate) / self.value.imag)
+
+    @property
+    def bend(self) -> float:
+        """By how much, relative, its amplitude at the start changes its frequency: κ a²."""
+        return max(self.kappa * abs(self.amplitude) ** 2, LEAST)
+
+    def coordinate(self, times: Floats) -> tuple[Any, Any, Any]:
+        """Its coordinate z and the two rates of z, (T,), of which q = Re φ z."""
+        s = self.value.real
+        if self.value.imag:
+            return self._turning(times)
+        if s == 0:
+            return self.eta + self.rate * times, np.full(len(times), self.rate), np.zeros(len(times))
+        if self.damped:
+            z = self.eta * np.exp(s * times)
+            return z, s * z, s * s * z
+        even, odd = np.cosh(s * times), np.sinh(s * times)
+        z = self.eta * even + self.rate / s * odd
+        return z, s * self.eta * odd + self.rate * even, s * s * z
+
+    def _turning(self, times: Floats) -> tuple[Any, Any, Any]:
+        s, omega, bend = self.value.real, self.value.imag, self.bend
+        fade = np.exp(2 * s * times)
+        clock = times + bend * ((fade - 1) / (2 * s) if s else times)
+        z = self.amplitude * np.exp(s * times + 1j * omega * clock)
+        speed = s + 1j * omega * (1 + bend * fade)
+        return z, z * speed, z * (speed**2 + 2j * omega * s * bend * fade)
+
+
+def together(swings: Sequence[Swing], times: Floats) -> Floats:
+    """What these modes add to q, q' and q'', (3, T, n)."""
+    z = np.moveaxis(np.array([swing.coordinate(times) for swing in swings]), 0, 2)
+    phi = np.array([swing.shape for swing in swings])
+    return np.asarray(z.real @ phi.real - z.imag @ phi.imag if np.iscomplexobj(z) else z @ phi.real)
+
+
+@dataclass(frozen=True, eq=False)
+class Flat:
+    """The motion of a scene in one vertical plane: its swings, and q and q' (n,) at the start."""
+
+    scene: Scene
+    swings: tuple[Swing, ...]
+    begun: tuple[Floats, Floats]
+
+    def deflections(self, times: Floats) -> Floats:
+        """The closed form of q, q' and q'', (3, T, n)."""
+        return together(self.swings, times)
+
+    def motion(self, times: Floats) -> Motion:
+        """The same as angles (T, L) and a cart."""
+        (q, v, _), on = self.deflections(times), int(self.scene.support.kind == "cart")
+        none = np.zeros(len(times))
+        cart, cart_rate = (q[:, 0], v[:, 0]) if on else (none, none)
+        return Motion(q[:, on:] + rest_angles(self.scene), v[:, on:], cart, cart_rate, none)
+
+
+@dataclass(frozen=True, eq=False)
+class Superposition:
+    """The motion of a scene as a function of times (T,) in s, and the vertical planes that it is made of.
+
+    These are the plane itself, or of a scene in space the one along the rail and the one across it.
+    """
+
+    scene: Scene
+    planes: tuple[Flat, ...]
+
+    def __call__(self, times: Floats) -> Motion:
+        """The motion at these times."""
+        with np.errstate(all="ignore"):
+            parts = [plane.motion(times) for plane in self.planes]
+        return parts[0] if self.scene.space == "plane" else joined(self.scene, *parts)
+
+    @property
+    def linear(self) -> Superposition:
+        """The same swings without any correction."""
+        uncorrected = (tuple(replace(swing, kappa=0.0) for swing in plane.swings) for plane in self.planes)
+        planes = (replace(plane, swings=swings) for plane, swings in zip(self.planes, uncorrected, strict=True))
+        return replace(self, planes=tuple(planes))
+
+
+def superposed(scene: Scene, start: State, *, corrected: bool) -> Superposition:
+    """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
+
+    Raises ComputationError where the modes do not add up to the start, as where eigenvalues of damped modes coincide.
+    """
+    if scene.space == "plane":
+        return Superposition(scene, (_flat(scene, start, corrected),))
+    along, across = split(scene, start)
+    plane = scene.in_plane
+    held = plane.replace(support=Fixed())
+    return Superposition(scene, (_flat(plane, along, corrected), _flat(held, across, corrected)))
+
+
+def _flat(scene: Scene, start: State, corrected: bool) -> Flat:
+    q, v = (part[0] for part in deflection(scene, _instant(start)))
+    return Flat(scene, tuple(swings(scene, start, corrected=corrected)), (q, v))
+
+
+def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
+    """The modes of a plane scene that this start sets going."""
+    modes, here = natural_modes(scene), _instant(start)
+    drifting = [number for number in range(len(modes)) if _drifts(scene, modes, number)]
+    try:
+        found = modal_motion(here, modes, [number for number in range(len(modes)) if number not in drifting])
+    except np.linalg.LinAlgError:
+        raise ComputationError(INCOMPLETE) from None
+    kappa = [mode.kappa if corrected and np.isfinite(mode.kappa) else 0.0 for mode in modes]
+    each = [
+        Swing(phi, complex(modes.eigenvalue[number]), kappa[number], eta, rate, scene.has_damping)
+        for number, phi, eta, rate in zip(found.number, found.shapes.T, found.coordinate[0], found.rate[0], strict=True)
+    ]
+    each += [_drift(scene, modes, number, *deflection(scene, here)) for number in drifting]
+    _insist(each, *deflection(scene, here))
+    return each
+
+
+def _instant(start: State) -> Motion:
+    cart, rate = np.array([start.cart]), np.array([start.cart_rate])
+    return Motion(start.links[None], start.link_rates[None], cart, rate, np.zeros(1))
+
+
+def _drifts(scene: Scene, modes: Modes, number: int) -> bool:
+    """Whether it is a translation that nothing damps."""
+    return modes.eigenvalue[number] == 0 and not (scene.support.kind == "cart" and scene.support.damping)
+
+
+def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swing:
+    """A translation in a scene whose other modes may be damped: to them it is still orthogonal in M."""
+    phi = along_rail(modes, number)[1][:, 0].real
+    weight = matrices(scene).M @ phi
+    eta, rate = (float(part[0] @ weight / (phi @ weight)) for part in (q, v))
+    return Swing(phi, 0j, 0.0, eta, rate, damped=False)
+
+
+def _insist(each: list[Swing], q: Floats, v: Floats) -> None:
+    linear = [replace(one, kappa=0.0) for one in each]
+    missing = np.array([q, v]) - sum(one.motion(np.zeros(1))[:2] for one in linear)
+    if not all(np.abs(gap).max() <= SPANNED * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):
+        raise ComputationError(INCOMPLETE)

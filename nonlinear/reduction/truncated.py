@@ -1,0 +1,177 @@
+"""Motion in the plane restricted to the span of a few shapes: the reduced equations of a truncated set of modes.
+
+With q = (x, θ − rest) = Φ η the shapes Φ are a holonomic constraint, so the reduced motion is Lagrangian, with the T
+and V of the scene at q = Φ η; what it does with its energy is exact.  Link i turns by F_i η, n = (cos θ, −sin θ) lies
+across it and u = (sin θ, cos θ) along it.  From the joint above it, by running sums from the cart down each chain,
+
+    p_i = φ_x e_x + Σ_{k above i} l_k n_k F_k        velocity p_i η',
+    a_i = −Σ_{k above i} l_k u_k θ_k'²               acceleration at η'' = 0,
+
+and with the pair (A, b) the equations of R unknowns, at a cost of O(n R²) and without any n × n matrix, are
+
+    ΦᵀMΦ = M φ_xᵀφ_x + Σ_i [A_ii F_iᵀF_i + b_i (F_iᵀ n_i·p_i + p_iᵀ·n_i F_i)]
+    ΦᵀMΦ η'' = Φᵀ Q − Σ_i b_i [F_iᵀ (n_i·a_i + g sin θ_i) − θ_i'² p_iᵀ·u_i],
+
+Q being what springs, dampers and loads do to q (Kane & Levinson, Dynamics: Theory and Applications, 1985, §4.11).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.dynamics import efforts
+from nonlinear.system.plant import Group, Plant
+from nonlinear.system.state import Load, Motion, Push, State
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """One group of P chains of n links: `F` (R, P, n) of the links, and what of ΦᵀMΦ does not depend on angles."""
+
+    group: Group
+    F: Floats
+
+    @cached_property
+    def constant(self) -> Floats:
+        """Σ A_ii F_iᵀ F_i, (R, R)."""
+        F = self.F.reshape(len(self.F), -1)
+        return np.asarray((F * self.group.block.diagonal.T.ravel()) @ F.T)
+
+    @cached_property
+    def b(self) -> Floats:
+        """First moments (kg m), (P, n)."""
+        return np.ascontiguousarray(self.group.block.b.T)
+
+    @cached_property
+    def length(self) -> Floats:
+        """Lengths (m), (P, n)."""
+        return np.ascontiguousarray(self.group.block.length.T)
+
+    def equations(self, cart: Floats, angles: Floats, rates: Floats, gravity: float) -> tuple[Floats, Floats]:
+        """What the group adds to ΦᵀMΦ (R, R), its mass on the cart left out, and to the force on η (R,).
+
+        `cart` (R,) is φ_x; angles and rates are (P, n).
+        """
+        sin, cos = np.sin(angles), np.cos(angles)
+        n, u = np.stack((cos, -sin)), np.stack((sin, cos))
+        across = n * self.F[:, None]
+        p = above(self.length * across)
+        p[:, 0] += cart[:, None, None]
+        cross = _rows(self.b * across) @ _rows(p).T
+        thrown = self.b * rates**2 * u
+        a = above(-self.length * u * rates**2)
+        felt = self.b * ((n * a).sum(0) + gravity * sin)
+        return self.constant + cross + cross.T, _rows(p) @ thrown.ravel() - _rows(self.F) @ felt.ravel()
+
+
+def above(values: Floats) -> Floats:
+    """The sum over all links above each one, along the last axis."""
+    found = np.empty_like(values)
+    found[..., 0] = 0.0
+    np.cumsum(values[..., :-1], axis=-1, out=found[..., 1:])
+    return found
+
+
+def _rows(values: Floats) -> Floats:
+    return values.reshape(len(values), -1)
+
+
+@dataclass(frozen=True, eq=False)
+class Truncated:
+    """The reduced equations of a plane scene, y = (η, η', work).
+
+    `rest` (L,) are the angles at η = 0, `shapes` (half, R) the columns of Φ over (x on a cart, then every link), and
+    `dual` (half, R) with dualᵀΦ = 1 takes a start to its η.
+    """
+
+    plant: Plant
+    rest: Floats
+    shapes: Floats
+    dual: Floats
+    load: Load | None = None
+
+    @property
+    def size(self) -> int:
+        """The number R of shapes."""
+        return int(self.shapes.shape[1])
+
+    @cached_property
+    def links(self) -> Floats:
+        """The links' part of the shapes, (L, R)."""
+        return self.shapes[-self.plant.n_links :]
+
+    @cached_property
+    def cart(self) -> Floats:
+        """The cart's part of the shapes, (R,), 0 on a fixed support."""
+        return self.shapes[0] if self.plant.cart else np.zeros(self.size)
+
+    @cached_property
+    def works(self) -> bool:
+        """Whether the work comes last in y."""
+        return self.plant.works or self.load is not None
+
+    @cached_property
+    def turnings(self) -> tuple[Turning, ...]:
+        """The groups with their shapes."""
+        rows = self.links.T
+        return tuple(Turning(group, np.ascontiguousarray(rows[:, group.index.T])) for group in self.plant.groups)
+
+    @cached_property
+    def _constant(self) -> Floats:
+        return self.plant.total_mass * np.outer(self.cart, self.cart)
+
+    def derivative(self, time: float, y: Floats) -> Floats:
+        """Y' of shape (size,)."""
+        state, R = self.state(y), self.size
+        push = self.load(time, state) if self.load else Push()
+        M = self._constant.copy()
+        force = efforts.on_links(self.plant, state, push) @ self.links
+        force += efforts.on_cart(self.plant, state, push) * self.cart
+        for one in self.turnings:
+            place = one.group.index.T
+            mass, pull = one.equations(self.cart, state.links[place], state.link_rates[place], self.plant.gravity)
+            M, force = M + mass, force + pull
+        try:
+            found = np.linalg.solve(M, force)
+        except np.linalg.LinAlgError:
+            raise ComputationError("the reduced mass matrix is singular: keep fewer modes") from None
+        work = [efforts.power(self.plant, state, push)] if self.works else []
+        return np.concatenate((y[R : 2 * R], found, work))
+
+    def state(self, y: Floats) -> State:
+        """The state in one vector."""
+        return self.read(y[None])[0]
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of the state nearest to this one in the sense of the masses, no work done yet."""
+        head, rate = ([state.cart], [state.cart_rate]) if self.plant.cart else ([], [])
+        q, v = np.concatenate((head, state.links - self.rest)), np.concatenate((rate, state.link_rates))
+        return np.concatenate((q @ self.dual, v @ self.dual, [0.0] * self.works))
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion of every link in vectors (T, size)."""
+        R = self.size
+        eta, rate = rows[:, :R], rows[:, R : 2 * R]
+        return Motion(
+            links=self.rest + eta @ self.links.T,
+            link_rates=rate @ self.links.T,
+            cart=eta @ self.cart,
+            cart_rate=rate @ self.cart,
+            work=rows[:, -1] if self.works else np.zeros(len(rows)),
+        )
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,): those that turn a link by 1 rad, or move the cart by l where none turns."""
+        reach = np.maximum(np.abs(self.links).max(axis=0), np.abs(self.cart) / self.plant.length)
+        half = 1 / reach
+        return np.concatenate((half, half * self.plant.rate, [self.plant.energy] * self.works))
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """The shapes are the coordinates: there is nothing to mend."""
+        return y, 0.0

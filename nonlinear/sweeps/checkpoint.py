@@ -1,0 +1,115 @@
+"""The journal of a sweep: rows are appended as they come, so that a sweep cut short goes on where it was.
+
+The first line says which sweep it is, every other is one row in JSON with its own checksum.  A last line that a crash
+has torn is dropped; any other damage is refused, and named by its line.  One sweep at a time has a journal.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from hashlib import sha256
+from typing import IO
+
+from modal.errors import SceneError
+from modal.report.sealed import index
+from nonlinear.sweeps.locks import locked, remove
+from nonlinear.sweeps.study import Row, Study
+
+VERSION = 2
+KNOWN = b'{"multipendula_journal"'
+
+
+class Journal:
+    """The rows that a file already held, and where new ones go; without a file it forgets them."""
+
+    def __init__(self, stream: IO[bytes] | None = None, rows: Sequence[Row] = (), salt: str = "") -> None:
+        self._stream, self.rows, self._salt = stream, tuple(rows), salt
+        self.finished = False
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Keep some rows, safe from a crash when this returns."""
+        if self._stream is not None:
+            self._stream.write(b"".join(_line(row, self._salt) for row in rows))
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+
+    def finish(self) -> None:
+        """The sweep is written whole: its journal goes when it is closed."""
+        self.finished = True
+
+
+@contextmanager
+def journal(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Journal]:
+    """The journal at a path, begun or gone on with; `fresh` begins anew whatever sweep it is of.
+
+    Rows of points that failed are left out, so that these are tried again.  Raises SceneError where the file is
+    something else, is damaged, belongs to another sweep or to one that is at work, OSError where it cannot be written.
+    """
+    name, salt = os.fspath(path), study.fingerprint
+    first = json.dumps({"multipendula_journal": VERSION, "sweep": salt}).encode() + b"\n"
+    with _named(name), locked(name) as stream:
+        content = stream.read()
+        if fresh and content.startswith(KNOWN):
+            content = b""
+        whole = content[: content.rfind(b"\n") + 1]
+        if not whole and not first.startswith(content):
+            raise SceneError([f"{name}: is not the journal of a sweep"])
+        rows = _rows(name, whole, first, study) if whole else {}
+        stream.truncate(len(whole))
+        if not whole:
+            stream.write(first)
+        kept = Journal(stream, [row for row in rows.values() if not row.reason], salt)
+        try:
+            yield kept
+        finally:
+            if kept.finished:
+                remove(stream, name)
+
+
+@contextmanager
+def _named(name: str) -> Iterator[None]:
+    """Says which file it is that cannot be written, which a full disk does not."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or name
+        raise
+
+
+def _rows(name: str, content: bytes, first: bytes, study: Study) -> dict[int, Row]:
+    head, *lines = content.removesuffix(b"\n").split(b"\n")
+    if head + b"\n" != first:
+        known = head.startswith(KNOWN)
+        words = "belongs to another sweep: remove it or write elsewhere" if known else "is not the journal of a sweep"
+        raise SceneError([f"{name}: {words}"])
+    rows = {}
+    for number, line in enumerate(lines, 2):
+        try:
+            row = _row(line, study)
+        except (ValueError, TypeError, AttributeError, RecursionError):
+            words = "is damaged: remove it, and what it holds is measured again"
+            raise SceneError([f"{name}: line {number} {words}"]) from None
+        rows[row.index] = row
+    return rows
+
+
+def _line(row: Row, salt: str) -> bytes:
+    """[index, numbers, reason, checksum] in JSON; the checksum is of what stands before it and of the sweep."""
+    text = json.dumps([row.index, row.numbers, row.reason])[:-1]
+    return f'{text}, "{_checksum(text, salt)}"]\n'.encode()
+
+
+def _checksum(text: str, salt: str) -> str:
+    return sha256(f"{salt}{text}".encode()).hexdigest()
+
+
+def _row(line: bytes, study: Study) -> Row:
+    """The row of a line that `_line` has made, and of no other."""
+    at, numbers, reason, _ = json.loads(line)
+    row = Row(index(at, study.size), {str(name): float(number) for name, number in numbers.items()}, str(reason))
+    if _line(row, study.fingerprint).rstrip() != line:
+        raise ValueError
+    return row

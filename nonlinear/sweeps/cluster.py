@@ -1,0 +1,37 @@
+"""The workers of a Dask cluster that is already there, through the extra `cluster`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from modal.errors import ComputationError, MissingExtraError
+from nonlinear.sweeps.executors import Crew
+
+PATIENCE = 10.0
+"""Seconds that a scheduler has to answer."""
+
+
+@contextmanager
+def cluster(address: str, patience: float = PATIENCE) -> Iterator[Crew]:
+    """All workers that a scheduler such as tcp://192.168.0.2:8786 has; they need this package installed.
+
+    Raises MissingExtraError without the package `distributed`, ComputationError where nobody answers or nobody works.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise MissingExtraError("distributed", "cluster") from None
+    try:
+        client = Client(address, timeout=patience, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        raise ComputationError(f"{address}: no scheduler answers ({' '.join(str(error).split())})") from None
+    with client:
+        size = sum(client.nthreads().values())
+        if not size:
+            raise ComputationError(f"{address}: the scheduler has no workers")
+        executor = client.get_executor()
+        try:
+            yield Crew(executor, size)
+        finally:
+            executor.shutdown(wait=False)

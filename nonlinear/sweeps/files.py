@@ -1,0 +1,130 @@
+"""Sweeps on disk: NPZ holds every number over the grid, CSV one row a point to read and plot elsewhere.
+
+Both begin with a header in JSON: the scene, what was varied, what was measured and which points failed.  A column of
+an axis is named by its place and unit.  Both hold a checksum, and a file that is not what was saved is refused whole.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.report.escaping import csv_cell, csv_rows
+from modal.report.sealed import index, insist_keys, reading
+from modal.scene.files import whole_file
+from modal.types import Floats
+from nonlinear.saved_files import as_csv, as_npz, checked_kind, from_csv, from_npz
+from nonlinear.sweeps.running import Sweep
+from nonlinear.sweeps.study import Row, Study, study_from
+
+REASON = "reason"
+
+
+def save(sweep: Sweep, path: str | os.PathLike[str]) -> None:
+    """Write a .npz or .csv file, whole or not at all; SceneError for another name."""
+    content = _npz(sweep) if checked_kind(path) == "npz" else _csv(sweep)
+    with whole_file(path) as stream:
+        stream.write(content)
+
+
+def load(path: str | os.PathLike[str]) -> Sweep:
+    """The sweep in a file that `save` wrote; SceneError says what is wrong with any other."""
+    name, kind = os.fspath(path), checked_kind(path)
+    with reading(name, "sweep"):
+        return _read_npz(name) if kind == "npz" else _read_csv(name)
+
+
+def _header(sweep: Sweep) -> dict[str, Any]:
+    failed = {str(index): reason for index, reason in sweep.failures.items()}
+    done = None if sweep.complete else [row.index for row in sweep.rows]
+    return {"multipendula_sweep": sweep.study.header(), "columns": sweep.columns, "failed": failed, "done": done}
+
+
+class _Kept(NamedTuple):
+    """What a header says: the study, the names of its numbers, the points that were tried and why some failed."""
+
+    study: Study
+    columns: tuple[str, ...]
+    indices: tuple[int, ...]
+    failed: dict[int, str]
+    complete: bool
+
+    @property
+    def axes(self) -> list[str]:
+        return [own.column for own in self.study.variations]
+
+    def sweep(self, table: Floats) -> Sweep:
+        """With numbers (size, columns) over the whole grid."""
+        rows = (
+            Row(index, {}, self.failed[index])
+            if index in self.failed
+            else Row(index, dict(zip(self.columns, table[index].tolist(), strict=True)))
+            for index in self.indices
+        )
+        return Sweep(self.study, tuple(rows), interrupted=not self.complete)
+
+
+def _kept(header: dict[str, Any]) -> _Kept:
+    insist_keys(header, "multipendula_sweep", "columns", "failed", "done")
+    study, columns, done = study_from(header["multipendula_sweep"]), tuple(header["columns"]), header["done"]
+    indices = tuple(range(study.size) if done is None else (index(own, study.size) for own in done))
+    failed = {int(own): reason for own, reason in header["failed"].items()}
+    kept = _Kept(study, columns, indices, failed, done is None)
+    names, reasons = [*kept.axes, *columns], list(failed.values())
+    in_order = all(earlier < later for earlier, later in pairwise(indices)) and failed.keys() <= set(indices)
+    if not in_order or len(set(names)) < len(names) or any(type(text) is not str for text in (*names, *reasons)):
+        raise ValueError
+    return kept
+
+
+# ---------------------------------------------------------------------------------------------------------- NPZ
+
+
+def _npz(sweep: Sweep) -> bytes:
+    axes = {own.column: np.array(own.values) for own in sweep.study.variations}
+    return as_npz(_header(sweep), axes | {name: sweep.values(name) for name in sweep.columns})
+
+
+def _read_npz(name: str) -> Sweep:
+    header, arrays = from_npz(name)
+    kept = _kept(header)
+    insist_keys(arrays, *kept.axes, *kept.columns)
+    axes = zip(kept.axes, kept.study.variations, strict=True)
+    if not all(np.array_equal(arrays[axis], own.values) for axis, own in axes):
+        raise ValueError
+    numbers = [arrays[column] for column in kept.columns]
+    if any(own.dtype != float or own.shape != kept.study.shape for own in numbers):
+        raise ValueError
+    return kept.sweep(np.reshape(numbers, (len(numbers), kept.study.size)).T)
+
+
+# ---------------------------------------------------------------------------------------------------------- CSV
+
+
+def _csv(sweep: Sweep) -> bytes:
+    rows: list[list[Any]] = [[*(own.column for own in sweep.study.variations), *sweep.columns, REASON]]
+    for row in sweep.rows:
+        numbers = [row.numbers.get(name, np.nan) for name in sweep.columns]
+        rows.append([*sweep.study.point(row.index).values(), *numbers, row.reason])
+    return as_csv(_header(sweep), [csv_rows(rows)])
+
+
+def _read_csv(name: str) -> Sweep:
+    header, text = from_csv(name)
+    kept = _kept(header)
+    names, *rows = csv.reader(io.StringIO(text, newline=""))
+    axes, columns, table = len(kept.axes), len(kept.columns), np.full((kept.study.size, len(kept.columns)), np.nan)
+    if names != [*map(csv_cell, (*kept.axes, *kept.columns, REASON))]:
+        raise ValueError
+    for at, row in zip(kept.indices, rows, strict=True):
+        point, numbers, (reason,) = row[:axes], row[axes : axes + columns], row[axes + columns :]
+        values, why = kept.study.point(at).values(), kept.failed.get(at, "")
+        if list(map(float, point)) != list(values) or reason != csv_cell(why):
+            raise ValueError
+        table[at] = list(map(float, numbers))
+    return kept.sweep(table)

@@ -1,0 +1,168 @@
+"""Sweeps: a grid of scenes measured on all cores, row by row, each kept as soon as it is known."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from contextlib import closing, nullcontext
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
+from time import monotonic
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.sweeps.checkpoint import Journal
+from nonlinear.sweeps.executors import Crew, cores, processes
+from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measured
+
+PATIENCE = 0.5
+"""Seconds that this process works alone before it calls others: a small sweep is done by then."""
+CHUNK, AHEAD = 64, 2
+"""The most points that go to a worker together; how many portions a worker has before it, its own included."""
+
+DIED = "its process died, perhaps for want of memory"
+
+Report = Callable[[float], object]
+Rows = Generator[list[Row], None, None]
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The rows of a study, ascending; `interrupted` says whether Ctrl-C came before the last."""
+
+    study: Study
+    rows: tuple[Row, ...]
+    interrupted: bool = False
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """The names of all numbers, in the order of the fullest row."""
+        fullest = max(self.rows, key=lambda row: len(row.numbers), default=Row(0, {}))
+        return tuple(dict.fromkeys(name for row in (fullest, *self.rows) for name in row.numbers))
+
+    @property
+    def complete(self) -> bool:
+        """Whether every point was tried."""
+        return len(self.rows) == self.study.size
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """Why points have no numbers, by their index."""
+        return {row.index: row.reason for row in self.rows if row.reason}
+
+    def values(self, column: str) -> Floats:
+        """One number over the grid, in the study's shape, NaN where it is not known."""
+        found = np.full(self.study.size, np.nan)
+        for row in self.rows:
+            found[row.index] = row.numbers.get(column, np.nan)
+        return found.reshape(self.study.shape)
+
+
+def sweep(
+    study: Study,
+    *,
+    journal: Journal | None = None,
+    workers: int | None = None,
+    crew: Crew | None = None,
+    report: Report = lambda done: None,
+) -> Sweep:
+    """All points of a study: those that a journal holds are taken from it, new ones are added to it.
+
+    `workers` is a number of processes, 1 to stay in this one; left out, all cores are used once the sweep has lasted
+    PATIENCE.  `crew` is for other executors, such as `nonlinear.sweeps.cluster`.  `report` hears how many points are
+    done. On Ctrl-C what is known is returned.  Raises ComputationError where workers cannot be had.
+    """
+    kept = journal or Journal()
+    rows = {row.index: row for row in kept.rows}
+    left = [index for index in range(study.size) if index not in rows]
+    interrupted = False
+    report(len(rows))
+    try:
+        with closing(_found(study, left, workers, crew)) as found:
+            for portion in found:
+                kept.add(portion)
+                rows |= {row.index: row for row in portion}
+                report(len(rows))
+    except KeyboardInterrupt:
+        interrupted = True
+    return Sweep(study, tuple(rows[index] for index in sorted(rows)), interrupted)
+
+
+def _found(study: Study, left: Sequence[int], workers: int | None, crew: Crew | None) -> Rows:
+    task, count = Task(study.scene, study.measures), workers or cores()
+    points, begun = ((index, study.point(index)) for index in left), monotonic()
+    remaining = len(left)
+    if crew is None and (workers is None or count == 1):
+        for point in points:
+            yield measured(task, [point])
+            remaining -= 1
+            if count > 1 and monotonic() - begun > PATIENCE:
+                break
+    if not remaining:
+        return
+    count = crew.size if crew else min(count, remaining)
+    size = max(1, min(CHUNK, remaining // (8 * count)))
+    portions: Iterator[Points] = iter(lambda: list(islice(points, size)), [])
+    while True:
+        with nullcontext(crew) if crew else processes(count) as used:
+            lost = yield from _shared(task, portions, used)
+        if not lost:
+            return
+        if crew:
+            raise ComputationError("the workers have died")
+        yield from _alone(task, lost)
+
+
+def _shared(task: Task, portions: Iterator[Points], crew: Crew) -> Generator[list[Row], None, list[Point]]:
+    """The rows of all portions as they come, a few in flight at a time; points whose workers died are handed back."""
+    flying: dict[Future[list[Row]], Points] = {}
+    try:
+        while True:
+            for portion in islice(portions, AHEAD * crew.size - len(flying)):
+                flying[_handed(task, portion, crew)] = portion
+            if not flying:
+                return []
+            done = wait(flying, return_when=FIRST_COMPLETED).done
+            if any(isinstance(future.exception(), BrokenExecutor) for future in done):
+                break
+            for future in done:
+                yield future.result()
+                del flying[future]
+        for future in wait(flying).done:
+            if not future.exception():
+                yield future.result()
+                del flying[future]
+        return [point for portion in flying.values() for point in portion]
+    except Exception as error:
+        raise ComputationError(f"a worker cannot work: {type(error).__name__}: {error}") from error
+    finally:
+        for future in flying:
+            future.cancel()
+
+
+def _handed(task: Task, portion: Points, crew: Crew) -> Future[list[Row]]:
+    try:
+        return crew.executor.submit(measured, task, portion)
+    except BrokenExecutor as error:
+        failed: Future[list[Row]] = Future()
+        failed.set_exception(error)
+        return failed
+
+
+def _alone(task: Task, points: Sequence[Point]) -> Rows:
+    """One point after another, so that it is seen of which one a process dies."""
+    left = deque(points)
+    while left:
+        with processes(1) as one:
+            died = False
+            while left and not died:
+                point = left.popleft()
+                try:
+                    yield one.executor.submit(measured, task, [point]).result()
+                except BrokenExecutor:
+                    died = True
+                    yield [Row(point[0], {}, DIED)]

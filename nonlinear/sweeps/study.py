@@ -1,0 +1,121 @@
+"""What a sweep asks: a scene, what is varied in it and over which values, and what is measured at every point."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import sha256
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from modal.errors import MultipendulaError, SceneError
+from modal.scene.model import Scene, described, scene_from
+from modal.scene.parameters import Variation
+from modal.scene.parameters import insist as insist_varied
+from modal.scene.places import varied
+from nonlinear.sweeps.measure import Asked
+from nonlinear.sweeps.measures import asked
+
+MOST_AXES, MOST_POINTS = 3, 1_000_000
+VERSION = 1
+
+
+@dataclass(frozen=True)
+class Study:
+    """A grid over one to MOST_AXES variations, the last one running fastest; SceneError for what cannot be."""
+
+    scene: Scene
+    variations: tuple[Variation, ...]
+    measures: tuple[Asked, ...]
+
+    def __post_init__(self) -> None:
+        problems = []
+        if not 1 <= len(self.variations) <= MOST_AXES:
+            problems.append(f"a sweep is over 1 to {MOST_AXES} variations, not {len(self.variations)}")
+        if self.size > MOST_POINTS:
+            problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
+        if not self.measures:
+            problems.append("a sweep measures something: frequencies, for example")
+        try:
+            insist_varied(self.scene, self.variations)
+        except SceneError as error:
+            problems += error.problems
+        if problems:
+            raise SceneError(problems)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Number of values along every axis."""
+        return tuple(len(variation.values) for variation in self.variations)
+
+    @property
+    def size(self) -> int:
+        """Number of points."""
+        return prod(self.shape)
+
+    def point(self, index: int) -> dict[str, float]:
+        """The values of point `index`, counted from 0 with the last axis fastest, by their paths."""
+        at = np.unravel_index(index, self.shape)
+        return {own.path: own.values[int(k)] for own, k in zip(self.variations, at, strict=True)}
+
+    def header(self) -> dict[str, Any]:
+        """Everything in it, for a file."""
+        axes = [{"path": own.path, "values": own.values, "log": own.log} for own in self.variations]
+        measures = [one.text for one in self.measures]
+        return {"version": VERSION, "scene": described(self.scene), "axes": axes, "measures": measures}
+
+    @property
+    def fingerprint(self) -> str:
+        """The same for the same question only."""
+        functions = [one.measure.function.__qualname__ for one in self.measures]
+        return sha256(json.dumps([self.header(), functions]).encode()).hexdigest()
+
+
+def study_from(header: dict[str, Any]) -> Study:
+    """The study that a header describes; ValueError, KeyError or TypeError for anything else."""
+    if header["version"] != VERSION:
+        raise ValueError
+    axes = tuple(Variation(axis["path"], tuple(axis["values"]), bool(axis["log"])) for axis in header["axes"])
+    return Study(scene_from(header["scene"]), axes, asked(header["measures"]))
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs to know beside its points."""
+
+    scene: Scene
+    measures: tuple[Asked, ...]
+
+
+@dataclass(frozen=True)
+class Row:
+    """What was measured at a point: named numbers, or the reason why there are none."""
+
+    index: int
+    numbers: dict[str, float]
+    reason: str = ""
+
+
+Point = tuple[int, dict[str, float]]
+Points = Sequence[Point]
+
+
+def measured(task: Task, points: Points) -> list[Row]:
+    """The rows of some points; what goes wrong at one is its own reason and hurts no other."""
+    return [_row(task, index, values) for index, values in points]
+
+
+def _row(task: Task, index: int, values: dict[str, float]) -> Row:
+    numbers: dict[str, float] = {}
+    try:
+        scene = varied(task.scene, values)
+        for one in task.measures:
+            numbers |= {name: float(number) for name, number in one.of(scene, task.scene).items()}
+    except MultipendulaError as error:
+        return Row(index, {}, " ".join(str(error).split()))
+    except Exception as error:
+        return Row(index, {}, " ".join(f"{type(error).__name__}: {error}".split()))
+    return Row(index, numbers)

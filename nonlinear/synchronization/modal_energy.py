@@ -1,0 +1,121 @@
+"""Which mode of a scene holds the energy of a run, and from when on.
+
+With the shapes φ_r of the scene without dampers and drives, φᵀMφ = 1, and q the motion from its rest,
+
+    η_r = φ_rᵀ M q,     E_r = ½ Σ (η_r'² + ω_r² η_r²)    over all shapes of one row of the table,
+
+as a mean over one period of the strongest row: at large angles E_r ripples.  The rigid translation of a free cart
+and what does not swing take no part.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import pi
+
+import numpy as np
+
+from modal.assembly.matrices import matrices
+from modal.errors import ComputationError
+from modal.modes.all_shapes import all_shapes
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes, natural_modes
+from modal.modes.numbering import table_numbers
+from modal.scene.model import Scene
+from modal.types import Floats, Ints
+from nonlinear.averaging.slow_flow import LOCKED
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing.averages import smoothed
+from nonlinear.reduction.modal_coordinates import deflection, rest_angles
+from nonlinear.synchronization.phases import from_rest
+
+MOST = 2000  # coordinates of a scene whose modes are told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Survival:
+    """Energies of the R rows that swing: `row` (R,) their numbers from 1 in the table `modes`, `energy` (T, R) in J.
+
+    `modes` are those of the `scene` without dampers and drives.
+    """
+
+    scene: Scene
+    times: Floats
+    modes: Modes
+    row: Ints
+    energy: Floats
+
+    @cached_property
+    def share(self) -> Floats:
+        """Of each row in the energy of all, (T, R); NaN at rest."""
+        total = self.energy.sum(axis=1, keepdims=True)
+        shares = np.divide(self.energy, total, out=np.full_like(self.energy, np.nan), where=total > 0)
+        return np.asarray(shares)
+
+    @cached_property
+    def _place(self) -> int:
+        if not np.all(np.isfinite(self.share[-1])):
+            raise ComputationError("nothing swings at the end of the run: no mode survives")
+        return int(np.argmax(self.share[-1]))
+
+    @property
+    def survivor(self) -> int:
+        """The row, from 1, that holds most at the end; ComputationError where nothing is left."""
+        return int(self.row[self._place])
+
+    @property
+    def number(self) -> int:
+        """The number of that mode in the table of the scene, dampers included."""
+        return int(table_numbers(self.scene)[self.survivor - 1])
+
+    @property
+    def mode(self) -> Mode:
+        """The same row with its words."""
+        return self.modes[self.survivor - 1]
+
+    @property
+    def survivor_share(self) -> float:
+        """What it holds at the end."""
+        return float(self.share[-1, self._place])
+
+    def locking_time(self, threshold: float = LOCKED) -> float | None:
+        """The first time (s) from which on all other rows together hold less than `threshold`, None where never."""
+        others = np.delete(self.share, self._place, axis=1).sum(axis=1)
+        above = np.flatnonzero(~(others < threshold))
+        first = int(above[-1]) + 1 if above.size else 0
+        return float(self.times[first]) if first < len(self.times) else None
+
+
+def survival(trajectory: Trajectory) -> Survival:
+    """The energies of a run in the plane by modes.
+
+    Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode swings.
+    """
+    scene = trajectory.scene.conservative
+    size = scene.n_links + (scene.support.kind == "cart")
+    if trajectory.plant.spatial:
+        raise ComputationError("energies by modes: only of motion in the plane")
+    if size > MOST:
+        raise ComputationError(f"energies by modes: this scene has {size} coordinates, at most {MOST} are told apart")
+    links = rest_angles(scene) + from_rest(trajectory.plant, trajectory.motion.links)
+    q, v = deflection(scene, replace(trajectory.motion, links=links))
+    modes = natural_modes(scene)
+    swinging = np.flatnonzero(modes.eigenvalue.imag)
+    if not swinging.size:
+        raise ComputationError("no mode of this scene swings")
+    omega = modes.omega[swinging]
+    energy = _energies(modes, swinging, q, v)
+    period = 2 * pi / float(omega[np.argmax(energy.sum(0))])
+    return Survival(trajectory.scene, trajectory.times, modes, swinging + 1, smoothed(trajectory.times, energy, period))
+
+
+def _energies(modes: Modes, rows: Ints, q: Floats, v: Floats) -> Floats:
+    """E_r (J) of these rows (from 0), (T, R)."""
+    every = all_shapes(modes)
+    shapes = [one for row in rows for one in every[row]]
+    counts = [len(every[row]) for row in rows]
+    phi = np.array([[*[one.cart.real] * modes.on_cart, *one.angles.real] for one in shapes]).T
+    dual, omega = matrices(modes.scene).M @ phi, np.repeat(modes.omega[rows], counts)
+    each = ((v @ dual) ** 2 + (omega * (q @ dual)) ** 2) / 2
+    return np.asarray(np.add.reduceat(each, np.cumsum([0, *counts[:-1]]), axis=1))

@@ -1,0 +1,57 @@
+"""How the pendula of a configuration agree: their phases and amplitudes in own modes, and in words.
+
+The motion q = Σ_r φ_r z_r of the band that holds most turns as one, so that in its own modes
+(`nonlinear.synchronization.phases`) every pendulum p has a complex amplitude η_p that stands still but for the common
+turn.
+"""
+
+from __future__ import annotations
+
+from math import degrees
+
+import numpy as np
+
+from modal.types import Complexes, Floats
+from nonlinear.averaging.equilibria import Configuration, swinging
+from nonlinear.synchronization.phases import own_shapes
+
+STILL = 0.1  # of the largest amplitude: what a pendulum must reach to count as swinging
+NEAR = np.pi / 6  # what is still in phase, or in antiphase
+
+
+def own_amplitudes(state: Configuration) -> Complexes:
+    """η (N,) in rad of every pendulum, in the own mode that holds most of the band that holds most."""
+    found = state.averaged
+    links = found.link_shapes @ np.where(found.band == state.band, state.z, 0.0)
+    count = min(group.n for group in found.plant.groups)
+    eta = np.empty((found.plant.n_pendula, count), dtype=complex)
+    energy: Floats = np.zeros(count)
+    for group in found.plant.groups:
+        modes = own_shapes(group, found.plant.gravity, count)
+        eta[group.pendula] = np.einsum("np,pnb->pb", links[group.index], modes.dual)
+        energy += np.sum(modes.mass * modes.omega**2 * np.abs(eta[group.pendula]) ** 2, axis=0)
+    return np.asarray(eta[:, int(energy.argmax())])
+
+
+def apart(eta: Complexes) -> Floats:
+    """Phases (rad) in (−π, π] of the swinging pendula from that of the one that swings most."""
+    most = eta[np.abs(eta).argmax()]
+    return np.asarray(np.angle(eta[np.abs(eta) >= STILL * abs(most)] / most))
+
+
+def agreement(state: Configuration) -> str:
+    """In phase, in antiphase, by how much apart, or which pendulum swings alone; and where several bands swing."""
+    bands = len(swinging(state.averaged, state.z))
+    return _phases(own_amplitudes(state)) + (f", {bands} frequencies" if bands > 1 else "")
+
+
+def _phases(eta: Complexes) -> str:
+    phases = np.abs(apart(eta))
+    ahead = int(np.count_nonzero(phases <= NEAR))
+    if len(phases) == 1:
+        return "swings" if len(eta) == 1 else f"pendulum {int(np.abs(eta).argmax()) + 1} alone"
+    if ahead == len(phases):
+        return "in phase"
+    if np.all((phases <= NEAR) | (phases >= np.pi - NEAR)):
+        return "antiphase" if len(phases) == 2 else f"antiphase, {ahead} against {len(phases) - ahead}"
+    return f"{degrees(phases.max()):.0f}° apart" if len(phases) == 2 else "phases spread"

@@ -1,0 +1,203 @@
+"""Phases and amplitudes of every pendulum in its own modes, whatever drives, damps or couples them.
+
+With the angles q of one pendulum from its rest and the modes A φ ω² = K φ that it has on a support that stands still,
+without dampers and drives,
+
+    η_b = φ_bᵀ A q / φ_bᵀ A φ_b,     z_b = η_b − i η_b'/ω_b.
+
+Left to itself z_b turns as exp(iω_b t), its size the largest angle of the mode.  How far N pendula agree is Kuramoto's
+order parameter (Kuramoto, Chemical Oscillations, Waves, and Turbulence, §5.4), ψ their mean phase:
+
+    R_b e^{iψ_b} = (1/N) Σ_p e^{i arg z_pb}:     1 in phase, 0 for two in antiphase.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import ceil, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from modal import pair
+from modal.errors import ComputationError
+from modal.types import Complexes, Floats
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing.averages import last
+from nonlinear.system.plant import Group, Plant
+
+ENDING, SETTLED = 0.1, 0.5  # parts of a run: what is "at the end", and over which frequencies are taken
+LEAST = 3.0  # samples a period from which phases are followed
+ALLOWED = pi / 2  # by how much phases may come apart while frequencies count as one
+MOST_NUMBERS = 4_000_000  # in the matrices of one group
+
+
+class OwnShapes(NamedTuple):
+    """B fixed-support modes of P pendula of n links: `omega` (rad/s) and `mass` φᵀAφ (kg m²) are (P, B).
+
+    `shape` φ and `dual` Aφ/φᵀAφ are (P, n, B); the largest angle of φ is 1, that of the top link not negative.
+    """
+
+    omega: Floats
+    mass: Floats
+    shape: Floats
+    dual: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Phases:
+    """A run as N pendula in their own modes 1 to B, B being the links of the shortest; further ones are left out.
+
+    `z` (T, N, B) in rad, `omega` (rad/s) and `mass` φᵀAφ (kg m²) of the own modes, (N, B).
+    """
+
+    trajectory: Trajectory
+    z: Complexes
+    omega: Floats
+    mass: Floats
+
+    @property
+    def times(self) -> Floats:
+        """Of the samples (s), (T,)."""
+        return self.trajectory.times
+
+    @cached_property
+    def phase(self) -> Floats:
+        """Arg z (rad) in (−π, π], (T, N, B); 0 where z is."""
+        return np.angle(self.z)
+
+    @cached_property
+    def amplitude(self) -> Floats:
+        """|z| (rad), the largest angle of each mode by itself, (T, N, B)."""
+        return np.abs(self.z)
+
+    @cached_property
+    def _mean(self) -> Complexes:
+        size = self.amplitude
+        return np.asarray(np.divide(self.z, size, out=np.zeros_like(self.z), where=size > 0).mean(1))
+
+    @property
+    def order(self) -> Floats:
+        """The order parameter R_b, (T, B); a pendulum that is still has no phase and adds nothing."""
+        return np.abs(self._mean)
+
+    @property
+    def mean_phase(self) -> Floats:
+        """ψ_b (rad), (T, B)."""
+        return np.angle(self._mean)
+
+    @cached_property
+    def energy(self) -> Floats:
+        """Of each pendulum (J), (T, N): kinetic as seen from the ground, and potential with that of joint springs."""
+        mechanics = self.trajectory.mechanics
+        return mechanics.of_pendula(mechanics.kinetic + mechanics.potential)
+
+    @cached_property
+    def leading(self) -> int:
+        """The own mode, from 0, that holds most energy ½ Σ_p φᵀAφ ω² |z|² in the last tenth of the run."""
+        squares = np.mean(self.amplitude[last(self.times, ENDING)] ** 2, axis=0)
+        return int(np.argmax(np.sum(self.mass * self.omega**2 * squares, axis=0)))
+
+    @cached_property
+    def frequency(self) -> Floats:
+        """Mean frequency (rad/s) of each pendulum in the leading mode over the second half of the run, (N,).
+
+        The slope of the straight line through the phase, weighed by 1 + cos πs, s from −1 to 1, so that ripples do not
+        matter; NaN of a pendulum that is still at any time.  Raises ComputationError where the samples are too far
+        apart to follow phases.
+        """
+        late = last(self.times, SETTLED)
+        times, z = self.times[late], self.z[late, :, self.leading]
+        self._insist(times, z)
+        half = (times[-1] - times[0]) / 2
+        weight = 1 + np.cos(pi * ((times - times[0]) / half - 1))
+        from_middle = times - np.average(times, weights=weight)
+        pull = weight * from_middle
+        slope = pull @ np.unwrap(np.angle(z), axis=0) / (pull @ from_middle)
+        return np.where(np.all(z != 0, axis=0), slope, np.nan)
+
+    def _insist(self, times: Floats, z: Complexes) -> None:
+        """By the own frequencies, and by √(mean η'²/mean η²), which sees any, however few the samples."""
+        if len(times) < 3:
+            raise ComputationError("the run holds too few instants to measure frequencies")
+        own = self.omega[:, self.leading]
+        eta, rate = (np.sqrt(np.mean(part**2, axis=0)) for part in (z.real, z.imag * own))
+        fastest = float(np.max(np.maximum(own, np.divide(rate, eta, out=np.zeros_like(eta), where=eta > 0))))
+        widest, enough = float(np.max(np.diff(times))), 2 * pi / (LEAST * fastest)
+        if widest > enough:
+            count = ceil((self.times[-1] - self.times[0]) / enough) + 2
+            raise ComputationError(
+                f"samples {widest:.3g} s apart are too far from each other to follow phases that turn at "
+                f"{fastest:.4g} rad/s: simulate with one every {enough:.2g} s, {count} samples"
+            )
+
+    @property
+    def resolution(self) -> float:
+        """Difference of frequencies (rad/s) by which phases come apart a quarter turn in the second half of the run."""
+        late = self.times[last(self.times, SETTLED)]
+        return float(ALLOWED / (late[-1] - late[0]))
+
+    @property
+    def locked(self) -> bool:
+        """Whether all frequencies agree within `resolution`, no pendulum being still."""
+        return bool(np.ptp(self.frequency) <= self.resolution)
+
+
+def phases_of(trajectory: Trajectory) -> Phases:
+    """The phases of a run in the plane, driven or not.
+
+    Raises ComputationError for a motion in space, for pendula that do not swing about their rest by themselves, and
+    for chains too long for dense matrices.
+    """
+    plant, motion = trajectory.plant, trajectory.motion
+    if plant.spatial:
+        raise ComputationError("phases: only of motion in the plane")
+    count = min(group.n for group in plant.groups)
+    z = np.empty((len(trajectory.times), plant.n_pendula, count), dtype=np.complex128)
+    omega, mass = np.empty((2, plant.n_pendula, count))
+    turned = from_rest(plant, motion.links)
+    for group in plant.groups:
+        own = own_shapes(group, plant.gravity, count)
+        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], own.dual) for part in (turned, motion.link_rates))
+        z[:, group.pendula] = eta - 1j * rate / own.omega
+        omega[group.pendula], mass[group.pendula] = own.omega, own.mass
+    return Phases(trajectory, z, omega, mass)
+
+
+def from_rest(plant: Plant, links: Floats) -> Floats:
+    """Angles (T, L) from rest (rad), whole turns left out."""
+    aside = links - np.where(plant.by_link("sigma") > 0, 0.0, pi)
+    return np.asarray(aside - 2 * pi * np.round(aside / (2 * pi)))
+
+
+def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
+    """The `count` slowest fixed-support modes of every pendulum of a group.
+
+    With K = LLᵀ the largest eigenvalues of L⁻¹AL⁻ᵀ are the smallest ω⁻².  Raises ComputationError where K is not
+    positive, or the matrices do not fit.
+    """
+    if group.n * group.index.size > MOST_NUMBERS:
+        raise ComputationError(f"{group.index.shape[1]} pendula of {group.n} links are too many for their own modes")
+    A, K = _stacked(group, gravity)
+    try:
+        L = np.linalg.cholesky(K)
+    except np.linalg.LinAlgError:
+        raise ComputationError("phases: a pendulum of this scene does not swing about its rest by itself") from None
+    half = np.linalg.solve(L, A)
+    value, w = np.linalg.eigh(np.linalg.solve(L, half.transpose(0, 2, 1)))
+    phi = np.linalg.solve(L.transpose(0, 2, 1), w[..., : -count - 1 : -1])
+    phi *= np.where(phi[:, :1] < 0, -1.0, 1.0) / np.abs(phi).max(axis=1, keepdims=True)
+    pushed = A @ phi
+    mass = np.sum(phi * pushed, axis=1)
+    return OwnShapes(value[:, : -count - 1 : -1] ** -0.5, mass, phi, pushed / mass[:, None])
+
+
+def _stacked(group: Group, gravity: float) -> tuple[Floats, Floats]:
+    """A (kg m²) and K (N m) about the rest, (P, n, n)."""
+    block, n = group.block, group.n
+    A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)).transpose(2, 0, 1)
+    sigma = block.sigma.T
+    joint = np.eye(n) - np.eye(n, k=-1)
+    springs = joint.T @ (block.stiffness.T[:, :, None] * joint)
+    return A * sigma[:, :, None] * sigma[:, None], springs + np.eye(n) * (gravity * sigma * block.b.T)[:, None]

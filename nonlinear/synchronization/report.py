@@ -1,0 +1,184 @@
+"""The synchronization of a scene in words: what was predicted, what was seen, and what the theory does not cover."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import degrees, isfinite
+from textwrap import TextWrapper, fill
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.report.escaping import visible
+from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short
+from nonlinear.averaging.equilibria import Configuration
+from nonlinear.averaging.prediction import ASIDE, Prediction
+from nonlinear.postprocessing.averages import last
+from nonlinear.synchronization.modal_energy import Survival
+from nonlinear.synchronization.patterns import agreement, own_amplitudes
+from nonlinear.synchronization.phases import ENDING
+from nonlinear.synchronization.study import Synchrony, Theory
+from nonlinear.system.plant import Plant
+from nonlinear.verification.tables import grid
+
+HEAD = ("mode", "family", "pendula", "largest angle (deg)", "frequency (rad/s)", "neighbours")
+NOT_COVERED = (
+    "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
+    "the third harmonic of every swing. They leave out: what else happens within a swing, dry friction and play, "
+    "motion across the rail, links that stand, noise."
+)
+NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
+MOST_FREQUENCIES = 6
+
+
+def sync_text(found: Synchrony) -> str:
+    """For a terminal."""
+    parts = [visible(found.scene.title) or "untitled scene", *_sections(found)]
+    return "\n\n".join(part for part in parts if part) + "\n"
+
+
+def _sections(found: Synchrony) -> Iterator[str]:
+    if found.theory is None:
+        yield f"No prediction: {found.silent}."
+    else:
+        yield "Ways to keep swinging, by the averaged equations\n" + _table(found.theory)
+        yield _paragraph("Predicted from this start", _prediction(found.theory.prediction))
+    beside = ", from beside it too" if found.theory is not None and found.theory.prediction.unstable else ""
+    yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s{beside}", _simulation(found))
+    if found.scene.has_damping:
+        yield NUMBERED
+    if found.theory is not None:
+        yield fill(NOT_COVERED, WIDTH)
+
+
+def _paragraph(title: str, sentences: Iterator[str]) -> str:
+    wrapper = TextWrapper(WIDTH, "  ", "    ", break_long_words=False, break_on_hyphens=False)
+    return "\n".join([title, *map(wrapper.fill, sentences)])
+
+
+def _table(theory: Theory) -> str:
+    if not theory.configurations:
+        return "none was found"
+    return grid([_cells(one) for one in theory.configurations], HEAD, "text")
+
+
+def _cells(one: Configuration) -> list[str]:
+    modes = one.averaged.modes
+    mode = modes[one.row]
+    angle = degrees(float(np.abs(own_amplitudes(one)).max()))
+    return [
+        str(one.number),
+        mode.family,
+        agreement(one),
+        f"{angle:.4g}",
+        f"{one.omega:.6g}",
+        _fate(one),
+    ]
+
+
+def _fate(one: Configuration) -> str:
+    if one.lasts is None:
+        return "stay beside it"
+    return f"{'come back' if one.lasts else 'leave'} by e in {one.relaxation:.4g} s"
+
+
+def _prediction(prediction: Prediction) -> Iterator[str]:
+    if prediction.unstable:
+        yield from _unstable(prediction.unstable)
+    if prediction.motion.dies:
+        yield "The swing dies out: no drive keeps it up."
+        return
+    mode = prediction.averaged.modes[prediction.row]
+    share = percent(prediction.share)
+    yield f"Mode {prediction.number} survives ({mode.family}; {rad(mode.omega)}), with {share} of the energy."
+    if prediction.certain:
+        yield "This is certain as far as the averaged equations reach."
+    else:
+        yield f"This is not certain: {'; '.join(prediction.doubts)}."
+    locking = prediction.locking_time()
+    if locking is None or not np.ptp(prediction.averaged.row):
+        return
+    yield f"All other modes hold less than 1 % of the energy after {short(locking)} s."
+    if doubts := prediction.timing_doubts[len(prediction.doubts) :]:
+        yield f"That time is a guide: {'; '.join(doubts)}."
+
+
+def _unstable(kept: Configuration) -> Iterator[str]:
+    """Of the configuration that only a start without any error keeps."""
+    yield (
+        f"Exactly this start keeps to mode {kept.number} ({agreement(kept)}), but that motion is unstable: the least "
+        f"disturbance grows by e in {kept.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
+        f"{100 * ASIDE:.0f} % beside this one."
+    )
+
+
+def _simulation(found: Synchrony) -> Iterator[str]:
+    yield from _survivor(found.survival) if found.survival else [f"No energies by modes: {found.unmeasured}."]
+    if found.agrees is not None:
+        yield "As predicted." if found.agrees else "This is not what was predicted."
+    yield from _phases(found)
+    yield from _energies(found)
+
+
+def _survivor(survival: Survival) -> Iterator[str]:
+    try:
+        mode = survival.mode
+    except ComputationError as error:
+        yield f"{capital(str(error))}."
+        return
+    yield f"Mode {survival.number} holds {percent(survival.survivor_share)} of the energy at the end ({mode.family})."
+    time = survival.locking_time()
+    if len(survival.row) == 1:
+        return
+    if time is None:
+        yield "The others have not fallen below 1 % for good."
+    else:
+        yield f"All others hold less than 1 % after {short(time)} s."
+
+
+def _phases(found: Synchrony) -> Iterator[str]:
+    phases, late = found.phases, last(found.trajectory.times, ENDING)
+    order = float(phases.order[late, phases.leading].mean())
+    which = f"in fixed-base mode {phases.leading + 1}, mean of the last tenth"
+    if phases.z.shape[1] > 1:
+        yield f"Order parameter R = {order:.4f} [|Σ exp(i phase)|/N {which}]."
+    try:
+        frequencies = phases.frequency
+    except ComputationError as error:
+        yield f"{capital(str(error))}."
+        return
+    if not np.all(np.isfinite(frequencies)):
+        yield "Pendula that stand still have no frequency."
+        return
+    shown = [f"{omega:.6g}" for omega in frequencies[:MOST_FREQUENCIES]]
+    words = listed(shown, len(frequencies))
+    if len(frequencies) == 1:
+        yield f"Mean frequency {words} rad/s."
+    elif phases.resolution > frequencies.max():
+        yield f"Mean frequencies {words} rad/s: the run is too short to tell whether they lock."
+    else:
+        fate = "locked" if phases.locked else "not locked"
+        yield f"Mean frequencies {words} rad/s: {fate} within {phases.resolution:.2g} rad/s."
+
+
+def _energies(found: Synchrony) -> Iterator[str]:
+    trajectory = found.trajectory
+    late = last(trajectory.times, ENDING)
+    pendula, cart = found.phases.energy[late].sum(axis=1).mean(), trajectory.mechanics.cart_kinetic[late].mean()
+    yield f"Energy at the end: pendula {pendula:.4g} J" + (f", cart {cart:.3g} J." if trajectory.plant.cart else ".")
+    kicks, work = trajectory.kicks, float(trajectory.motion.work[-1])
+    if len(kicks.time):
+        fed = float(kicks.energy.sum())
+        rest = _others(trajectory.plant, work - fed)
+        yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {fed:.6g} J{rest}."
+    elif trajectory.plant.works:
+        yield f"Drives and dampers together did {work:.6g} J of work."
+    if isfinite(drift := trajectory.energy_drift()):
+        yield f"The books close to {drift:.1g} of what the energies range over."
+
+
+def _others(plant: Plant, work: float) -> str:
+    """What else there is beside kicks, and its work (J)."""
+    if any(group.excitation and group.excitation.steady for group in plant.groups):
+        return f", van der Pol drives and dampers together did {work:.6g} J of work"
+    return f", dampers took {-work:.6g} J" if plant.dissipates else ""

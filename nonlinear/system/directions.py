@@ -1,0 +1,38 @@
+"""Unit vectors of links from angles and back: u = (sin θ cos φ, sin θ sin φ, cos θ), along the rail, across it, down.
+
+θ is the angle from the hanging rest, φ the azimuth from the rail; components stand on the last axis.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.system.state import State
+
+
+def directions(angles: Any, azimuths: Any) -> Floats:
+    """Unit vectors (..., 3) of θ and φ (rad)."""
+    theta, phi = np.broadcast_arrays(angles, azimuths)
+    return np.stack((np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1)
+
+
+def velocities(angles: Any, azimuths: Any, rates: Any) -> Floats:
+    """Their rates (..., 3) in 1/s where θ changes at `rates` (rad/s) in the vertical plane of a fixed φ."""
+    theta, phi, rate = np.broadcast_arrays(angles, azimuths, rates)
+    across = np.stack((np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)), axis=-1)
+    return np.asarray(rate[..., None] * across)
+
+
+def of_plane(state: State) -> State:
+    """A state of angles (L,) as unit vectors (L, 3) in the vertical plane of the rail."""
+    u, w = directions(state.links, 0.0), velocities(state.links, 0.0, state.link_rates)
+    return State(u, w, state.cart, state.cart_rate)
+
+
+def angles_of(u: Floats) -> tuple[Floats, Floats]:
+    """θ in [0, π] and φ in (−π, π] (rad) of vectors (..., 3) of any length; φ is 0 on the vertical."""
+    x, y, z = np.moveaxis(u, -1, 0)
+    return np.arctan2(np.hypot(x, y), z), np.arctan2(y, x)

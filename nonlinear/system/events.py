@@ -1,0 +1,78 @@
+"""Things that happen while a scene moves: a quantity crosses a level, a link turns back, an escapement kicks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.types import Floats, Ints
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import State
+
+
+@dataclass(frozen=True)
+class Event:
+    """Its `value` of a state crosses zero: upwards (`direction` 1), downwards (−1) or either way (0).
+
+    `stop` ends the run there.  Changes of sign are looked for between `looks` places in every step: a value that
+    changes faster than the motion needs more of them.
+    """
+
+    name: str
+    value: Callable[[State], float]
+    direction: int = 0
+    stop: bool = False
+    looks: int = 4
+
+    def __post_init__(self) -> None:
+        if self.looks < 1:
+            raise SceneError([f"event {self.name}: looks = {self.looks}: must be at least 1"])
+
+
+class Happening(NamedTuple):
+    """An event, when it came about (s) and the state in which it did."""
+
+    name: str
+    time: float
+    state: State
+
+
+class Kicks(NamedTuple):
+    """K kicks of escapements as they came: `time` (s), `link` whose upper joint it was (from 0), `energy` (J) fed.
+
+    `impulse` (N m s) is positive where the joint swung to the right.
+    """
+
+    time: Floats
+    link: Ints
+    impulse: Floats
+    energy: Floats
+
+
+NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
+
+
+def crossing(plant: Plant, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False) -> Event:
+    """The angle (rad) or cart position (m) named as in `modal.assembly.matrices.coordinate_labels` passes a level."""
+    read = _reader(plant, coordinate, rate=False)
+    return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
+
+
+def turning(plant: Plant, coordinate: str, *, stop: bool = False) -> Event:
+    """An angle or the cart turns back."""
+    return Event(f"{coordinate} turns", _reader(plant, coordinate, rate=True), 0, stop)
+
+
+def _reader(plant: Plant, coordinate: str, *, rate: bool) -> Callable[[State], float]:
+    if coordinate not in plant.labels:
+        raise SceneError([f"event {coordinate}: must be one of {', '.join(plant.labels[:12])}"])
+    if plant.spatial and coordinate != "x":
+        raise SceneError([f"event {coordinate}: links have no single angle in space; give an Event its own value"])
+    if coordinate == "x":
+        return (lambda state: state.cart_rate) if rate else (lambda state: state.cart)
+    at = plant.labels.index(coordinate) - (plant.labels[0] == "x")
+    return (lambda state: float(state.link_rates[at])) if rate else (lambda state: float(state.links[at]))

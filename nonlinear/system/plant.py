@@ -1,0 +1,179 @@
+"""A scene as arrays in which every copy of a pendulum stands for itself, since each may start elsewhere.
+
+Pendula of equally many links are one group of (n, P) arrays; `index` says where their links stand in the order of the
+file, pendulum by pendulum, top to bottom, which is the order of everything that users see.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.assembly.arrays import Block, CartNumbers, rig_of
+from modal.assembly.matrices import coordinate_labels
+from modal.scene.model import Scene
+from modal.types import Floats, Ints
+from nonlinear.system.excitation import Excitation, excitation_of
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """P pendula of n links: their arrays (n, P), the place of every link in the file (n, P), the pendula (P,).
+
+    `excitation` is what drives their joints, None where nothing does.
+    """
+
+    block: Block
+    index: Ints
+    pendula: Ints
+    excitation: Excitation | None = None
+
+    @property
+    def n(self) -> int:
+        """Links in each pendulum."""
+        return self.block.n
+
+    @cached_property
+    def moment(self) -> Floats:
+        """Moment of inertia about the upper joint, I + m c² (kg m²), (n, P)."""
+        return self.block.inertia + self.block.mass * self.block.centre**2
+
+    @cached_property
+    def static(self) -> Floats:
+        """First moment m c (kg m) about the upper joint, (n, P)."""
+        return self.block.mass * self.block.centre
+
+    @cached_property
+    def bent(self) -> Floats:
+        """Angle (rad) of every link to the one above at which its joint spring is relaxed, (n, P)."""
+        rest = np.where(self.block.sigma > 0, 0.0, np.pi)
+        return np.diff(rest, axis=0, prepend=0.0)
+
+    @property
+    def sprung(self) -> bool:
+        """Whether any joint has a spring."""
+        return bool(self.block.stiffness.any())
+
+    @property
+    def damped(self) -> bool:
+        """Whether any joint has a damper."""
+        return bool(self.block.damping.any())
+
+    @property
+    def excited(self) -> bool:
+        """Whether any joint has a van der Pol torque."""
+        return self.excitation is not None and self.excitation.steady
+
+    @property
+    def kicked(self) -> bool:
+        """Whether any joint has an escapement."""
+        return self.excitation is not None and self.excitation.kicks
+
+    @property
+    def hinged(self) -> bool:
+        """Whether joints do more than hold the links together between kicks."""
+        return self.sprung or self.damped or self.excited
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units."""
+
+    gravity: float
+    cart: CartNumbers | None
+    groups: tuple[Group, ...]
+    spatial: bool
+    labels: tuple[str, ...]
+
+    @cached_property
+    def n_links(self) -> int:
+        """Links in all, copies counted out."""
+        return sum(group.index.size for group in self.groups)
+
+    @cached_property
+    def n_pendula(self) -> int:
+        """Pendula in all, copies counted out."""
+        return sum(group.index.shape[1] for group in self.groups)
+
+    @cached_property
+    def mass(self) -> Floats:
+        """Mass (kg) of every link in the order of the file, (L,)."""
+        return self.by_link("mass")
+
+    @property
+    def total_mass(self) -> float:
+        """Everything that hangs, and the cart (kg)."""
+        return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0)
+
+    @cached_property
+    def pendulum(self) -> Ints:
+        """Which pendulum, from 0, each link belongs to, (L,)."""
+        found = np.empty(self.n_links, dtype=np.int64)
+        for group in self.groups:
+            found[group.index] = group.pendula
+        return found
+
+    @cached_property
+    def length(self) -> float:
+        """Of the longest link (m)."""
+        return float(self.by_link("length").max())
+
+    @property
+    def rate(self) -> float:
+        """Natural unit of angular rates, sqrt(g/l) of the longest link (rad/s)."""
+        return float(np.sqrt(self.gravity / self.length))
+
+    @cached_property
+    def energy(self) -> float:
+        """Natural unit of energies, g Σ b (J)."""
+        return self.gravity * sum(float(group.block.b.sum()) for group in self.groups)
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether any damper is at work."""
+        return bool(self.cart and self.cart.damping) or any(group.damped for group in self.groups)
+
+    @property
+    def excites(self) -> bool:
+        """Whether any joint excites itself."""
+        return self.kicked or any(group.excited for group in self.groups)
+
+    @property
+    def kicked(self) -> bool:
+        """Whether any joint has an escapement."""
+        return any(group.kicked for group in self.groups)
+
+    @property
+    def kicks_a_period(self) -> int:
+        """Of all escapements."""
+        return sum(2 * int(np.count_nonzero(group.excitation.impulse)) for group in self.groups if group.excitation)
+
+    @property
+    def works(self) -> bool:
+        """Whether energy goes in or out."""
+        return self.dissipates or self.excites
+
+    def by_link(self, name: str) -> Floats:
+        """An array of the blocks in the order of the file, (L,)."""
+        found = np.empty(self.n_links)
+        for group in self.groups:
+            found[group.index] = getattr(group.block, name)
+        return found
+
+
+def plant_of(scene: Scene) -> Plant:
+    """The arrays of a scene, copies counted out."""
+    rig = rig_of(scene)
+    hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
+    sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
+    hung = np.array([(block, column) for block, column, copies in rig.members for _ in range(copies)])
+    first = np.concatenate(([0], np.cumsum(sizes)[:-1]))
+    groups = []
+    for number, block in enumerate(rig.blocks):
+        pendula = np.flatnonzero(hung[:, 0] == number)
+        index = first[pendula] + np.arange(block.n)[:, None]
+        excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
+        groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
+    return Plant(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig))

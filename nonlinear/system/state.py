@@ -1,0 +1,153 @@
+"""Where everything is and how fast it moves: one instant, or a run of them along a leading axis.
+
+The integrator's vector is y = (x, links, x', links', work): x and x' on a cart only, work where power is counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.system.plant import Plant
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """Links in the order of the file: in the plane angles (L,) in rad from the hanging rest, in space unit vectors.
+
+    In space `links` is (L, 3) with components along the rail, across it and down, `link_rates` (L, 3) its derivative
+    (1/s).  `cart` (m) and `cart_rate` (m/s) are 0 on a fixed support.
+    """
+
+    links: Floats
+    link_rates: Floats
+    cart: float = 0.0
+    cart_rate: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """States at T times: `links` and `link_rates` (T, L) or (T, L, 3), `cart` and `cart_rate` (T,).
+
+    `work` (T,) is what dampers and applied forces have done since the start (J).
+    """
+
+    links: Floats
+    link_rates: Floats
+    cart: Floats
+    cart_rate: Floats
+    work: Floats
+
+    def __getitem__(self, at: int) -> State:
+        return State(self.links[at], self.link_rates[at], float(self.cart[at]), float(self.cart_rate[at]))
+
+    def at(self, rows: Any) -> Motion:
+        """The same at some of the times: a slice, indices or a mask."""
+        return Motion(*(getattr(self, part.name)[rows] for part in fields(self)))
+
+
+def apart(one: Motion, other: Motion) -> Floats:
+    """The largest angle (rad) between the links of two motions at every time, (T,), whole turns left out."""
+    if one.links.ndim == 3:
+        chord = np.linalg.norm(one.links - other.links, axis=-1)
+        return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)).max(axis=1))
+    turned = one.links - other.links
+    return np.asarray(np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi))).max(axis=1))
+
+
+class Push(NamedTuple):
+    """What acts from outside: a force on the cart (N) and moments on links, (L,) or in space (L, 3) (N m)."""
+
+    cart: float = 0.0
+    moments: Floats | None = None
+
+
+Load = Callable[[float, State], Push]
+
+
+class System(Protocol):
+    """Equations of motion as an integrator wants them."""
+
+    @property
+    def plant(self) -> Plant:
+        """The scene as arrays."""
+        ...
+
+    @property
+    def load(self) -> Load | None:
+        """What acts from outside."""
+        ...
+
+    def derivative(self, time: float, y: Floats) -> Floats:
+        """The rate of y, (size,)."""
+        ...
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state."""
+        ...
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion in vectors (T, size)."""
+        ...
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        ...
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """The nearest y that keeps every constraint, and the largest violation that it mends (0 without any)."""
+        ...
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the parts of y stand: `width` numbers a link, `works` whether the work comes last."""
+
+    links: int
+    width: int
+    on_cart: bool
+    works: bool
+
+    @property
+    def half(self) -> int:
+        """Number of coordinates."""
+        return self.on_cart + self.links * self.width
+
+    @property
+    def size(self) -> int:
+        """Length of y."""
+        return 2 * self.half + self.works
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state, no work done yet."""
+        head, rate = ([state.cart], [state.cart_rate]) if self.on_cart else ([], [])
+        work = [0.0] if self.works else []
+        return np.concatenate((head, np.ravel(state.links), rate, np.ravel(state.link_rates), work))
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion in vectors (T, size)."""
+        times, first, none = len(rows), int(self.on_cart), np.zeros(len(rows))
+        shape = (times, self.links) if self.width == 1 else (times, self.links, self.width)
+        q, v = rows[:, : self.half], rows[:, self.half : 2 * self.half]
+        return Motion(
+            links=q[:, first:].reshape(shape),
+            link_rates=v[:, first:].reshape(shape),
+            cart=q[:, 0] if self.on_cart else none,
+            cart_rate=v[:, 0] if self.on_cart else none,
+            work=rows[:, -1] if self.works else none,
+        )
+
+    def natural(self, plant: Plant) -> Floats:
+        """Natural units of y, (size,): 1 of links, l of the cart, sqrt(g/l) and l sqrt(g/l) of rates, g Σ b of work."""
+        half = np.ones(self.half)
+        half[: self.on_cart] = plant.length
+        return np.concatenate((half, half * plant.rate, [plant.energy] * self.works))
+
+    def state(self, y: Floats) -> State:
+        """The state in one vector."""
+        return self.read(y[None])[0]

@@ -1,0 +1,184 @@
+"""How far the linear table of modes holds: each mode is set swinging at several amplitudes and its frequency measured.
+
+The linear frequency ω is the limit of small angles; `modal.eigen.amplitude` predicts ω(a) = ω (1 + κ a²) for the next
+order. A run starts in the shape of a mode with a largest angle a and is simulated in full; the strongest line of the
+mode's own coordinate η (`nonlinear.reduction.modal_coordinates`) is compared with both.  κ is measured as the limit of
+(ω(a)/ω − 1)/a² for a → 0, extrapolated in a² (Neville), and the angle at which the table is wrong by 1 % by a secant in
+a².
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import partial
+from math import degrees, inf, isfinite, nan, pi, radians, sqrt
+
+import numpy as np
+
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes, natural_modes
+from modal.scene.model import Scene
+from modal.types import Floats
+from nonlinear.postprocessing.frequencies import LEAST_PERIODS
+from nonlinear.reduction.modal_coordinates import along_rail
+from nonlinear.verification.measurement import PERIODS, Measurement, measured
+
+AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
+CERTAIN = 0.01  # error of a shift over the shift
+DECAY, LEAST_SWINGS = 1.5, 1.5 * LEAST_PERIODS  # e-folds of the amplitude in a run; periods before that
+INTERRUPTED = "interrupted"
+GROWS = 1e-9  # Re λ/|λ| of a mode that grows, not by rounding
+POINTS = 3
+ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
+
+
+@dataclass(frozen=True)
+class ModeCheck:
+    """A mode of the table, what was measured of it, and the angle (deg) at which the table is wrong by 1 %.
+
+    `one_percent_deg` is infinite where it lies beyond 90°, NaN where the motion there is irregular.
+    """
+
+    mode: Mode
+    measurements: tuple[Measurement, ...]
+    one_percent_deg: float
+
+    @property
+    def kappa(self) -> tuple[float, float]:
+        """κ as measured (1/rad²) and how certain it is; NaN where every run was irregular."""
+        return limit([m for m in self.measurements if not m.irregular])
+
+    def predicted(self, measurement: Measurement) -> float:
+        """κ a² of a run."""
+        return self.mode.kappa * measurement.effective**2
+
+
+@dataclass(frozen=True)
+class Check:
+    """Every mode that was checked, and (number from 1, why) of those that were not."""
+
+    scene: Scene
+    rows: tuple[ModeCheck, ...]
+    skipped: tuple[tuple[int, str], ...]
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether Ctrl-C ended it before all modes were done."""
+        return any(reason == INTERRUPTED for _, reason in self.skipped)
+
+
+def check(
+    scene: Scene,
+    numbers: Sequence[int] | None = None,
+    amplitudes_deg: Sequence[float] = AMPLITUDES_DEG,
+    *,
+    periods: int = PERIODS,
+    method: str = "auto",
+    report: Callable[[float], object] = lambda done: None,
+) -> Check:
+    """Set the modes with these indices (from 0; left out, all) swinging at these largest angles over so many periods.
+
+    Of a scene in space, the modes along the rail; drives are left out.  `method` is that of `simulate`; `report` hears
+    how many modes are done.  Modes that do not oscillate for long are skipped with a reason; after Ctrl-C, those that
+    were not done.
+    """
+    given, scene = scene, scene.undriven
+    modes = natural_modes(scene)
+    chosen = range(len(modes)) if numbers is None else numbers
+    reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}
+    run = partial(measured, modes, method=method)
+    rows, left = [], list(chosen)
+    try:
+        for number in chosen:
+            if not reasons[number]:
+                rows.append(_checked(modes, number, amplitudes_deg, periods, run))
+            left.remove(number)
+            report(len(chosen) - len(left))
+    except KeyboardInterrupt:
+        reasons |= dict.fromkeys(left, INTERRUPTED)
+    skipped = tuple((number + 1, reasons[number]) for number in chosen if reasons[number])
+    return Check(given, tuple(rows), skipped)
+
+
+def _reason(modes: Modes, mode: Mode) -> str:
+    """Why a mode cannot be checked, in words; empty where it can."""
+    if mode.is_uncertain:
+        return "its frequency is beyond double precision"
+    if mode.omega == 0:
+        return "a rigid translation: nothing swings"
+    if np.any(modes.eigenvalue.real > GROWS * modes.omega):
+        return "the rest is unstable: every motion leaves it"
+    if not mode.oscillates:
+        return "overdamped: it does not swing"
+    if _periods_left(mode) < LEAST_SWINGS:
+        return f"it dies out within {_periods_left(mode):.2g} periods"
+    if not along_rail(modes, mode.number - 1)[0]:
+        return "it moves across the rail"
+    return ""
+
+
+def _periods_left(mode: Mode) -> float:
+    return DECAY / (2 * pi * mode.damping_ratio) if mode.damping_ratio > 0 else inf
+
+
+def _checked(
+    modes: Modes,
+    number: int,
+    amplitudes_deg: Sequence[float],
+    periods: int,
+    measure: Callable[..., Measurement],
+) -> ModeCheck:
+    mode = modes[number]
+
+    def run(amplitude: float) -> Measurement:
+        return measure(number, amplitude, min(periods, _periods_left(mode)))
+
+    found = [run(radians(angle)) for angle in sorted(set(amplitudes_deg))]
+    return ModeCheck(mode, tuple(found), one_percent(run, mode.linear_to_1_percent_deg))
+
+
+def limit(runs: Sequence[Measurement]) -> tuple[float, float]:
+    """(ω(a)/ω − 1)/a² at a → 0 and its uncertainty, from those neighbouring amplitudes that make it most certain.
+
+    The last difference of the extrapolation is taken for its error, next to what the errors of the frequencies make and
+    what companions do: modes that swing along shift a frequency by about their share of the energy, which no longer
+    goes with a² alone.
+    """
+    certain = sorted((run for run in runs if run.error < CERTAIN * abs(run.shift)), key=lambda run: run.effective)
+    pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]
+    return min((_extrapolated(piece) for piece in pieces if piece), key=lambda found: found[1], default=(nan, inf))
+
+
+def _extrapolated(runs: Sequence[Measurement]) -> tuple[float, float]:
+    x = np.array([run.effective**2 for run in runs])
+    y = np.array([run.shift for run in runs]) / x
+    error = np.array([run.error for run in runs]) / x + np.abs(y) * [run.outside for run in runs]
+    value, coarser = (float(_at_zero(part) @ y[: len(part)]) for part in (x, x[:-1] if len(x) > 1 else x))
+    doubt = abs(value - coarser) if len(x) > 1 else abs(value) * float(x[0])
+    return value, doubt + float(np.abs(_at_zero(x)) @ error)
+
+
+def _at_zero(x: Floats) -> Floats:
+    """Lagrange's weights (n,) for the value at 0 of the polynomial through n points x."""
+    return np.array([np.prod([other / (other - own) for other in x if other != own]) for own in x])
+
+
+def one_percent(run: Callable[[float], Measurement], guess_deg: float) -> float:
+    """The effective largest angle (deg) at which a run is 1 % off the table, near a guess; infinite beyond 90°."""
+    if not guess_deg <= FARTHEST:
+        return guess_deg if not isfinite(guess_deg) else inf
+    square, known = radians(guess_deg) ** 2, [(0.0, 0.0)]
+    for _ in range(ROUNDS):
+        found = run(sqrt(square))
+        if found.irregular:
+            return nan
+        known.append((square, abs(found.shift)))
+        (x0, y0), (x1, y1) = known[-2:]
+        ratio = (found.effective / found.amplitude) ** 2
+        square = x1 + (ONE_PERCENT - y1) * (x1 - x0) / (y1 - y0)
+        if not 0 < square * ratio <= radians(FARTHEST) ** 2:
+            return inf
+        if abs(square - x1) < 1e-4 * square:
+            break
+    return degrees(sqrt(square * ratio))

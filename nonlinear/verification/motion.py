@@ -1,0 +1,92 @@
+"""Any motion beside the table of modes: how much of each mode it has, and which lines each modal coordinate has.
+
+In linear motion a coordinate has one line, at the mode's own frequency.  What else it has comes from large angles:
+lines of other modes that it follows, odd multiples and combinations of frequencies, and a shift of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes, natural_modes
+from modal.types import Floats
+from nonlinear.integration.trajectory import Trajectory
+from nonlinear.postprocessing.frequencies import Line, lines
+from nonlinear.reduction.modal_coordinates import ModalMotion, modal_motion
+
+MOST_LINES = 3
+STEADY = 1e-2  # relative error beyond which a line has no digits
+
+
+@dataclass(frozen=True)
+class ModeInMotion:
+    """One modal coordinate: its mode and copy (from 0), its largest value (rad), its mean share of the energy, lines.
+
+    `note` says why there are no lines.
+    """
+
+    mode: Mode
+    copy: int
+    largest: float
+    share: float
+    lines: tuple[Line, ...]
+    note: str
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """A motion and what each modal coordinate makes of it."""
+
+    modes: Modes
+    times: Floats
+    motion: ModalMotion
+    rows: tuple[ModeInMotion, ...]
+
+    @cached_property
+    def swinging(self) -> Floats:
+        """Frequencies |Im λ| (rad/s) of the modes that swing."""
+        omega = np.abs(self.modes.eigenvalue.imag)
+        return np.asarray(omega[omega > 0])
+
+    def nearest(self, line: Line) -> tuple[int, float]:
+        """The mode (from 1) whose frequency is nearest to a line, and how far the line is off it, relative."""
+        omega = np.abs(self.modes.eigenvalue.imag)
+        number = int(np.argmin(np.where(omega > 0, np.abs(line.omega - omega), np.inf)))
+        return number + 1, line.omega / float(omega[number]) - 1
+
+
+def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, count: int = MOST_LINES) -> Comparison:
+    """Project a motion in the plane, sampled evenly, on the modes with these indices (from 0; left out, all).
+
+    `count` lines at most are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
+    Raises ComputationError for a motion out of the plane.
+    """
+    modes = natural_modes(trajectory.scene)
+    chosen = list(range(len(modes))) if numbers is None else list(numbers)
+    motion = modal_motion(trajectory.motion, modes, chosen)
+    described = dict(zip(chosen, modes.rows(chosen), strict=True))
+    share = motion.energy.sum(0) / motion.total_energy.sum()
+    rows = []
+    for at, number in enumerate(motion.number.tolist()):
+        eta = motion.coordinate[:, at]
+        found, note = _lines(trajectory.times, eta, complex(modes.eigenvalue[number]), count)
+        largest = float(np.abs(eta).max())
+        rows.append(ModeInMotion(described[number], int(motion.copy[at]), largest, float(share[at]), found, note))
+    return Comparison(modes, trajectory.times, motion, tuple(rows))
+
+
+def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[Line, ...], str]:
+    if not value.imag:
+        return (), "does not swing"
+    try:
+        found = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
+    except ComputationError as error:
+        return (), str(error)
+    steady = tuple(one for one in found if one.relative_error < STEADY)
+    return steady, "" if steady else "irregular"
