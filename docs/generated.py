@@ -21,7 +21,7 @@ from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
 
-from multipendula.commands.examples import EXAMPLES
+from multipendula.examples import EXAMPLES
 
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from itertools import takewhile
 from typing import Any, NoReturn
 
-from multipendula.commands.examples import EXAMPLES, FIRST, Examples
+from multipendula.examples import EXAMPLES, FIRST, Examples
 from multipendula.topics import TITLES, TOPICS
 
 WIDTH = 79

@@ -8,27 +8,32 @@ checksum, and a file that is not what was saved is refused whole.
 from __future__ import annotations
 
 import io
+import json
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, fields, replace
 from math import isnan
 from typing import Any
 
 import numpy as np
 
-from modal.report.sealed import finite, index, insist_keys, reading
-from modal.scene.files import whole_file
+from modal.report.escaping import csv_comment
+from modal.scene import sealed
+from modal.scene.files import kind_of, whole_file
 from modal.scene.model import Scene, described, scene_from
+from modal.scene.sealed import finite, index, insist_keys, reading
 from modal.types import Floats
 from nonlinear.integration.methods import FORMS, choose
 from nonlinear.integration.trajectory import TRUNCATED, Run, Trajectory
 from nonlinear.reduction.superposition import CORRECTED, LINEAR
-from nonlinear.saved_files import as_csv, as_npz, checked_kind, from_csv, from_npz
 from nonlinear.system.events import NO_KICKS, Happening, Kicks
 from nonlinear.system.plant import Plant, plant_of
 from nonlinear.system.state import Motion, State
 
+KINDS = ("npz", "csv")
+HEADER = "header"
+COMMENT = "# {"
 VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 TIMES = "times_s"
@@ -52,6 +57,41 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     with reading(name, "trajectory"):
         header, times, parts = _read_npz(name) if kind == "npz" else _read_csv(name)
         return _trajectory(header, times, parts)
+
+
+# ------------------------------------------------------------ what files of results share
+
+
+def checked_kind(path: str | os.PathLike[str]) -> str:
+    """The ending of a file's name, npz for standard output; SceneError for any other than .npz and .csv."""
+    return kind_of(path, KINDS)
+
+
+def as_csv(header: dict[str, Any], lines: Iterable[str]) -> bytes:
+    """The header in a comment on the first line, its checksum before everything else, and the lines below."""
+    return sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + "".join(lines))
+
+
+def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
+    """The header, and what stands below it."""
+    found = sealed.content(path)
+    sealed.insist_sealed_text(found, COMMENT)
+    first, _, rest = found.decode().partition("\n")
+    header: dict[str, Any] = json.loads(first.removeprefix("# "))
+    del header["sha256"]
+    return header, rest
+
+
+def as_npz(header: dict[str, Any], arrays: dict[str, Any]) -> bytes:
+    """The header as an array of one text, beside the others."""
+    return sealed.archive({HEADER: np.array(json.dumps(header))} | arrays)
+
+
+def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The header, and the arrays beside it."""
+    arrays = sealed.unpacked(sealed.content(path))
+    header: dict[str, Any] = json.loads(str(arrays.pop(HEADER)))
+    return header, arrays
 
 
 # ------------------------------------------------------------------------------------------------------- header

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from modal.report.sealed import sealed
+from modal.scene.sealed import sealed
 
 
 def forged(content: bytes) -> bytes:

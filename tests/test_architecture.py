@@ -13,43 +13,29 @@ import pytest
 
 ROOT = Path(__file__).parent.parent
 PACKAGES = ("modal", "nonlinear", "multipendula")
-MAP = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
-SYMPY = "lagrange lagrangian kinetic symbolic polynomial_roots eigen_polynomials eigen_sections derivation typeset"
-SYMPY += " papers papers.cart"
-SYMPY += " papers.cart_dae papers.planar papers.spatial papers.spatial_azimuth"
+ROOMS = re.findall(r"^\| `([\w.]+)` \|", (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+DOORS = {*PACKAGES, "modal._namesake", "multipendula.__main__"}
+"""Modules of no room: they only open one."""
 HEAVY = {
-    "matplotlib": {
-        "modal.plotting.palette",
-        "modal.plotting.style",
-        "modal.plotting.layout",
-        "modal.plotting.sliders",
-        "modal.plotting.shapes",
-        "modal.plotting.response",
-    }
-    | {f"modal.{name}" for name in ("mass_figures", "cart_mass_figures", "coupling_figures", "loci_figures")}
-    | {
-        f"nonlinear.{name}"
-        for name in ("figures", "check_figures", "chaos_figures", "sweep_figures", "sync_figures", "tradeoff_figures")
-    }
-    | {"nonlinear.plotting.branches"}
-    | {f"nonlinear.{name}" for name in ("scenery", "gauges", "film")}
-    | {"nonlinear.plotting.animation"},
-    "scipy": {"modal.statespace.sampling", "modal.exports.mat", "modal.exports.scipy_"}
-    | {
-        f"nonlinear.{name}"
-        for name in ("banded", "escapements", "integrate", "lyapunov", "saddle", "slow_motion", "spectra", "steppers")
-    },
-    "sympy": {f"modal.{name}" for name in SYMPY.split()},
+    "matplotlib": {"modal.plotting", "nonlinear.plotting"},
+    "scipy": {"modal.statespace.sampling", "modal.exports.mat", "modal.exports.scipy_", "nonlinear"},
+    "sympy": {"modal.symbolic"},
     "control": {"modal.exports.control_"},
     "flint": {"modal.exact.balls"},
     "numba": {"nonlinear.dynamics.compiled"},
     "heyoka": {"nonlinear.integration.taylor"},
     "distributed": {"nonlinear.sweeps.cluster"},
 }
+MOST_ENTRIES = 18
+"""Files and rooms that a package shows at a glance."""
 
 
 def module_name(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+
+
+def room_of(name: str) -> str:
+    return ".".join(name.split(".")[:2])
 
 
 @cache
@@ -70,23 +56,55 @@ def imports(path: Path) -> set[str]:
     return found
 
 
-def upward(order: list[str], imported: dict[str, set[str]]) -> set[tuple[str, str]]:
-    """Imports of a module that the map does not name earlier."""
+def upward(rooms: list[str], imported: dict[str, set[str]]) -> set[tuple[str, str]]:
+    """Imports of a module from a room of the same packages that the list does not name above its own."""
     return {
         (name, target)
-        for place, name in enumerate(order)
-        for target in imported[name] & imported.keys()
-        if target not in order[:place]
+        for name, targets in imported.items()
+        for target in targets & imported.keys()
+        if (here := room_of(name)) in rooms
+        and (there := room_of(target)) != here
+        and there in rooms
+        and rooms.index(there) > rooms.index(here)
     }
 
 
-def test_the_map_names_every_module() -> None:
-    assert sorted(MAP) == sorted(sources())
+def circles(imported: dict[str, set[str]]) -> set[str]:
+    """Modules that import each other, in any number of steps."""
+    left = {name: targets & imported.keys() - {name} for name, targets in imported.items()}
+    while free := {name for name, targets in left.items() if not targets}:
+        left = {name: targets - free for name, targets in left.items() if name not in free}
+    return set(left)
 
 
-def test_imports_run_downhill() -> None:
-    """Which also excludes circles."""
-    assert upward(MAP, {name: imports(path) - {name} for name, path in sources().items()}) == set()
+def imported_by() -> dict[str, set[str]]:
+    return {name: imports(path) for name, path in sources().items()}
+
+
+def test_every_module_stands_in_a_room_of_the_list() -> None:
+    assert {room_of(name) for name in sources()} - DOORS == set(ROOMS)
+    assert len(set(ROOMS)) == len(ROOMS)
+
+
+def test_rooms_import_only_from_rooms_above_them() -> None:
+    assert upward(ROOMS, imported_by()) == set()
+
+
+def test_imports_make_no_circle() -> None:
+    assert circles(imported_by()) == set()
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_package_can_be_taken_in_at_a_glance(package: str) -> None:
+    shown = {path.name for path in (ROOT / package).iterdir()} - {"__pycache__"}
+    assert len(shown) <= MOST_ENTRIES, shown
+
+
+def test_every_room_says_what_it_is_for() -> None:
+    for room in ROOMS:
+        lines = (ast.get_docstring(ast.parse(sources()[room].read_text(encoding="utf-8"))) or "").splitlines()
+        folder = sources()[room].name == "__init__.py" and room != "multipendula.commands"
+        assert len(lines) >= (5 if folder else 1), room
 
 
 def test_nobody_imports_the_command_and_modal_nothing_of_nonlinear() -> None:
@@ -97,16 +115,22 @@ def test_nobody_imports_the_command_and_modal_nothing_of_nonlinear() -> None:
 
 
 def test_the_check_of_imports_bites(tmp_path: Path) -> None:
-    assert upward(["a", "b"], {"a": {"b"}, "b": {"numpy"}}) == {("a", "b")}
-    assert upward(["a", "b"], {"a": {"b"}, "b": {"a"}}) == {("a", "b")}
+    assert upward(["p.a", "p.b"], {"p.a.x": {"p.b.y"}, "p.b.y": {"numpy"}}) == {("p.a.x", "p.b.y")}
+    assert upward(["p.a", "p.b"], {"p.a.x": {"p.a.z"}, "p.a.z": set(), "p.b.y": {"p.a.x"}}) == set()
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"a"}, "d": {"e"}, "e": {"numpy"}}) == {"a", "b", "c"}
     (tmp_path / "a.py").write_text("def f():\n    import matplotlib.pyplot\n")
     assert imports(tmp_path / "a.py") == {"matplotlib.pyplot"}
 
 
 @pytest.mark.parametrize("name", sources())
-def test_one_module_for_each_heavy_import(name: str) -> None:
+def test_heavy_packages_have_their_homes(name: str) -> None:
     used = {target.partition(".")[0] for target in imports(sources()[name])}
-    assert {heavy for heavy in HEAVY if heavy in used and name not in HEAVY[heavy]} == set()
+    strangers = {
+        heavy
+        for heavy, homes in HEAVY.items()
+        if heavy in used and not any(f"{name}.".startswith(f"{home}.") for home in homes)
+    }
+    assert strangers == set()
 
 
 @pytest.mark.parametrize("job", ["import modal", "import modal; list(modal.natural_modes(modal.load('paper-cart-2')))"])

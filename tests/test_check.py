@@ -13,6 +13,7 @@ import pytest
 from scipy.special import ellipk
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
+from modal.report.tables import digits
 from nonlinear.plotting.verification import draw_check, draw_spectrum
 from nonlinear.reduction.modal_coordinates import modal_motion, rest_angles, start_in_mode
 from nonlinear.simulation import simulate
@@ -22,7 +23,7 @@ from nonlinear.verification.compare_tables import comparison_table
 from nonlinear.verification.measurement import Measurement, measured, sampled
 from nonlinear.verification.modes import AMPLITUDES_DEG, Check, check, limit, one_percent
 from nonlinear.verification.motion import compare
-from nonlinear.verification.tables import check_table, digits
+from nonlinear.verification.tables import check_table
 
 PAPER = load("paper-cart-2")
 KAPPA = {1: -0.038802, 2: -0.042729, 3: -0.857142, 4: -0.867200}

@@ -20,7 +20,7 @@ from forged import forged
 from modal import SceneError, load
 from modal.exports.json_ import read_json, write_json
 from modal.exports.npz import read_npz, write_npz
-from modal.report import sealed
+from modal.scene import sealed
 from modal.scene.parameters import parsed
 from modal.statespace.model import state_space
 from multipendula.cli import main

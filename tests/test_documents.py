@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from documents import KNOWN, ROOT, Page, WrongPageError, agrees, blocks, divided, tokens
 
-from multipendula.commands.examples import EXAMPLES, FIRST
+from multipendula.examples import EXAMPLES, FIRST
 
 
 def lesson(text: str) -> bool:

@@ -16,7 +16,7 @@ import pytest
 from modal import shipped
 from multipendula import completion
 from multipendula.cli import _parser, main
-from multipendula.commands.examples import EXAMPLES, FIRST
+from multipendula.examples import EXAMPLES, FIRST
 from multipendula.parser import WIDTH, shown
 from multipendula.topics import TELLS, TOPICS
 

@@ -13,7 +13,7 @@ from forged import forged
 import modal
 from modal import Scene, SceneError
 from modal.errors import ComputationError
-from modal.report.sealed import archive
+from modal.scene.sealed import archive
 from nonlinear import files as recordings
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.postprocessing import summary

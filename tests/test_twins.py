@@ -11,13 +11,13 @@ from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from multipendula.cli import main
 from nonlinear import Push, SimulationError, State, plant_of, released, simulate
 from nonlinear.accuracy.advice_tables import advice_table
+from nonlinear.dynamics.equilibrium import rests_unstably
 from nonlinear.dynamics.symmetries import exactly_symmetric
 from nonlinear.integration.run import Request
 from nonlinear.integration.twins import ASIDE, GONE, aside, departure, rounded
 from nonlinear.postprocessing.summary import text
 from nonlinear.simulation import advise, certain
 from nonlinear.system.directions import of_plane
-from nonlinear.system.initial import rests_unstably
 from nonlinear.system.state import apart
 
 ROD = Rod(mass=1.0, length=1.0)

@@ -1,4 +1,9 @@
-"""State-space models as files for other tools, one module a format, none loaded before it is asked for."""
+"""A state-space model as a file for another tool, one module a format, none loaded before it is asked for.
+
+In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
+reads.  A format is a `Format` in `FORMATS` and the module that writes it; nothing else knows its name.  `text` has what
+all of them need: numbers that read back bit for bit.
+"""
 
 from __future__ import annotations
 

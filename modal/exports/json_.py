@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modal.exports.text import digits, matrices
-from modal.report.sealed import Source, content, finite, insist_keys, insist_sealed_text, reading, sealed_text
+from modal.scene.sealed import Source, content, finite, insist_keys, insist_sealed_text, reading, sealed_text
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
 from modal.types import Floats

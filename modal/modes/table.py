@@ -11,10 +11,10 @@ from modal.errors import ComputationError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report.escaping import csv_rows, html, json_text, markdown, one_line, visible
+from modal.report.tables import NOTHING
 from modal.scene.model import described
 
 MOST_SHAPE_NUMBERS = 5_000_000
-NOTHING = "–"
 Value = float | int | str | bool | None
 
 

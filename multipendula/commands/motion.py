@@ -17,9 +17,9 @@ def simulate(options: argparse.Namespace) -> None:
     from modal.report.escaping import visible
     from modal.scene.files import STANDARD
     from nonlinear import files as recordings
+    from nonlinear.files import checked_kind
     from nonlinear.integration.run import SimulationError
     from nonlinear.postprocessing import summary
-    from nonlinear.saved_files import checked_kind
 
     begun, run = perf_counter(), in_few_modes if options.keep_modes else run_of
     try:

@@ -30,8 +30,8 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.report.escaping import visible
     from modal.scene.files import load
     from modal.scene.parameters import parsed
+    from nonlinear.files import checked_kind
     from nonlinear.integration.arguments import gathered
-    from nonlinear.saved_files import checked_kind
     from nonlinear.sweeps.files import save
     from nonlinear.sweeps.measures import asked
     from nonlinear.sweeps.running import sweep as swept

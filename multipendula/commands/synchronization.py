@@ -65,9 +65,9 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
 
 
 def _told(found: Synchrony, form: str) -> str:
+    from modal.report.tables import as_json
     from nonlinear.synchronization.report import sync_text
     from nonlinear.synchronization.sync_records import records
-    from nonlinear.verification.tables import as_json
 
     return as_json(records(found)) if form == "json" else sync_text(found)
 

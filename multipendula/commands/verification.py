@@ -164,8 +164,8 @@ def advise(options: argparse.Namespace) -> None:
     from modal.scene.files import load
     from nonlinear import files as recordings
     from nonlinear.accuracy.advice_tables import advice_table
+    from nonlinear.files import checked_kind
     from nonlinear.integration.arguments import gathered
-    from nonlinear.saved_files import checked_kind
     from nonlinear.simulation import advise as advised
     from nonlinear.simulation import certain
 

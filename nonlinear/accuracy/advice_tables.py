@@ -5,11 +5,10 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from modal.modes.table import NOTHING
+from modal.report.tables import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene.model import described
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
-from nonlinear.verification.tables import as_csv, as_json, finite, grid, titled
 
 TRIED = ("way", "tolerance", "time (ms)", "derivatives", "error (rad)")
 
@@ -23,7 +22,7 @@ def advice_table(advice: Advice, form: str) -> str:
         return as_csv(records)
     cells = [_cells(attempt) for attempt in advice.attempts]
     what = f"the cheapest way to {advice.accuracy:g} rad"
-    return titled(advice.trajectory.scene, what, [grid(cells, TRIED, form), "\n".join(_notes(advice))], form)
+    return titled(advice.trajectory.scene.title, what, [grid(cells, TRIED, form), "\n".join(_notes(advice))], form)
 
 
 def _cells(attempt: Attempt) -> list[str]:

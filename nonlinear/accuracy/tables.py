@@ -5,11 +5,10 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from modal.modes.table import NOTHING
+from modal.report.tables import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene.model import described
 from nonlinear.accuracy.references import Reference
 from nonlinear.accuracy.work_precision import LAST, Row, Tradeoff
-from nonlinear.verification.tables import as_csv, as_json, finite, grid, titled
 
 ROWS = ("best", "family", "tolerance", "time (ms)", "prepared (ms)", "derivatives", "error (rad)", "late (s)", "energy")
 
@@ -22,7 +21,7 @@ def tradeoff_table(found: Tradeoff, form: str) -> str:
     if form == "csv":
         return as_csv(records)
     cells = [_cells(found, row) for row in found.rows]
-    return titled(found.scene, "time against accuracy", [grid(cells, ROWS, form), "\n".join(_notes(found))], form)
+    return titled(found.scene.title, "time against accuracy", [grid(cells, ROWS, form), "\n".join(_notes(found))], form)
 
 
 def _cells(found: Tradeoff, row: Row) -> list[str]:

@@ -15,12 +15,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.errors import ComputationError
+from nonlinear.dynamics.equilibrium import rests_unstably
 from nonlinear.dynamics.symmetries import exactly_symmetric, symmetrized, synchronous
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.system.events import Event
-from nonlinear.system.initial import rests_unstably
 from nonlinear.system.plant import Plant
 from nonlinear.system.state import State, apart
 

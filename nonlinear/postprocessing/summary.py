@@ -8,10 +8,10 @@ from math import isfinite
 import numpy as np
 
 from modal.report.escaping import visible
+from nonlinear.dynamics.equilibrium import rests_unstably
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, Trajectory
 from nonlinear.integration.twins import departure
 from nonlinear.reduction.superposition import CORRECTED, LINEAR
-from nonlinear.system.initial import rests_unstably
 
 FORMS = {
     "minimal": "minimal coordinates",

@@ -14,7 +14,7 @@ from hashlib import sha256
 from typing import IO
 
 from modal.errors import SceneError
-from modal.report.sealed import index
+from modal.scene.sealed import index
 from nonlinear.sweeps.locks import locked, remove
 from nonlinear.sweeps.study import Row, Study
 

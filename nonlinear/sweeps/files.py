@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.report.escaping import csv_cell, csv_rows
-from modal.report.sealed import index, insist_keys, reading
 from modal.scene.files import whole_file
+from modal.scene.sealed import index, insist_keys, reading
 from modal.types import Floats
-from nonlinear.saved_files import as_csv, as_npz, checked_kind, from_csv, from_npz
+from nonlinear.files import as_csv, as_npz, checked_kind, from_csv, from_npz
 from nonlinear.sweeps.running import Sweep
 from nonlinear.sweeps.study import Row, Study, study_from
 

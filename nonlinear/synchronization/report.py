@@ -11,6 +11,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report.escaping import visible
 from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short
+from modal.report.tables import grid
 from nonlinear.averaging.equilibria import Configuration
 from nonlinear.averaging.prediction import ASIDE, Prediction
 from nonlinear.postprocessing.averages import last
@@ -19,7 +20,6 @@ from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.study import Synchrony, Theory
 from nonlinear.system.plant import Plant
-from nonlinear.verification.tables import grid
 
 HEAD = ("mode", "family", "pendula", "largest angle (deg)", "frequency (rad/s)", "neighbours")
 NOT_COVERED = (

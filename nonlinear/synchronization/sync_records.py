@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report.tables import finite
 from modal.scene.model import described
 from nonlinear.averaging.equilibria import Configuration
 from nonlinear.averaging.prediction import Prediction
@@ -16,7 +17,6 @@ from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.study import Synchrony
-from nonlinear.verification.tables import finite
 
 
 def records(found: Synchrony) -> dict[str, Any]:

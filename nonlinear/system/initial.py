@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
 from modal.errors import SceneError
 from modal.scene.model import Pendulum, Scene
 from modal.types import Floats
-from nonlinear.dynamics import efforts
 from nonlinear.system.directions import directions, of_plane, velocities
-from nonlinear.system.plant import Group, Plant
-from nonlinear.system.state import Push, State
+from nonlinear.system.plant import Plant
+from nonlinear.system.state import State
 
 NO_START = (
     "no pendulum has a start: add `start = { angles_deg = [...] }` with one angle a link to an entry of the file, "
     "or give another start: a mode at its largest angle, or angles at rest"
 )
-ROUNDING = 16 * float(np.finfo(float).eps)  # of moments that are in balance, relative to their parts
-TINY = float(np.finfo(float).tiny)
 
 
 def start_of(scene: Scene) -> State:
@@ -61,39 +56,6 @@ def released(scene: Scene, angles_deg: Sequence[float]) -> State:
     angles = np.deg2rad(np.tile(given, total // given.size))
     state = State(angles, np.zeros(total))
     return state if scene.space == "plane" else of_plane(state)
-
-
-def rests_unstably(plant: Plant, start: State) -> bool:
-    """Whether a start is an unstable rest to within rounding, or on a fixed support any pendulum of it.
-
-    Nothing moves, the moments of gravity and of the springs are in balance, and V is no minimum there.
-    """
-    angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if plant.spatial else start.links
-    still = ~np.any(start.link_rates.reshape(plant.n_links, -1), axis=1)
-    felt = efforts.on_links(replace(plant, spatial=False), State(angles, 0.0 * angles), Push())
-    found = []
-    for group in plant.groups:
-        weight, bent = plant.gravity * group.block.b, angles[group.index]
-        left = np.abs(felt[group.index] - weight * np.sin(bent))
-        balanced = left <= ROUNDING * (weight + group.block.stiffness) * (1 + np.abs(bent))
-        found.append((np.all(balanced & still[group.index], axis=0), _falls(group, weight * np.cos(bent))))
-    resting, falling = (np.concatenate(part) for part in zip(*found, strict=True))
-    if plant.cart is None:
-        return bool(np.any(resting & falling))
-    pulled = start.cart * plant.cart.stiffness or start.cart_rate * plant.cart.damping
-    return bool(np.all(resting) and np.any(falling) and not pulled)
-
-
-def _falls(group: Group, weight: Floats) -> Any:
-    """Whether V'' of each chain, `weight` (n, P) on its diagonal and the joint springs', has a negative pivot, (P,)."""
-    stiffness = group.block.stiffness
-    pivot, found = np.inf * weight[0], np.zeros(weight.shape[1], dtype=bool)
-    for at in range(group.n - 1, -1, -1):
-        below = stiffness[at + 1] if at + 1 < group.n else 0.0 * stiffness[0]
-        pivot = weight[at] + stiffness[at] + below - below**2 / pivot
-        found |= pivot < 0
-        pivot = np.where(pivot == 0, TINY, pivot)
-    return found
 
 
 def checked(state: State, plant: Plant) -> State:

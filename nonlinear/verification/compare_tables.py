@@ -5,9 +5,9 @@ from __future__ import annotations
 from math import degrees
 from typing import Any
 
+from modal.report.tables import as_csv, as_json, digits, finite, grid, titled
 from modal.scene.model import described
 from nonlinear.verification.motion import Comparison, ModeInMotion
-from nonlinear.verification.tables import as_csv, as_json, digits, finite, grid, titled
 
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
@@ -22,7 +22,7 @@ def comparison_table(found: Comparison, form: str) -> str:
         )
     note = "lines: frequency (rad/s), amplitude, and how far they are off the nearest frequency of the table."
     parts = [grid([_cells(found, row) for row in found.rows], HEADINGS, form), note]
-    return titled(found.modes.scene, "the motion in modal coordinates", parts, form)
+    return titled(found.modes.scene.title, "the motion in modal coordinates", parts, form)
 
 
 def _cells(found: Comparison, row: ModeInMotion) -> list[str]:

@@ -2,19 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from math import degrees, isfinite, isinf, log10
+from math import degrees, isfinite, isinf
 from typing import Any
 
-from tabulate import tabulate
-
-from modal.modes.table import NOTHING
-from modal.report.escaping import csv_rows, json_text, markdown, visible
-from modal.scene.model import Scene, described
+from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
+from modal.scene.model import described
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 
-FORMATS = {"text": "simple", "markdown": "github"}
 MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "± rel.", "1 % at (°)", "measured (°)", "family")
 RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "± rel.", "ω(a)/ω − 1", "κa²", "outside")
 
@@ -36,45 +31,7 @@ def check_table(found: Check, form: str) -> str:
         grid([_run_cells(row, run) for row in found.rows for run in row.measurements], RUNS, form),
         "\n".join(_notes(found)),
     ]
-    return titled(found.scene, "the table of modes against the full motion", parts, form)
-
-
-def titled(scene: Scene, what: str, parts: Sequence[str], form: str) -> str:
-    """The parts that are not empty under one title."""
-    title = f"{scene.title or 'Modes'}: {what}"
-    head = f"**{markdown(title)}**" if form == "markdown" else visible(title)
-    return "\n\n".join([head, *(part for part in parts if part)]) + "\n"
-
-
-LEFT = {"family", "lines", "pendula", "neighbours"}
-
-
-def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str) -> str:
-    """Cells under headings, words to the left and numbers to the right; nothing where there are no cells."""
-    align = ["left" if heading in LEFT else "right" for heading in headings]
-    return tabulate(cells, headings, tablefmt=FORMATS[form], colalign=align, disable_numparse=True) if cells else ""
-
-
-def as_csv(records: Sequence[dict[str, Any]]) -> str:
-    """One line a record."""
-    return csv_rows([list(records[0]) if records else [], *(record.values() for record in records)])
-
-
-def as_json(whole: dict[str, Any]) -> str:
-    """Readable JSON."""
-    return json_text(whole) + "\n"
-
-
-def digits(value: float, relative_error: float, most: int) -> str:
-    """At most so many significant digits, and no more than are certain."""
-    if not isfinite(value) or not relative_error < 1:
-        return NOTHING
-    return f"{value:#.{min(most, max(1, int(-log10(max(relative_error, 1e-17)))))}g}".rstrip(".") if value else "0"
-
-
-def finite(value: float) -> float | None:
-    """None for what has no meaning."""
-    return value if isfinite(value) else None
+    return titled(found.scene.title, "the table of modes against the full motion", parts, form)
 
 
 def _angle(degree: float) -> str:
