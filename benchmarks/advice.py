@@ -37,15 +37,15 @@ import numpy as np
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene
 from modal.scene.drives import VanDerPol
 from nonlinear.accuracy.advice import Advice
-from nonlinear.accuracy.candidates import Question, Rung
-from nonlinear.accuracy.references import references
-from nonlinear.integration.arguments import extent, sampled
+from nonlinear.accuracy.candidates import Candidate, Question
+from nonlinear.accuracy.references import choose_references
+from nonlinear.integration.arguments import extent, sample_times
 from nonlinear.integration.steppers import SMALLEST
-from nonlinear.integration.timescales import timescales
+from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.reduction.superposition import CORRECTED, LINEAR
 from nonlinear.simulation import advise
-from nonlinear.system.plant import plant_of
 from nonlinear.system.state import Motion, State, apart
+from nonlinear.system.system import system_of
 
 DOCS = Path(__file__).parent.parent / "docs"
 FINER, SHARE = 1e-4, 0.05  # of the accuracy: the judge's tolerance, and how far it and a looser one may differ
@@ -112,7 +112,7 @@ def held(seed: int) -> tuple[Scene, State, float, float]:
     pendula = [chain() for _ in range(rng.randint(1, 3))]
     scene = Scene(gravity=9.81, space="space" if spatial else "plane", support=support, pendulum=pendula)
     numbers, size = np.random.default_rng(seed), 10 ** rng.uniform(-3.75, 0.47)
-    links = plant_of(scene).n_links
+    links = system_of(scene).n_links
     if not spatial:
         angles, rates = size * numbers.uniform(-1, 1, (2, links))
         start = State(angles, rates)
@@ -147,17 +147,17 @@ def loading(way: str) -> float:
 def judged(seed: int, costs: bool = True) -> Case:
     """One scene of the set, and where costs are asked for the cheapest rung that would have done."""
     scene, start, duration, accuracy = held(seed)
-    timescales.cache_clear()
+    estimate_timescales.cache_clear()
     begun = perf_counter()
     advice = advise(scene, duration, accuracy, start=start)
     seconds = perf_counter() - begun
     seconds += sum(map(loading, {attempt.way for attempt in advice.attempts})) if costs else 0.0
-    question = Question(scene, start, sampled(scene, duration, 0.0, None))
+    question = Question(scene, start, sample_times(scene, duration, 0.0, None))
     plane = scene.space == "plane"
     form, compiled = "minimal" if plane else "spatial", plane and find_spec("numba") is not None
-    looser = (Rung(form, "DOP853", max(FINER * accuracy * share, SMALLEST), compiled) for share in (1.0, 10.0))
+    looser = (Candidate(form, "DOP853", max(FINER * accuracy * share, SMALLEST), compiled) for share in (1.0, 10.0))
     known, error = False, inf
-    for rungs in (looser, references(scene)) if advice.met or costs else ():
+    for rungs in (looser, choose_references(scene)) if advice.met or costs else ():
         finest, other = (rung.prepare(question)().motion for rung in rungs)
         known, error = float(apart(finest, other).max()) < SHARE * accuracy, _error(advice, finest)
         if known:
@@ -192,23 +192,23 @@ def _error(advice: Advice, finest: Motion) -> float:
     return float(apart(advice.trajectory.motion, finest).max())
 
 
-def _enough(question: Question, finest: object, accuracy: float) -> Iterator[tuple[Rung, float]]:
+def _enough(question: Question, finest: object, accuracy: float) -> Iterator[tuple[Candidate, float]]:
     """Of every family the loosest rung that meets the accuracy, and its time (s)."""
     plane = question.scene.space == "plane"
-    families = [[Rung(LINEAR)], [Rung(CORRECTED)]]
+    families = [[Candidate(LINEAR)], [Candidate(CORRECTED)]]
     methods = [("DOP853", False), ("RK45", False), *([("LSODA", False)] if plane else [])]
     methods += [("DOP853", True)] if plane and find_spec("numba") else []
     methods += [("taylor", False)] if plane and find_spec("heyoka") else []
     kind = "minimal" if plane else "spatial"
-    size = extent(question.start, plant_of(question.scene))
+    size = extent(question.start, system_of(question.scene))
     tolerances = min(LOOSE * accuracy / size, 1e-2) / 10 ** (np.arange(HALF_DECADES) / 2)
-    families += [[Rung(kind, method, t, compiled) for t in tolerances] for method, compiled in methods]
+    families += [[Candidate(kind, method, t, compiled) for t in tolerances] for method, compiled in methods]
     fastest = inf
     for family in families:
         for rung in family if loading(family[0].name) < fastest else ():
-            timescales.cache_clear()
+            estimate_timescales.cache_clear()
             begun = perf_counter()
-            timescales(question.scene)
+            estimate_timescales(question.scene)
             try:
                 found = rung.prepare(replace(question, patience=fastest))()
             except ComputationError:

@@ -21,7 +21,7 @@ from scipy.optimize import brentq
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from nonlinear.reduction.modal_coordinates import start_in_mode
-from nonlinear.reduction.truncation import truncated
+from nonlinear.reduction.truncation import simulate_truncated
 from nonlinear.simulation import simulate
 from nonlinear.system.state import State
 
@@ -97,7 +97,7 @@ def _tuned(chain: Callable[[float], Scene], mode: int, ratio: float) -> Scene:
 def judged(case: Case) -> Judged:
     """A case with what is true of it."""
     start = case.start
-    found = truncated(case.scene, case.duration, case.mode + 1, start=start, output=SAMPLES)
+    found = simulate_truncated(case.scene, case.duration, case.mode + 1, start=start, output=SAMPLES)
     sure, other = (
         simulate(case.scene, case.duration, start=start, output=SAMPLES, tolerance=t).motion.links
         for t in (1e-12, 1e-11)

@@ -24,7 +24,7 @@ from nonlinear.dynamics import compiled
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.minimal import Minimal, Recursion
 from nonlinear.dynamics.short import Dense
-from nonlinear.system.plant import plant_of
+from nonlinear.system.system import system_of
 
 NUMBERS, CHAINS = (1, 2, 10, 100), (10, 100, 1000)
 QUICK_NUMBERS, QUICK_CHAINS = (1, 10), (10, 100)
@@ -51,22 +51,22 @@ def chain(links: int) -> Scene:
 
 def own(body: type) -> Callable[[Scene, np.ndarray], Accelerations]:
     def made(scene: Scene, y: np.ndarray) -> Accelerations:
-        plant = plant_of(scene)
-        system = Minimal(plant, tuple(body(group) for group in plant.groups))
-        return lambda: system.derivative(0.0, y)[system.layout.half :]
+        system = system_of(scene)
+        equations = Minimal(system, tuple(body(group) for group in system.groups))
+        return lambda: equations.derivative(0.0, y)[equations.layout.half :]
 
     return made
 
 
 def by_numba(scene: Scene, y: np.ndarray) -> Accelerations:
-    system = compiled.Compiled(plant_of(scene))
-    return lambda: system.derivative(0.0, y)[system.layout.half :]
+    equations = compiled.Compiled(system_of(scene))
+    return lambda: equations.derivative(0.0, y)[equations.layout.half :]
 
 
 def textbook(scene: Scene, y: np.ndarray) -> Accelerations:
     """The full matrix of the cart and all pendula, formed and solved at every call."""
-    plant, pair = plant_of(scene), matrices(scene).M
-    on, half = int(plant.cart is not None), len(y) // 2
+    system, pair = system_of(scene), matrices(scene).M
+    on, half = int(system.cart is not None), len(y) // 2
     A, b = pair[on:, on:], pair[0, on:] if on else None
     weight = np.diag(matrices(scene).K)[on:]
     squares = np.empty(half)
@@ -87,10 +87,10 @@ def textbook(scene: Scene, y: np.ndarray) -> Accelerations:
 
 def relative(scene: Scene, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Joint coordinates and rates of y, and the matrix that turns them into absolute ones."""
-    plant, half = plant_of(scene), len(y) // 2
+    system, half = system_of(scene), len(y) // 2
     turn = np.eye(half)
-    first = half - plant.n_links
-    for links in (np.flatnonzero(plant.pendulum == p) + first for p in range(plant.n_pendula)):
+    first = half - system.n_links
+    for links in (np.flatnonzero(system.pendulum == p) + first for p in range(system.n_pendula)):
         turn[np.ix_(links, links)] = np.tril(np.ones((len(links), len(links))))
     return np.linalg.solve(turn, y[:half]), np.linalg.solve(turn, y[half:]), turn
 

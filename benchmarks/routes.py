@@ -20,13 +20,13 @@ from modal.plotting.palette import colour, ink, muted
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.integration import taylor as series
 from nonlinear.integration.driver import Drive
-from nonlinear.integration.methods import Choice, system_of
+from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.steppers import Pace, SciPyStepper, Stepper
 from nonlinear.integration.taylor import TaylorStepper, first_step
-from nonlinear.integration.timescales import timescales
+from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system.directions import of_plane
-from nonlinear.system.plant import Plant, plant_of
-from nonlinear.system.state import State, System
+from nonlinear.system.state import Equations, State
+from nonlinear.system.system import System, system_of
 
 Task = Callable[[], np.ndarray]
 Maker = Callable[[Problem, float], Task]
@@ -46,52 +46,52 @@ class Route(NamedTuple):
 # ---------------------------------------------------------------------------------------------------------- ours
 
 
-def driven(system: System, stepper: Stepper, problem: Problem) -> np.ndarray:
-    record = Drive(stepper, system, np.array([0.0, problem.duration])).run()
-    return system.read(record.rows).links[-1]
+def driven(equations: Equations, stepper: Stepper, problem: Problem) -> np.ndarray:
+    record = Drive(stepper, equations, np.array([0.0, problem.duration])).run()
+    return equations.read(record.rows).links[-1]
 
 
-def by_scipy(system: System, start: State, problem: Problem, tolerance: float) -> np.ndarray:
-    y = system.begin(start)
+def by_scipy(equations: Equations, start: State, problem: Problem, tolerance: float) -> np.ndarray:
+    y = equations.begin(start)
     return driven(
-        system,
-        SciPyStepper("DOP853", system.derivative, 0.0, y, problem.duration, tolerance, tolerance * system.scale),
+        equations,
+        SciPyStepper("DOP853", equations.derivative, 0.0, y, problem.duration, tolerance, tolerance * equations.scale),
         problem,
     )
 
 
 def numpy_body(problem: Problem, tolerance: float) -> Task:
-    system = system_of(plant_of(problem.scene), Choice("minimal", "DOP853", False, ""))
-    return lambda: by_scipy(system, problem.start, problem, tolerance)
+    equations = equations_of(system_of(problem.scene), Choice("minimal", "DOP853", False, ""))
+    return lambda: by_scipy(equations, problem.start, problem, tolerance)
 
 
 def numba_body(problem: Problem, tolerance: float) -> Task:
-    system = Compiled(plant_of(problem.scene))
-    system.derivative(0.0, system.begin(problem.start))
-    return lambda: by_scipy(system, problem.start, problem, tolerance)
+    equations = Compiled(system_of(problem.scene))
+    equations.derivative(0.0, equations.begin(problem.start))
+    return lambda: by_scipy(equations, problem.start, problem, tolerance)
 
 
 def maximal(problem: Problem, tolerance: float) -> Task:
-    system = system_of(plant_of(problem.scene), Choice("maximal", "DOP853", False, ""))
-    return lambda: by_scipy(system, problem.start, problem, tolerance)
+    equations = equations_of(system_of(problem.scene), Choice("maximal", "DOP853", False, ""))
+    return lambda: by_scipy(equations, problem.start, problem, tolerance)
 
 
 def spatial(problem: Problem, tolerance: float) -> Task:
     twin = problem.scene.replace(space="space")
-    system = system_of(plant_of(twin), Choice("spatial", "DOP853", False, ""))
+    equations = equations_of(system_of(twin), Choice("spatial", "DOP853", False, ""))
 
     def task() -> np.ndarray:
-        u = by_scipy(system, of_plane(problem.start), problem, tolerance)
+        u = by_scipy(equations, of_plane(problem.start), problem, tolerance)
         return np.arctan2(u[:, 0], u[:, 2])
 
     return task
 
 
 def taylor(problem: Problem, tolerance: float) -> Task:
-    system = system_of(plant_of(problem.scene), Choice("minimal", "taylor", False, ""))
-    cap = first_step(timescales(problem.scene).swing)
-    stepper = TaylorStepper(system, system.begin(problem.start), 0.0, problem.duration, tolerance, Pace(cap))
-    return lambda: driven(system, stepper, problem)
+    equations = equations_of(system_of(problem.scene), Choice("minimal", "taylor", False, ""))
+    cap = first_step(estimate_timescales(problem.scene).swing)
+    stepper = TaylorStepper(equations, equations.begin(problem.start), 0.0, problem.duration, tolerance, Pace(cap))
+    return lambda: driven(equations, stepper, problem)
 
 
 def forget() -> None:
@@ -110,7 +110,7 @@ def forget() -> None:
 
 def textbook(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     """The full matrix of the cart and all pendula, formed and solved at every call; no dampers, no springs."""
-    on, found = int(plant_of(scene).cart is not None), matrices(scene)
+    on, found = int(system_of(scene).cart is not None), matrices(scene)
     M, weight, half = found.M, np.diag(found.K)[on:], len(found.M)
     A, b = M[on:, on:], M[0, on:]
 
@@ -129,7 +129,7 @@ def textbook(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
 
 def dense(method: str) -> Maker:
     def made(problem: Problem, tolerance: float) -> Task:
-        f, on = textbook(problem.scene), int(plant_of(problem.scene).cart is not None)
+        f, on = textbook(problem.scene), int(system_of(problem.scene).cart is not None)
         y = np.concatenate((np.zeros(on), problem.angles, np.zeros(on + len(problem.angles))))
         span = (0.0, problem.duration)
         return lambda: solve_ivp(f, span, y, method, rtol=tolerance, atol=tolerance).y[on : len(y) // 2, -1]
@@ -137,25 +137,25 @@ def dense(method: str) -> Maker:
     return made
 
 
-def relative(plant: Plant, angles: np.ndarray) -> np.ndarray:
+def relative(system: System, angles: np.ndarray) -> np.ndarray:
     """Joint angles of absolute ones, in the order of the file."""
     found = np.empty_like(angles)
-    for group in plant.groups:
+    for group in system.groups:
         found[group.index] = np.diff(angles[group.index], axis=0, prepend=0.0)
     return found
 
 
-def absolute(plant: Plant, joints: np.ndarray) -> np.ndarray:
+def absolute(system: System, joints: np.ndarray) -> np.ndarray:
     found = np.empty_like(joints)
-    for group in plant.groups:
+    for group in system.groups:
         found[group.index] = np.cumsum(joints[group.index], axis=0)
     return found
 
 
-def links_of(plant: Plant) -> list[tuple[bool, float, float, float, float]]:
+def links_of(system: System) -> list[tuple[bool, float, float, float, float]]:
     """Whether it is the top of its pendulum, mass, length, centre and moment of inertia of every link."""
-    tops = np.diff(plant.pendulum, prepend=-1) > 0
-    numbers = (plant.by_link(name) for name in ("mass", "length", "centre", "inertia"))
+    tops = np.diff(system.pendulum, prepend=-1) > 0
+    numbers = (system.by_link(name) for name in ("mass", "length", "centre", "inertia"))
     return list(zip(tops, *numbers, strict=True))
 
 
@@ -163,29 +163,29 @@ def mujoco(problem: Problem, step: float) -> Task:
     """Its own RK4, contacts and constraints off, the loop over the steps in C."""
     import mujoco as engine
 
-    plant = plant_of(problem.scene)
-    model = _mujoco_model(engine, plant, step)
+    system = system_of(problem.scene)
+    model = _mujoco_model(engine, system, step)
 
     def task() -> np.ndarray:
         data = engine.MjData(model)
-        data.qpos[model.nq - plant.n_links :] = relative(plant, problem.angles)
+        data.qpos[model.nq - system.n_links :] = relative(system, problem.angles)
         engine.mj_step(model, data, nstep=round(problem.duration / step))
-        return absolute(plant, data.qpos[model.nq - plant.n_links :])
+        return absolute(system, data.qpos[model.nq - system.n_links :])
 
     return task
 
 
-def _mujoco_model(engine: object, plant: Plant, step: float) -> object:
+def _mujoco_model(engine: object, system: System, step: float) -> object:
     spec, smallest = engine.MjSpec(), 1e-14
-    spec.option.gravity, spec.option.timestep = [0.0, 0.0, -plant.gravity], step
+    spec.option.gravity, spec.option.timestep = [0.0, 0.0, -system.gravity], step
     spec.option.integrator = engine.mjtIntegrator.mjINT_RK4
     spec.option.disableflags = engine.mjtDisableBit.mjDSBL_CONTACT | engine.mjtDisableBit.mjDSBL_CONSTRAINT
     base, length = spec.worldbody, 0.0
-    if plant.cart:
-        base = base.add_body(mass=plant.cart.mass, ipos=[0, 0, 0], inertia=[1, 1, 1], explicitinertial=True)
+    if system.cart:
+        base = base.add_body(mass=system.cart.mass, ipos=[0, 0, 0], inertia=[1, 1, 1], explicitinertial=True)
         base.add_joint(type=engine.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
     body = base
-    for top, m, l, c, moment in links_of(plant):
+    for top, m, l, c, moment in links_of(system):
         parent, place = (base, 0.0) if top else (body, -length)
         turns = [moment or smallest, moment or smallest, smallest]
         body = parent.add_body(pos=[0, 0, place], mass=m, ipos=[0, 0, -c], inertia=turns, explicitinertial=True)
@@ -198,8 +198,8 @@ def pinocchio(problem: Problem, step: float) -> Task:
     """Its articulated-body algorithm under the classical Runge–Kutta method in Python."""
     import pinocchio as engine
 
-    plant = plant_of(problem.scene)
-    model = _pinocchio_model(engine, plant)
+    system = system_of(problem.scene)
+    model = _pinocchio_model(engine, system)
     data, none, half = model.createData(), np.zeros(model.nv), model.nv
 
     def rate(y: np.ndarray) -> np.ndarray:
@@ -207,10 +207,10 @@ def pinocchio(problem: Problem, step: float) -> Task:
 
     def task() -> np.ndarray:
         y = np.zeros(2 * half)
-        y[half - plant.n_links : half] = relative(plant, problem.angles)
+        y[half - system.n_links : half] = relative(system, problem.angles)
         for _ in range(round(problem.duration / step)):
             y = runge_kutta(rate, y, step)
-        return absolute(plant, y[half - plant.n_links : half])
+        return absolute(system, y[half - system.n_links : half])
 
     return task
 
@@ -222,14 +222,14 @@ def runge_kutta(rate: Callable[[np.ndarray], np.ndarray], y: np.ndarray, h: floa
     return y + h / 6 * (a + 2 * (b + c) + rate(y + h * c))
 
 
-def _pinocchio_model(engine: object, plant: Plant) -> object:
+def _pinocchio_model(engine: object, system: System) -> object:
     model, base, still = engine.Model(), 0, engine.SE3.Identity()
-    model.gravity.linear = np.array([0.0, 0.0, -plant.gravity])
-    if plant.cart:
+    model.gravity.linear = np.array([0.0, 0.0, -system.gravity])
+    if system.cart:
         base = model.addJoint(0, engine.JointModelPX(), still, "cart")
-        model.appendBodyToJoint(base, engine.Inertia(plant.cart.mass, np.zeros(3), np.eye(3)), still)
+        model.appendBodyToJoint(base, engine.Inertia(system.cart.mass, np.zeros(3), np.eye(3)), still)
     about, joint, length = engine.JointModelRevoluteUnaligned(np.array([0.0, -1.0, 0.0])), base, 0.0
-    for number, (top, m, l, c, moment) in enumerate(links_of(plant)):
+    for number, (top, m, l, c, moment) in enumerate(links_of(system)):
         parent, drop = (base, 0.0) if top else (joint, length)
         place = engine.SE3(np.eye(3), np.array([0.0, 0.0, -drop]))
         joint, length = model.addJoint(parent, about, place, f"joint {number}"), l

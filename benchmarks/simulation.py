@@ -31,9 +31,9 @@ from routes import DEFAULT, ROUTES, Maker, driven, forget, numba_body, numpy_bod
 from simulation_figure import figure
 
 from nonlinear.dynamics.compiled import Compiled
-from nonlinear.integration.methods import Choice, system_of
+from nonlinear.integration.methods import Choice, equations_of
 from nonlinear.integration.steppers import SciPyStepper
-from nonlinear.system.plant import plant_of
+from nonlinear.system.system import system_of
 
 DOCS = Path(__file__).parent.parent / "docs"
 REPEATS, LONG, TOO_LONG = 3, 0.7, 1.5  # runs; one run where it takes so many seconds; none finer after so many
@@ -130,16 +130,16 @@ def time_at(rows: Sequence[Row], error: float, floor: float) -> float:
 
 def cost(problem: Problem) -> tuple[str, ...]:
     """Nanoseconds a link of one derivative, microseconds a link of one second, and how many derivatives that took."""
-    plant, calls = plant_of(problem.scene), 0
-    systems = [system_of(plant, Choice("minimal", "DOP853", False, ""))]
-    systems += [Compiled(plant)] if find_spec("numba") else []
+    system, calls = system_of(problem.scene), 0
+    systems = [equations_of(system, Choice("minimal", "DOP853", False, ""))]
+    systems += [Compiled(system)] if find_spec("numba") else []
     each, whole, y = ["-", "-"], ["-", "-"], systems[0].begin(problem.start)
-    for at, system in enumerate(systems):
-        each[at] = f"{_three(1e3 * microseconds(partial(system.derivative, 0.0, y)) / plant.n_links)} ns"
-        stepper = SciPyStepper("DOP853", system.derivative, 0.0, y, problem.duration, 1e-6, 1e-6 * system.scale)
+    for at, equations in enumerate(systems):
+        each[at] = f"{_three(1e3 * microseconds(partial(equations.derivative, 0.0, y)) / system.n_links)} ns"
+        stepper = SciPyStepper("DOP853", equations.derivative, 0.0, y, problem.duration, 1e-6, 1e-6 * equations.scale)
         start = time.process_time()
-        driven(system, stepper, problem)
-        whole[at] = f"{_three(1e6 * (time.process_time() - start) / plant.n_links)} µs"
+        driven(equations, stepper, problem)
+        whole[at] = f"{_three(1e6 * (time.process_time() - start) / system.n_links)} µs"
         calls = stepper.calls
     return problem.name, *each, *whole, str(calls)
 

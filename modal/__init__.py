@@ -12,8 +12,8 @@ from modal.errors import ComputationError, MultipendulaError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.shapes import Shape
-from modal.scene.files import dump, dumps, load, shipped
-from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
+from modal.scene.files import dump, dumps, example_names, load
+from modal.scene.model import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
 
 __all__ = [
     "Bob",
@@ -21,6 +21,7 @@ __all__ = [
     "Cart",
     "ComputationError",
     "Fixed",
+    "InitialCondition",
     "Matrices",
     "Mode",
     "Modes",
@@ -30,13 +31,12 @@ __all__ = [
     "Scene",
     "SceneError",
     "Shape",
-    "Start",
     "dump",
     "dumps",
+    "example_names",
     "load",
     "matrices",
     "natural_modes",
-    "shipped",
 ]
 
 warn_about_namesake()

@@ -9,30 +9,30 @@
 
 from nonlinear.files import load, save
 from nonlinear.integration.run import SimulationError
-from nonlinear.integration.trajectory import Run, Trajectory
-from nonlinear.simulation import resumed, simulate
-from nonlinear.system.events import Event, Happening, crossing, turning
-from nonlinear.system.initial import released, start_of
-from nonlinear.system.plant import Plant, plant_of
-from nonlinear.system.state import Motion, Push, State
+from nonlinear.integration.trajectory import SolverInfo, Trajectory
+from nonlinear.simulation import resume, simulate
+from nonlinear.system.events import Event, EventRecord, level_crossing, turning_point
+from nonlinear.system.initial import initial_state, state_at_rest
+from nonlinear.system.state import AppliedForces, Motion, State
+from nonlinear.system.system import System, system_of
 
 __all__ = [
+    "AppliedForces",
     "Event",
-    "Happening",
+    "EventRecord",
     "Motion",
-    "Plant",
-    "Push",
-    "Run",
     "SimulationError",
+    "SolverInfo",
     "State",
+    "System",
     "Trajectory",
-    "crossing",
+    "initial_state",
+    "level_crossing",
     "load",
-    "plant_of",
-    "released",
-    "resumed",
+    "resume",
     "save",
     "simulate",
-    "start_of",
-    "turning",
+    "state_at_rest",
+    "system_of",
+    "turning_point",
 ]

@@ -21,15 +21,15 @@ import numpy as np
 from modal.report.escaping import csv_comment
 from modal.scene import sealed
 from modal.scene.files import kind_of, whole_file
-from modal.scene.model import Scene, described, scene_from
+from modal.scene.model import Scene, describe, scene_from
 from modal.scene.sealed import finite, index, insist_keys, reading
 from modal.types import Floats
 from nonlinear.integration.methods import FORMS, choose
-from nonlinear.integration.trajectory import TRUNCATED, Run, Trajectory
+from nonlinear.integration.trajectory import TRUNCATED, SolverInfo, Trajectory
 from nonlinear.reduction.superposition import CORRECTED, LINEAR
-from nonlinear.system.events import NO_KICKS, Happening, Kicks
-from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.events import NO_KICKS, EventRecord, Kicks
 from nonlinear.system.state import Motion, State
+from nonlinear.system.system import System, system_of
 
 KINDS = ("npz", "csv")
 HEADER = "header"
@@ -104,7 +104,7 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
     ]
     return {
         "multipendula_trajectory": VERSION,
-        "scene": described(trajectory.scene),
+        "scene": describe(trajectory.scene),
         "run": asdict(trajectory.run),
         "driven": trajectory.driven,
         "events": events,
@@ -117,36 +117,36 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
         raise ValueError
     scene = scene_from(header["scene"])
-    plant = plant_of(scene)
-    shape = (len(times), plant.n_links, *([3] if plant.spatial else []))
+    system = system_of(scene)
+    shape = (len(times), system.n_links, *([3] if system.spatial else []))
     shapes = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
     insist_keys(parts, *PARTS)
     motion = Motion(**{name: finite(parts[name], *shapes[name]) for name in PARTS})
     if len(times) == 0 or np.any(np.diff(finite(times, len(times))) <= 0):
         raise ValueError
     events = tuple(_happening(event, shape[1:]) for event in header["events"])
-    kicks = _kicks(header["kicks"], plant.n_links)
-    return Trajectory(scene, plant, times, motion, _run(header["run"], plant, scene), events, kicks, header["driven"])
+    kicks = _kicks(header["kicks"], system.n_links)
+    return Trajectory(scene, system, times, motion, _run(header["run"], system, scene), events, kicks, header["driven"])
 
 
-def _run(found: dict[str, Any], plant: Plant, scene: Scene) -> Run:
-    run = Run(**found)
-    values = [(getattr(run, field.name), field.type) for field in fields(Run)]
+def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
+    run = SolverInfo(**found)
+    values = [(getattr(run, field.name), field.type) for field in fields(SolverInfo)]
     if any(type(value).__name__ != kind or (kind == "float" and isnan(value)) for value, kind in values):
         raise TypeError
     if run.form in FORMS:
-        integrated = replace(plant, spatial=plant.spatial and run.form == "spatial")
-        choose(scene, 1.0, run.tolerance, run.method, run.form, plant=integrated)
+        integrated = replace(system, spatial=system.spatial and run.form == "spatial")
+        choose(scene, 1.0, run.tolerance, run.method, run.form, system=integrated)
     elif run.form not in REDUCED:
         raise ValueError
     return run
 
 
-def _happening(event: dict[str, Any], shape: tuple[int, ...]) -> Happening:
+def _happening(event: dict[str, Any], shape: tuple[int, ...]) -> EventRecord:
     insist_keys(event, "name", "time_s", *PARTS[:4])
     time, cart, cart_rate = finite([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
     state = State(finite(event["links"], *shape), finite(event["link_rates"], *shape), cart, cart_rate)
-    return Happening(str(event["name"]), time, state)
+    return EventRecord(str(event["name"]), time, state)
 
 
 def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
@@ -174,10 +174,10 @@ def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
 # ---------------------------------------------------------------------------------------------------------- CSV
 
 
-def columns(plant: Plant) -> list[str]:
+def columns(system: System) -> list[str]:
     """The names of a CSV's columns, in its order: time, links, their rates, the cart and the work."""
-    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in plant.labels if label != "x"]
-    if plant.spatial:
+    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels if label != "x"]
+    if system.spatial:
         links = [f"u{axis}_{place}" for place in places for axis in AXES]
         rates = [f"u{axis}_dot_{place}_per_s" for place in places for axis in AXES]
     else:
@@ -190,7 +190,7 @@ def _csv(trajectory: Trajectory) -> bytes:
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
     rows = np.hstack([trajectory.times[:, None], *blocks])
-    return as_csv(_header(trajectory), _lines(columns(trajectory.plant), rows))
+    return as_csv(_header(trajectory), _lines(columns(trajectory.system), rows))
 
 
 def _lines(names: list[str], rows: Floats) -> Iterator[str]:
@@ -204,11 +204,11 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     names, _, numbers = text.partition("\n")
     with warnings.catch_warnings(action="ignore"):
         rows = np.loadtxt(io.StringIO(numbers), delimiter=",", comments=None, ndmin=2)
-    plant = plant_of(scene_from(header["scene"]))
-    if names.split(",") != columns(plant):
+    system = system_of(scene_from(header["scene"]))
+    if names.split(",") != columns(system):
         raise ValueError
-    size, width = len(rows), 3 if plant.spatial else 1
-    count = plant.n_links * width
-    shape = (size, plant.n_links, 3) if plant.spatial else (size, plant.n_links)
+    size, width = len(rows), 3 if system.spatial else 1
+    count = system.n_links * width
+    shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)
     split = [rows[:, 1 : 1 + count].reshape(shape), rows[:, 1 + count : 1 + 2 * count].reshape(shape), *rows[:, -3:].T]
     return header, rows[:, 0], dict(zip(PARTS, split, strict=True))

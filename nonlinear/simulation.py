@@ -6,26 +6,26 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from modal.errors import SceneError
-from modal.scene.model import Scene, insist_scene
+from modal.scene.model import Scene, validate_scene
 from modal.types import Floats
-from nonlinear.accuracy.advice import Advice, advised
+from nonlinear.accuracy.advice import Advice, seek_accuracy
 from nonlinear.accuracy.attempts import Goal
 from nonlinear.integration.arguments import (
-    gathered,
-    insist_accuracy,
-    insist_numbers,
-    insist_push,
-    insist_seen,
     paced,
-    sampled,
+    sample_times,
+    validate,
+    validate_accuracy,
+    validate_forces,
+    validate_numbers,
+    validate_observable,
 )
 from nonlinear.integration.methods import ASKED, FORMS, choose
 from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.system.events import NO_KICKS, Event, Kicks
-from nonlinear.system.initial import checked, start_of
-from nonlinear.system.plant import plant_of
+from nonlinear.system.initial import initial_state, validate_state
 from nonlinear.system.state import Load, State
+from nonlinear.system.system import system_of
 
 USUAL = 1e-9  # tolerance
 
@@ -69,7 +69,7 @@ def simulate(
     that cannot be, SimulationError (with the part that was computed) where the integrator gives up or an accuracy
     cannot be met to the end.
     """
-    insist_scene(scene)
+    validate_scene(scene)
     if accuracy is not None and tolerance is not None:
         raise SceneError(["accuracy: goes without a tolerance, which it chooses"])
     used = USUAL if tolerance is None else tolerance
@@ -77,7 +77,7 @@ def simulate(
     more |= {"load": load, "breaks": breaks, "max_step": max_step}
     request = _request(scene, duration, used, accuracy, output, start, start_time, more)
     if accuracy is not None:
-        return certain(advised(Goal(request, float(accuracy))))
+        return certain(seek_accuracy(Goal(request, float(accuracy))))
     return request.run(request.choice(float(used)))
 
 
@@ -96,7 +96,9 @@ def advise(
     The other arguments are those of `simulate`.  Raises SceneError for arguments that cannot be, SimulationError where
     an integrator gives up.
     """
-    return advised(Goal(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy)))
+    return seek_accuracy(
+        Goal(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy))
+    )
 
 
 def _request(
@@ -110,21 +112,21 @@ def _request(
     more: dict[str, Any],
 ) -> Request:
     """What is asked; SceneError names every mistake."""
-    plant, load = plant_of(scene), more.get("load")
+    system, load = system_of(scene), more.get("load")
     told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
-    *_, pace = gathered(
-        lambda: insist_numbers(duration, tolerance, start_time),
-        lambda: insist_accuracy(accuracy),
-        lambda: insist_seen(load, accuracy, *told.values()),
+    *_, pace = validate(
+        lambda: validate_numbers(duration, tolerance, start_time),
+        lambda: validate_accuracy(accuracy),
+        lambda: validate_observable(load, accuracy, *told.values()),
         lambda: paced(**told),
     )
     words = {name: more[name] for name in ("method", "form") if name in more}
-    state, _, times = gathered(
-        lambda: checked(start if start is not None else start_of(scene), plant),
+    state, _, times = validate(
+        lambda: validate_state(start if start is not None else initial_state(scene), system),
         lambda: choose(scene, duration, tolerance, **words, driven=load is not None),
-        lambda: sampled(scene, duration, start_time, output),
+        lambda: sample_times(scene, duration, start_time, output),
     )
-    insist_push(load, plant, state, start_time)
+    validate_forces(load, system, state, start_time)
     return Request(scene, state, times, pace=pace, **more)
 
 
@@ -135,7 +137,7 @@ def certain(advice: Advice) -> Trajectory:
     raise SimulationError(advice.limit, advice.certain)
 
 
-def resumed(
+def resume(
     trajectory: Trajectory,
     duration: float,
     *,
@@ -156,7 +158,7 @@ def resumed(
     run, last = trajectory.run, float(trajectory.times[-1])
     if options.get("accuracy") is None and run.form in FORMS:
         method = method or (run.method if run.reason.startswith(ASKED) else None)
-        form = form or (None if trajectory.plant.spatial else run.form)
+        form = form or (None if trajectory.system.spatial else run.form)
         tolerance = run.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from modal import Scene, load, natural_modes
 from modal.statespace.model import StateSpace, state_space
-from modal.statespace.sampling import sampled
+from modal.statespace.sampling import sample
 
 SCENES = ("crane-hook", "crane-two-loads", "paper-cart-2", "metronomes", "cart-upright", "chain-3")
 EVERYTHING = ("cart_position", "angles", "rates", "tip_positions", "pivot_forces")
@@ -23,7 +23,7 @@ def model_of(name: str, dt: float = 0.0) -> StateSpace:
     on_cart = scene.support.kind == "cart"
     model = state_space(scene, ("cart_force", "link_forces") if on_cart else (), EVERYTHING[not on_cart :])
     assert model.D.any() or not on_cart
-    return sampled(model, dt) if dt else model
+    return sample(model, dt) if dt else model
 
 
 def expected_poles(scene: Scene) -> NDArray[np.complex128]:

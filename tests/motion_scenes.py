@@ -6,9 +6,9 @@ import random
 
 import numpy as np
 
-from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
-from nonlinear.system.plant import plant_of
+from modal.scene.model import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
 from nonlinear.system.state import State
+from nonlinear.system.system import system_of
 
 
 def motion_scene(
@@ -36,7 +36,7 @@ def motion_scene(
         angles = tuple(rng.uniform(-170, 170) for _ in range(n))
         rates = tuple(rng.uniform(-85, 85) for _ in range(n))
         rest = tuple(rng.choice(["down", "up"]) for _ in range(n)) if standing and rng.random() < 0.2 else None
-        start = Start(angles_deg=angles, rates_deg=rates)
+        start = InitialCondition(angles_deg=angles, rates_deg=rates)
         return Pendulum(links=tuple(link() for _ in range(n)), start=start, equilibrium=rest)
 
     support: Fixed | Cart = Fixed()
@@ -49,6 +49,6 @@ def motion_scene(
 
 def random_state(scene: Scene, seed: int) -> State:
     """Any state of a plane scene, links turning either way."""
-    rng, size = np.random.default_rng(seed), plant_of(scene).n_links
+    rng, size = np.random.default_rng(seed), system_of(scene).n_links
     cart, cart_rate = rng.normal(size=2) if scene.support.kind == "cart" else (0.0, 0.0)
     return State(rng.uniform(-4, 4, size), 2 * rng.normal(size=size), float(cart), float(cart_rate))

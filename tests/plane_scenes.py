@@ -8,8 +8,8 @@ import numpy as np
 
 from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
 from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.system.plant import Plant
-from nonlinear.system.state import Load, Push, State
+from nonlinear.system.state import AppliedForces, Load, State
+from nonlinear.system.system import System
 
 Generator = np.random.Generator
 
@@ -40,18 +40,18 @@ def plane_scene(seed: int) -> Scene:
     return Scene(gravity=9.81, support=support, pendulum=tuple(random_pendulum(rng, top) for top in tops))
 
 
-def random_state(plant: Plant, seed: int) -> State:
+def random_state(system: System, seed: int) -> State:
     rng = np.random.default_rng(seed)
-    angles, rates = rng.uniform(-np.pi, np.pi, plant.n_links), 2 * rng.normal(size=plant.n_links)
-    cart, cart_rate = rng.normal(size=2) if plant.cart else (0.0, 0.0)
+    angles, rates = rng.uniform(-np.pi, np.pi, system.n_links), 2 * rng.normal(size=system.n_links)
+    cart, cart_rate = rng.normal(size=2) if system.cart else (0.0, 0.0)
     return State(angles, rates, float(cart), float(cart_rate))
 
 
-def minimal(plant: Plant, load: Load | None = None) -> Minimal:
-    return Minimal(plant, tuple(Recursion(group) for group in plant.groups), load)
+def minimal(system: System, load: Load | None = None) -> Minimal:
+    return Minimal(system, tuple(Recursion(group) for group in system.groups), load)
 
 
-def blowing(time: float, state: State) -> Push:
+def blowing(time: float, state: State) -> AppliedForces:
     """A load of time and of the state, on everything."""
     moments = 0.3 * np.cos(state.links + time) - 0.1 * state.link_rates
-    return Push(sin(3 * time) - 0.2 * state.cart, moments)
+    return AppliedForces(sin(3 * time) - 0.2 * state.cart, moments)

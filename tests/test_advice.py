@@ -17,7 +17,7 @@ from scipy.special import ellipj, ellipk
 
 from modal import Bob, Body, Cart, Pendulum, Rod, Scene, SceneError, load, natural_modes
 from multipendula.cli import main
-from nonlinear import Push, crossing, plant_of, released, resumed, simulate, start_of
+from nonlinear import AppliedForces, initial_state, level_crossing, resume, simulate, state_at_rest, system_of
 from nonlinear import files as recordings
 from nonlinear import load as load_run
 from nonlinear.accuracy.advice import RATIO, _beside, _difference
@@ -35,7 +35,7 @@ def asked(seed: int) -> tuple[Scene, State, float, float]:
     """A scene, a start of any size, a duration (s) and an accuracy (rad)."""
     rng = np.random.default_rng(seed)
     scene = motion_scene(4000 + seed, damped=bool(rng.random() < 0.3), standing=False, most=2)
-    start, size = start_of(scene), 10 ** rng.uniform(-3, -0.3)
+    start, size = initial_state(scene), 10 ** rng.uniform(-3, -0.3)
     start = replace(start, links=size * start.links, link_rates=size * start.link_rates)
     return scene, start, float(10 ** rng.uniform(0, 1)), float(10 ** rng.uniform(-7, -2))
 
@@ -73,7 +73,7 @@ def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_
 def found_with(tolerance: float, error: float) -> Found:
     """A run whose one angle is off by this at its end, half as much halfway."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
-    run = simulate(scene, 1.0, start=released(scene, [30.0]), tolerance=1e-12, output=3)
+    run = simulate(scene, 1.0, start=state_at_rest(scene, [30.0]), tolerance=1e-12, output=3)
     links = run.motion.links + error * np.array([[0.0], [0.5], [1.0]])
     moved = replace(run, motion=replace(run.motion, links=links))
     return Found(moved, np.full(3, inf), Attempt("minimal DOP853", tolerance, 0.0, 1, inf), lambda _: moved)
@@ -183,20 +183,20 @@ def test_a_run_knows_its_error_and_can_be_kept_and_gone_on_from(tmp_path) -> Non
         recordings.save(first, tmp_path / "run.npz")
         again = load_run(tmp_path / "run.npz")
         assert again.run == first.run
-        on = resumed(again, 5.0, accuracy=accuracy)
+        on = resume(again, 5.0, accuracy=accuracy)
         whole = simulate(PAPER, 10.0, start=start, tolerance=1e-12, output=[10.0])
         assert on.times[0] == 5.0
         assert np.abs(on.final.links - whole.final.links).max() < 20 * accuracy
-        assert resumed(again, 1.0).complete
+        assert resume(again, 1.0).complete
     assert simulate(PAPER, 5.0, start=start).run.error == inf
 
 
 def test_loads_events_and_times_go_with_an_accuracy() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
-    start = released(scene, [30.0])
+    start = state_at_rest(scene, [30.0])
 
-    def load_of(time: float, state: State) -> Push:
-        return Push(cart=float(np.sin(time)))
+    def load_of(time: float, state: State) -> AppliedForces:
+        return AppliedForces(cart=float(np.sin(time)))
 
     pushed = simulate(
         scene, 4.0, start=start, load=load_of, accuracy=1e-6, output=[1.0, 4.0], start_time=3.0, breaks=[]
@@ -204,7 +204,7 @@ def test_loads_events_and_times_go_with_an_accuracy() -> None:
     sure = simulate(scene, 4.0, start=start, load=load_of, tolerance=1e-12, output=[1.0, 4.0], start_time=3.0)
     assert list(pushed.times) == [3.0, 4.0, 7.0]
     assert apart(pushed.motion, sure.motion).max() < 1e-6
-    stop = crossing(plant_of(scene), "theta[1,1]", stop=True)
+    stop = level_crossing(system_of(scene), "theta[1,1]", stop=True)
     ended = simulate(scene, 4.0, start=start, events=[stop], accuracy=1e-6)
     assert ended.run.stopped.startswith("theta[1,1]")
     assert abs(ended.final.links[0]) < 1e-6
@@ -218,7 +218,7 @@ def test_in_space_and_with_equal_pendula() -> None:
     assert apart(found.motion, sure.motion).max() < 1e-5
     pendulum = Pendulum(links=[Bob(mass=1.0, length=1.0)] * 2, count=50)
     many = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=[pendulum])
-    one = simulate(many, 3.0, start=released(many, [60.0, 20.0]), accuracy=1e-4)
+    one = simulate(many, 3.0, start=state_at_rest(many, [60.0, 20.0]), accuracy=1e-4)
     assert one.run.reduced.startswith("1 of 50 pendula")
 
 
@@ -300,7 +300,7 @@ def test_the_horizon_does_not_depend_on_the_instants_kept() -> None:
 
 def test_what_happens_beyond_the_horizon_is_left_out() -> None:
     scene = load("paper-cart-3")
-    advice = advise(scene, 40.0, 1e-3, events=[crossing(plant_of(scene), "x")])
+    advice = advise(scene, 40.0, 1e-3, events=[level_crossing(system_of(scene), "x")])
     assert advice.trajectory.happenings[-1].time > advice.horizon
     assert 0 < len(advice.certain.happenings) < len(advice.trajectory.happenings)
     assert advice.certain.happenings[-1].time <= advice.horizon
@@ -318,7 +318,7 @@ def test_a_run_that_ended_early_says_nothing_of_what_follows() -> None:
 def test_no_error_below_rounding_is_promised() -> None:
     pytest.importorskip("heyoka")
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
-    start = released(scene, [60.0])
+    start = state_at_rest(scene, [60.0])
     k, omega = np.sin(start.links[0] / 2), np.sqrt(9.81)
     for duration in (1.0, 10.0):
         found = advise(scene, duration, 1e-12, start=start, method="taylor", output=21)

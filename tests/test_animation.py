@@ -14,13 +14,13 @@ from PIL import Image
 
 import modal
 from modal.errors import ComputationError, SceneError
-from modal.scene.model import Bob, Body, Cart, Pendulum, Scene, Start
+from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Scene
 from nonlinear.dynamics.mechanics import vectors
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.plotting.animation import Shown, animate
 from nonlinear.plotting.film import Film
 from nonlinear.plotting.scene import MOST_PENDULA, energies_of, stage_of
-from nonlinear.postprocessing.resampling import picked, resampled
+from nonlinear.postprocessing.resampling import picked, resample
 from nonlinear.simulation import simulate
 from nonlinear.system.state import State
 
@@ -35,7 +35,7 @@ def film(trajectory: Trajectory, form: str, **options: Any) -> tuple[Shown, byte
 
 
 def single(title: str = "One", angle: float = 40.0, count: int = 1, **support: Any) -> Scene:
-    start = Start(angles_deg=(angle,))
+    start = InitialCondition(angles_deg=(angle,))
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), count=count, start=start)
     return Scene(title=title, gravity=9.81, pendulum=(pendulum,), **support)
 
@@ -44,7 +44,7 @@ def single(title: str = "One", angle: float = 40.0, count: int = 1, **support: A
 def test_frames_agree_with_a_denser_simulation(name: str) -> None:
     at = np.linspace(0, 2, 61)
     coarse, dense = run(name, 2.0, output=101), run(name, 2.0, output=at)
-    found = resampled(coarse.times, coarse.motion, at)
+    found = resample(coarse.times, coarse.motion, at)
     for got, true, most in zip(vectors(found), vectors(dense.motion), (1e-4, 1e-2), strict=True):
         assert 1e-9 < np.abs(got - true).max() < most
     assert np.abs(found.cart - dense.motion.cart).max() < 1e-6
@@ -55,17 +55,17 @@ def test_resampling_is_of_fourth_order() -> None:
 
     def error(samples: int) -> float:
         some = run("paper-cart-1", 2.0, output=samples, tolerance=1e-12)
-        return float(np.abs(resampled(some.times, some.motion, true.times).links - true.motion.links).max())
+        return float(np.abs(resample(some.times, some.motion, true.times).links - true.motion.links).max())
 
     assert abs(np.log2(error(51) / error(101)) - 4) < 0.3
 
 
 def test_samples_come_back_and_unit_vectors_stay_unit() -> None:
     spatial = run("chain-spatial", 1.0, output=41)
-    back = resampled(spatial.times, spatial.motion, spatial.times)
+    back = resample(spatial.times, spatial.motion, spatial.times)
     assert np.abs(back.links - spatial.motion.links).max() < 1e-14
     assert np.abs(back.link_rates - spatial.motion.link_rates).max() < 1e-9
-    between = resampled(spatial.times, spatial.motion, np.linspace(0, 1, 77))
+    between = resample(spatial.times, spatial.motion, np.linspace(0, 1, 77))
     assert np.abs(np.linalg.norm(between.links, axis=-1) - 1).max() < 1e-15
     assert np.abs(np.sum(between.links * between.link_rates, axis=-1)).max() < 1e-14
 
@@ -76,7 +76,7 @@ def test_samples_too_far_apart_are_refused_with_how_many_there_should_be() -> No
         film(coarse, "gif")
     wanted = int(str(caught.value).split()[-2])
     enough = run("paper-cart-3", 4.0, output=wanted)
-    resampled(enough.times, enough.motion, enough.times)
+    resample(enough.times, enough.motion, enough.times)
 
 
 def test_gif_counts_frames_and_hundredths_and_repeats() -> None:
@@ -158,7 +158,7 @@ def test_what_cannot_be_is_refused(form: str, options: dict[str, float], words: 
 
 def scenes() -> dict[str, Trajectory]:
     body = Body(mass=1.0, length=0.5, centre=0.8, inertia=0.1)
-    overhung = Scene(gravity=9.81, pendulum=(Pendulum(links=(body,), start=Start(angles_deg=(120.0,))),))
+    overhung = Scene(gravity=9.81, pendulum=(Pendulum(links=(body,), start=InitialCondition(angles_deg=(120.0,))),))
     moving = State(np.array([0.7]), np.zeros(1), 0.0, 30.0)
     pushed = simulate(single(support=Cart(mass=1.0)), 2.0, start=moving)
     return {

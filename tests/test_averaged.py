@@ -13,18 +13,18 @@ from scipy.optimize import brentq
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
 from modal.assembly.matrices import matrices
-from modal.coupling.analysis import explained
+from modal.coupling.analysis import explain
 from modal.errors import ComputationError
 from modal.scene.drives import Drive, Escapement, VanDerPol
-from modal.scene.model import Start
-from modal.scene.places import varied
-from nonlinear.averaging.equations import MOST_BANDS, ORDER, averaged, derivative, lattice
-from nonlinear.averaging.equilibria import FIRST, configuration, configurations
-from nonlinear.averaging.prediction import predicted, resonant
-from nonlinear.averaging.slow_flow import below_for_good, runs_away, settled
+from modal.scene.model import InitialCondition
+from modal.scene.places import vary
+from nonlinear.averaging.equations import MOST_BANDS, ORDER, average, derivative, lattice
+from nonlinear.averaging.equilibria import FIRST, relative_equilibria, relative_equilibrium
+from nonlinear.averaging.prediction import predict, resonant
+from nonlinear.averaging.slow_flow import below_for_good, runs_away, settle
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.modal_energy import survival
-from nonlinear.system.initial import start_of
+from nonlinear.synchronization.modal_energy import find_survival
+from nonlinear.system.initial import initial_state
 from nonlinear.system.state import State
 
 G = 9.81
@@ -33,7 +33,7 @@ G = 9.81
 def bobs(*angles: float, drive: Drive | None = None, joint: float = 0.0, **cart: float) -> Scene:
     """Bobs of 1 kg and 1 m at these angles (deg)."""
     link = Bob(mass=1.0, length=1.0, damping=joint, drive=drive)
-    pendula = tuple(Pendulum(links=(link,), start=Start(angles_deg=(angle,))) for angle in angles)
+    pendula = tuple(Pendulum(links=(link,), start=InitialCondition(angles_deg=(angle,))) for angle in angles)
     return Scene(gravity=G, support=Cart(**cart) if cart else Fixed(), pendulum=pendula)
 
 
@@ -49,7 +49,7 @@ def double(drive: Drive | None = None) -> Scene:
 def test_one_van_der_pol_pendulum(angle: float) -> None:
     """q = a cos χ + Re A e^{3iχ}: the first harmonic of q³ is ¾a²(a + A), A = ρ₃/8Ω² follows the third one, a³/4."""
     e, d, gamma, omega = 0.03, 0.01, radians(2.0), sqrt(G)
-    found = averaged(bobs(1.0, drive=VanDerPol(strength=e, angle_deg=2.0), joint=d))
+    found = average(bobs(1.0, drive=VanDerPol(strength=e, angle_deg=2.0), joint=d))
     rate = found.flow(np.array([angle + 0j]), found.centre)[0] / angle
     cubic = 1 + angle**2 * (-G / 24 + 1j * omega * e / (4 * gamma**2)) / (8 * omega**2)
     expected = (e - d) / 2 - angle**2 * cubic * (e / (8 * gamma**2) + 1j * omega / 16)
@@ -62,8 +62,8 @@ def test_small_swings_decay_as_damped_modes_do(stiffness: float) -> None:
     link = Bob(mass=1.0, length=1.0, damping=0.01)
     pendula = (Pendulum(links=(link,), count=2), Pendulum(links=(Rod(mass=1.0, length=1.1, damping=0.02),)))
     scene = Scene(gravity=G, support=Cart(mass=5.0, damping=0.1, stiffness=stiffness), pendulum=pendula)
-    found = averaged(scene)
-    for mode in explained(scene).damped:
+    found = average(scene)
+    for mode in explain(scene).damped:
         assert mode.exact is not None
         turning = np.full(len(found.centre), mode.exact.imag)
         values = np.linalg.eigvals(derivative(found.flow, np.zeros(len(found.omega), dtype=complex), turning))
@@ -72,9 +72,9 @@ def test_small_swings_decay_as_damped_modes_do(stiffness: float) -> None:
 
 def test_a_braked_cart_slows_no_more_than_it_moves() -> None:
     scene = bobs(1.0, 1.0, mass=50.0, damping=150.0)
-    found = averaged(scene)
+    found = average(scene)
     values = np.linalg.eigvals(derivative(found.flow, np.zeros(2, dtype=complex), found.centre))
-    still, moving = explained(scene).damped
+    still, moving = explain(scene).damped
     assert moving.exact is not None
     first, own = -moving.rate, values[np.argmin(values.real)]
     assert own.real == pytest.approx(moving.exact.real, rel=0.02)
@@ -86,7 +86,7 @@ def test_an_escapement_feeds_what_the_damper_takes() -> None:
     """Gravity takes −G/8 a²(a + A) in the first harmonic, A that of the kicks' third."""
     P, d, gamma = 0.015, 0.05, radians(4.0)
     scene = bobs(9.0, drive=Escapement(impulse=P, angle_deg=4.0), joint=d)
-    one = configuration(averaged(scene), np.array([0.17 + 0j]))
+    one = relative_equilibrium(average(scene), np.array([0.17 + 0j]))
     assert one is not None
     assert one.lasts
     corner = P / (2 * pi * one.omega)
@@ -103,7 +103,7 @@ def test_an_escapement_feeds_what_the_damper_takes() -> None:
 
 def test_kicks_follow_two_frequencies() -> None:
     """Against kicks counted one by one on a motion of two unrelated frequencies."""
-    found = averaged(double(Escapement(impulse=0.01, angle_deg=1.0)))
+    found = average(double(Escapement(impulse=0.01, angle_deg=1.0)))
     z = np.array([0.08, 0.01j])
     gamma = found.shapes[0] * z
     size, speed = np.abs(found.shapes[0] * z), np.abs(found.omega * found.shapes[0] * z)
@@ -131,7 +131,7 @@ def test_kicks_follow_two_frequencies() -> None:
 def test_a_strong_band_starves_a_weak_one_twice_as_much_as_itself() -> None:
     """γ = Σ|Γ_b| cos χ_b gives (γ²γ')_b = iωΓ_b (|Γ_b|² + 2|Γ_c|²)/4."""
     e, limit = 0.02, 1e-3
-    found = averaged(double(VanDerPol(strength=e, angle_deg=float(np.degrees(limit)))))
+    found = average(double(VanDerPol(strength=e, angle_deg=float(np.degrees(limit)))))
     turns, z = found.shapes[0], np.array([2e-3, 1e-3j])
     sizes = np.abs(turns * z) ** 2
     expected = e / 2 * turns**2 * (1 - (sizes + 2 * sizes[::-1]) / (4 * limit**2))
@@ -140,7 +140,7 @@ def test_a_strong_band_starves_a_weak_one_twice_as_much_as_itself() -> None:
 
 def test_frequencies_fall_as_kappa_says() -> None:
     for scene in (bobs(1.0, 1.0, mass=3.0), double()):
-        found, modes = averaged(scene), natural_modes(scene)
+        found, modes = average(scene), natural_modes(scene)
         for place, row in enumerate(found.row):
             z = np.where(np.arange(len(found.omega)) == place, 0.02 + 0j, 0.0)
             rate = found.flow(z, np.full(len(found.centre), found.omega[place]))[place] / z[place]
@@ -161,7 +161,7 @@ def test_no_product_of_phases_has_a_mean(count: int) -> None:
 @pytest.mark.parametrize(("size", "within"), [(1.0, 5e-4), (0.1, 1e-9)])
 def test_few_phases_do_as_well_as_many(size: float, within: float) -> None:
     """What products of more than ORDER factors leave goes with the sixth power of the swing."""
-    few = averaged(double(VanDerPol(strength=0.02, angle_deg=5.0)))
+    few = average(double(VanDerPol(strength=0.02, angle_deg=5.0)))
     many = replace(few)
     grid = 2 * pi * np.array(list(product(range(24), repeat=2))).T / 24
     many.__dict__["_phases"] = np.exp(1j * grid)
@@ -171,11 +171,11 @@ def test_few_phases_do_as_well_as_many(size: float, within: float) -> None:
 
 def test_amplitudes_give_the_motion_and_its_energy_back() -> None:
     scene, rng = double(), np.random.default_rng(4)
-    found, (q, v) = averaged(scene), rng.standard_normal((2, 2)) * 1e-3
-    z, system = found.amplitudes(State(q, v)), matrices(scene)
+    found, (q, v) = average(scene), rng.standard_normal((2, 2)) * 1e-3
+    z, equations = found.amplitudes(State(q, v)), matrices(scene)
     np.testing.assert_allclose((found.shapes @ z).real, q)
     np.testing.assert_allclose((found.shapes @ (1j * found.omega * z)).real, v)
-    assert found.energies(z).sum() == pytest.approx((v @ system.M @ v + q @ system.K @ q) / 2)
+    assert found.energies(z).sum() == pytest.approx((v @ equations.M @ v + q @ equations.K @ q) / 2)
     assert found.largest(z) >= np.abs(q).max()
 
 
@@ -187,8 +187,8 @@ def clocks(*angles: float, damping: float = 16.0) -> Scene:
 
 
 def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
-    found = averaged(clocks(5.0, -6.0))
-    states = configurations(found)
+    found = average(clocks(5.0, -6.0))
+    states = relative_equilibria(found)
     angles = [(found.shapes[1:] @ one.z) for one in states if one.share.max() > 0.999]
     ratios = sorted(float((left / right).real) for left, right in angles)
     np.testing.assert_allclose(ratios, [-1.0, 1.0], atol=1e-6)
@@ -198,19 +198,19 @@ def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
 
 
 def test_many_pendula_in_antiphase_share_the_swing_in_many_ways_and_hold_it_all_the_same() -> None:
-    found = averaged(clocks(5.0, -6.0, 4.0, -7.0))
-    one = next(one for one in configurations(found) if one.row == 1 and one.share.max() > 0.999)
+    found = average(clocks(5.0, -6.0, 4.0, -7.0))
+    one = next(one for one in relative_equilibria(found) if one.row == 1 and one.share.max() > 0.999)
     assert one.lasts is None
     assert one.hold > 0.1 * np.abs(one.rates.real).max()
 
 
 def test_a_disturbance_falls_at_the_rate_of_its_configuration() -> None:
-    found = averaged(clocks(5.0, -6.0))
-    one = next(one for one in configurations(found) if one.row == 1)
+    found = average(clocks(5.0, -6.0))
+    one = next(one for one in relative_equilibria(found) if one.row == 1)
     angles = np.degrees((found.shapes[1:] @ one.z).real)
     size = 8.0 / max(abs(angles))
     scene = clocks(*(size * angles + 0.5))
-    run = survival(simulate(scene, 4 / one.hold, tolerance=1e-9, output=4001))
+    run = find_survival(simulate(scene, 4 / one.hold, tolerance=1e-9, output=4001))
     other = np.log(1 - run.share.max(axis=1))
     inside = (run.times > 0.5 / one.hold) & (run.times < 3.5 / one.hold)
     slope = np.polyfit(run.times[inside], other[inside], 1)[0]
@@ -220,9 +220,9 @@ def test_a_disturbance_falls_at_the_rate_of_its_configuration() -> None:
 
 def test_slow_motion_is_that_of_the_run() -> None:
     scene = clocks(6.0, 4.0)
-    said = predicted(scene)
+    said = predict(scene)
     run = simulate(scene, float(said.motion.times[100]), tolerance=1e-9, output=20001)
-    measured = survival(run)
+    measured = find_survival(run)
     mine = np.array([np.interp(run.times, said.motion.times, row) for row in said.motion.share[measured.row - 1]]).T
     inside = slice(400, -400)
     assert np.abs(mine[inside] - measured.share[inside]).max() < 0.02
@@ -240,35 +240,35 @@ def test_steps_are_short_enough() -> None:
     """Eight times as many steps change nothing that is asked."""
     import nonlinear.averaging.slow_flow as slow
 
-    found = averaged(clocks(6.0, 4.0))
-    z = found.amplitudes(start_of(found.scene))[:, None]
-    (usual,) = settled(found, z)
+    found = average(clocks(6.0, 4.0))
+    z = found.amplitudes(initial_state(found.scene))[:, None]
+    (usual,) = settle(found, z)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(slow, "GAIN", slow.GAIN / 8)
         patch.setattr(slow, "TURN", slow.TURN / 8)
         patch.setattr(slow, "MOST_STEPS", slow.MOST_STEPS * 8)
-        (fine,) = settled(found, z)
+        (fine,) = settle(found, z)
     assert usual.locking_time() == pytest.approx(fine.locking_time(), rel=1e-3)
 
 
 def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
     """The beam of this scene swings slowly and decays: steps that fit it are far too long for the clocks it feeds."""
-    found = averaged(varied(load("clocks-double"), {"support.mass": 50.0}))
+    found = average(vary(load("clocks-double"), {"support.mass": 50.0}))
     start = np.where(found.row == 0, FIRST / np.abs(found.shapes[1:, 0]).max(), 1e-12).astype(complex)
-    (motion,) = settled(found, start[:, None])
-    ending = configuration(found, motion.z[:, -1])
+    (motion,) = settle(found, start[:, None])
+    ending = relative_equilibrium(found, motion.z[:, -1])
     assert ending is not None
     assert ending.lasts
     np.testing.assert_allclose(found.energies(motion.z[:, -1]).max(), found.energies(ending.z).max(), rtol=0.02)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 1)
-        assert runs_away(found, settled(found, start[:, None], 10**6)[0].z)
+        assert runs_away(found, settle(found, start[:, None], 10**6)[0].z)
 
 
 def test_a_cart_that_is_stopped_at_once_makes_no_doubt_of_who_comes_back() -> None:
     """The damper takes its own mode, of a spring, at a rate of more than 10⁴ times that of a clock."""
     scene = bobs(5.0, -6.0, drive=VanDerPol(strength=1e-4, angle_deg=4.0), mass=8.0, stiffness=900.0, damping=40.0)
-    one = next(one for one in configurations(averaged(scene)) if one.row == 1)
+    one = next(one for one in relative_equilibria(average(scene)) if one.row == 1)
     assert np.abs(one.rates.real).max() > 1e4 * abs(one.growth)
     assert one.growth == pytest.approx(-1e-4, rel=0.01)
     assert one.recovery == pytest.approx(1e-4, rel=0.01)
@@ -279,7 +279,7 @@ def test_a_cart_that_is_stopped_at_once_makes_no_doubt_of_who_comes_back() -> No
 
 
 def test_what_dies_out_is_said() -> None:
-    said = predicted(bobs(5.0, 2.0, drive=VanDerPol(strength=0.01, angle_deg=4.0), joint=0.05, mass=10.0))
+    said = predict(bobs(5.0, 2.0, drive=VanDerPol(strength=0.01, angle_deg=4.0), joint=0.05, mass=10.0))
     assert said.doubts == ("the swing dies out: no drive keeps it up",)
     assert said.locking_time() is None
     assert not said.certain
@@ -294,7 +294,7 @@ def test_what_dies_out_is_said() -> None:
 )
 def test_what_cannot_be_predicted_is_refused(scene: Scene, start: State | None, message: str) -> None:
     with pytest.raises(ComputationError, match=message):
-        predicted(scene, start)
+        predict(scene, start)
 
 
 def test_what_cannot_be_averaged_is_refused() -> None:
@@ -306,7 +306,7 @@ def test_what_cannot_be_averaged_is_refused() -> None:
     standing = Scene(gravity=G, support=Fixed(), pendulum=(up,))
     for scene, message in ((space, "plane"), (standing, "hanging"), (many, "400 links, not 401"), (wide, "not 5")):
         with pytest.raises(ComputationError, match=message):
-            averaged(scene)
+            average(scene)
 
 
 def test_resonances_are_of_up_to_four_frequencies() -> None:
@@ -337,37 +337,37 @@ def in_units(length: float, *angles: float, drive: Drive, cart: float = 10.0) ->
     name = "strength" if isinstance(drive, VanDerPol) else "impulse"
     own = drive.model_copy(update={name: getattr(drive, name) * unit})
     link = Bob(mass=1.0, length=length, damping=0.01 * unit, drive=own)
-    pendula = tuple(Pendulum(links=(link,), start=Start(angles_deg=(angle,))) for angle in angles)
+    pendula = tuple(Pendulum(links=(link,), start=InitialCondition(angles_deg=(angle,))) for angle in angles)
     return Scene(gravity=G, support=Cart(mass=cart, damping=0.1 * length**-0.5 if cart else 0.0), pendulum=pendula)
 
 
 @pytest.mark.parametrize("length", [1e-12, 1.0, 1e12])
 def test_no_doubt_depends_on_units(length: float) -> None:
-    assert predicted(in_units(length, 10.0, -3.0, drive=FEED)).doubts == ()
+    assert predict(in_units(length, 10.0, -3.0, drive=FEED)).doubts == ()
 
 
 def test_a_wide_start_is_doubted() -> None:
     """However small its end: the simulation goes elsewhere."""
-    assert any("170 deg" in doubt for doubt in predicted(in_units(1.0, 170.0, -169.0, drive=FEED)).doubts)
+    assert any("170 deg" in doubt for doubt in predict(in_units(1.0, 170.0, -169.0, drive=FEED)).doubts)
 
 
 def test_amplitudes_that_run_away_are_refused() -> None:
     with pytest.raises(ComputationError, match="run away"):
-        predicted(in_units(1.0, 10.0, -3.0, drive=Escapement(impulse=500.0, angle_deg=2.0)))
+        predict(in_units(1.0, 10.0, -3.0, drive=Escapement(impulse=500.0, angle_deg=2.0)))
 
 
 def test_a_massless_cart_without_a_mode_is_refused() -> None:
     with pytest.raises(ComputationError, match="massless cart"):
-        predicted(in_units(1.0, 10.0, -3.0, drive=FEED, cart=0.0))
+        predict(in_units(1.0, 10.0, -3.0, drive=FEED, cart=0.0))
 
 
 def test_rates_out_of_all_proportion_end_in_time() -> None:
     """A cart of 1e-12 kg: 1e10 steps a second."""
-    assert not predicted(in_units(1.0, 10.0, -3.0, drive=FEED, cart=1e-12)).certain
+    assert not predict(in_units(1.0, 10.0, -3.0, drive=FEED, cart=1e-12)).certain
 
 
 def test_the_largest_angle_is_that_of_a_pendulum_not_of_its_modes_one_by_one() -> None:
     """One of eight aside: eight modes of one band add up to the angle it was released from."""
     scene = bobs(10.0, *[0.0] * 7, drive=FEED, mass=10.0)
-    found = averaged(scene)
-    assert found.largest(found.amplitudes(start_of(scene))) == pytest.approx(radians(10.0), rel=1e-12)
+    found = average(scene)
+    assert found.largest(found.amplitudes(initial_state(scene))) == pytest.approx(radians(10.0), rel=1e-12)

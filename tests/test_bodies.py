@@ -29,16 +29,16 @@ from nonlinear.integration import taylor
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
-from nonlinear.system.plant import plant_of
-from nonlinear.system.state import Push, State
+from nonlinear.system.state import AppliedForces, State
+from nonlinear.system.system import system_of
 
 fast = pytest.mark.skipif(not compiled.available(), reason="numba is not installed")
 series = pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")
 
 
 def minimal(scene: Scene, body: type = Recursion, load: object = None) -> Minimal:
-    plant = plant_of(scene)
-    return Minimal(plant, tuple(body(group) for group in plant.groups), load)
+    system = system_of(scene)
+    return Minimal(system, tuple(body(group) for group in system.groups), load)
 
 
 def random_link(rng: random.Random) -> Bob | Rod | Body:
@@ -60,8 +60,8 @@ def random_scene(seed: int, longest: int = 30) -> Scene:
     return Scene(gravity=9.81, support=rng.choice([Fixed(), cart]), pendulum=pendula)
 
 
-def random_y(system: Minimal, seed: int = 0) -> Floats:
-    return np.random.default_rng(seed).uniform(-3, 3, system.layout.size)
+def random_y(equations: Minimal, seed: int = 0) -> Floats:
+    return np.random.default_rng(seed).uniform(-3, 3, equations.layout.size)
 
 
 def apart(found: Floats, expected: Floats) -> float:
@@ -70,7 +70,7 @@ def apart(found: Floats, expected: Floats) -> float:
 
 def exact(scene: Scene, y: Floats) -> Floats:
     """θ'' of one chain without joints on a cart, by the recursion in 60 digits; the cart's x'' first."""
-    (group,), cart = plant_of(scene).groups, scene.support
+    (group,), cart = system_of(scene).groups, scene.support
     assert isinstance(cart, Cart)
     with mp.workdps(60):
         block, g = group.block, mp.mpf(scene.gravity)
@@ -92,7 +92,7 @@ def test_bodies_agree(seed: int) -> None:
     assert apart(minimal(random_scene(seed), Dense).derivative(0.0, y), expected) < 1e-10
     assert apart(minimal(random_scene(seed), Banded).derivative(0.0, y), expected) < 1e-11
     if compiled.available():
-        assert apart(Compiled(plain.plant).derivative(0.0, y), expected) < 1e-14
+        assert apart(Compiled(plain.system).derivative(0.0, y), expected) < 1e-14
 
 
 @pytest.mark.parametrize("body", [Recursion, Banded])
@@ -111,10 +111,10 @@ def test_bodies_agree(seed: int) -> None:
 def test_mass_ratios_of_1e8(masses: list[float], digits: float, kind: type, body: type) -> None:
     chain = Pendulum(links=[kind(mass=m, length=1.0) for m in masses])
     scene = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=[chain])
-    system = minimal(scene, body)
+    equations = minimal(scene, body)
     for seed in range(3):
-        y = random_y(system, seed)
-        assert apart(system.derivative(0.0, y)[system.layout.half :], exact(scene, y)) < digits
+        y = random_y(equations, seed)
+        assert apart(equations.derivative(0.0, y)[equations.layout.half :], exact(scene, y)) < digits
 
 
 def test_a_thousand_links() -> None:
@@ -127,27 +127,29 @@ def test_a_thousand_links() -> None:
 
 
 def test_a_singular_band_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    system = minimal(load("chain-3"), Banded)
+    equations = minimal(load("chain-3"), Banded)
     monkeypatch.setattr(banded.lapack, "dgbsv", lambda *_, **__: (None, None, np.zeros((15, 2)), 7))
     with pytest.raises(ComputationError, match="equation 7"):
-        system.derivative(0.0, np.zeros(6))
+        equations.derivative(0.0, np.zeros(6))
 
 
 # ------------------------------------------------------------------------------------------------------ compiled
 
 
-def energy(system: Minimal, y: Any) -> Any:
+def energy(equations: Minimal, y: Any) -> Any:
     """T + V (J) from A and b."""
-    plant, half, first = system.plant, system.layout.half, int(system.layout.on_cart)
-    x, speed = (y[0], y[half]) if plant.cart else (0.0, 0.0)
-    found = (plant.cart.mass * speed**2 + plant.cart.stiffness * x**2) / 2 if plant.cart else 0.0
-    for group in plant.groups:
+    system, half, first = equations.system, equations.layout.half, int(equations.layout.on_cart)
+    x, speed = (y[0], y[half]) if system.cart else (0.0, 0.0)
+    found = (system.cart.mass * speed**2 + system.cart.stiffness * x**2) / 2 if system.cart else 0.0
+    for group in system.groups:
         block, q, w = group.block, y[first:half][group.index], y[half + first :][group.index]
         A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia))
         turning = np.sum(A * np.cos(q[:, None] - q) * w[:, None] * w) / 2
         sliding = block.mass.sum() * speed**2 / 2 + speed * np.sum(block.b * np.cos(q) * w)
         bend = joints.relative(q) - group.bent
-        found += turning + sliding + np.sum(block.stiffness * bend**2) / 2 - plant.gravity * np.sum(block.b * np.cos(q))
+        found += (
+            turning + sliding + np.sum(block.stiffness * bend**2) / 2 - system.gravity * np.sum(block.b * np.cos(q))
+        )
     return found
 
 
@@ -156,31 +158,31 @@ def energy(system: Minimal, y: Any) -> Any:
 def test_compiled_under_a_load(seed: int) -> None:
     scene = random_scene(seed, 6)
 
-    def push(time: float, state: State) -> Push:
-        return Push(time + state.cart, np.cos(state.links) * state.link_rates)
+    def push(time: float, state: State) -> AppliedForces:
+        return AppliedForces(time + state.cart, np.cos(state.links) * state.link_rates)
 
     plain = minimal(scene, load=push)
     y = random_y(plain, seed)
-    assert apart(Compiled(plain.plant, load=push).derivative(0.7, y), plain.derivative(0.7, y)) < 1e-14
+    assert apart(Compiled(plain.system, load=push).derivative(0.7, y), plain.derivative(0.7, y)) < 1e-14
 
 
 @fast
 @pytest.mark.parametrize("seed", range(8))
 def test_compiled_work_is_the_change_of_energy(seed: int) -> None:
     """The last component of y' is dE/dt along y', E from the pair, by a complex step."""
-    system = Compiled(plant_of(random_scene(seed, 5)))
-    y = random_y(system, seed)
-    found = system.derivative(0.0, y)
-    rate = energy(system, y + 1e-30j * found).imag / 1e-30
-    power = found[-1] if system.layout.works else 0.0
-    assert abs(rate - power) < 1e-11 * energy(system, np.abs(y)).real
+    equations = Compiled(system_of(random_scene(seed, 5)))
+    y = random_y(equations, seed)
+    found = equations.derivative(0.0, y)
+    rate = energy(equations, y + 1e-30j * found).imag / 1e-30
+    power = found[-1] if equations.layout.works else 0.0
+    assert abs(rate - power) < 1e-11 * energy(equations, np.abs(y)).real
 
 
 def test_missing_numba_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compiled, "njit", None)
     assert not compiled.available()
     with pytest.raises(MissingExtraError, match=r"multipendula\[fast\]"):
-        Compiled(plant_of(load("chain-1")))
+        Compiled(system_of(load("chain-1")))
 
 
 @fast
@@ -189,8 +191,8 @@ def test_compiled_without_a_place_for_its_cache() -> None:
     code = (
         "import numba.core.caching as c\n"
         "for locator in c.CacheImpl._locator_classes: locator.from_function = classmethod(lambda *a: None)\n"
-        "from nonlinear import compiled; from nonlinear.plant import plant_of; import modal, numpy as np\n"
-        "print(compiled.Compiled(plant_of(modal.load('chain-1'))).derivative(0.0, np.array([np.pi / 2, 0.0])))"
+        "from nonlinear.dynamics import compiled; from nonlinear import system_of; import modal, numpy as np\n"
+        "print(compiled.Compiled(system_of(modal.load('chain-1'))).derivative(0.0, np.array([np.pi / 2, 0.0])))"
     )
     done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -204,13 +206,13 @@ def test_compiled_without_a_place_for_its_cache() -> None:
 def test_one_dense_matrix_is_the_recursion(seed: int) -> None:
     scene = motion_scene(seed)
 
-    def load(time: float, state: State) -> Push:
+    def load(time: float, state: State) -> AppliedForces:
         moments = np.sin(time + np.arange(len(state.links)))
-        return Push(2.0 * time if scene.support.kind == "cart" else 0.0, moments)
+        return AppliedForces(2.0 * time if scene.support.kind == "cart" else 0.0, moments)
 
-    plant, state = plant_of(scene), random_state(scene, seed)
+    system, state = system_of(scene), random_state(scene, seed)
     for pushed in (None, load):
-        plain, dense = Minimal(plant, tuple(map(Recursion, plant.groups)), pushed), Small(plant, load=pushed)
+        plain, dense = Minimal(system, tuple(map(Recursion, system.groups)), pushed), Small(system, load=pushed)
         y = plain.begin(state)
         expected = plain.derivative(0.7, y)
         assert np.max(np.abs(dense.derivative(0.7, y) - expected)) < 1e-11 * np.max(np.abs(expected))
@@ -221,21 +223,21 @@ def test_one_dense_matrix_is_the_recursion(seed: int) -> None:
 
 def released(scene: Scene, angles_deg: list[float]) -> tuple[Minimal, Floats, float]:
     """The system, its y at rest at these angles, and the cap on its first step."""
-    system = minimal(scene)
+    equations = minimal(scene)
     state = State(np.radians(angles_deg), np.zeros(len(angles_deg)))
-    return system, system.begin(state), taylor.first_step(float(natural_modes(scene).omega.max()))
+    return equations, equations.begin(state), taylor.first_step(float(natural_modes(scene).omega.max()))
 
 
-def by_series(system: Minimal, y0: Floats, end: float, cap: float, tolerance: float = 1e-15) -> Floats:
-    stepper = TaylorStepper(system, y0, 0.0, end, tolerance, Pace(cap))
+def by_series(equations: Minimal, y0: Floats, end: float, cap: float, tolerance: float = 1e-15) -> Floats:
+    stepper = TaylorStepper(equations, y0, 0.0, end, tolerance, Pace(cap))
     while stepper.time < end:
         stepper.step()
     assert stepper.time == end
     return stepper.y
 
 
-def by_runge_kutta(system: Minimal, y0: Floats, end: float) -> Floats:
-    return np.asarray(solve_ivp(system.derivative, (0, end), y0, method="DOP853", rtol=2.3e-14, atol=1e-16).y[:, -1])
+def by_runge_kutta(equations: Minimal, y0: Floats, end: float) -> Floats:
+    return np.asarray(solve_ivp(equations.derivative, (0, end), y0, method="DOP853", rtol=2.3e-14, atol=1e-16).y[:, -1])
 
 
 def chain(n: int, kind: type = Bob) -> Scene:
@@ -256,11 +258,11 @@ STARTS: dict[str, Callable[[], tuple[Minimal, Floats, float]]] = {
 @pytest.mark.parametrize("tolerance", [1e-15, 2.3e-16])
 @pytest.mark.parametrize("name", STARTS)
 def test_series_from_rest(name: str, tolerance: float) -> None:
-    system, y0, cap = STARTS[name]()
+    equations, y0, cap = STARTS[name]()
     end = 0.7
-    expected = by_runge_kutta(system, y0, end)
-    assert np.max(np.abs(by_series(system, y0, end, cap, tolerance) - expected)) < 1e-11
-    assert np.max(np.abs(by_series(system, y0, end, inf, tolerance) - expected)) < 1e-11
+    expected = by_runge_kutta(equations, y0, end)
+    assert np.max(np.abs(by_series(equations, y0, end, cap, tolerance) - expected)) < 1e-11
+    assert np.max(np.abs(by_series(equations, y0, end, inf, tolerance) - expected)) < 1e-11
 
 
 @series
@@ -268,11 +270,11 @@ def test_the_trap() -> None:
     """heyoka on its own is wrong in the third digit; so the tests above fail where both guards are taken away."""
     import heyoka
 
-    system, y0, cap = STARTS["the paper's cart"]()
-    expected = by_runge_kutta(system, y0, 0.7)
+    equations, y0, cap = STARTS["the paper's cart"]()
+    expected = by_runge_kutta(equations, y0, 0.7)
 
     def at(first: float) -> float:
-        alone = heyoka.taylor_adaptive(taylor.equations(system), y0, compact_mode=True)
+        alone = heyoka.taylor_adaptive(taylor.expressions(equations), y0, compact_mode=True)
         assert alone.order % 4 == 0
         alone.step(max_delta_t=first)
         alone.propagate_until(0.7)
@@ -297,18 +299,18 @@ def test_the_first_step() -> None:
 @series
 @pytest.mark.parametrize("seed", [1, 4, 7])
 def test_series_of_damped_and_sprung_scenes(seed: int) -> None:
-    system = minimal(random_scene(seed, 3))
-    y0 = random_y(system, seed)
-    y0[-1] = 0.0 if system.layout.works else y0[-1]
-    expected = by_runge_kutta(system, y0, 0.2)
-    assert apart(by_series(system, y0, 0.2, inf), expected) < 1e-11
+    equations = minimal(random_scene(seed, 3))
+    y0 = random_y(equations, seed)
+    y0[-1] = 0.0 if equations.layout.works else y0[-1]
+    expected = by_runge_kutta(equations, y0, 0.2)
+    assert apart(by_series(equations, y0, 0.2, inf), expected) < 1e-11
 
 
 @series
 def test_the_first_step_is_capped() -> None:
     """Of a pendulum at rest every coefficient is zero: heyoka would step to the end at once."""
-    system, y0, cap = STARTS["hanging still"]()
-    stepper = TaylorStepper(system, y0, 0.0, 2.5, 1e-12, Pace(cap))
+    equations, y0, cap = STARTS["hanging still"]()
+    stepper = TaylorStepper(equations, y0, 0.0, 2.5, 1e-12, Pace(cap))
     stepper.step()
     assert stepper.time == pytest.approx(cap)
     stepper.step()
@@ -336,8 +338,8 @@ def test_a_light_cart_does_not_hold_the_series_up() -> None:
 
 @series
 def test_series_between_the_steps() -> None:
-    system, y0, cap = STARTS["three bobs at 90"]()
-    stepper = TaylorStepper(system, y0, 0.5, 2.0, 1e-15, Pace(cap))
+    equations, y0, cap = STARTS["three bobs at 90"]()
+    stepper = TaylorStepper(equations, y0, 0.5, 2.0, 1e-15, Pace(cap))
     assert np.array_equal(stepper.exact(0.5), y0)
     for _ in range(3):
         start = stepper.time, stepper.y
@@ -347,7 +349,7 @@ def test_series_between_the_steps() -> None:
     assert inside.shape == (3, 6)
     assert np.max(np.abs(inside[0] - start[1])) < 1e-15
     assert np.max(np.abs(inside[2] - stepper.y)) < 1e-13
-    assert np.max(np.abs(inside[1] - by_runge_kutta(system, y0, middle - 0.5))) < 1e-12
+    assert np.max(np.abs(inside[1] - by_runge_kutta(equations, y0, middle - 0.5))) < 1e-12
     assert stepper.calls == 3
 
 
@@ -357,7 +359,7 @@ def test_series_refuse() -> None:
     with pytest.raises(ComputationError, match="at most 24 links a chain and 400 in all, not 25 and 25"):
         TaylorStepper(minimal(chain(25)), y, 0.0, 1.0, 1e-15, Pace())
     with pytest.raises(ComputationError, match="load"):
-        TaylorStepper(minimal(chain(1), load=lambda *_: Push()), np.zeros(3), 0.0, 1.0, 1e-15, Pace())
+        TaylorStepper(minimal(chain(1), load=lambda *_: AppliedForces()), np.zeros(3), 0.0, 1.0, 1e-15, Pace())
     stepper = TaylorStepper(minimal(chain(1)), np.array([np.nan, 0.0]), 0.0, 1.0, 1e-15, Pace(0.1))
     with pytest.raises(ComputationError, match="its series leave the finite numbers"):
         stepper.step()

@@ -17,15 +17,15 @@ from modal import Bob, Body, Cart, Pendulum, Scene
 from modal.assembly.matrices import matrices
 from modal.errors import ComputationError, SceneError
 from modal.scene.drives import Escapement, VanDerPol
-from modal.scene.parameters import parsed
-from modal.scene.places import varied
-from nonlinear.averaging.equilibria import Configuration
+from modal.scene.parameters import parse_variations
+from modal.scene.places import vary
+from nonlinear.averaging.equilibria import RelativeEquilibrium
 from nonlinear.plotting.branches import branches_figure, draw_branches
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.branch_tables import branches_csv, branches_text
-from nonlinear.synchronization.branches import Branch, Branches, branches
+from nonlinear.synchronization.branches import Branch, Branches, follow_branches
 from nonlinear.synchronization.continuation import RESOLUTION, Walk
-from nonlinear.synchronization.modal_energy import survival
+from nonlinear.synchronization.modal_energy import find_survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.system.state import State
@@ -44,7 +44,7 @@ def clocks(mass: float, damping: float, length: float = 1.0, strength: float = 0
 
 @lru_cache
 def followed(scene: Scene, text: str) -> Branches:
-    return branches(scene, parsed([text])[0])
+    return follow_branches(scene, parse_variations([text])[0])
 
 
 def named(found: Branches, words: str) -> Branch:
@@ -57,20 +57,22 @@ def critical(one: Branch, *kinds: str) -> float:
     return value
 
 
-def near(one: Branch, scene: Scene, value: float) -> Configuration:
+def near(one: Branch, scene: Scene, value: float) -> RelativeEquilibrium:
     """The configuration there, or the last one before it is lost."""
     at = int(np.abs(one.values - value).argmin())
     moved = Walk(scene, one.variation).moved(one.states[at], value)
     return moved or one.states[at]
 
 
-def run_from(scene: Scene, path: str, value: float, state: Configuration, duration: float, aside: float) -> Phases:
+def run_from(
+    scene: Scene, path: str, value: float, state: RelativeEquilibrium, duration: float, aside: float
+) -> Phases:
     """The full equations from a configuration, the first pendulum a little off."""
     q = state.averaged.shapes @ state.z
     q[1] *= aside
     v = (1j * state.omega * q).real
     start = State(q[1:].real, v[1:], float(q[0].real), float(v[0]))
-    return phases_of(simulate(varied(scene, {path: value}), duration, start=start, tolerance=1e-8))
+    return phases_of(simulate(vary(scene, {path: value}), duration, start=start, tolerance=1e-8))
 
 
 def difference(phases: Phases) -> Any:
@@ -168,7 +170,7 @@ def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> No
     assert away.max() > 0.3
 
 
-def ratio(state: Configuration) -> complex:
+def ratio(state: RelativeEquilibrium) -> complex:
     one, other = own_amplitudes(state)
     return complex(other / one)
 
@@ -205,7 +207,7 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     assert critical(one, "dies out") == pytest.approx(2 * value, rel=2e-2)
     for part, survivor in ((0.85, 3), (1.15, 2)):
         phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 600.0, 0.9)
-        assert survival(phases.trajectory).survivor == survivor
+        assert find_survival(phases.trajectory).survivor == survivor
         assert phases.order[-1, 0] == pytest.approx(survivor - 2, abs=1e-3)
 
 
@@ -217,7 +219,7 @@ def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> Non
     value = critical(one, "stops lasting")
     for part in (0.85, 1.15):
         phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 150.0, 0.9)
-        share = survival(phases.trajectory).share[:, 0]
+        share = find_survival(phases.trajectory).share[:, 0]
         early, late = (share[(phases.times > at) & (phases.times < at + 20)].mean() for at in (20, 125))
         assert (late > early) == (part > 1)
 
@@ -244,7 +246,7 @@ def test_four_configurations_of_double_pendula() -> None:
 
 def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
     """Of the slow (0) or fast (1) swing of both pendula in phase, both links of each fed within small angles (1/s)."""
-    linear = matrices(varied(scene, {"pendulum[0].links[*].mass": mass}).undriven)
+    linear = matrices(vary(scene, {"pendulum[0].links[*].mass": mass}).undriven)
     turns = np.array([[1.0, 0.0], [-1.0, 1.0]])
     fed = np.zeros((5, 5))
     fed[1:, 1:] = strength * np.kron(np.eye(2), turns.T @ turns)
@@ -317,11 +319,11 @@ def test_words_and_refusals() -> None:
     found = example()
     assert {agreement(one.states[-1]) for one in found.branches} == {"pendulum 2 alone", f"{apart(found):.0f}° apart"}
     with pytest.raises(ComputationError, match="nothing excites"):
-        branches(modal.load("paper-cart-2"), parsed(["support.mass=1:2:3"])[0])
+        follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])
     with pytest.raises(SceneError, match="two values or more"):
-        branches(found.scene, parsed(["support.mass=1"])[0])
+        follow_branches(found.scene, parse_variations(["support.mass=1"])[0])
     with pytest.raises(SceneError, match="two values or more"):
-        branches(found.scene, parsed(["pendulum[0].count=1,2"])[0])
+        follow_branches(found.scene, parse_variations(["pendulum[0].count=1,2"])[0])
 
 
 def apart(found: Branches) -> float:

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from modal import Bob, Cart, Pendulum, Scene, SceneError, load
 from modal.types import Floats
-from nonlinear import Push, Trajectory, released, resumed, simulate
+from nonlinear import AppliedForces, Trajectory, resume, simulate, state_at_rest
 from nonlinear import files as recordings
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.taylor import available
@@ -29,7 +29,7 @@ WAYS += [{"form": "maximal"}, {"form": "hamiltonian"}]
 def kick(seconds: float, first: float = BEGINS) -> Load:
     """A moment of IMPULSE in all, for so long."""
     moment = np.array([IMPULSE / seconds])
-    return lambda time, state: Push(moments=moment if first <= time < first + seconds else 0.0 * moment)
+    return lambda time, state: AppliedForces(moments=moment if first <= time < first + seconds else 0.0 * moment)
 
 
 def stretches(seconds: float, times: Floats) -> Floats:
@@ -57,7 +57,7 @@ def ends(scene: Scene, duration: float, **more: Any) -> tuple[Floats, Trajectory
 @pytest.mark.parametrize(("accuracy", "seconds"), [(1e-2, 0.05), (1e-2, 0.1), (1e-4, 0.02)])
 def test_an_accuracy_is_met_under_a_short_load(accuracy: float, seconds: float, how: str) -> None:
     told: dict[str, Any] = {"breaks": [BEGINS, BEGINS + seconds], "max_step": seconds}
-    start, pushed = released(BOB, [5.0]), kick(seconds)
+    start, pushed = state_at_rest(BOB, [5.0]), kick(seconds)
     advice = advise(BOB, 10.0, accuracy, start=start, load=pushed, **{how: told[how]})
     found = advice.trajectory
     true = np.abs(found.motion.links[:, 0] - stretches(seconds, found.times)).max()
@@ -70,11 +70,11 @@ def test_an_accuracy_is_met_under_a_short_load(accuracy: float, seconds: float, 
 def test_an_accuracy_wants_to_know_how_soon_a_load_changes() -> None:
     for run in (simulate, advise):
         with pytest.raises(SceneError, match=r"(?s)duration.*load: .*as breaks, \[\] where .*max_step") as refused:
-            run(BOB, -1.0, accuracy=1e-3, start=released(BOB, [5.0]), load=kick(0.1))  # type: ignore[operator]
+            run(BOB, -1.0, accuracy=1e-3, start=state_at_rest(BOB, [5.0]), load=kick(0.1))  # type: ignore[operator]
         assert "--" not in str(refused.value)
-    start = released(BOB, [5.0])
+    start = state_at_rest(BOB, [5.0])
     smooth = simulate(
-        BOB, 1.0, accuracy=1e-3, start=start, breaks=[], load=lambda time, state: Push(moments=np.ones(1))
+        BOB, 1.0, accuracy=1e-3, start=start, breaks=[], load=lambda time, state: AppliedForces(moments=np.ones(1))
     )
     assert smooth.run.error <= 1e-3
     assert simulate(BOB, 1.0, start=start, load=kick(0.1)).complete
@@ -83,7 +83,7 @@ def test_an_accuracy_wants_to_know_how_soon_a_load_changes() -> None:
 @pytest.mark.parametrize("how", WAYS, ids=str)
 def test_steps_end_at_the_breaks_and_are_no_longer_than_asked(how: dict[str, Any]) -> None:
     cart = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=BOB.pendulum)
-    start = released(cart, [60.0])
+    start = state_at_rest(cart, [60.0])
     for tolerance in (1e-3, 1e-9):
         given = {**how, "start": start, "tolerance": tolerance, "start_time": 5.0}
         heard, found = ends(cart, 1.0, breaks=[5.7, 0.0, 5.123, 5.7, 99.0], **given)
@@ -110,16 +110,16 @@ def test_in_space_too() -> None:
 
 def test_a_load_is_seen_as_it_is_beside_a_break() -> None:
     """On the side of the step: so a jump costs no rejected steps, whichever side it counts itself to."""
-    start, seconds = released(BOB, [5.0]), 0.1
+    start, seconds = state_at_rest(BOB, [5.0]), 0.1
 
-    def open_left(time: float, state: State) -> Push:
-        return Push(moments=np.array([IMPULSE / seconds * (BEGINS < time <= BEGINS + seconds)]))
+    def open_left(time: float, state: State) -> AppliedForces:
+        return AppliedForces(moments=np.array([IMPULSE / seconds * (BEGINS < time <= BEGINS + seconds)]))
 
     free = simulate(BOB, 10.0, start=start, tolerance=1e-10, method="DOP853")
     for pushed in (kick(seconds), open_left):
         heard: list[float] = []
 
-        def seen(time: float, state: State, pushed: Load = pushed, heard: list[float] = heard) -> Push:
+        def seen(time: float, state: State, pushed: Load = pushed, heard: list[float] = heard) -> AppliedForces:
             heard.append(time)
             return pushed(time, state)
 
@@ -144,10 +144,10 @@ def test_events_and_kicks_between_breaks() -> None:
 def test_runs_that_are_judged_differ_whatever_holds_their_steps_down() -> None:
     """Every run is held down by the load's own stretches, so that the tolerance changes nothing."""
 
-    def wave(time: float, state: State) -> Push:
-        return Push(moments=np.array([np.sign(np.sin(20 * np.pi * time))]))
+    def wave(time: float, state: State) -> AppliedForces:
+        return AppliedForces(moments=np.array([np.sign(np.sin(20 * np.pi * time))]))
 
-    start, breaks = released(BOB, [5.0]), np.arange(0, 2.01, 0.05)
+    start, breaks = state_at_rest(BOB, [5.0]), np.arange(0, 2.01, 0.05)
     for method in ("RK23", "DOP853"):
         advice = advise(BOB, 2.0, 1e-3, start=start, load=wave, breaks=breaks, method=method, output=21)
         sure = simulate(BOB, 2.0, start=start, load=wave, breaks=breaks, tolerance=1e-13, output=21)
@@ -157,12 +157,12 @@ def test_runs_that_are_judged_differ_whatever_holds_their_steps_down() -> None:
 
 
 def test_a_driven_run_goes_on_with_its_breaks(tmp_path: Path) -> None:
-    start, pushed, breaks = released(BOB, [5.0]), kick(0.02), [BEGINS, BEGINS + 0.02]
+    start, pushed, breaks = state_at_rest(BOB, [5.0]), kick(0.02), [BEGINS, BEGINS + 0.02]
     recordings.save(simulate(BOB, 2.0, start=start, load=pushed, accuracy=1e-6, breaks=breaks), tmp_path / "run.npz")
     kept = recordings.load(tmp_path / "run.npz")
     with pytest.raises(SceneError, match="max_step"):
-        resumed(kept, 8.0, load=pushed, accuracy=1e-6)
-    on = resumed(kept, 8.0, load=pushed, accuracy=1e-6, breaks=breaks)
+        resume(kept, 8.0, load=pushed, accuracy=1e-6)
+    on = resume(kept, 8.0, load=pushed, accuracy=1e-6, breaks=breaks)
     assert np.abs(on.motion.links[:, 0] - stretches(0.02, on.times)).max() < 5e-6
 
 

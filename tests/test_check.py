@@ -17,10 +17,10 @@ from modal.report.tables import digits
 from nonlinear.plotting.verification import draw_check, draw_spectrum
 from nonlinear.reduction.modal_coordinates import modal_motion, rest_angles, start_in_mode
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import released
+from nonlinear.system.initial import state_at_rest
 from nonlinear.system.state import Motion
 from nonlinear.verification.compare_tables import comparison_table
-from nonlinear.verification.measurement import Measurement, measured, sampled
+from nonlinear.verification.measurement import Measurement, measure_mode, sampled
 from nonlinear.verification.modes import AMPLITUDES_DEG, Check, check, limit, one_percent
 from nonlinear.verification.motion import compare
 from nonlinear.verification.tables import check_table
@@ -44,7 +44,7 @@ def paper() -> Check:
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_tiny_swings_have_the_frequencies_of_the_table(number: int) -> None:
     modes = natural_modes(PAPER)
-    found = measured(modes, number, 1e-5, 20, "DOP853")
+    found = measure_mode(modes, number, 1e-5, 20, "DOP853")
     assert abs(found.omega / modes.omega[number] - 1) < 1e-8
     assert found.outside < 1e-12
 
@@ -52,7 +52,7 @@ def test_tiny_swings_have_the_frequencies_of_the_table(number: int) -> None:
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_the_slope_is_the_published_kappa(number: int) -> None:
     modes, a = natural_modes(PAPER), radians(2.0)
-    found = measured(modes, number, a, 20)
+    found = measure_mode(modes, number, a, 20)
     slope = found.shift / a**2
     assert slope == pytest.approx(KAPPA[number], rel=0.01)
     assert slope != pytest.approx(1.02 * KAPPA[number], rel=0.01)
@@ -67,14 +67,14 @@ def test_kappa_and_one_percent_are_extrapolated(paper: Check) -> None:
         wrong = replace(row, mode=replace(row.mode, kappa=1.01 * row.mode.kappa))
         assert abs(kappa - wrong.mode.kappa) > error
         assert row.one_percent_deg == pytest.approx(row.mode.linear_to_1_percent_deg, rel=0.05)
-        again = measured(natural_modes(PAPER), row.mode.number - 1, radians(row.one_percent_deg), 20)
+        again = measure_mode(natural_modes(PAPER), row.mode.number - 1, radians(row.one_percent_deg), 20)
         assert abs(again.shift) == pytest.approx(0.01, rel=1e-3)
 
 
 @pytest.mark.parametrize("angle", [1.0, 30.0, 90.0, 150.0])
 def test_a_simple_pendulum_is_measured_as_the_elliptic_integral_says(angle: float) -> None:
     modes = natural_modes(SIMPLE)
-    found = measured(modes, 0, radians(angle), 30)
+    found = measure_mode(modes, 0, radians(angle), 30)
     exact = pi / 2 / float(ellipk(np.sin(radians(angle) / 2) ** 2)) - 1
     assert abs(found.shift - exact) <= found.error < 1e-6
     assert found.outside < 1e-20
@@ -102,7 +102,7 @@ def test_the_uncertainty_of_kappa_counts_the_modes_that_swing_along(angles: tupl
     modes = natural_modes(
         Scene(gravity=9.81, support=Cart(mass=2.0, stiffness=21.4), pendulum=(Pendulum(links=links),))
     )
-    runs = [measured(modes, 1, radians(angle)) for angle in angles]
+    runs = [measure_mode(modes, 1, radians(angle)) for angle in angles]
     kappa, error = limit(runs)
     own = limit([replace(run, outside=0.0) for run in runs])[1]
     assert own < abs(kappa - modes[1].kappa) < error < 0.05 * abs(kappa)
@@ -110,7 +110,7 @@ def test_the_uncertainty_of_kappa_counts_the_modes_that_swing_along(angles: tupl
 
 def test_a_damped_mode_keeps_its_kappa() -> None:
     modes = natural_modes(load("metronomes").undriven)
-    found = measured(modes, 3, radians(5.0), 20)
+    found = measure_mode(modes, 3, radians(5.0), 20)
     assert found.effective < radians(4.9)
     assert found.shift == pytest.approx(modes[3].kappa * found.effective**2, rel=3e-3)
     assert found.shift != pytest.approx(modes[3].kappa * radians(5.0) ** 2, rel=0.1)
@@ -179,8 +179,8 @@ def test_a_damped_start_stays_in_its_mode() -> None:
 
 def test_a_scene_in_space_is_checked_along_its_rail() -> None:
     scene = SIMPLE.model_copy(update={"space": "space"})
-    found = measured(natural_modes(scene), 0, radians(20.0), 12)
-    assert found.shift == pytest.approx(measured(natural_modes(SIMPLE), 0, radians(20.0), 12).shift, rel=1e-6)
+    found = measure_mode(natural_modes(scene), 0, radians(20.0), 12)
+    assert found.shift == pytest.approx(measure_mode(natural_modes(SIMPLE), 0, radians(20.0), 12).shift, rel=1e-6)
     with pytest.raises(ComputationError, match="across"):
         start_in_mode(scene, natural_modes(scene), 0, 1)
 
@@ -202,7 +202,7 @@ def test_tables(paper: Check) -> None:
 
 
 def test_a_general_motion_has_the_lines_of_the_table() -> None:
-    run = simulate(PAPER, 300.0, output=4001, start=released(PAPER, [0.02, 0.01, -0.015, 0.03]))
+    run = simulate(PAPER, 300.0, output=4001, start=state_at_rest(PAPER, [0.02, 0.01, -0.015, 0.03]))
     found = compare(run)
     for row in found.rows[1:]:
         assert row.lines[0].omega == pytest.approx(row.mode.omega, rel=1e-6)

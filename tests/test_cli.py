@@ -19,9 +19,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from modal import load, matrices, natural_modes, shipped
+from modal import example_names, load, matrices, natural_modes
 from modal.modes import table as tables
-from modal.scene.files import parse, shipped_text
+from modal.scene.files import example_text, parse
 
 KEYS = {
     *("omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "multiplicity", "family", "cart_participation"),
@@ -55,7 +55,7 @@ def strict(text: str) -> dict:
     return json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
 
 
-@pytest.mark.parametrize("name", [name for name in shipped() if name not in {"rope", "thousand-pendula"}])
+@pytest.mark.parametrize("name", [name for name in example_names() if name not in {"rope", "thousand-pendula"}])
 def test_json_table(capsys: pytest.CaptureFixture[str], name: str) -> None:
     found = strict(printed(capsys, "table", name, "--format", "json"))
     assert parse(json_as_toml(found["scene"])) == load(name)
@@ -283,7 +283,7 @@ def test_matrices(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
 
 def test_scenes(capsys: pytest.CaptureFixture[str]) -> None:
     listed = printed(capsys, "scenes").splitlines()
-    assert [line.split()[0] for line in listed] == shipped()
+    assert [line.split()[0] for line in listed] == example_names()
     assert parse(printed(capsys, "scenes", "crane-hook").encode()) == load("crane-hook")
     said = refused(capsys, 2, "scenes", "crane-hok")
     assert said.startswith("multipendula: crane-hok: no such shipped scene (did you mean crane-hook")
@@ -342,7 +342,7 @@ def test_links_are_followed_and_pipes_are_written_to(capsys: pytest.CaptureFixtu
 @pytest.mark.parametrize("title", ["a $x_{$ b", "振り子", "cost $5 and $6"])
 def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, title: str) -> None:
     path = tmp_path / "scene.toml"
-    path.write_text(f'title = "{title}"\n' + (shipped_text("chain-2").partition("\n")[2]), encoding="utf-8")
+    path.write_text(f'title = "{title}"\n' + (example_text("chain-2").partition("\n")[2]), encoding="utf-8")
     assert printed(capsys, "shapes", str(path), "-o", str(tmp_path / "s.png")) == ""
     assert printed(capsys, "response", str(path), "-o", str(tmp_path / "r.png")) == ""
 
@@ -432,7 +432,7 @@ def test_a_shaper_sums_to_one(capsys: pytest.CaptureFixture[str]) -> None:
     "command", [["gains", "-"], ["shaper", "-"], ["table", "-"], ["derive", "-", "--show", "modes"]]
 )
 def test_every_command_reads_standard_input(command: list[str]) -> None:
-    done = run(*command, input=shipped_text("crane-hook"))
+    done = run(*command, input=example_text("crane-hook"))
     assert (done.returncode, done.stderr) == (0, "")
 
 

@@ -17,8 +17,8 @@ from oracle import Dense, dense
 from random_scenes import random_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
-from modal.coupling.analysis import Coupling, explained
-from modal.coupling.coupling_words import sections, words
+from modal.coupling.analysis import Coupling, explain
+from modal.coupling.coupling_words import coupling_report, sections
 from modal.plotting.coupling import draw_mass
 from modal.plotting.coupling_figures import draw_coupling
 from modal.scene.drives import VanDerPol
@@ -61,7 +61,7 @@ def felt(exact: Dense, omega: float) -> mp.mpf:
 @pytest.mark.parametrize("name", [*list(CARTS)[:14], *MILD])
 def test_the_dynamic_mass_is_a_schur_complement(name: str) -> None:
     one = {**CARTS, **MILD}[name]
-    found, exact = explained(one).dynamic, dense(one)
+    found, exact = explain(one).dynamic, dense(one)
     mp.mp.prec = 300
     poles = found.omega[:4]
     for omega in (*np.sqrt(poles[1:] * poles[:-1]), poles[0] / 3, poles[-1] * 2.1, *poles * (1 + 1e-7)):
@@ -73,7 +73,7 @@ def test_the_dynamic_mass_is_a_schur_complement(name: str) -> None:
 
 def test_next_to_a_pole_no_digit_is_lost() -> None:
     """m + m_c: one bob of 1 kg at one rounding from its own frequency, by the formula in many digits."""
-    dynamic = explained(scene(Cart(mass=1.0), bob(1, 1))).dynamic
+    dynamic = explain(scene(Cart(mass=1.0), bob(1, 1))).dynamic
     pole = float(dynamic.omega[0])
     beside = np.nextafter(pole, 10.0)
     with mp.workprec(200):
@@ -87,7 +87,7 @@ def test_next_to_a_pole_no_digit_is_lost() -> None:
 def test_zeros_and_still_modes_are_the_modes(name: str) -> None:
     """The secular equation against bisection of the count (and dense matrices where joints have springs)."""
     one = {**CARTS, **MILD, "thousand": load("thousand-pendula")}[name]
-    found = explained(one)
+    found = explain(one)
     still = np.repeat([f.omega for f in found.families], [f.fold - 1 for f in found.families])
     moving = np.array([mode.omega for mode in found.cart_modes])
     expected = np.sort(flat_omega(natural_modes(one)))
@@ -99,11 +99,11 @@ def test_participation_is_that_of_the_table() -> None:
     for one in (HELD, SPRUNG, COINCIDENT, scene(Cart(mass=0.0), bob(1, 1), bob(2, 0.7), bob(1, 0.4))):
         modes = natural_modes(one)
         shares = [mode.cart_participation for mode in modes if mode.omega and mode.cart_participation > 1e-12]
-        assert [mode.participation for mode in explained(one).cart_modes] == pytest.approx(shares, rel=1e-9)
+        assert [mode.participation for mode in explain(one).cart_modes] == pytest.approx(shares, rel=1e-9)
 
 
 def test_the_sum_rule_bites() -> None:
-    found = explained(load("paper-cart-2"))
+    found = explain(load("paper-cart-2"))
     wrong = replace(found, dynamic=replace(found.dynamic, mass=found.dynamic.mass * (1 + 1e-6)))
     assert found.residual() < 1e-15
     assert wrong.residual() > 1e-7
@@ -113,7 +113,7 @@ def test_the_sum_rule_bites() -> None:
 
 
 def test_the_papers_cart() -> None:
-    found = explained(load("paper-cart-2"))
+    found = explain(load("paper-cart-2"))
     assert [f.omega for f in found.families] == pytest.approx([2.68011401, 7.18867087], abs=5e-9)
     assert [mode.omega for mode in found.cart_modes] == pytest.approx([2.71754912, 7.20947810], abs=5e-9)
     assert [f.beat for f in found.families] == pytest.approx([167.8, 302.0], abs=0.05)
@@ -124,7 +124,7 @@ def test_the_papers_cart() -> None:
 @pytest.mark.parametrize("mass", [1e-6, 0.3, 40.0, 1e12, 1e30])
 def test_equal_simple_pendula_in_closed_form(mass: float) -> None:
     """ε = N m/m_c and ω_zero = ω √(1 + ε): the splitting keeps its digits however heavy the cart."""
-    family = explained(scene(Cart(mass=mass), bob(2, 1, 3))).families[0]
+    family = explain(scene(Cart(mass=mass), bob(2, 1, 3))).families[0]
     assert family.strength == pytest.approx(6 / mass, rel=1e-14)
     with mp.workprec(300):
         omega = mp.sqrt(mp.mpf(9.81))
@@ -136,10 +136,10 @@ def test_equal_simple_pendula_in_closed_form(mass: float) -> None:
 
 @pytest.mark.parametrize("one", [HELD, SPRUNG, COINCIDENT, load("paper-cart-3"), load("crane-hook")])
 def test_limits_are_other_scenes(one: Scene) -> None:
-    found = explained(one)
+    found = explain(one)
     spring = one.support.stiffness
     light, heavy = (
-        np.array([mode.omega for mode in explained(one.model_copy(update={"support": support})).cart_modes])
+        np.array([mode.omega for mode in explain(one.model_copy(update={"support": support})).cart_modes])
         for support in (Cart(mass=0.0, stiffness=spring), Cart(mass=1e15, stiffness=spring))
     )
     given = np.array([mode.light for mode in found.cart_modes])
@@ -157,7 +157,7 @@ def test_limits_are_other_scenes(one: Scene) -> None:
 def test_first_order_is_the_slope_of_the_splitting() -> None:
     """Δω/(½εω) − 1 falls like ε, whatever else hangs on a heavy cart."""
     for mass, bound in ((1e3, 3e-3), (1e5, 3e-5), (1e7, 3e-7)):
-        for family in explained(scene(Cart(mass=mass), double(3), bob(1, 0.3))).families:
+        for family in explain(scene(Cart(mass=mass), double(3), bob(1, 0.3))).families:
             assert abs(family.splitting / (family.strength * family.omega / 2) - 1) < bound
 
 
@@ -180,7 +180,7 @@ def swing(one: Scene, start: int, times: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("n", [2, 3, 5])
 def test_energy_is_back_after_a_beat(n: int) -> None:
     one = scene(Cart(mass=2000.0), bob(1, 1, n))
-    beat = explained(one).families[0].beat
+    beat = explain(one).families[0].beat
     assert beat is not None
     after, half = (swing(one, 0, np.linspace(0.999, 1.001, 201) * at)[:, 0] for at in (beat, beat / 2))
     assert after.max() == pytest.approx(1.0, abs=0.01)
@@ -191,7 +191,7 @@ def test_energy_is_back_after_a_beat(n: int) -> None:
 def test_pairs_exchange_what_is_said(m: float, l: float) -> None:
     """One bob of 1 kg and 1 m and another: the share and the time of the exchange in the motion itself."""
     one = scene(Cart(mass=1000.0), bob(1, 1), bob(m, l))
-    (talk,) = explained(one).talks
+    (talk,) = explain(one).talks
     times = np.linspace(0.0, 1.2 * talk.period, 20_001)
     passed = swing(one, 0, times)[:, 1]
     assert passed.max() == pytest.approx(talk.share, rel=0.01, abs=1e-4)
@@ -200,9 +200,9 @@ def test_pairs_exchange_what_is_said(m: float, l: float) -> None:
 
 
 def test_equal_lengths_share_by_mass() -> None:
-    (talk,) = explained(scene(Cart(mass=1e6), bob(1, 1), bob(3, 1))).talks
+    (talk,) = explain(scene(Cart(mass=1e6), bob(1, 1), bob(3, 1))).talks
     assert talk.share == pytest.approx(4 * 3 / (1 + 3) ** 2, rel=1e-9)
-    assert explained(scene(Cart(mass=0.0), bob(1, 1), bob(1, 0.8))).talks == ()
+    assert explain(scene(Cart(mass=0.0), bob(1, 1), bob(1, 0.8))).talks == ()
 
 
 CROWDED = scene(Cart(mass=50.0), bob(1, 0.99), bob(1, 1), bob(1, 1.01))
@@ -226,21 +226,21 @@ def test_pairs_say_nothing_where_others_take_part() -> None:
         spring = float(rng.choice([0.0, 10 ** rng.uniform(1, 6)]))
         cart = Cart(mass=float(10 ** rng.uniform(2, 4)), stiffness=spring)
         one = scene(cart, *(bob(rng.uniform(0.3, 3), l) for l in lengths.tolist()))
-        found, most = explained(one), most_passed(one)
+        found, most = explain(one), most_passed(one)
         for talk in found.talks:
             a, b = (int(found.names[found.own.kind[k]].split()[-1]) - 1 for k in (talk.first, talk.second))
             seen.append(talk.alone)
             if talk.alone and max(found.own.mass) < 0.1 * abs(talk.cart_mass):
                 assert most[a, b] == pytest.approx(talk.share, rel=0.2, abs=0.03)
     assert 0.2 < np.mean(seen) < 0.8
-    assert not any(talk.alone for talk in explained(CROWDED).talks)
+    assert not any(talk.alone for talk in explain(CROWDED).talks)
     assert most_passed(CROWDED)[0, 2] > 0.4
-    assert "not alone" in words(explained(CROWDED))
-    assert not any(talk.alone for talk in explained(scene(Cart(mass=500.0), *(bob(m, 1) for m in (1, 2, 3)))).talks)
+    assert "not alone" in coupling_report(explain(CROWDED))
+    assert not any(talk.alone for talk in explain(scene(Cart(mass=500.0), *(bob(m, 1) for m in (1, 2, 3)))).talks)
 
 
 def test_a_pair_astride_a_third_pole_has_no_mass_between() -> None:
-    pairs = json.loads(words(explained(OCTAVES), "json"))["pairs"]
+    pairs = json.loads(coupling_report(explain(OCTAVES), "json"))["pairs"]
     (astride,) = (pair for pair in pairs if pair["dynamic_mass_between_kg"] is None)
     assert astride["energy_share"] is astride["beat_period_s"] is None
     assert sum(pair["energy_share"] is not None for pair in pairs) == 2
@@ -250,7 +250,7 @@ def test_a_pair_astride_a_third_pole_has_no_mass_between() -> None:
     "one", [NEAR, CROWDED, scene(Cart(mass=0.01), bob(1, 1), bob(0.1, 0.5)), load("metronomes"), HELD, COINCIDENT]
 )
 def test_first_order_is_told_where_it_is_near(one: Scene) -> None:
-    found = explained(one)
+    found = explain(one)
     for family, told in zip(found.families, page(found)["Families of modes"], strict=True):
         near = abs(family.strength) <= 0.5 and family.first_order == pytest.approx(family.splitting, rel=0.2)
         assert ("to first order gives" in told) is near
@@ -266,7 +266,7 @@ def test_beats_that_are_told_are_there() -> None:
     for _ in range(60):
         others = (bob(rng.uniform(0.3, 3), 1 + 10 ** rng.uniform(-3.5, -0.5) * rng.normal()) for _ in range(2))
         one = scene(Cart(mass=float(10 ** rng.uniform(1, 4))), bob(1, 1, 2), *others)
-        found, written = explained(one), matrices(one)
+        found, written = explain(one), matrices(one)
         squares, shapes = scipy.linalg.eigh(written.K, written.M)
         share = shapes[1] ** 2 * written.M[1, 1]
         (family,) = (family for family in found.families if family.fold == 2)
@@ -310,7 +310,7 @@ UNEVEN = scene(TWENTY, bob(1, 1, damping=1.0), bob(1, 1))
 )
 def test_dampers_leave_of_a_beat_what_is_said(one: Scene) -> None:
     """What is back after a beat and the most that the others hold, in the motion of the state matrix."""
-    found = explained(one)
+    found = explain(one)
     (family,) = found.families
     passed = family.exchange
     assert passed is not None
@@ -329,31 +329,31 @@ def test_dampers_leave_of_a_beat_what_is_said(one: Scene) -> None:
     "one", [UNEVEN, scene(Cart(mass=20.0, damping=2.0), bob(1, 1, damping=0.1), bob(1, 1, damping=0.05))]
 )
 def test_pairs_damped_apart_exchange_what_is_said(one: Scene) -> None:
-    (talk,) = explained(one).talks
+    (talk,) = explain(one).talks
     passed = [decaying(one, start, 0.05, 4000)[20:-20, 1 - start].max() for start in (0, 1)]
     assert passed == pytest.approx([talk.share] * 2, rel=0.15)
-    told = page(explained(one))["Who talks to whom"][0]
+    told = page(explain(one))["Who talks to whom"][0]
     assert "they talk" not in told
     assert "dampers keep them apart" in told
-    assert "has its energy back" not in words(explained(one))
+    assert "has its energy back" not in coupling_report(explain(one))
 
 
 def test_no_beats_are_told_of_what_dampers_have_ended() -> None:
-    creeping = words(explained(scene(TWENTY, bob(1, 1, 2, damping=7.0))))
-    held = words(explained(scene(Cart(mass=20.0, damping=1000.0), bob(1, 1, 2))))
-    for told in (creeping, held, words(explained(load("huygens")))):
+    creeping = coupling_report(explain(scene(TWENTY, bob(1, 1, 2, damping=7.0))))
+    held = coupling_report(explain(scene(Cart(mass=20.0, damping=1000.0), bob(1, 1, 2))))
+    for told in (creeping, held, coupling_report(explain(load("huygens")))):
         assert "has its energy back" not in told
     assert "creep back without a swing" in " ".join(creeping.split())
     assert "never hold more than 25 %" in " ".join(held.split())
-    assert not explained(scene(TWENTY, bob(1, 1, 2, damping=7.0))).families[0].beat
-    record = json.loads(words(explained(UNEVEN), "json"))
+    assert not explain(scene(TWENTY, bob(1, 1, 2, damping=7.0))).families[0].beat
+    record = json.loads(coupling_report(explain(UNEVEN), "json"))
     assert record["pairs"][0]["beat_period_s"] is None
     assert record["pairs"][0]["energy_share"] == pytest.approx(0.02, abs=0.002)
 
 
 def test_huygens_clocks_lose_more_than_a_beat_gives_back() -> None:
     """The shipped clocks without their drives, by the state matrix: 4 % is back after a beat of 28 s."""
-    (family,) = explained(load("huygens")).families
+    (family,) = explain(load("huygens")).families
     assert family.exchange
     seen = decaying(load("huygens"), 0, 0.02, 2000)
     assert seen[round(family.exchange.period / 0.02), 0] == pytest.approx(family.exchange.left, abs=0.005)
@@ -365,10 +365,10 @@ def test_near_families_make_beats_a_guide() -> None:
     told = []
     for apart in (0.003, 0.03):
         one = scene(Cart(mass=2080.0), bob(1, 3.03, 3), bob(2, 3.03 * (1 - 2 * apart), 3))
-        family = next(family for family in explained(one).families if family.mass < 4)
+        family = next(family for family in explain(one).families if family.mass < 4)
         half = np.linspace(0.45, 0.55, 201) * family.exchange.period
         held = np.median(swing(one, 0, half)[:, 1:3].sum(axis=1))
-        told.append("another family is near" in page(explained(one))["Families of modes"][0])
+        told.append("another family is near" in page(explain(one))["Families of modes"][0])
         assert held == pytest.approx(family.exchange.most, abs=0.1 if told[-1] else 0.015)
     assert told == [True, False]
 
@@ -400,7 +400,7 @@ def test_rates_are_the_slope_of_the_damped_eigenvalues() -> None:
     for size in (1e-1, 1e-2):
         one = damped_scene(size)
         written = matrices(one)
-        found = explained(one).damped
+        found = explain(one).damped
         values = state_eigenvalues(written.M, written.D, written.K)
         rates = np.sort(np.repeat([mode.rate for mode in found], [mode.fold for mode in found]))
         exact = np.sort(np.repeat([mode.decay for mode in found], [mode.fold for mode in found]))
@@ -412,17 +412,17 @@ def test_rates_are_the_slope_of_the_damped_eigenvalues() -> None:
 
 def test_a_cart_damper_spares_antiphase() -> None:
     one = scene(Cart(mass=10.0, damping=2.0), double(3))
-    found = explained(one).damped
+    found = explain(one).damped
     assert [mode.still for mode in found] == [True, False, True, False]
     assert all((mode.rate == 0) is mode.still and (mode.decay == 0) is mode.still for mode in found)
     assert all(mode.fold == (2 if mode.still else 1) for mode in found)
-    assert "Huygens" in words(explained(one))
+    assert "Huygens" in coupling_report(explain(one))
 
 
 @pytest.mark.parametrize("cart", [0.0, 5.0])
 def test_a_drive_starts_the_mode_with_the_least_threshold(cart: float) -> None:
     one = scene(Cart(mass=3.0, damping=0.01 * cart), double(2, damping=1e-4), bob(1, 0.9, damping=1e-4))
-    least = min(mode.threshold for mode in explained(one).damped)
+    least = min(mode.threshold for mode in explain(one).damped)
     written = matrices(one)
     tops = np.diag([1.0 if label.endswith(",1]") else 0.0 for label in written.labels])
     for share, grows in ((0.99, False), (1.01, True)):
@@ -431,10 +431,10 @@ def test_a_drive_starts_the_mode_with_the_least_threshold(cart: float) -> None:
 
 
 def test_what_has_no_damped_eigenvalues_keeps_first_order() -> None:
-    found = explained(scene(Cart(mass=0.0, damping=1.0), bob(1, 1, damping=0.1), bob(1, 0.8)))
+    found = explain(scene(Cart(mass=0.0, damping=1.0), bob(1, 1, damping=0.1), bob(1, 0.8)))
     assert all(mode.exact is None and mode.rate > 0 for mode in found.damped)
-    assert "out of reach" in words(found)
-    overdamped = words(explained(scene(Cart(mass=1.0), bob(1, 1, 2, damping=50.0))))
+    assert "out of reach" in coupling_report(found)
+    overdamped = coupling_report(explain(scene(Cart(mass=1.0), bob(1, 1, 2, damping=50.0))))
     assert "overdamped" in overdamped
     assert "first order no longer holds" in overdamped
 
@@ -442,12 +442,12 @@ def test_what_has_no_damped_eigenvalues_keeps_first_order() -> None:
 @pytest.mark.parametrize("d", [50.0, 1e3, 1e14])
 def test_an_overdamped_mode_ends_as_its_slow_root(d: float) -> None:
     slow = 2 * 9.81 / (d + np.sqrt(d * d - 4 * 9.81))
-    one = explained(scene(Fixed(), bob(1, 1, damping=d), bob(1, 1.1, damping=0.8)))
+    one = explain(scene(Fixed(), bob(1, 1, damping=d), bob(1, 1.1, damping=0.8)))
     assert [mode.decay for mode in one.damped] == pytest.approx([0.8 / 1.21 / 2, slow], rel=1e-9)
     told = " ".join(page(one)["Damping by family"])
     assert "Longest lives mode 1 at 3.13209195 rad/s (cart still, pendulum 1)" in told
     assert "A drive" not in told
-    both = explained(scene(Cart(mass=10.0), bob(1, 1, 2, damping=d)))
+    both = explain(scene(Cart(mass=10.0), bob(1, 1, 2, damping=d)))
     written = matrices(both.scene)
     state = np.block([[0 * written.M, np.eye(3)], [-np.linalg.solve(written.M, m) for m in (written.K, written.D)]])
     creeping = np.sort(np.linalg.eigvals(state).real)[-4:-2] if d < 1e4 else [-slow, -slow]
@@ -462,13 +462,13 @@ def page(found: Coupling) -> dict[str, tuple[str, ...]]:
 
 
 def test_the_page_of_the_papers_cart() -> None:
-    text = words(explained(load("paper-cart-2")))
+    text = coupling_report(explain(load("paper-cart-2")))
     for number in ("2.68011401", "2.71754912", "7.18867087", "7.2094781", "167.842 s", "301.971 s", "104 kg"):
         assert number in text
     assert max(map(len, text.splitlines())) <= 110
-    assert words(explained(load("paper-cart-2")), "markdown").startswith("# Two double pendula on a cart")
+    assert coupling_report(explain(load("paper-cart-2")), "markdown").startswith("# Two double pendula on a cart")
     with pytest.raises(ValueError, match="must be one of"):
-        words(explained(load("chain-1")), "html")
+        coupling_report(explain(load("chain-1")), "html")
 
 
 EVERY = {
@@ -485,14 +485,14 @@ EVERY = {
 
 @pytest.mark.parametrize("name", EVERY)
 def test_every_number_has_its_formula(name: str) -> None:
-    found = explained(EVERY[name])
+    found = explain(EVERY[name])
     told = page(found)
     for title, sentences in told.items():
         for sentence in sentences:
             assert "[" in sentence or "JSON form" in sentence or not any(map(str.isdigit, sentence)), (title, sentence)
             assert "nan" not in sentence
     assert sum(map(len, told.values())) < 45
-    record = json.loads(words(found, "json"))
+    record = json.loads(coupling_report(found, "json"))
     assert len(record["families"]) == len(found.families)
     assert record["families"][0]["omega_cart_still_rad_per_s"] == found.families[0].omega
 
@@ -500,7 +500,7 @@ def test_every_number_has_its_formula(name: str) -> None:
 @pytest.mark.parametrize("name", ["held", "fixed", "immense", "massless", "thousand"])
 def test_pictures_are_drawn(name: str) -> None:
     stream = io.BytesIO()
-    draw_coupling(explained(EVERY[name]), stream, "png")
+    draw_coupling(explain(EVERY[name]), stream, "png")
     assert stream.getvalue().startswith(b"\x89PNG")
     assert len(stream.getvalue()) > 30_000
 
@@ -508,7 +508,7 @@ def test_pictures_are_drawn(name: str) -> None:
 @pytest.mark.parametrize("support", [Fixed(), Cart(mass=0.0), Cart(mass=1.0)])
 def test_the_dynamic_mass_of_one_pole_is_in_sight(support: Cart | Fixed) -> None:
     axis = Figure().subplots()
-    draw_mass(axis, explained(scene(support, bob(1, 1))))
+    draw_mass(axis, explain(scene(support, bob(1, 1))))
     curve = axis.lines[2 if support.kind == "cart" else 1]
     x, y = curve.get_data()
     (left, right), (bottom, top) = axis.get_xlim(), axis.get_ylim()
@@ -519,14 +519,14 @@ def test_the_dynamic_mass_of_one_pole_is_in_sight(support: Cart | Fixed) -> None
 
 def test_the_axis_of_an_immense_mass_has_no_factor_aside() -> None:
     stream = io.BytesIO()
-    draw_coupling(explained(scene(Cart(mass=1e12), bob(1, 1))), stream, "svg")
+    draw_coupling(explain(scene(Cart(mass=1e12), bob(1, 1))), stream, "svg")
     assert b"<!-- 2e+12 -->" in stream.getvalue()
     assert b"<!-- 1e12 -->" not in stream.getvalue()
 
 
 def test_what_is_said_of_special_scenes() -> None:
     told = {
-        name: " ".join(words(explained(EVERY[name])).split())
+        name: " ".join(coupling_report(explain(EVERY[name])).split())
         for name in ("fixed", "space", "one", "massless", "thousand")
     }
     assert "nothing couples pendula" in told["fixed"]
@@ -536,23 +536,25 @@ def test_what_is_said_of_special_scenes() -> None:
     assert "too many to pair off" in told["thousand"]
     assert all("makes pendula lock" in told[name] for name in ("space", "one"))
     chains = [Pendulum(links=[Bob(mass=1, length=l)] * 25) for l in (1.0, 1.1)]
-    assert "50 modes of 2 kinds are too many" in " ".join(words(explained(scene(Cart(mass=5.0), *chains))).split())
+    assert "50 modes of 2 kinds are too many" in " ".join(
+        coupling_report(explain(scene(Cart(mass=5.0), *chains))).split()
+    )
 
 
 def test_masses_that_miss_their_sum_are_refused() -> None:
     one, other = (
         scene(Cart(mass=10.0), Pendulum(links=[Bob(mass=1, length=1), Bob(mass=m, length=1)])) for m in (1e-16, 1e-32)
     )
-    assert explained(one).residual() < 1e-8
+    assert explain(one).residual() < 1e-8
     with pytest.raises(ComputationError, match="beyond double precision"):
-        explained(other)
+        explain(other)
 
 
 def test_standing_links_and_too_many_are_refused() -> None:
     with pytest.raises(ComputationError, match="stands up"):
-        explained(load("cart-upright"))
+        explain(load("cart-upright"))
     with pytest.raises(ComputationError, match="at most 10000"):
-        explained(scene(Fixed(), Pendulum(links=[Bob(mass=1.0, length=1.0, count=10_001)])))
+        explain(scene(Fixed(), Pendulum(links=[Bob(mass=1.0, length=1.0, count=10_001)])))
 
 
 DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
@@ -560,7 +562,7 @@ DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
 
 def test_the_scenes_own_drives_feed_what_their_torques_give_small_swings() -> None:
     driven = scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE), bob(1, 1))
-    still, moves = explained(driven).damped
+    still, moves = explain(driven).damped
     found = matrices(driven)
     phi = scipy.linalg.eigh(found.K, found.M)[1][:, -1]
     assert moves.from_drives == pytest.approx(0.05 * (phi[1] ** 2 + phi[2] ** 2) / 2, rel=1e-12)
@@ -568,7 +570,7 @@ def test_the_scenes_own_drives_feed_what_their_torques_give_small_swings() -> No
 
 
 def test_words_of_a_scene_that_drives_itself() -> None:
-    said = words(explained(scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE))))
+    said = coupling_report(explain(scene(Cart(mass=50.0, damping=1.0), bob(1, 1, 2, drive=DRIVE))))
     assert "with 0.025 1/s" in said
     assert "it grows from rest" in said
     assert "nothing else swings" not in said

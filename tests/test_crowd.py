@@ -10,8 +10,8 @@ from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes
 from modal.assembly.arrays import rig_of
 from modal.eigen import secular
 from modal.eigen.chains import CartProblem, fixed_squares
-from modal.eigen.coupled import Crowd
-from modal.eigen.degenerate import clusters
+from modal.eigen.coupled import CoupledPendula
+from modal.eigen.degenerate import degenerate_modes
 from modal.eigen.secular import Poles, solve
 from modal.errors import ComputationError
 from modal.modes.modes import Modes
@@ -27,11 +27,11 @@ def random_crowd(seed: int, size: int = 40) -> Scene:
     return Scene(gravity=9.81, support=Cart(mass=mass, stiffness=float(rng.choice([0, 5.0]))), pendulum=pendula)
 
 
-def problems(scene: Scene) -> tuple[Crowd, CartProblem]:
+def problems(scene: Scene) -> tuple[CoupledPendula, CartProblem]:
     rig, _ = rig_of(scene).natural()
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     own = tuple(fixed_squares(block) for block in rig.blocks)
-    return Crowd(heavy, rig.cart, own, clusters(own)), CartProblem(heavy, rig.cart)
+    return CoupledPendula(heavy, rig.cart, own, degenerate_modes(own)), CartProblem(heavy, rig.cart)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -21,25 +21,29 @@ from modal import SceneError, load
 from modal.exports.json_ import read_json, write_json
 from modal.exports.npz import read_npz, write_npz
 from modal.scene import sealed
-from modal.scene.parameters import parsed
+from modal.scene.parameters import parse_variations
 from modal.statespace.model import state_space
 from multipendula.cli import main
 from nonlinear import files as recordings
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.checkpoint import journal
-from nonlinear.sweeps.measure import Asked
-from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.checkpoint import open_checkpoint
+from nonlinear.sweeps.measure import RequestedMeasure
+from nonlinear.sweeps.measures import parse_measures
 from nonlinear.sweeps.running import sweep
 from nonlinear.sweeps.study import Study
 
 Reader = Callable[[Path], object]
 Files = dict[str, tuple[Path, Reader]]
-STUDY = Study(load("paper-cart-2"), parsed(["support.mass=1:10:3log", "gravity=1,2"]), asked(["frequencies:2", "beat"]))
+STUDY = Study(
+    load("paper-cart-2"),
+    parse_variations(["support.mass=1:10:3log", "gravity=1,2"]),
+    parse_measures(["frequencies:2", "beat"]),
+)
 
 
 def _journalled(path: Path) -> object:
-    with journal(path, STUDY) as kept:
+    with open_checkpoint(path, STUDY) as kept:
         return kept.rows
 
 
@@ -62,7 +66,7 @@ def files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Path, Rea
     (folder / "model.json").write_bytes(write_json(model))
     made["model.npz"] = folder / "model.npz", lambda path: read_npz(path.read_bytes())
     made["model.json"] = folder / "model.json", lambda path: read_json(path.read_bytes())
-    with journal(folder / "journal", STUDY) as kept:
+    with open_checkpoint(folder / "journal", STUDY) as kept:
         kept.add(found.rows)
     made["journal"] = folder / "journal", _journalled
     return made
@@ -113,9 +117,9 @@ def test_a_changed_journal_is_refused_or_only_shorter(files: Files, tmp_path: Pa
 
 
 def test_a_line_of_another_journal_is_no_line_of_this_one(tmp_path: Path) -> None:
-    other = Study(STUDY.scene, STUDY.variations, asked(["frequencies:2"]))
+    other = Study(STUDY.scene, STUDY.variations, parse_measures(["frequencies:2"]))
     for name, one in (("a", STUDY), ("b", other)):
-        with journal(tmp_path / name, one) as kept:
+        with open_checkpoint(tmp_path / name, one) as kept:
             kept.add(sweep(one, workers=1).rows[:2])
     first, *_ = (tmp_path / "a").read_bytes().splitlines(keepends=True)
     (tmp_path / "a").write_bytes(first + (tmp_path / "b").read_bytes().splitlines(keepends=True)[1])
@@ -125,12 +129,15 @@ def test_a_line_of_another_journal_is_no_line_of_this_one(tmp_path: Path) -> Non
 
 def test_a_removed_line_is_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SWEEP_LOG", str(tmp_path / "log"))
-    study, path = Study(STUDY.scene, parsed(["support.mass=1,2,3"]), (Asked(own.PRODUCT, 1.0),)), tmp_path / "j"
-    with journal(path, study) as kept:
+    study, path = (
+        Study(STUDY.scene, parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(own.PRODUCT, 1.0),)),
+        tmp_path / "j",
+    )
+    with open_checkpoint(path, study) as kept:
         whole = sweep(study, journal=kept, workers=1)
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(b"".join(lines[:2] + lines[3:]))
-    with journal(path, study) as kept:
+    with open_checkpoint(path, study) as kept:
         assert sweep(study, journal=kept, workers=1).rows == whole.rows
     assert own.logged() == ["1", "2", "3", "2"]
 

@@ -15,13 +15,13 @@ from nonlinear.accuracy.references import apart
 from nonlinear.dynamics.mechanics import Mechanics
 from nonlinear.reduction.defect import SAFETY, Answer, defect_error, running
 from nonlinear.reduction.modal_coordinates import rest_angles, start_in_mode
-from nonlinear.reduction.residual import residual
-from nonlinear.reduction.superposition import superposed
-from nonlinear.reduction.two_planes import joined, split
+from nonlinear.reduction.residual import residual_forces
+from nonlinear.reduction.superposition import superpose
+from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
-from nonlinear.system.directions import directions, of_plane
-from nonlinear.system.plant import plant_of
+from nonlinear.system.directions import of_plane, unit_vectors
 from nonlinear.system.state import Motion, State
+from nonlinear.system.system import system_of
 
 SIMPLE = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=0.7),)),))
 PAPER = load("paper-cart-2")
@@ -46,7 +46,7 @@ def in_space(scene: Scene) -> Scene:
 
 def spatial(scene: Scene, size: float, seed: int) -> State:
     along, across = aside(scene, size, seed), aside(scene, size, seed + 1)
-    return joined(scene, *(motion(part.links[None], part.link_rates[None]) for part in (along, across)))[0]
+    return join(scene, *(motion(part.links[None], part.link_rates[None]) for part in (along, across)))[0]
 
 
 def motion(links: np.ndarray, rates: np.ndarray, *cart: np.ndarray) -> Motion:
@@ -57,7 +57,7 @@ def motion(links: np.ndarray, rates: np.ndarray, *cart: np.ndarray) -> Motion:
 def against_simulation(scene: Scene, start: State, duration: float) -> None:
     """Both estimates beside the true errors, to which no other estimate fits."""
     run = simulate(scene, duration, start=start, tolerance=1e-12, output=600)
-    closed = superposed(scene, start, corrected=True)
+    closed = superpose(scene, start, corrected=True)
     for one in (closed, closed.linear):
         estimate, true = defect_error(one, duration), apart(one(run.times), run.motion).max()
         assert estimate is not None
@@ -70,7 +70,7 @@ def against_simulation(scene: Scene, start: State, duration: float) -> None:
 def test_a_simple_pendulum_is_late_as_the_series_says() -> None:
     """By hand: e = a³/16 ωt sin ωt + a³/192 (cos ωt − cos 3ωt) to third order in a."""
     a, omega = 0.02, np.sqrt(9.81 / 0.7)
-    found = defect_error(superposed(SIMPLE, State(np.array([a]), np.zeros(1)), corrected=False), 30.0)
+    found = defect_error(superpose(SIMPLE, State(np.array([a]), np.zeros(1)), corrected=False), 30.0)
     phase = omega * found.times
     series = a**3 * (phase * np.sin(phase) / 16 + (np.cos(phase) - np.cos(3 * phase)) / 192)
     assert found.at == pytest.approx(np.maximum.accumulate(np.abs(series)), rel=5e-3, abs=1e-2 * a**3)
@@ -82,7 +82,7 @@ def test_small_motions_are_linear() -> None:
     """The error is of the third order, down to where rounding takes over."""
     start = aside(PAPER, 1.0, 3)
     small, twice, least = (
-        defect_error(superposed(PAPER, State(a * start.links, a * start.link_rates), corrected=False), 20.0).error
+        defect_error(superpose(PAPER, State(a * start.links, a * start.link_rates), corrected=False), 20.0).error
         for a in (1e-4, 2e-4, 1e-9)
     )
     assert twice / small == pytest.approx(8.0, rel=1e-3)
@@ -102,7 +102,7 @@ def test_the_estimate_is_the_error_in_space(scene: Scene) -> None:
 
 
 def test_what_is_too_large_is_not_trusted() -> None:
-    found = defect_error(superposed(PAPER, State(np.full(4, 1.2), np.zeros(4)), corrected=False), 60.0)
+    found = defect_error(superpose(PAPER, State(np.full(4, 1.2), np.zeros(4)), corrected=False), 60.0)
     assert not found.trustworthy
     assert found.bounds[-1] == inf
     assert found.error > 0.1
@@ -123,9 +123,9 @@ def test_the_residual_does_the_work_that_the_energy_gains(shape: str) -> None:
     (q, v), cart = flat[0], (flat[0][0, :, 0], flat[0][1, :, 0])
     found = motion(q[:, 1:] + rest, v[:, 1:], *cart)
     if shape == "space":
-        found = joined(scene, found, motion(flat[1][0] + rest, flat[1][1]))
-    energy = Mechanics(plant_of(scene), found).energy
-    forces = residual(plant_of(scene), planes)
+        found = join(scene, found, motion(flat[1][0] + rest, flat[1][1]))
+    energy = Mechanics(system_of(scene), found).energy
+    forces = residual_forces(system_of(scene), planes)
     power = sum(float(force[:, 1] @ plane[1, :, 1]) for force, plane in zip(forces, planes, strict=True))
     assert (energy[2] - energy[0]) / (2 * h) == pytest.approx(power, rel=1e-6)
     assert abs(power) > 1.0
@@ -139,17 +139,17 @@ def derivatives(c: np.ndarray) -> list[np.ndarray]:
 @pytest.mark.parametrize("seed", range(6))
 def test_the_true_motion_leaves_nothing(seed: int) -> None:
     scene = motion_scene(seed)
-    plant, rng, on = plant_of(scene), np.random.default_rng(seed), scene.support.kind == "cart"
-    n = plant.n_links + on
-    system = minimal(plant)
-    y = np.zeros(system.layout.size)
+    system, rng, on = system_of(scene), np.random.default_rng(seed), scene.support.kind == "cart"
+    n = system.n_links + on
+    equations = minimal(system)
+    y = np.zeros(equations.layout.size)
     y[: 2 * n] = rng.normal(size=2 * n)
     rest = np.concatenate(([0.0] * on, rest_angles(scene)))
-    rate = system.derivative(0.0, y)
+    rate = equations.derivative(0.0, y)
     plane = np.array([y[:n] - rest, y[n : 2 * n], rate[n : 2 * n]])[..., None]
     size = matrices(scene).M.max() * np.abs(plane).max() ** 2
-    assert np.abs(residual(plant, [plane])[0]).max() < 1e-13 * size
-    assert np.abs(residual(plant, [1.001 * plane])[0]).max() > 1e-6 * size
+    assert np.abs(residual_forces(system, [plane])[0]).max() < 1e-13 * size
+    assert np.abs(residual_forces(system, [1.001 * plane])[0]).max() > 1e-6 * size
 
 
 def test_the_running_sum_is_the_recursion() -> None:
@@ -184,24 +184,24 @@ def test_where_nothing_can_be_said_cheaply() -> None:
     many = Scene(gravity=9.81, pendulum=(bob.model_copy(update={"count": 101}),))
     swinging = start_in_mode(massless, natural_modes(massless), 0)
     for scene, start in ((massless, swinging), (many, aside(many, 0.1, 0))):
-        assert defect_error(superposed(scene, start, corrected=False), 5.0) is None
-    simple = superposed(SIMPLE, aside(SIMPLE, 0.1, 0), corrected=False)
+        assert defect_error(superpose(scene, start, corrected=False), 5.0) is None
+    simple = superpose(SIMPLE, aside(SIMPLE, 0.1, 0), corrected=False)
     assert defect_error(simple, 1e5) is None
     assert defect_error(simple, 1e3) is not None
 
 
 def test_the_linear_motion_shares_its_modes() -> None:
     start, times = aside(PAPER, 0.2, 2), np.linspace(0.0, 9.0, 50)
-    corrected, linear = (superposed(PAPER, start, corrected=corrected) for corrected in (True, False))
+    corrected, linear = (superpose(PAPER, start, corrected=corrected) for corrected in (True, False))
     assert np.array_equal(corrected.linear(times).links, linear(times).links)
     assert np.abs(corrected(times).links - linear(times).links).max() > 1e-3
 
 
 def test_a_standing_link_turns_to_the_same_side_in_space() -> None:
     start, times = aside(STANDING, 0.1, 5), np.linspace(0.0, 3.0, 40)
-    plane = superposed(STANDING, start, corrected=False)(times)
-    space = superposed(in_space(STANDING), of_plane(start), corrected=False)(times)
-    assert np.abs(directions(plane.links, 0.0) - space.links).max() < 1e-12
+    plane = superpose(STANDING, start, corrected=False)(times)
+    space = superpose(in_space(STANDING), of_plane(start), corrected=False)(times)
+    assert np.abs(unit_vectors(plane.links, 0.0) - space.links).max() < 1e-12
     assert np.abs(plane.cart - space.cart).max() < 1e-12
     along, _ = split(in_space(STANDING), of_plane(start))
     assert np.allclose([along.links, along.link_rates], [start.links, start.link_rates], atol=1e-14)

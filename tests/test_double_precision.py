@@ -10,12 +10,12 @@ from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
 from nonlinear.dynamics.dense import Small
 from nonlinear.dynamics.minimal import Recursion
 from nonlinear.dynamics.short import Dense
-from nonlinear.integration.methods import Choice, body_of, system_of
+from nonlinear.integration.methods import Choice, body_of, equations_of
 from nonlinear.integration.steppers import sharpened
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.system.plant import plant_of
-from nonlinear.system.state import Push, State
+from nonlinear.system.state import AppliedForces, State
+from nonlinear.system.system import system_of
 
 MINIMAL = Choice("minimal", "", compiled=False, reason="")
 
@@ -33,20 +33,20 @@ def chain(*masses: float, kind: type = Bob, cart: Cart | None = None) -> Scene:
 @pytest.mark.parametrize("before", [(), (1.0,), (1.0, 0.3)])
 def test_a_light_link_above_a_heavy_one_keeps_its_digits(before: tuple[float, ...], ratio: float) -> None:
     scene = chain(*before, 1.0, ratio, cart=Cart(mass=1e3 * ratio))
-    system, n = system_of(plant_of(scene), MINIMAL), len(before) + 2
+    equations, n = equations_of(system_of(scene), MINIMAL), len(before) + 2
     fast = ratio**-0.5
     y = np.concatenate(([0.0], 0.3 * fast * (-1.0) ** np.arange(n), [0.0], np.linspace(-1, 1, n)))
-    assert apart(system.derivative(0.0, y)[-n:], exact(scene, y)[1:]) < 1e-12
+    assert apart(equations.derivative(0.0, y)[-n:], exact(scene, y)[1:]) < 1e-12
 
 
 @pytest.mark.parametrize("kind", [Bob, Rod])
 def test_ordinary_links_stay_on_the_fast_body(kind: type) -> None:
     for masses in ((1.0, 1.0), (1.0, 500.0), (1.0, 1e-8)):
-        plant = plant_of(chain(*masses, kind=kind))
-        assert type(system_of(plant, MINIMAL)) is Small
-        assert type(body_of(plant.groups[0], plant)) is Dense
-    plant = plant_of(chain(1.0, 1.0, 2000.0, kind=kind))
-    assert type(body_of(plant.groups[0], plant)) is Recursion
+        system = system_of(chain(*masses, kind=kind))
+        assert type(equations_of(system, MINIMAL)) is Small
+        assert type(body_of(system.groups[0], system)) is Dense
+    system = system_of(chain(1.0, 1.0, 2000.0, kind=kind))
+    assert type(body_of(system.groups[0], system)) is Recursion
 
 
 def test_a_mass_ratio_of_1e12_swings_right() -> None:
@@ -60,10 +60,10 @@ def test_a_mass_ratio_of_1e12_swings_right() -> None:
 
 @pytest.mark.parametrize("body", [Small, Dense])
 def test_a_singular_mass_matrix_is_an_error(body: type) -> None:
-    plant = plant_of(chain(1.0, 1e17))
-    system = Small(plant) if body is Small else minimal(chain(1.0, 1e17), Dense)
+    system = system_of(chain(1.0, 1e17))
+    equations = Small(system) if body is Small else minimal(chain(1.0, 1e17), Dense)
     with pytest.raises(ComputationError, match="singular in double precision"):
-        system.derivative(0.0, np.zeros(4))
+        equations.derivative(0.0, np.zeros(4))
 
 
 # --------------------------------------------------------------------------------------------- no beginning
@@ -171,7 +171,9 @@ def test_a_spring_that_is_wound_up_stays_so() -> None:
     scene = sprung(0.01)
     start = State(np.array([0.9, -0.4 + 20 * np.pi, 0.6]), np.zeros(3), 1e3)
     moved = simulate(scene, 1.0, start=start, tolerance=1e-12, output=3, method="DOP853")
-    plain = simulate(scene, 1.0, start=start, tolerance=1e-14, output=3, method="DOP853", load=lambda *_: Push())
+    plain = simulate(
+        scene, 1.0, start=start, tolerance=1e-14, output=3, method="DOP853", load=lambda *_: AppliedForces()
+    )
     assert (bool(moved.run.reduced), plain.run.reduced) == (True, "")
     assert moved.motion.links == pytest.approx(plain.motion.links, abs=1e-8)
 

@@ -17,10 +17,10 @@ from modal import load, natural_modes
 from modal.assembly.matrices import matrices
 from modal.errors import SceneError
 from modal.scene.drives import Drive, Escapement, VanDerPol
-from modal.scene.model import Bob, Body, Cart, Pendulum, Rod, Scene, Start, described, scene_from
+from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene, describe, scene_from
 from modal.types import Floats
 from nonlinear import files as recordings
-from nonlinear.accuracy.work_precision import tradeoff
+from nonlinear.accuracy.work_precision import measure_work_precision
 from nonlinear.chaos.lyapunov import lyapunov_exponent
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.compiled import Compiled
@@ -32,11 +32,11 @@ from nonlinear.dynamics.short import Dense
 from nonlinear.integration.escapements import escaping
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.postprocessing import summary
-from nonlinear.reduction.truncation import truncated
-from nonlinear.simulation import resumed, simulate
-from nonlinear.system.events import Event, crossing, turning
-from nonlinear.system.plant import plant_of
+from nonlinear.reduction.truncation import simulate_truncated
+from nonlinear.simulation import resume, simulate
+from nonlinear.system.events import Event, level_crossing, turning_point
 from nonlinear.system.state import Motion, State
+from nonlinear.system.system import system_of
 from nonlinear.verification.modes import check
 from nonlinear.verification.tables import check_table
 from tests.motion_scenes import motion_scene, random_state
@@ -69,7 +69,7 @@ def clock(
     """A bob of 1 kg with an escapement."""
     drive = Escapement(impulse=impulse, angle_deg=angle)
     links = (Bob(mass=1.0, length=length, damping=damping, drive=drive),)
-    return Pendulum(links=links, start=Start(angles_deg=(start,), rates_deg=(rate,)))
+    return Pendulum(links=links, start=InitialCondition(angles_deg=(start,), rates_deg=(rate,)))
 
 
 def own_mass(scene: Scene, angles: Floats) -> Floats:
@@ -119,21 +119,24 @@ def own_torques(scene: Scene, angles: Floats, rates: Floats) -> Floats:
 def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_power_in_every_body(seed: int) -> None:
     bare = motion_scene(seed)
     scene = with_drives(bare, seed, "vv-")
-    plant, free, state = plant_of(scene), plant_of(bare), random_state(scene, seed)
-    systems = [Small(plant), *(Minimal(plant, tuple(map(body, plant.groups))) for body in (Recursion, Dense, Banded))]
-    systems += [Compiled(plant)] * numba_here()
-    on_cart = int(plant.cart is not None)
+    system, free, state = system_of(scene), system_of(bare), random_state(scene, seed)
+    systems = [
+        Small(system),
+        *(Minimal(system, tuple(map(body, system.groups))) for body in (Recursion, Dense, Banded)),
+    ]
+    systems += [Compiled(system)] * numba_here()
+    on_cart = int(system.cart is not None)
     torques = own_torques(scene, state.links, state.link_rates)
     expected = np.linalg.solve(own_mass(scene, state.links), np.concatenate((np.zeros(on_cart), torques)))
     still = Small(free)
     half = still.layout.half
     bare_rate = still.derivative(0.0, still.begin(state))
-    for system in systems:
-        rate = system.derivative(0.0, system.begin(state))
+    for equations in systems:
+        rate = equations.derivative(0.0, equations.begin(state))
         difference = rate[half : 2 * half] - bare_rate[half : 2 * half]
         np.testing.assert_allclose(difference, expected, rtol=1e-8, atol=1e-9 * abs(rate).max())
         lost = bare_rate[-1] if still.layout.works else 0.0
-        if system.layout.works:
+        if equations.layout.works:
             assert rate[-1] - lost == pytest.approx(torques @ state.link_rates, rel=1e-10, abs=1e-10 * abs(rate[-1]))
 
 
@@ -153,7 +156,7 @@ def test_every_form_and_method_goes_the_same_way_with_van_der_pol(seed: int) -> 
 def test_the_limit_cycle_has_the_amplitude_of_the_averaged_equation(damping: float, start: float) -> None:
     e, gamma0 = 0.01, 2.0
     link = Bob(mass=1.0, length=0.25, damping=damping, drive=VanDerPol(strength=e, angle_deg=gamma0))
-    scene = Scene(gravity=G, pendulum=(Pendulum(links=(link,), start=Start(angles_deg=(start,))),))
+    scene = Scene(gravity=G, pendulum=(Pendulum(links=(link,), start=InitialCondition(angles_deg=(start,))),))
     run = simulate(scene, 120.0, tolerance=1e-9, output=np.linspace(110, 120, 4001))
     found = np.rad2deg(run.motion.links[1:].max())
     assert found == pytest.approx(2 * gamma0 * math.sqrt(1 - damping / e), rel=2e-3)
@@ -161,15 +164,15 @@ def test_the_limit_cycle_has_the_amplitude_of_the_averaged_equation(damping: flo
 
 def test_equal_pendula_with_equal_starts_move_as_one_and_as_without_the_symmetry() -> None:
     link = Rod(mass=0.3, length=0.4, damping=0.001, drive=VanDerPol(strength=0.01, angle_deg=10))
-    pendulum = Pendulum(links=(link, Rod(mass=0.2, length=0.3)), count=3, start=Start(angles_deg=(20, 15)))
+    pendulum = Pendulum(links=(link, Rod(mass=0.2, length=0.3)), count=3, start=InitialCondition(angles_deg=(20, 15)))
     scene = Scene(gravity=G, support=Cart(mass=1.0, damping=0.3), pendulum=(pendulum,))
     together = simulate(scene, 6.0, tolerance=1e-12, output=61)
     apart = simulate(scene, 6.0, tolerance=1e-12, output=61, form="hamiltonian")
     assert "1 of 3 pendula" in together.run.reduced
     np.testing.assert_allclose(together.motion.links, apart.motion.links, atol=1e-8)
     np.testing.assert_allclose(together.motion.work, apart.motion.work, atol=1e-8)
-    plant = plant_of(scene)
-    whole = Minimal(plant, tuple(map(Recursion, plant.groups)))
+    system = system_of(scene)
+    whole = Minimal(system, tuple(map(Recursion, system.groups)))
     solved = solve_ivp(
         whole.derivative, (0, 6), whole.begin(together.motion[0]), method="DOP853", rtol=1e-12, atol=1e-13
     )
@@ -195,7 +198,7 @@ def scaled(scene: Scene, mass: float, length: float) -> Scene:
 @pytest.mark.parametrize(("mass", "length"), [(1e12, 1e-12), (1e-12, 1e12), (1e12, 1e12), (1e-12, 1e-12)])
 def test_units_change_neither_motion_nor_kicks(mass: float, length: float) -> None:
     steady = Bob(mass=0.5, length=0.3, damping=0.001, drive=VanDerPol(strength=0.02, angle_deg=5))
-    pendulum = Pendulum(links=(steady,), start=Start(angles_deg=(7,)))
+    pendulum = Pendulum(links=(steady,), start=InitialCondition(angles_deg=(7,)))
     scene = Scene(gravity=G, support=Cart(mass=2.0, damping=0.2), pendulum=(clock(0.05, 4, 12, damping=0.02), pendulum))
     here, there = (
         simulate(s, 8.0, tolerance=1e-11, output=81, method="DOP853") for s in (scene, scaled(scene, mass, length))
@@ -213,20 +216,20 @@ def test_units_change_neither_motion_nor_kicks(mass: float, length: float) -> No
 def test_a_kick_of_a_single_pendulum_changes_its_rate_by_the_impulse_over_its_moment() -> None:
     body = Body(mass=2.0, length=0.7, centre=0.4, inertia=0.05, drive=Escapement(impulse=0.03, angle_deg=6))
     scene = Scene(gravity=G, pendulum=(Pendulum(links=(body,)),))
-    plant = plant_of(scene)
+    system = system_of(scene)
     moment = 0.05 + 2.0 * 0.4**2
-    jump = escaping(plant).jump(np.array([0.1]), np.array([0.03]))
+    jump = escaping(system).jump(np.array([0.1]), np.array([0.03]))
     assert jump == pytest.approx([0.03 / moment], rel=1e-14)
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_kicks_at_any_joints_are_a_dense_solve_and_feed_what_the_kinetic_energy_gains(seed: int) -> None:
     scene = with_drives(motion_scene(seed, standing=seed % 2 == 1), seed, "e")
-    plant, state = plant_of(scene), random_state(scene, seed)
-    joints, on_cart = escaping(plant), int(plant.cart is not None)
+    system, state = system_of(scene), random_state(scene, seed)
+    joints, on_cart = escaping(system), int(system.cart is not None)
     rng = np.random.default_rng(seed)
     kick = joints.impulse * rng.choice([-1.0, 0.0, 1.0], len(joints.impulse))
-    J = np.zeros(on_cart + plant.n_links)
+    J = np.zeros(on_cart + system.n_links)
     for below, above, moment in zip(joints.below, joints.above, kick, strict=True):
         J[on_cart + below] += moment
         if above >= 0:
@@ -242,21 +245,21 @@ def test_kicks_at_any_joints_are_a_dense_solve_and_feed_what_the_kinetic_energy_
 
 def test_the_joints_of_a_chain_are_the_files_and_the_support_is_above_the_first() -> None:
     scene = with_drives(motion_scene(5, standing=False), 5, "e")
-    joints = escaping(plant_of(scene))
+    joints = escaping(system_of(scene))
     firsts = np.cumsum([0, *(p.n_links for p in scene.pendulum)])[:-1]
     for below, above in zip(joints.below, joints.above, strict=True):
         assert above == (-1 if below in firsts else below - 1)
 
 
 def energies(run: Trajectory) -> Floats:
-    return np.asarray(Mechanics(run.plant, run.motion).energy)
+    return np.asarray(Mechanics(run.system, run.motion).energy)
 
 
 def test_the_record_of_kicks_holds_time_link_and_what_the_energy_jumps_by() -> None:
     """Two forms of bookkeeping: the record, and the energy of the motion just before and after."""
     top, low = (Escapement(impulse=p, angle_deg=a) for p, a in ((0.05, 6), (0.01, 4)))
     links = (Rod(mass=1.0, length=0.5, drive=top), Rod(mass=0.5, length=0.4, drive=low))
-    pendulum = Pendulum(links=links, start=Start(angles_deg=(15, 20)))
+    pendulum = Pendulum(links=links, start=InitialCondition(angles_deg=(15, 20)))
     scene = Scene(gravity=G, support=Cart(mass=3.0), pendulum=(pendulum,))
     run = simulate(scene, 5.0, tolerance=1e-12, output=3)
     assert set(run.kicks.link.tolist()) == {0, 1}
@@ -397,7 +400,7 @@ def test_a_swing_within_the_angle_gets_nothing_and_dies() -> None:
 def test_standing_links_count_their_angle_from_the_standing_rest() -> None:
     """On a spring that holds it up."""
     link = Rod(mass=1.0, length=0.5, stiffness=20.0, damping=0.01, drive=Escapement(impulse=0.01, angle_deg=2))
-    pendulum = Pendulum(links=(link,), equilibrium=("up",), start=Start(angles_deg=(185,)))
+    pendulum = Pendulum(links=(link,), equilibrium=("up",), start=InitialCondition(angles_deg=(185,)))
     run = simulate(Scene(gravity=G, pendulum=(pendulum,)), 10.0, tolerance=1e-12)
     at = [simulate(run.scene, 10.0, tolerance=1e-12, output=[t]).motion.links[-1, 0] for t in run.kicks.time[:3]]
     np.testing.assert_allclose(np.abs(np.rad2deg(at) - 180), 2.0, atol=1e-8)
@@ -421,8 +424,8 @@ def test_the_steady_swing_of_a_small_clock_is_where_feed_and_loss_balance() -> N
 def test_energy_closes_over_a_thousand_kicks_with_dampers_everywhere() -> None:
     links = (Rod(mass=1.0, length=0.3, damping=0.005, drive=Escapement(impulse=0.01, angle_deg=3)),)
     low = Rod(mass=0.3, length=0.2, damping=0.002, drive=Escapement(impulse=0.001, angle_deg=1))
-    two = Pendulum(links=(*links, low), start=Start(angles_deg=(12, 15)))
-    one = Pendulum(links=links, start=Start(angles_deg=(-9,)))
+    two = Pendulum(links=(*links, low), start=InitialCondition(angles_deg=(12, 15)))
+    one = Pendulum(links=links, start=InitialCondition(angles_deg=(-9,)))
     scene = Scene(gravity=G, support=Cart(mass=8.0, damping=0.5, stiffness=2.0), pendulum=(two, one))
     run = simulate(scene, 250.0, tolerance=1e-12, output=501)
     assert len(run.kicks.time) >= 1000
@@ -441,7 +444,7 @@ def beside_a_clock(**cart: float) -> Scene:
 def test_an_event_that_stops_leaves_only_the_kicks_before_it() -> None:
     scene = beside_a_clock()
     whole = simulate(scene, 6.0, tolerance=1e-11)
-    event = crossing(plant_of(scene), "theta[1,1]", math.radians(4.0), 1, stop=True)
+    event = level_crossing(system_of(scene), "theta[1,1]", math.radians(4.0), 1, stop=True)
     run = simulate(scene, 6.0, tolerance=1e-11, events=[event])
     assert not run.complete
     np.testing.assert_allclose(run.kicks.time, whole.kicks.time[whole.kicks.time <= run.times[-1]], atol=1e-9)
@@ -452,13 +455,13 @@ def test_a_cart_that_a_kick_turns_back_has_turned(impulse: float, mass: float) -
     """Every change of sign of its velocity is found, those in an instant too."""
     pendula = (clock(impulse, 8, 12), clock(0.05, 3, -15, length=0.9))
     scene = Scene(gravity=G, support=Cart(mass=mass), pendulum=pendula)
-    run = simulate(scene, 6.0, tolerance=1e-10, events=[turning(plant_of(scene), "x")], output=60001)
+    run = simulate(scene, 6.0, tolerance=1e-10, events=[turning_point(system_of(scene), "x")], output=60001)
     signs = np.sign(run.motion.cart_rate)
     assert len(run.happenings) == np.count_nonzero(signs[1:] * signs[:-1] < 0)
     at = [happening.time for happening in run.happenings if np.any(happening.time == run.kicks.time)]
     assert at
     stopped = simulate(
-        scene, 6.0, tolerance=1e-10, events=[turning(plant_of(scene), "x", stop=True)], start=run.motion[0]
+        scene, 6.0, tolerance=1e-10, events=[turning_point(system_of(scene), "x", stop=True)], start=run.motion[0]
     )
     assert stopped.run.stopped.startswith("x turns")
     assert stopped.times[-1] == pytest.approx(run.happenings[0].time, abs=1e-8)
@@ -484,7 +487,7 @@ def test_a_run_goes_on_where_it_stopped() -> None:
     scene = beside_a_clock(damping=0.3)
     whole = simulate(scene, 12.0, tolerance=1e-12, output=13)
     half = simulate(scene, 6.0, tolerance=1e-12, output=7)
-    rest = resumed(half, 6.0, output=7)
+    rest = resume(half, 6.0, output=7)
     np.testing.assert_allclose(rest.motion.links, whole.motion.links[6:], atol=1e-9)
     both = np.concatenate((half.kicks.time, rest.kicks.time))
     np.testing.assert_allclose(both, whole.kicks.time, atol=1e-9)
@@ -507,7 +510,7 @@ def test_a_run_that_goes_on_knows_which_side_has_had_its_kick() -> None:
     first = simulate(Scene(gravity=G, pendulum=(pendulum,)), 1.6)
     assert first.kicks.impulse.tolist() == [1e-3]
     pushed = replace(first.final, links=np.radians([6.0]), link_rates=np.array([1.0]))
-    again = resumed(replace(first, motion=_ending(first, pushed)), 0.5)
+    again = resume(replace(first, motion=_ending(first, pushed)), 0.5)
     assert np.degrees(again.motion.links.max()) > 8.0
     assert again.kicks.time.size == 0
     assert simulate(first.scene, 0.5, start=pushed).kicks.time.size == 1
@@ -576,8 +579,8 @@ def test_each_refusal_of_a_drive_names_the_place_or_the_argument() -> None:
         with pytest.raises(SceneError, match=f"form {form}: cannot take the kicks of escapements"):
             simulate(scene, 1.0, form=form)
     refusals = {
-        "drive: motion that excites itself is not kept": lambda: truncated(scene, 1.0, 2),
-        "drive: the ladder is for scenes that do not": lambda: tradeoff(scene, 1.0),
+        "drive: motion that excites itself is not kept": lambda: simulate_truncated(scene, 1.0, 2),
+        "drive: the ladder is for scenes that do not": lambda: measure_work_precision(scene, 1.0),
         "drive: Lyapunov exponents are of smooth motion": lambda: lyapunov_exponent(scene, 60.0),
     }
     for words, action in refusals.items():
@@ -595,7 +598,7 @@ def test_tables_and_matrices_leave_drives_out_and_the_table_says_so() -> None:
     one, other = matrices(scene), matrices(scene.undriven)
     for name in ("M", "K", "D"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
-    assert scene_from(described(scene)) == scene
+    assert scene_from(describe(scene)) == scene
 
 
 def test_a_check_leaves_drives_out_and_says_so() -> None:

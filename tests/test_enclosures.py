@@ -13,7 +13,7 @@ from random_scenes import random_scene
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load, natural_modes
 from modal.errors import MissingExtraError
 from modal.exact.balls import flint
-from modal.exact.enclosures import Enclosure, _decimal, _problems, enclosures
+from modal.exact.enclosures import Enclosure, _decimal, _problems, enclose
 
 pytest.importorskip("flint")
 
@@ -46,7 +46,7 @@ def assert_narrow(found: list[Enclosure], digits: int) -> None:
 @pytest.mark.parametrize(("n", "digits"), [(1, 30), (3, 60), (20, 30), (60, 100)])
 def test_equal_bobs_have_the_zeros_of_laguerre(n: int, digits: int) -> None:
     mp.mp.dps = 3 * digits + 100
-    found = enclosures(bobs(n), digits)
+    found = enclose(bobs(n), digits)
     assert len(found) == n
     assert_narrow(found, digits)
     for k, e in enumerate(found):
@@ -58,14 +58,14 @@ def test_equal_bobs_have_the_zeros_of_laguerre(n: int, digits: int) -> None:
 @pytest.mark.parametrize("seed", range(60))
 def test_random_scenes_against_the_oracle(seed: int) -> None:
     scene = random_scene(seed, copies=seed % 2 == 0)
-    found = enclosures(scene, 25)
+    found = enclose(scene, 25)
     assert_narrow(found, 25)
     assert_proved(scene, found)
 
 
 def test_the_proof_bites() -> None:
     scene = bobs(3)
-    found = enclosures(scene)
+    found = enclose(scene)
     shifted = [Enclosure(e.high, str(Decimal(e.high) + 1), e.multiplicity, e.label) for e in found]
     with pytest.raises(AssertionError):
         assert_proved(scene, shifted)
@@ -74,7 +74,7 @@ def test_the_proof_bites() -> None:
 
 
 def test_the_paper_cart() -> None:
-    found = enclosures(load("paper-cart-2"))
+    found = enclose(load("paper-cart-2"))
     assert (found[0].low, found[0].high, found[0].label) == ("0", "0", "rigid translation")
     assert [e.label for e in found[1:]] == ["cart still: pendulum 1", "cart moves"] * 2
     known = ["2.68011401225337", "2.71754911798158", "7.18867087028771", "7.20947810306892"]
@@ -86,14 +86,14 @@ def test_symmetric_copies_are_counted_not_computed() -> None:
     scene = bobs(2, support=Cart(mass=2.0)).model_dump()
     scene["pendulum"][0]["count"] = 4
     for space, still in (("plane", 3), ("space", 7)):
-        found = enclosures(Scene.model_validate(scene | {"space": space}))
+        found = enclose(Scene.model_validate(scene | {"space": space}))
         assert [e.multiplicity for e in found if e.label == "cart still: pendulum 1"] == [still] * 2
         assert [e.multiplicity for e in found if e.label == "cart moves"] == [1] * 2
 
 
 def test_a_massless_cart_loses_a_mode() -> None:
-    assert [e.label for e in enclosures(bobs(1, support=Cart(mass=0.0)))] == ["rigid translation"]
-    held = enclosures(bobs(1, support=Cart(mass=0.0, stiffness=1.0)))
+    assert [e.label for e in enclose(bobs(1, support=Cart(mass=0.0)))] == ["rigid translation"]
+    held = enclose(bobs(1, support=Cart(mass=0.0, stiffness=1.0)))
     assert [Decimal(e.low) ** 2 <= Decimal("0.5") <= Decimal(e.high) ** 2 for e in held] == [True]
 
 
@@ -114,7 +114,7 @@ def test_a_cluster_closer_than_double_precision() -> None:
     """Two pendula on a heavy cart whose squares differ by parts in 10^15, far less than Newton can tell apart."""
     near = (Pendulum(links=(Bob(mass=1.0, length=1.0),)), Pendulum(links=(Bob(mass=1.0, length=1.0 + 2**-52),)))
     scene = Scene(gravity=1.0, support=Cart(mass=1e18), pendulum=near)
-    found = enclosures(scene, 40)
+    found = enclose(scene, 40)
     assert_narrow(found[1:], 40)
     assert_proved(scene, found)
     assert Decimal(found[1].high) < Decimal(found[2].low)
@@ -133,13 +133,13 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     standing = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), equilibrium=("up",)),))
     for scene in (damped, sprung, standing):
         with pytest.raises(ComputationError, match="without dampers, joint springs and standing links"):
-            enclosures(scene)
+            enclose(scene)
     (problem,) = _problems(bobs(1))
     with pytest.raises(ComputationError, match="bits do not tell"):
         problem.hung.count(flint().arb(1), 64)
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(MissingExtraError, match=r"multipendula\[certified\]"):
-        enclosures(bobs(1))
+        enclose(bobs(1))
 
 
 def test_progress_is_told_frequency_by_frequency() -> None:
@@ -147,6 +147,6 @@ def test_progress_is_told_frequency_by_frequency() -> None:
     scene = Scene(
         gravity=9.81, support=Cart(mass=2.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), count=3),)
     )
-    found = enclosures(scene, 25, done.append)
+    found = enclose(scene, 25, done.append)
     assert len(found) == 1 + len(done)
     assert done == pytest.approx([0.5, 1.0])

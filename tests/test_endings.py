@@ -18,13 +18,13 @@ from test_sweeps import SCRIPT
 
 from modal import SceneError, load
 from modal.scene.files import whole_file
-from modal.scene.parameters import parsed
+from modal.scene.parameters import parse_variations
 from multipendula.cli import main
 from nonlinear.dynamics.interrupts import undisturbed
 from nonlinear.plotting.animation import animate
 from nonlinear.simulation import simulate
-from nonlinear.sweeps.checkpoint import journal
-from nonlinear.sweeps.measure import Asked
+from nonlinear.sweeps.checkpoint import open_checkpoint
+from nonlinear.sweeps.measure import RequestedMeasure
 from nonlinear.sweeps.study import Study
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
@@ -77,17 +77,17 @@ def test_workers_end_with_who_started_them(number: int, tmp_path: Path) -> None:
 
 
 def slow_study() -> Study:
-    return Study(load("paper-cart-2"), parsed(["support.mass=1,2,3"]), (Asked(own.PRODUCT, 1.0),))
+    return Study(load("paper-cart-2"), parse_variations(["support.mass=1,2,3"]), (RequestedMeasure(own.PRODUCT, 1.0),))
 
 
 def test_a_journal_has_one_sweep_at_a_time(tmp_path: Path) -> None:
     study, path = slow_study(), tmp_path / "j"
-    with journal(path, study) as kept:
-        with pytest.raises(SceneError, match="j: another process is writing it"), journal(path, study):
+    with open_checkpoint(path, study) as kept:
+        with pytest.raises(SceneError, match="j: another process is writing it"), open_checkpoint(path, study):
             pass
         kept.finish()
     assert not path.exists()
-    with journal(path, study) as kept:
+    with open_checkpoint(path, study) as kept:
         assert kept.rows == ()
     assert path.exists()
 
@@ -96,14 +96,16 @@ def test_a_killed_sweep_leaves_no_lock(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT)
     path = tmp_path / "j"
     command = [sys.executable, str(tmp_path / "script.py"), str(path)]
-    study = Study(load("paper-cart-2"), parsed(["support.mass=1:400:400"]), (Asked(own.SLOW, 0.05),))
+    study = Study(
+        load("paper-cart-2"), parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(own.SLOW, 0.05),)
+    )
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as running:
         assert eventually(lambda: path.exists() and path.read_bytes().count(b"\n") > 1)
-        with pytest.raises(SceneError, match="another process"), journal(path, study):
+        with pytest.raises(SceneError, match="another process"), open_checkpoint(path, study):
             pass
         running.kill()
         running.wait()
-    with journal(path, study) as kept:
+    with open_checkpoint(path, study) as kept:
         assert kept.rows
 
 

@@ -19,8 +19,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from modal import SceneError, load, natural_modes
-from modal.coupling.analysis import explained
-from modal.coupling.coupling_words import words
+from modal.coupling.analysis import explain
+from modal.coupling.coupling_words import coupling_report
 from modal.exports import format_named
 from modal.exports.fmu_description import description
 from modal.exports.json_ import read_json, write_json
@@ -28,17 +28,17 @@ from modal.modes import table as tables
 from modal.plotting.sliders import slide
 from modal.report import escaping
 from modal.scene.files import dumps
-from modal.scene.model import Scene, described, scene_from
-from modal.scene.parameters import parsed
+from modal.scene.model import Scene, describe, scene_from
+from modal.scene.parameters import parse_variations
 from modal.statespace.model import StateSpace, state_space
-from modal.statespace.sampling import sampled
+from modal.statespace.sampling import sample
 from modal.statespace.signals import Signal
 from modal.symbolic.typeset import typeset
 from multipendula.cli import main
 from nonlinear import files as recordings
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.measures import parse_measures
 from nonlinear.sweeps.running import Sweep
 from nonlinear.sweeps.study import Row, Study
 from nonlinear.sweeps.sweep_tables import sweep_text
@@ -56,7 +56,7 @@ RAW = "a\x1b[2J\x07\x9b31m\x7f\nb\u202e\r\u2028"
 
 
 def titled(title: str, name: str = "paper-cart-2") -> Scene:
-    return scene_from({**described(load(name)), "title": title})
+    return scene_from({**describe(load(name)), "title": title})
 
 
 def hidden(text: str) -> list[str]:
@@ -69,7 +69,7 @@ def hidden(text: str) -> list[str]:
 def written(title: str, name: str, model: StateSpace | None = None) -> bytes:
     """A model in the format of this name."""
     model = model or state_space(titled(title, "chain-1"), [], ["angles"])
-    return format_named(name).write(sampled(model, 0.1) if name == "c" else model)
+    return format_named(name).write(sample(model, 0.1) if name == "c" else model)
 
 
 # ------------------------------------------------------------------------------------------------------ exports
@@ -152,8 +152,8 @@ def test_no_cell_of_a_csv_file_begins_a_formula(title: str, tmp_path: Path) -> N
 
 
 def failing_sweep(scene: Scene) -> Sweep:
-    axes = parsed(["pendulum[0].links[0].length=1:2:2"])
-    study = Study(scene, axes, asked(["frequencies"]))
+    axes = parse_variations(["pendulum[0].links[0].length=1:2:2"])
+    study = Study(scene, axes, parse_measures(["frequencies"]))
     return Sweep(study, (Row(0, {}, "=cmd|' /C calc'!A0"), Row(1, {"omega_1_rad_per_s": 1.0})))
 
 
@@ -193,7 +193,7 @@ def test_markdown_shows_a_title_as_it_is(title: str) -> None:
     modes = natural_modes(scene)
     for page in (
         tables.table(modes, list(modes), "markdown"),
-        words(explained(scene), "markdown"),
+        coupling_report(explain(scene), "markdown"),
         typeset(title, [], "markdown"),
         check_tables.titled(scene, "words", ["part"], "markdown"),
     ):
@@ -303,7 +303,7 @@ def test_a_saved_sweep_says_its_reasons_harmlessly() -> None:
 
 def test_a_key_is_quoted_as_a_scene_file_quotes_it() -> None:
     with pytest.raises(SceneError, match=r'^"mass = 1: fine": is not a known key'):
-        scene_from({**described(load("chain-1")), "mass = 1: fine": 2})
+        scene_from({**describe(load("chain-1")), "mass = 1: fine": 2})
 
 
 def test_lone_surrogates_never_stop_a_message() -> None:

@@ -23,7 +23,7 @@ from modal.exports.control_ import to_control
 from modal.exports.identifiers import identifier
 from modal.report.escaping import c_comment
 from modal.statespace.model import StateSpace, state_space
-from modal.statespace.sampling import sampled
+from modal.statespace.sampling import sample
 from modal.statespace.signals import Signal
 
 STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic")
@@ -104,7 +104,7 @@ def test_a_program_in_cpp_does_the_same(scene: str, tmp_path: Path) -> None:
     """Twelve pendula too, whose sampled matrices of tip positions are mostly zeros."""
     if scene == "many":
         many = load("crane-hook").replace(pendulum=[p.replace(count=12) for p in load("crane-hook").pendulum])
-        model = sampled(state_space(many, outputs=("tip_positions",)), DT)
+        model = sample(state_space(many, outputs=("tip_positions",)), DT)
         assert np.count_nonzero(model.C) < model.C.size / 8
     else:
         model = model_of(scene, DT)
@@ -187,7 +187,7 @@ def test_comments_and_matrices() -> None:
 
 def test_long_rows_of_zeros_compile_to_the_same_matrix(tmp_path: Path) -> None:
     links = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=12)])])
-    model = sampled(state_space(links, ("joint_torques",), ("angles", "tip_positions", "pivot_forces")), DT)
+    model = sample(state_space(links, ("joint_torques",), ("angles", "tip_positions", "pivot_forces")), DT)
     assert b"[11] =" not in write_c(replace(model, title="t"))
     matrices, _ = run(tmp_path, replace(model, title="t"), held_inputs(model, 2))
     assert_matrices(model, matrices)

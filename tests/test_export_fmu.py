@@ -25,7 +25,7 @@ from modal.exports.control_ import to_control
 from modal.exports.fmu_description import variables
 from modal.exports.identifiers import identifier
 from modal.statespace.model import StateSpace, state_space
-from modal.statespace.sampling import reach, sampled
+from modal.statespace.sampling import reach, sample
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
 needs_a_compiler = pytest.mark.skipif(fmu.compiler() is None, reason="no C compiler for 64-bit Linux is installed")
@@ -98,7 +98,7 @@ def test_steps_of_the_default_length_are_controls(scene: str, dt: float, tmp_pat
     inputs = held_inputs(model, 300)
     with instance(tmp_path, model) as slave:
         found = stepped(slave, model, inputs, DT)
-    held = model if dt else sampled(model, DT)
+    held = model if dt else sample(model, DT)
     expected = control.forced_response(to_control(held), np.arange(300) * DT, inputs).outputs
     assert_close(found, expected, 1e-11)
 
@@ -111,7 +111,7 @@ def test_steps_of_any_length_are_exact_too(scene: str, h: float, tmp_path: Path)
     inputs = held_inputs(model, 50)
     with instance(tmp_path, model) as slave:
         found = stepped(slave, model, inputs, h)
-    expected = control.forced_response(to_control(sampled(model, h)), np.arange(50) * h, inputs).outputs
+    expected = control.forced_response(to_control(sample(model, h)), np.arange(50) * h, inputs).outputs
     assert_close(found, expected, 1e-10)
 
 
@@ -123,7 +123,7 @@ def test_the_series_is_exact_over_its_longest_piece(scene: str, tmp_path: Path) 
     inputs = held_inputs(model, 20)
     with instance(tmp_path, model, 10 * h) as slave:
         found = stepped(slave, model, inputs, h)
-    expected = control.forced_response(to_control(sampled(model, h)), np.arange(20) * h, inputs).outputs
+    expected = control.forced_response(to_control(sample(model, h)), np.arange(20) * h, inputs).outputs
     assert_close(found, expected, 1e-12)
 
 
@@ -302,7 +302,7 @@ def test_two_hundred_links(tmp_path: Path) -> None:
     inputs = held_inputs(model, 5)
     with instance(tmp_path, model) as slave:
         found = stepped(slave, model, inputs, DT / 2)
-    expected = control.forced_response(to_control(sampled(model, DT / 2)), np.arange(5) * DT / 2, inputs).outputs
+    expected = control.forced_response(to_control(sample(model, DT / 2)), np.arange(5) * DT / 2, inputs).outputs
     assert_close(found, expected, 1e-8)
 
 
@@ -329,10 +329,10 @@ def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) 
 def test_units_outside_the_grammar_are_left_out() -> None:
     """Modal coordinates have units with roots, which neither Modelica nor FMI can write."""
     from modal.exports.modelica import write_modelica
-    from modal.statespace.reduction import truncated
+    from modal.statespace.reduction import truncate
 
     scene = load("crane-hook")
-    model = truncated(natural_modes(scene), state_space(scene), 1)
+    model = truncate(natural_modes(scene), state_space(scene), 1)
     assert any("(" in state.unit for state in model.states)
     assert "kg(" not in write_modelica(model).decode()
     with ZipFile(BytesIO(FORMATS["fmu"].write(model))) as packed:
@@ -347,7 +347,7 @@ def test_inputs_are_held_and_the_description_says_so(tmp_path: Path) -> None:
     assert "inputs are held over every communication step" in about
     assert 'canInterpolateInputs="false"' in about
     ramp = np.outer(np.ones(len(model.inputs)), np.arange(40) * h)
-    held = sampled(model, h)
+    held = sample(model, h)
     z, stairs = np.zeros(len(held.A)), []
     for u in ramp.T:
         stairs.append(held.C @ z + held.D @ u)

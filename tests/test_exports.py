@@ -40,7 +40,7 @@ from modal.exports.mat import write_mat
 from modal.exports.npz import read_npz, write_npz
 from modal.exports.scipy_ import to_scipy
 from modal.statespace.model import StateSpace, state_space
-from modal.statespace.sampling import METHODS, reach, sampled
+from modal.statespace.sampling import METHODS, reach, sample
 from modal.statespace.signals import Signal
 
 BOTH = pytest.mark.parametrize("dt", [0.0, DT], ids=["continuous", "discrete"])
@@ -283,7 +283,7 @@ def octave(folder: Path) -> dict[str, list[Any]]:
 @pytest.mark.parametrize("dt", [0.002, 0.05])
 def test_sampling_beside_scipy(scene: str, method: str, theirs: str, dt: float) -> None:
     model = model_of(scene)
-    found = sampled(model, dt, method)
+    found = sample(model, dt, method)
     expected = scipy.signal.cont2discrete((model.A, model.B, model.C, model.D), dt, theirs)[:4]
     for mine, other in zip((found.A, found.B, found.C, found.D), expected, strict=True):
         np.testing.assert_allclose(mine, other, rtol=1e-11, atol=1e-13 * abs(other).max())
@@ -300,7 +300,7 @@ def test_sampling_to_many_digits(scene: str) -> None:
         whole = mp.zeros(n + m)
         whole[:n, :n], whole[:n, n:] = mp.matrix(model.A.tolist()), mp.matrix(model.B.tolist())
         exact = np.array(mp.expm(whole * mp.mpf(DT)).tolist(), dtype=float)
-    found = sampled(model, DT)
+    found = sample(model, DT)
     np.testing.assert_allclose(found.A, exact[:n, :n], rtol=1e-13, atol=1e-18)
     np.testing.assert_allclose(found.B, exact[:n, n:], rtol=1e-13, atol=1e-18)
 
@@ -311,7 +311,7 @@ def test_a_held_input_as_control_integrates_it(scene: str) -> None:
     times = np.arange(200) * DT
     constant = np.ones((len(model.inputs), len(times)))
     expected = control.forced_response(to_control(model), times, constant)
-    found = control.forced_response(to_control(sampled(model, DT)), times, constant)
+    found = control.forced_response(to_control(sample(model, DT)), times, constant)
     assert_close(found.outputs, expected.outputs, 1e-9)
 
 
@@ -322,20 +322,20 @@ def test_a_first_order_hold_follows_lines_exactly(scene: str) -> None:
     inputs = held_inputs(model, 200)
     inputs[:, 0] = 0.0
     expected = control.forced_response(to_control(model), times, inputs)
-    found = control.forced_response(to_control(sampled(model, DT, "foh")), times, inputs)
+    found = control.forced_response(to_control(sample(model, DT, "foh")), times, inputs)
     assert_close(found.outputs, expected.outputs, 1e-9)
 
 
 def test_tustin_is_the_bilinear_map_of_the_transfer_function() -> None:
     model = model_of("crane-hook")
-    found = to_control(sampled(model, DT, "tustin"))
+    found = to_control(sample(model, DT, "tustin"))
     point = np.exp(1j * 0.7 * DT)
     np.testing.assert_allclose(found(point), to_control(model)(2 / DT * (point - 1) / (point + 1)), rtol=1e-9)
 
 
 def test_repeated_and_zero_modes_do_not_disturb_sampling() -> None:
     model = state_space(EQUAL_LOADS, ("cart_force",))
-    once, twice = sampled(model, 0.125), sampled(model, 0.25)
+    once, twice = sample(model, 0.125), sample(model, 0.25)
     np.testing.assert_allclose(once.A @ once.A, twice.A, rtol=1e-13, atol=1e-15)
     np.testing.assert_allclose(once.A @ once.B + once.B, twice.B, rtol=1e-13, atol=1e-17)
     assert_poles(once.A, EQUAL_LOADS, 0.125)
@@ -350,10 +350,10 @@ def test_sampling_does_not_depend_on_the_units() -> None:
     """In kilometres and tonnes the same model, scaled: no digit is lost to large and small numbers side by side."""
     model = state_space(load("metronomes"), ("cart_force",))
     scale = np.array([2.0**-40, 1, 1, 2.0**-40, 1, 1])
-    found = sampled(
+    found = sample(
         replace(model, A=scale[:, None] * model.A / scale, B=scale[:, None] * model.B, C=model.C / scale), DT
     )
-    expected = sampled(model, DT)
+    expected = sample(model, DT)
     np.testing.assert_allclose(found.A, scale[:, None] * expected.A / scale, rtol=1e-13, atol=0)
     np.testing.assert_allclose(found.B, scale[:, None] * expected.B, rtol=1e-13, atol=0)
 
@@ -361,16 +361,16 @@ def test_sampling_does_not_depend_on_the_units() -> None:
 @pytest.mark.parametrize("dt", [0.0, -1.0, np.nan, np.inf])
 def test_a_step_must_be_positive(dt: float) -> None:
     with pytest.raises(SceneError, match=f"step {dt} s: must be a positive number"):
-        sampled(model_of("chain-3"), dt)
+        sample(model_of("chain-3"), dt)
 
 
 def test_what_sampling_refuses() -> None:
     with pytest.raises(SceneError, match=r"discrete already, with a step of 0\.01 s"):
-        sampled(model_of("chain-3", DT), DT)
+        sample(model_of("chain-3", DT), DT)
     with pytest.raises(SceneError, match="method euler: must be one of zoh, foh, tustin"):
-        sampled(model_of("chain-3"), DT, "euler")
+        sample(model_of("chain-3"), DT, "euler")
     with pytest.raises(ComputationError, match="past the range of doubles"):
-        sampled(model_of("cart-upright"), 1e3)
+        sample(model_of("cart-upright"), 1e3)
 
 
 def test_reach_bounds_every_pole() -> None:
@@ -409,7 +409,7 @@ def test_two_hundred_links_in_every_format(name: str) -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=200)])])
     model = state_space(scene, ("joint_torques",), ("angles",))
     assert model.A.shape == (400, 400)
-    content = FORMATS[name].write(sampled(model, DT) if name == "c" else model)
+    content = FORMATS[name].write(sample(model, DT) if name == "c" else model)
     assert len(content) > 100_000
 
 
@@ -462,7 +462,7 @@ def test_the_checks_bite() -> None:
     with pytest.raises(AssertionError):
         assert_poles(wrong, scene)
     with pytest.raises(AssertionError):
-        assert_poles(sampled(model, DT).A, scene)
+        assert_poles(sample(model, DT).A, scene)
     with pytest.raises(AssertionError, match="left over"):
         assert_poles(np.diag([*np.linalg.eigvals(model.A), 1.0]), scene)
     wrong[4, 2] = np.nextafter(model.A[4, 2], 9)

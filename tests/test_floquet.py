@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from nonlinear.averaging.equations import averaged
-from nonlinear.averaging.equilibria import Configuration, configurations
+from nonlinear.averaging.equations import average
+from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.modal_energy import survival
+from nonlinear.synchronization.modal_energy import find_survival
 from nonlinear.synchronization.patterns import agreement
 from nonlinear.system.state import State
 
@@ -21,8 +21,8 @@ WITHIN = 6e-4  # 1/s
 
 
 @cache
-def said(pair: floquet.Pair) -> dict[str, Configuration]:
-    return {agreement(one): one for one in configurations(averaged(pair.scene))}
+def said(pair: floquet.Pair) -> dict[str, RelativeEquilibrium]:
+    return {agreement(one): one for one in relative_equilibria(average(pair.scene))}
 
 
 @cache
@@ -57,7 +57,7 @@ def test_the_simulator_comes_back_at_the_same_rate() -> None:
     q[1:] *= np.exp(1j * np.array([0.02, -0.02]))
     v = (1j * one.omega * q).real
     start = State(q[1:].real, v[1:], float(q[0].real), float(v[0]))
-    run = survival(simulate(STRONG.scene, 250.0, start=start, tolerance=1e-9, output=12_001))
+    run = find_survival(simulate(STRONG.scene, 250.0, start=start, tolerance=1e-9, output=12_001))
     inside = (run.times > 50) & (run.times < 240)
     slope = np.polyfit(run.times[inside], np.log(run.share[inside, 0]), 1)[0] / 2
     assert slope == pytest.approx(exact(STRONG, "in phase").growth, rel=0.1)

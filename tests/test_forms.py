@@ -11,14 +11,14 @@ from motion_scenes import motion_scene
 from modal import Scene
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import released
+from nonlinear.system.initial import state_at_rest
 
 TIMES = np.linspace(0, 10, 21)
 
 
 def angles(run: Trajectory) -> np.ndarray:
     links = run.motion.links
-    return np.unwrap(np.arctan2(links[..., 0], links[..., 2]), axis=0) if run.plant.spatial else links
+    return np.unwrap(np.arctan2(links[..., 0], links[..., 2]), axis=0) if run.system.spatial else links
 
 
 @pytest.mark.parametrize("seed", range(100))
@@ -29,7 +29,7 @@ def test_minimal_maximal_and_spatial_trajectories_agree(seed: int) -> None:
     twin: Scene = scene.model_copy(update={"space": "space"})
     kinds = [(scene, "minimal"), (scene, "maximal"), (twin, "spatial")]
     runs = [
-        simulate(s, 10, form=form, method="DOP853", tolerance=1e-12, start=released(s, start), output=TIMES)
+        simulate(s, 10, form=form, method="DOP853", tolerance=1e-12, start=state_at_rest(s, start), output=TIMES)
         for s, form in kinds
     ]
     moved = abs(angles(runs[0])).max()

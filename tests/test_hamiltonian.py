@@ -10,8 +10,8 @@ from test_maximal import final
 
 from modal.scene.model import Cart, Scene
 from nonlinear.dynamics.hamiltonian import Hamiltonian, hamiltonian, momenta, velocities
-from nonlinear.system.plant import Plant, plant_of
 from nonlinear.system.state import State
+from nonlinear.system.system import System, system_of
 
 SEEDS = range(60)
 STEP = 1e-30
@@ -40,89 +40,89 @@ def potential(scene: Scene, q: np.ndarray) -> float:
     return found
 
 
-def vectors(plant: Plant, state: State) -> tuple[np.ndarray, np.ndarray]:
-    y = minimal(plant).begin(state)
-    half = minimal(plant).layout.half
+def vectors(system: System, state: State) -> tuple[np.ndarray, np.ndarray]:
+    y = minimal(system).begin(state)
+    half = minimal(system).layout.half
     return y[:half], y[half : 2 * half]
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_momenta_are_M_times_velocities_and_back(seed: int) -> None:
     scene = plane_scene(seed)
-    plant = plant_of(scene)
-    state = random_state(plant, seed)
-    q, v = vectors(plant, state)
-    p = momenta(plant, state)
+    system = system_of(scene)
+    state = random_state(system, seed)
+    q, v = vectors(system, state)
+    p = momenta(system, state)
     theirs = dense_M(scene, q) @ v
     np.testing.assert_allclose(p, theirs, rtol=0, atol=1e-13 * np.abs(theirs).max())
-    np.testing.assert_allclose(velocities(plant, state.links, p), v, rtol=0, atol=1e-11 * np.abs(v).max())
+    np.testing.assert_allclose(velocities(system, state.links, p), v, rtol=0, atol=1e-11 * np.abs(v).max())
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_H_is_the_energy(seed: int) -> None:
     scene = plane_scene(seed)
-    plant = plant_of(scene)
-    state = random_state(plant, seed)
-    q, v = vectors(plant, state)
+    system = system_of(scene)
+    state = random_state(system, seed)
+    q, v = vectors(system, state)
     kinetic = v @ dense_M(scene, q) @ v / 2
-    found = hamiltonian(plant, state.cart, state.links, momenta(plant, state))
+    found = hamiltonian(system, state.cart, state.links, momenta(system, state))
     assert found == pytest.approx(kinetic + potential(scene, q), rel=1e-11, abs=1e-12 * kinetic)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_slopes_of_H_are_the_motion(seed: int) -> None:
     """q' = ∂H/∂p and p' = −∂H/∂q by complex steps; dampers add minus what they resist."""
-    plant = plant_of(plane_scene(seed))
-    state, first = random_state(plant, seed), int(plant.cart is not None)
-    q, v = vectors(plant, state)
-    p, half = momenta(plant, state), len(q)
+    system = system_of(plane_scene(seed))
+    state, first = random_state(system, seed), int(system.cart is not None)
+    q, v = vectors(system, state)
+    p, half = momenta(system, state), len(q)
 
     def slope(direction: np.ndarray) -> float:
         at, push = q + 1j * STEP * direction[:half], p + 1j * STEP * direction[half:]
-        return hamiltonian(plant, at[0] if first else 0.0, at[first:], push).imag / STEP
+        return hamiltonian(system, at[0] if first else 0.0, at[first:], push).imag / STEP
 
     slopes = np.array([slope(unit) for unit in np.eye(2 * half)])
-    system = Hamiltonian(plant)
-    found = system.derivative(0.0, system.begin(state))
+    equations = Hamiltonian(system)
+    found = equations.derivative(0.0, equations.begin(state))
     scale = np.abs(slopes).max()
     np.testing.assert_allclose(found[:half], slopes[half:], rtol=0, atol=1e-11 * scale)
     lost = found[half : 2 * half] + slopes[:half]
-    np.testing.assert_allclose(lost, dampers(plant, state), rtol=0, atol=1e-11 * scale)
-    assert system.layout.works == bool(dampers(plant, state).any())
-    if system.layout.works:
-        assert found[-1] == pytest.approx(dampers(plant, state) @ v, rel=1e-12, abs=1e-12)
+    np.testing.assert_allclose(lost, dampers(system, state), rtol=0, atol=1e-11 * scale)
+    assert equations.layout.works == bool(dampers(system, state).any())
+    if equations.layout.works:
+        assert found[-1] == pytest.approx(dampers(system, state) @ v, rel=1e-12, abs=1e-12)
 
 
-def dampers(plant: Plant, state: State) -> np.ndarray:
+def dampers(system: System, state: State) -> np.ndarray:
     """Minus the slope in the velocities of half the power lost: link by link."""
-    found, damping = np.zeros(plant.n_links), plant.by_link("damping")
-    for group in plant.groups:
+    found, damping = np.zeros(system.n_links), system.by_link("damping")
+    for group in system.groups:
         for column in group.index.T:
             for above, link in zip([None, *column[:-1]], column, strict=True):
                 turn = state.link_rates[link] - (0.0 if above is None else state.link_rates[above])
                 found[link] -= damping[link] * turn
                 if above is not None:
                     found[above] += damping[link] * turn
-    return np.concatenate(([-plant.cart.damping * state.cart_rate], found)) if plant.cart else found
+    return np.concatenate(([-system.cart.damping * state.cart_rate], found)) if system.cart else found
 
 
 @pytest.mark.parametrize("seed", [3, 9, 10])
 def test_motion_is_lagranges(seed: int) -> None:
-    plant = plant_of(plane_scene(seed))
-    state = random_state(plant, seed)
+    system = system_of(plane_scene(seed))
+    state = random_state(system, seed)
     start = State(0.3 * state.links, 0.3 * state.link_rates, state.cart, state.cart_rate)
     options = {"end": 1.0, "pieces": 2}
-    systems = Hamiltonian(plant, blowing), minimal(plant, blowing)
-    mine, theirs = (final(system, start, **options) for system in systems)
+    systems = Hamiltonian(system, blowing), minimal(system, blowing)
+    mine, theirs = (final(equations, start, **options) for equations in systems)
     np.testing.assert_allclose(mine.links, theirs.links, rtol=0, atol=1e-9)
     np.testing.assert_allclose(mine.link_rates, theirs.link_rates, rtol=0, atol=1e-8)
     assert mine.cart == pytest.approx(theirs.cart, abs=1e-9)
 
 
 def test_a_state_comes_back_and_many_read_as_one() -> None:
-    plant = plant_of(plane_scene(8))
-    system, states = Hamiltonian(plant, blowing), [random_state(plant, seed) for seed in range(5)]
-    motion = system.read(np.array([system.begin(state) for state in states]))
+    system = system_of(plane_scene(8))
+    equations, states = Hamiltonian(system, blowing), [random_state(system, seed) for seed in range(5)]
+    motion = equations.read(np.array([equations.begin(state) for state in states]))
     for at, state in enumerate(states):
         np.testing.assert_array_equal(motion[at].links, state.links)
         np.testing.assert_allclose(motion[at].link_rates, state.link_rates, rtol=0, atol=1e-11)
@@ -131,8 +131,8 @@ def test_a_state_comes_back_and_many_read_as_one() -> None:
 
 def test_nothing_changes_the_momentum_of_a_free_cart() -> None:
     scene = plane_scene(4).model_copy(update={"support": Cart(mass=1.0)})
-    plant = plant_of(scene)
-    system = Hamiltonian(plant)
-    y = system.begin(random_state(plant, 1))
-    assert y[system.layout.half] != 0.0
-    assert system.derivative(0.0, y)[system.layout.half] == 0.0
+    system = system_of(scene)
+    equations = Hamiltonian(system)
+    y = equations.begin(random_state(system, 1))
+    assert y[equations.layout.half] != 0.0
+    assert equations.derivative(0.0, y)[equations.layout.half] == 0.0

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from modal import shipped
+from modal import example_names
 from multipendula import completion
 from multipendula.cli import _parser, main
 from multipendula.examples import EXAMPLES, FIRST
@@ -136,16 +136,16 @@ def completed(line: str) -> list[str]:
     ("line", "words"),
     [
         ("ta", ["table"]),
-        ("table cha", [name for name in shipped() if name.startswith("cha")]),
-        ("table ", [*shipped(), "below/", "mine.toml"]),
-        ("plot ", [*shipped(), "below/", "mine.toml", "run.npz"]),
+        ("table cha", [name for name in example_names() if name.startswith("cha")]),
+        ("table ", [*example_names(), "below/", "mine.toml"]),
+        ("plot ", [*example_names(), "below/", "mine.toml", "run.npz"]),
         ("table below/", ["below/deep.toml"]),
         ("table chain-3 --form", ["--format"]),
         ("table chain-3 --format m", ["markdown"]),
         ("table chain-3 --format=m", ["--format=markdown"]),
         ("shapes chain-3 -o p", ["picture.png"]),
         ("derive chain-3 --show polynomial,m", ["polynomial,matrices", "polynomial,modes"]),
-        ("derive pap", ["paper:000", "paper:001", "paper:002", *(n for n in shipped() if n.startswith("pap"))]),
+        ("derive pap", ["paper:000", "paper:001", "paper:002", *(n for n in example_names() if n.startswith("pap"))]),
         ("gains crane-hook --output angles,t", ["angles,tip_positions"]),
         ("gains crane-hook --input cart_f", ["cart_force"]),
         ("sweep chain-1 --measure o", ["order"]),
@@ -184,7 +184,7 @@ def test_the_words_are_those_of_the_packages() -> None:
     from nonlinear.sweeps.measures import MEASURES
 
     lists, words = completion.LISTS, completion.WORDS
-    assert completion.shipped() == shipped()
+    assert completion.shipped() == example_names()
     for offered, there in (
         *((lists["show"], SECTIONS), (lists["input"], INPUTS), (lists["output"], OUTPUTS)),
         *((lists["symbolic"], SYMBOLIC), (words["to"], FORMATS), (words["method"], METHODS)),

@@ -13,12 +13,12 @@ import pytest
 from modal import Bob, Cart, Fixed, Pendulum, Scene, natural_modes
 from modal.errors import ComputationError
 from multipendula.cli import main
-from nonlinear import Push, released, simulate
+from nonlinear import AppliedForces, simulate, state_at_rest
 from nonlinear import files as recordings
 from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.inventory import inventory
+from nonlinear.postprocessing.inventory import run_inventory
 from nonlinear.reduction.modal_coordinates import start_in_mode
-from nonlinear.reduction.truncation import truncated
+from nonlinear.reduction.truncation import simulate_truncated
 from nonlinear.simulation import advise
 
 
@@ -33,7 +33,7 @@ def scene_of(
 
 def run_of(scene: Scene, **how: object) -> Trajectory:
     angles = np.linspace(10, 40, scene.n_links)
-    return simulate(scene, 0.3, start=released(scene, list(angles)), output=5, **how)  # type: ignore[arg-type]
+    return simulate(scene, 0.3, start=state_at_rest(scene, list(angles)), output=5, **how)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -49,11 +49,11 @@ def run_of(scene: Scene, **how: object) -> Trajectory:
 )
 def test_degrees_of_freedom(how: dict[str, object], coordinates: int, integrated: int, numbers: int) -> None:
     trajectory = run_of(scene_of(**how))  # type: ignore[arg-type]
-    found = inventory(trajectory)
+    found = run_inventory(trajectory)
     assert (found.coordinates, found.integrated, found.numbers) == (coordinates, integrated, numbers)
-    assert trajectory.system is not None
-    assert len(trajectory.system.begin(trajectory.final)) == numbers
-    assert ("no cart coordinate: the support is fixed" in found.left_out) == (trajectory.plant.cart is None)
+    assert trajectory.equations is not None
+    assert len(trajectory.equations.begin(trajectory.final)) == numbers
+    assert ("no cart coordinate: the support is fixed" in found.left_out) == (trajectory.system.cart is None)
     assert ("no work: nothing damps or drives" in found.left_out) == (not how.get("damping"))
 
 
@@ -78,7 +78,7 @@ def test_matrices_are_those_that_are_really_solved(
 
     scene = scene_of(cart=True, links=links, pendula=pendula)
     monkeypatch.setattr(np.linalg, "solve", counted)
-    found = inventory(run_of(scene, form=form))
+    found = run_inventory(run_of(scene, form=form))
     assert set(solved) == set(expected)
     assert sorted(matrix[0] for matrix in found.matrices) == sorted(shape[-1] for shape in expected)
     assert sum(number for _, number in found.matrices) == sum(shape[0] if len(shape) == 3 else 1 for shape in expected)
@@ -89,26 +89,26 @@ def test_matrices_are_those_that_are_really_solved(
 def test_equal_pendula_few_modes_and_closed_forms_leave_out_the_rest() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), count=1000)
     scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))
-    found = inventory(simulate(scene, 1.0, start=released(scene, [20.0]), output=3))
+    found = run_inventory(simulate(scene, 1.0, start=state_at_rest(scene, [20.0]), output=3))
     assert (found.coordinates, found.integrated, found.numbers) == (1001, 2, 4)
     assert "all but 1 of 1000 pendula, the others moving with them" in found.left_out
     chain = scene_of(links=12)
     modes = natural_modes(chain)
     start = start_in_mode(chain, modes, 0, 0, 0.05)
-    few = inventory(truncated(chain, 1.0, 3, start=start).trajectory)
+    few = run_inventory(simulate_truncated(chain, 1.0, 3, start=start).trajectory)
     assert (few.coordinates, few.integrated, few.matrices) == (12, 3, ((3, 1),))
-    none = inventory(advise(chain, 1.0, 1e-2, start=start).trajectory)
+    none = run_inventory(advise(chain, 1.0, 1e-2, start=start).trajectory)
     assert (none.coordinates, none.integrated, none.numbers) == (12, 0, 0)
 
 
 def test_a_saved_run_does_not_tell(tmp_path) -> None:  # type: ignore[no-untyped-def]
     recordings.save(run_of(scene_of()), tmp_path / "run.npz")
     with pytest.raises(ComputationError, match="not saved with it"):
-        inventory(recordings.load(tmp_path / "run.npz"))
+        run_inventory(recordings.load(tmp_path / "run.npz"))
 
 
 def test_a_driven_run_counts_its_work() -> None:
-    found = inventory(run_of(scene_of(), load=lambda time, state: Push()))
+    found = run_inventory(run_of(scene_of(), load=lambda time, state: AppliedForces()))
     assert found.numbers == 5
     assert not any("work" in sentence for sentence in found.left_out)
 
@@ -145,6 +145,6 @@ def test_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_an_implicit_integrator_has_a_matrix_and_series_have_none() -> None:
-    assert inventory(run_of(scene_of(links=40), method="Radau")).matrices[0] == (80, 1)
+    assert run_inventory(run_of(scene_of(links=40), method="Radau")).matrices[0] == (80, 1)
     pytest.importorskip("heyoka")
-    assert inventory(run_of(scene_of(), method="taylor")).matrices == ()
+    assert run_inventory(run_of(scene_of(), method="taylor")).matrices == ()

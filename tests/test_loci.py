@@ -24,11 +24,11 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.loci.following import Loci, loci
-from modal.loci.tracking import followed, overlaps, solved
+from modal.loci.following import Loci, follow_loci
+from modal.loci.tracking import follow, overlaps, solve_at
 from modal.plotting.loci import draw_loci, encounter_words
-from modal.scene.parameters import parsed
-from modal.scene.places import varied
+from modal.scene.parameters import parse_variations
+from modal.scene.places import vary
 
 LENGTH = "pendulum[0].links[0].length"
 G = 9.81
@@ -41,7 +41,7 @@ def pair(support: Fixed | Cart, **more: str) -> Scene:
 
 
 def of(scene: Scene, text: str) -> Loci:
-    return loci(scene, parsed([text])[0])
+    return follow_loci(scene, parse_variations([text])[0])
 
 
 def test_uncoupled_pendula_cross_where_their_lengths_are_equal() -> None:
@@ -90,7 +90,7 @@ def test_on_a_heavy_cart_they_veer_by_the_coupling(mass: float) -> None:
 
 
 def dense_gap(scene: Scene, value: float) -> float:
-    found = matrices(varied(scene, {LENGTH: value}))
+    found = matrices(vary(scene, {LENGTH: value}))
     omega = np.sqrt(np.maximum(np.linalg.eigvals(np.linalg.solve(found.M, found.K)).real, 0))
     low, high = np.sort(omega)[1:]
     return float(high - low)
@@ -110,7 +110,7 @@ def test_loci_hold_all_frequencies_and_shapes_go_on(seed: int) -> None:
     scene = motion_scene(seed, damped=False, standing=False)
     found = of(scene, f"{LENGTH}=0.2:4:7log")
     for value in (found.variation.values[0], found.variation.values[3], found.variation.values[-1]):
-        modes = natural_modes(varied(scene, {LENGTH: value}))
+        modes = natural_modes(vary(scene, {LENGTH: value}))
         mine = np.repeat(found.omega[np.flatnonzero(found.values == value)[0]], found.multiplicity)
         assert np.allclose(np.sort(mine), np.repeat(modes.omega, modes.multiplicity), rtol=1e-12)
     assert set(found.variation.values) <= set(found.values.tolist())
@@ -154,10 +154,10 @@ def test_only_neighbours_veer() -> None:
 def test_a_degenerate_space_is_followed_by_projection() -> None:
     """At equal lengths the modes of two free pendula may be any mixture: the follower finds the unmixed ones."""
     scene = pair(Fixed())
-    before, after = (solved(scene, LENGTH, value) for value in (1.15, 1.2))
+    before, after = (solve_at(scene, LENGTH, value) for value in (1.15, 1.2))
     turn = np.array([[np.cos(0.7), np.sin(0.7)], [-np.sin(0.7), np.cos(0.7)]])
     mixed = after.reordered(np.arange(2), after.shapes @ turn)
-    found, sure = followed(before, mixed)
+    found, sure = follow(before, mixed)
     assert sure
     assert np.allclose(overlaps(before, found), np.eye(2), atol=1e-12)
     assert np.max(np.abs(overlaps(before, mixed) - np.eye(2))) > 0.2
@@ -165,10 +165,10 @@ def test_a_degenerate_space_is_followed_by_projection() -> None:
 
 def test_shapes_are_compared_by_the_mass_matrix() -> None:
     scene, n = load("chain-unequal"), 3
-    here = solved(scene, LENGTH, 1.0)
+    here = solve_at(scene, LENGTH, 1.0)
     assert np.allclose(overlaps(here, here), np.eye(n), atol=1e-12)
     assert np.allclose(here.shapes[0].T @ matrices(scene).M @ here.shapes[0], np.eye(n), atol=1e-12)
-    there = solved(scene, LENGTH, 1.1)
+    there = solve_at(scene, LENGTH, 1.1)
     assert 0.9 < overlaps(here, there)[0, 0] ** 2 < 1 - 1e-9
 
 
@@ -203,7 +203,7 @@ def test_loci_need_a_smooth_parameter(text: str) -> None:
 
 def test_progress_is_told_value_by_value() -> None:
     heard: list[float] = []
-    loci(load("chain-3"), parsed([f"{LENGTH}=1:2:4"])[0], heard.append)
+    follow_loci(load("chain-3"), parse_variations([f"{LENGTH}=1:2:4"])[0], heard.append)
     assert heard == [2, 3, 4]
     assert all(later > earlier for earlier, later in pairwise(heard))
 

@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 
 from modal.errors import SceneError
 from modal.modes.modes import natural_modes
-from modal.scene.model import Bob, Cart, Pendulum, Rod, Scene, Start
+from modal.scene.model import Bob, Cart, InitialCondition, Pendulum, Rod, Scene
 from nonlinear.chaos.claims import study, text, verdicts
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.chaos.studies import Case, Finding, Study, level_starts, measure
@@ -22,8 +22,8 @@ from nonlinear.dynamics.mechanics import Mechanics
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.short import Dense
 from nonlinear.plotting.chaos import draw_finding, draw_running
-from nonlinear.system.plant import plant_of
 from nonlinear.system.state import State
+from nonlinear.system.system import system_of
 
 G = 9.81
 
@@ -34,7 +34,7 @@ def chain(links: int, *, kind: type[Bob] | type[Rod] = Bob, gravity: float = G, 
 
 
 def released(links: int, degrees: float, **more: object) -> Scene:
-    return chain(links, start=Start(angles_deg=(degrees,) * links), **more)
+    return chain(links, start=InitialCondition(angles_deg=(degrees,) * links), **more)
 
 
 DAMPED = Scene(
@@ -52,23 +52,23 @@ DAMPED = Scene(
 
 @pytest.mark.parametrize("scene", [DAMPED, chain(3), *map(random_scene, (4, 8, 15))], ids=range(5))
 def test_the_tangent_is_the_slope_of_the_derivative(scene: Scene) -> None:
-    tangent, rng = Tangent(plant_of(scene)), np.random.default_rng(3)
-    size = tangent.system.layout.size
+    tangent, rng = Tangent(system_of(scene)), np.random.default_rng(3)
+    size = tangent.equations.layout.size
     y = rng.uniform(-1, 1, (size, 5)) * tangent.scale
     v = rng.standard_normal((size, 5)) * tangent.scale
     f, Jv = tangent.product(y, v)
     step = 1e-3
-    ahead, behind, far, back = (tangent.system.derivative(0.0, y + k * step * v) for k in (1, -1, 2, -2))
+    ahead, behind, far, back = (tangent.equations.derivative(0.0, y + k * step * v) for k in (1, -1, 2, -2))
     slope = (8 * (ahead - behind) - (far - back)) / (12 * step)
-    assert np.allclose(f, tangent.system.derivative(0.0, y), rtol=1e-13, atol=1e-13 * np.abs(f).max())
+    assert np.allclose(f, tangent.equations.derivative(0.0, y), rtol=1e-13, atol=1e-13 * np.abs(f).max())
     assert np.abs((slope - Jv) / np.abs(Jv).max(1, keepdims=True)).max() < 1e-8
 
 
 def test_the_motion_carried_along_is_the_simulated_one() -> None:
     """The dense form with its work column, one trajectory at a time, gives the same y'."""
-    plant = plant_of(DAMPED)
-    tangent, plain = Tangent(plant), Minimal(plant, tuple(map(Dense, plant.groups)))
-    y = np.random.default_rng(1).standard_normal((tangent.system.layout.size, 3))
+    system = system_of(DAMPED)
+    tangent, plain = Tangent(system), Minimal(system, tuple(map(Dense, system.groups)))
+    y = np.random.default_rng(1).standard_normal((tangent.equations.layout.size, 3))
     f, _ = tangent.product(y, np.ones_like(y))
     for k in range(3):
         assert np.allclose(f[:, k], plain.derivative(0.0, np.append(y[:, k], 0.0))[:-1], rtol=1e-12)
@@ -85,7 +85,7 @@ def test_the_tangent_is_sympys_jacobian() -> None:
     exact = sp.Matrix([w, u, solved[a], solved[b]]).jacobian([x, t, w, u]).subs(numbers)
     scene = Scene(gravity=G, support=Cart(mass=1.9), pendulum=(Pendulum(links=(Bob(mass=0.7, length=1.3),)),))
     y = np.array([0.2, 0.9, -0.4, 2.1])[:, None]
-    _, found = Tangent(plant_of(scene)).product(np.tile(y, 4), np.eye(4))
+    _, found = Tangent(system_of(scene)).product(np.tile(y, 4), np.eye(4))
     assert np.allclose(found, np.array(exact.tolist(), dtype=float), rtol=1e-13, atol=1e-13)
 
 
@@ -105,7 +105,9 @@ def test_regular_motion_is_not_told_from_zero() -> None:
 def test_at_a_standing_rest_it_is_the_fastest_growth_rate(links: int, up: int) -> None:
     """For one link sqrt(g/l).  The last links stand, the others hang; round-off tips them over only later."""
     ways = ("down",) * (links - up) + ("up",) * up
-    scene = chain(links, equilibrium=ways, start=Start(angles_deg=tuple(180.0 * (way == "up") for way in ways)))
+    scene = chain(
+        links, equilibrium=ways, start=InitialCondition(angles_deg=tuple(180.0 * (way == "up") for way in ways))
+    )
     rate = max(mode.growth_rate or 0.0 for mode in natural_modes(scene))
     assert links > 1 or rate == pytest.approx(np.sqrt(G), rel=1e-14)
     found = lyapunov_exponent(scene, 7.0, ensemble=4, spread=0.0)
@@ -117,7 +119,7 @@ def test_at_a_standing_rest_it_is_the_fastest_growth_rate(links: int, up: int) -
 def test_the_tangent_at_a_standing_rest_has_the_modes_of_the_table() -> None:
     scene = chain(3, kind=Rod, equilibrium=("up", "down", "up"))
     y = np.array([np.pi, 0, np.pi, 0, 0, 0])[:, None]
-    _, jacobian = Tangent(plant_of(scene)).product(np.tile(y, 6), np.eye(6))
+    _, jacobian = Tangent(system_of(scene)).product(np.tile(y, 6), np.eye(6))
     modes = natural_modes(scene)
     expected = sorted([*modes.eigenvalue, *-modes.eigenvalue], key=lambda s: (round(s.real, 6), s.imag))
     found = sorted(np.linalg.eigvals(jacobian), key=lambda s: (round(s.real, 6), s.imag))
@@ -130,7 +132,7 @@ def test_dampers_make_it_the_slowest_decay() -> None:
     scene = Scene(
         gravity=G,
         support=Cart(mass=1.0, damping=1.0, stiffness=6.0),
-        pendulum=(Pendulum(links=(Rod(**joint), Rod(**joint)), start=Start(angles_deg=(0.01, 0.01))),),
+        pendulum=(Pendulum(links=(Rod(**joint), Rod(**joint)), start=InitialCondition(angles_deg=(0.01, 0.01))),),
     )
     found = lyapunov_exponent(scene, 60.0, ensemble=4)
     assert found.value == pytest.approx(max(natural_modes(scene).eigenvalue.real), abs=1 / 60)
@@ -275,14 +277,14 @@ def test_what_cannot_be_is_refused(scene: Scene, duration: float, words: str) ->
 
 @pytest.mark.parametrize("case", [*study("000").cases, *study("001").cases], ids=lambda case: case.scene.title)
 def test_every_start_has_the_energy_of_level_links(case: Case) -> None:
-    plant = plant_of(case.scene)
-    tangent = Tangent(plant)
-    y = np.stack([tangent.system.begin(state) for state in level_starts(case.scene, 6)], axis=1)
-    mechanics = Mechanics(plant, tangent.system.read(y.T))
-    level = np.zeros(plant.n_pendula)
-    for group in plant.groups:
+    system = system_of(case.scene)
+    tangent = Tangent(system)
+    y = np.stack([tangent.equations.begin(state) for state in level_starts(case.scene, 6)], axis=1)
+    mechanics = Mechanics(system, tangent.equations.read(y.T))
+    level = np.zeros(system.n_pendula)
+    for group in system.groups:
         level[group.pendula] = G * group.block.b.sum(0)
-    assert np.abs(mechanics.of_pendula(mechanics.potential) - level).max() < 1e-12 * G * plant.n_links**2
+    assert np.abs(mechanics.of_pendula(mechanics.potential) - level).max() < 1e-12 * G * system.n_links**2
     assert case.scene.n_links == 1 or np.ptp(np.abs(mechanics.motion.links), axis=0).min() > 1e-3
 
 

@@ -17,7 +17,7 @@ import pytest
 import modal
 import nonlinear
 from modal.scene.drives import Escapement, VanDerPol
-from modal.scene.model import Bob, Body, Cart, Pendulum, Rod, Scene, Start
+from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -141,7 +141,7 @@ def test_every_command_is_in_the_reference() -> None:
 PARTS = {
     "The scene": [Scene],
     "The support": [Cart],
-    "A pendulum": [Pendulum, Start],
+    "A pendulum": [Pendulum, InitialCondition],
     "A link": [Bob, Rod, Body],
     "A drive": [VanDerPol, Escapement],
 }

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from modal import Bob, Cart, Pendulum, Scene, load, matrices, natural_modes, shipped
-from modal.coupling.analysis import explained
-from modal.coupling.coupling_words import words
-from modal.loci.following import loci
+from modal import Bob, Cart, Pendulum, Scene, example_names, load, matrices, natural_modes
+from modal.coupling.analysis import explain
+from modal.coupling.coupling_words import coupling_report
+from modal.loci.following import follow_loci
 from modal.loci.loci_tables import loci_csv, loci_text
 from modal.modes.numbering import lettered, table_numbers
-from modal.scene.parameters import parsed
+from modal.scene.parameters import parse_variations
 from modal.statespace.gains import modal_gains
 from modal.statespace.model import state_space
-from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.measures import parse_measures
 from nonlinear.sweeps.running import sweep
 from nonlinear.sweeps.study import Study
 from nonlinear.sweeps.sweep_tables import sweep_text
@@ -75,7 +75,7 @@ def test_a_mode_keeps_its_number_as_its_dampers_are_turned_up(name: str) -> None
         assert np.abs(values - at).min() < 1e-6 * abs(at)
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", example_names())
 def test_without_dampers_the_numbers_are_the_tables(name: str) -> None:
     scene = load(name).conservative
     if scene.n_links <= 100:
@@ -85,7 +85,7 @@ def test_without_dampers_the_numbers_are_the_tables(name: str) -> None:
 @pytest.mark.parametrize("name", ["paper-cart-2", "paper-cart-3", "crane-two-loads", "chain-2", *DRIVEN])
 def test_maps_have_the_tables_numbers(name: str) -> None:
     scene = load(name)
-    study = Study(scene, parsed([f"gravity={scene.gravity}"]), asked(["frequencies:9", "damping:9"]))
+    study = Study(scene, parse_variations([f"gravity={scene.gravity}"]), parse_measures(["frequencies:9", "damping:9"]))
     found, modes = sweep(study, workers=1), natural_modes(scene)
     for column in found.columns:
         kind, number = ("omega", 1) if column.startswith("omega") else ("damping_ratio", 2)
@@ -97,20 +97,24 @@ def test_maps_have_the_tables_numbers(name: str) -> None:
 
 def test_numbers_stay_where_dampers_appear_and_frequencies_meet() -> None:
     """A free cart's damper adds a mode that creeps, number 2; a third equal bob shares the row of the first two."""
-    study = Study(load("huygens"), parsed(["support.damping=0,1"]), asked(["frequencies", "beat", "splitting:3"]))
+    study = Study(
+        load("huygens"),
+        parse_variations(["support.damping=0,1"]),
+        parse_measures(["frequencies", "beat", "splitting:3"]),
+    )
     found = sweep(study, workers=1)
     assert found.columns == ("omega_3_rad_per_s", "omega_4_rad_per_s", "beat_3_s", "splitting_3_rad_per_s")
     assert np.isfinite([found.values(column) for column in found.columns]).all()
     bobs = [Pendulum(links=[Bob(mass=1.0, length=l)]) for l in (1.0, 1.1, 1.2)]
     three = Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=bobs)
-    asking = Study(three, parsed(["pendulum[*].links[0].length=1,1.1"]), asked(["frequencies"]))
+    asking = Study(three, parse_variations(["pendulum[*].links[0].length=1,1.1"]), parse_measures(["frequencies"]))
     merged = sweep(asking, workers=1)
     assert merged.columns == ("omega_2_rad_per_s", "omega_3_rad_per_s", "omega_4_rad_per_s")
     assert merged.values("omega_2_rad_per_s").tolist() == merged.values("omega_3_rad_per_s").tolist()
 
 
 def test_copies_have_letters() -> None:
-    found = asked(["damping:9"])[0].of(load("paper-cart-3"))
+    found = parse_measures(["damping:9"])[0].of(load("paper-cart-3"))
     assert list(found) == [f"damping_ratio_{name}" for name in ("2", "2b", "3", "4", "4b", "5")]
     assert [lettered(k) for k in (0, 25, 26, 27, 701, 702)] == ["a", "z", "aa", "ab", "zz", "aaa"]
 
@@ -119,8 +123,8 @@ def test_loci_have_the_numbers_of_the_table_at_the_scenes_own_value() -> None:
     """Light and long cross short and heavy, so that at the first value the order is another."""
     long, short = (Pendulum(links=[Bob(mass=1.0, length=l)]) for l in (3.0, 1.0))
     scene = Scene(gravity=9.81, pendulum=[long, short])
-    (variation,) = parsed(["pendulum[0].links[0].length=0.5:4:8"])
-    found, table = loci(scene, variation), natural_modes(scene)
+    (variation,) = parse_variations(["pendulum[0].links[0].length=0.5:4:8"])
+    found, table = follow_loci(scene, variation), natural_modes(scene)
     assert found.numbered_at == 3.0
     assert found.names == ("2", "1")
     here = found.values.tolist().index(3.0)
@@ -129,14 +133,14 @@ def test_loci_have_the_numbers_of_the_table_at_the_scenes_own_value() -> None:
     assert "crossing   2 · 1" in loci_text(found)
     assert "numbered as in the table at 3 m" in loci_text(found)
     assert loci_csv(found).startswith("pendulum[0].links[0].length_m,locus_2_rad_per_s,locus_1_rad_per_s\n")
-    outside = loci(scene, parsed(["pendulum[0].links[0].length=0.5:0.9:3"])[0])
+    outside = follow_loci(scene, parse_variations(["pendulum[0].links[0].length=0.5:0.9:3"])[0])
     assert (outside.numbered_at, outside.names) == (0.5, ("1", "2"))
 
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "paper-cart-3", "crane-two-loads", "chain-2", *DRIVEN])
 def test_the_page_that_explains_has_the_tables_numbers(name: str) -> None:
     scene = load(name)
-    told, table = json.loads(words(explained(scene), "json")), natural_modes(scene)
+    told, table = json.loads(coupling_report(explain(scene), "json")), natural_modes(scene)
     listed = [*told["cart_modes"], *told["damping"]]
     assert len(listed) >= 2
     for one in listed:
@@ -150,7 +154,7 @@ def test_the_page_that_explains_has_the_tables_numbers(name: str) -> None:
         assert family["family"] == "ABCDEFGH"[number]
         if still := family["mode_cart_still"]:
             assert "cart still" in table[still - 1].family
-    text = words(explained(scene))
+    text = coupling_report(explain(scene))
     assert f"(mode {told['cart_modes'][0]['mode']})" in text if told["cart_modes"] else "(mode 1)" in text
     assert "Family A" in text
     assert "Family 1" not in text

@@ -12,7 +12,7 @@ import modal
 from modal import natural_modes
 from modal.types import Floats
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import released
+from nonlinear.system.initial import state_at_rest
 from nonlinear.system.state import State
 
 TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="an hour needs the extra `taylor`")
@@ -36,7 +36,7 @@ def test_the_mirror_symmetric_start_leaves_the_cart_still_and_the_others_do_not(
     assert moved[1] < 1e-10
     assert moved[0] > 1e-3
     assert moved[2] > 1e-3
-    askew = released(modal.load("paper-cart-2"), [90, 90, -89, -90])
+    askew = state_at_rest(modal.load("paper-cart-2"), [90, 90, -89, -90])
     assert abs(simulate(modal.load("paper-cart-2"), 10, start=askew).motion.cart).max() > 1e-3
 
 

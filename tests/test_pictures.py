@@ -19,8 +19,8 @@ from seen import LEAST, contrast, flaws
 
 import modal
 from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
-from modal.coupling.analysis import Coupling, explained
-from modal.loci.following import Loci, loci
+from modal.coupling.analysis import Coupling, explain
+from modal.loci.following import Loci, follow_loci
 from modal.modes.modes import Modes
 from modal.plotting.coupling_figures import coupling_figure
 from modal.plotting.layout import headline, key
@@ -30,13 +30,13 @@ from modal.plotting.response import bode_figure, impulse_figure
 from modal.plotting.shapes import shapes_figure
 from modal.plotting.style import in_both_themes, save, sheet, theme
 from modal.scene.drives import VanDerPol
-from modal.scene.model import Start
-from modal.scene.parameters import parsed
-from modal.statespace.modal_form import ModalForm, modal_form
+from modal.scene.model import InitialCondition
+from modal.scene.parameters import parse_variations
+from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import state_space
 from multipendula.cli import main
-from nonlinear.accuracy.candidates import ladder
-from nonlinear.accuracy.work_precision import tradeoff
+from nonlinear.accuracy.candidates import list_candidates
+from nonlinear.accuracy.work_precision import measure_work_precision
 from nonlinear.chaos.claims import study
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.chaos.studies import Finding
@@ -52,7 +52,7 @@ from nonlinear.plotting.work_precision import tradeoff_figure
 from nonlinear.simulation import simulate
 from nonlinear.sweeps.running import Sweep, sweep
 from nonlinear.sweeps.study import Study
-from nonlinear.synchronization.branches import branches
+from nonlinear.synchronization.branches import follow_branches
 from nonlinear.synchronization.phases import phases_of
 from nonlinear.verification.modes import check
 from nonlinear.verification.motion import Comparison, compare
@@ -67,14 +67,14 @@ STYLES = Path(modal.__file__).parent
 def hung(count: int, *, cart: float | None = None, length: float = 1.0, mass: float = 1.0, title: str = "") -> Scene:
     """Pendula of slightly different lengths."""
     links = [(Bob(mass=mass, length=length * (1 + 0.05 * k)),) for k in range(count)]
-    pendula = tuple(Pendulum(links=one, start=Start(angles_deg=(20.0 + k,))) for k, one in enumerate(links))
+    pendula = tuple(Pendulum(links=one, start=InitialCondition(angles_deg=(20.0 + k,))) for k, one in enumerate(links))
     return Scene(title=title, gravity=9.81, pendulum=pendula, **({} if cart is None else {"support": Cart(mass=cart)}))
 
 
 def clocks(count: int) -> Scene:
     """Clocks on a light beam."""
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.05, angle_deg=5.0)),)
-    starts = (Start(angles_deg=(5.0 + k,)) for k in range(count))
+    starts = (InitialCondition(angles_deg=(5.0 + k,)) for k in range(count))
     pendula = tuple(Pendulum(links=links, start=start) for start in starts)
     return Scene(gravity=9.81, support=Cart(mass=50.0, damping=15.0), pendulum=pendula)
 
@@ -97,14 +97,16 @@ def compared(scene: str | Scene, duration: float) -> Comparison:
 @cache
 def form(scene: str | Scene, outputs: tuple[str, ...] = ()) -> ModalForm:
     whole = modal.load(scene) if isinstance(scene, str) else scene
-    return modal_form(natural_modes(whole), state_space(whole, (), outputs))
+    return to_modal_form(natural_modes(whole), state_space(whole, (), outputs))
 
 
 @cache
 def swept(*vary: str, measures: tuple[str, ...] = ("frequencies", "beat")) -> Sweep:
-    from nonlinear.sweeps.measures import asked
+    from nonlinear.sweeps.measures import parse_measures
 
-    return sweep(Study(modal.load("paper-cart-2"), parsed(list(vary)), asked(list(measures))), workers=1)
+    return sweep(
+        Study(modal.load("paper-cart-2"), parse_variations(list(vary)), parse_measures(list(measures))), workers=1
+    )
 
 
 @cache
@@ -119,7 +121,7 @@ def shapes(scene: str | Scene, count: int | None = None) -> Figure:
 
 @cache
 def explanation(scene: str | Scene) -> Coupling:
-    return explained(modal.load(scene) if isinstance(scene, str) else scene)
+    return explain(modal.load(scene) if isinstance(scene, str) else scene)
 
 
 def coupled(scene: str | Scene) -> Figure:
@@ -128,7 +130,7 @@ def coupled(scene: str | Scene) -> Figure:
 
 @cache
 def path_of(scene: str | Scene, text: str) -> Loci:
-    return loci(modal.load(scene) if isinstance(scene, str) else scene, parsed([text])[0])
+    return follow_loci(modal.load(scene) if isinstance(scene, str) else scene, parse_variations([text])[0])
 
 
 def followed(scene: str | Scene, text: str) -> Figure:
@@ -162,16 +164,16 @@ def frame(scene: str | Scene) -> Figure:
 
 @cache
 def branching():
-    return branches(clocks(2), parsed(["support.mass=20:500:4log"])[0])
+    return follow_branches(clocks(2), parse_variations(["support.mass=20:500:4log"])[0])
 
 
 @cache
 def traded():
     scene = modal.load("paper-cart-2")
-    return tradeoff(
+    return measure_work_precision(
         scene,
         0.2,
-        rungs=[rung for rung in ladder(scene) if rung.modal or (rung.tolerance > 1e-5 and not rung.compiled)],
+        rungs=[rung for rung in list_candidates(scene) if rung.modal or (rung.tolerance > 1e-5 and not rung.compiled)],
     )
 
 

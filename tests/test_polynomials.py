@@ -15,8 +15,8 @@ import sympy as sp
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes, pair
 from modal.exact.characteristic import Factor, Polynomial, equal_bobs, exact, exact_links, of_scene
-from modal.exact.roots import above, isolated
-from modal.symbolic.roots import closed_forms, roots, symbolic
+from modal.exact.roots import above, isolate
+from modal.symbolic.roots import closed_forms, polynomial_roots, symbolic
 
 X = sp.Symbol("x")
 PAPER = {
@@ -264,7 +264,7 @@ def test_intervals_hold_the_zeros_of_laguerre(n: int) -> None:
 
 def test_multiple_and_rational_roots() -> None:
     p = [int(c) for c in sp.Poly((X - 1) ** 3 * (X - 2) * X * (2 * X + 3), X).all_coeffs()]
-    found = isolated(p, Fraction(1, 1000))
+    found = isolate(p, Fraction(1, 1000))
     assert [i.multiplicity for i in found] == [1, 1, 3, 1]
     for interval, root in zip(found, (Fraction(-3, 2), 0, 1, 2), strict=True):
         assert interval.low < root <= interval.high
@@ -274,14 +274,14 @@ def test_multiple_and_rational_roots() -> None:
 
 def test_roots_that_are_not_real_are_refused() -> None:
     with pytest.raises(ComputationError, match="not real"):
-        isolated((1, 0, 1), Fraction(1, 10))
+        isolate((1, 0, 1), Fraction(1, 10))
     with pytest.raises(ValueError, match="width"):
-        isolated((1, -1), Fraction(0))
+        isolate((1, -1), Fraction(0))
 
 
 @pytest.mark.parametrize("n", range(1, 6))
 def test_closed_forms_lie_in_their_intervals(n: int) -> None:
-    found = roots(equal_bobs(n, "x"), Fraction(1, 10**20))
+    found = polynomial_roots(equal_bobs(n, "x"), Fraction(1, 10**20))
     assert [float(root.high) for root in found] == pytest.approx(np.polynomial.laguerre.lagroots([0] * n + [1]))
     for root in found:
         assert (root.exact is not None) == (n <= 3)
@@ -291,16 +291,20 @@ def test_closed_forms_lie_in_their_intervals(n: int) -> None:
 
 
 def test_radicals() -> None:
-    assert [r.exact for r in roots(equal_bobs(2, "x"))] == [2 - sp.sqrt(2), 2 + sp.sqrt(2)]
+    assert [r.exact for r in polynomial_roots(equal_bobs(2, "x"))] == [2 - sp.sqrt(2), 2 + sp.sqrt(2)]
     rods = Scene(gravity=1.0, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),)),))
-    exact_roots = [r.exact for r in roots(of_scene(rods)[0].polynomial)]
+    exact_roots = [r.exact for r in polynomial_roots(of_scene(rods)[0].polynomial)]
     assert [sp.simplify(r - 3 - s * 6 / sp.sqrt(7)) for r, s in zip(exact_roots, (-1, 1), strict=True)] == [0, 0]
     assert closed_forms(PAPER[4]) is None
 
 
 def test_rational_factors_are_found() -> None:
     p = Polynomial(tuple(int(c) for c in sp.Poly((X - 3) ** 2 * (X**2 - 4 * X + 2), X).all_coeffs()))
-    assert [(r.exact, r.multiplicity) for r in roots(p)] == [(2 - sp.sqrt(2), 1), (3, 2), (2 + sp.sqrt(2), 1)]
+    assert [(r.exact, r.multiplicity) for r in polynomial_roots(p)] == [
+        (2 - sp.sqrt(2), 1),
+        (3, 2),
+        (2 + sp.sqrt(2), 1),
+    ]
 
 
 # ------------------------------------------------------------------------------------------------------- symbols

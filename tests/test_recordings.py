@@ -17,11 +17,11 @@ from modal.scene.sealed import archive
 from nonlinear import files as recordings
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.postprocessing import summary
-from nonlinear.postprocessing.reaction_forces import reactions
-from nonlinear.simulation import resumed, simulate
-from nonlinear.system.events import crossing
-from nonlinear.system.plant import plant_of
-from nonlinear.system.state import Push
+from nonlinear.postprocessing.reaction_forces import reaction_forces_of
+from nonlinear.simulation import resume, simulate
+from nonlinear.system.events import level_crossing
+from nonlinear.system.state import AppliedForces
+from nonlinear.system.system import system_of
 
 
 def short_run(name: str, **options: Any) -> Trajectory:
@@ -40,13 +40,13 @@ def test_what_is_read_is_what_was_saved(name: str, kind: str, tmp_path: Path) ->
         assert np.array_equal(getattr(read.motion, part), getattr(saved.motion, part))
     assert np.array_equal(read.times, saved.times)
     assert summary.text(read) == summary.text(saved)
-    assert np.array_equal(reactions(read).pivots, reactions(saved).pivots)
-    assert resumed(read, 1.0).times[0] == 1.0
+    assert np.array_equal(reaction_forces_of(read).pivots, reaction_forces_of(saved).pivots)
+    assert resume(read, 1.0).times[0] == 1.0
 
 
 def test_events_are_saved(tmp_path: Path) -> None:
     scene = modal.load("chain-1")
-    passing = crossing(plant_of(scene), "theta[1,1]")
+    passing = level_crossing(system_of(scene), "theta[1,1]")
     saved = simulate(scene, 3.0, output=4, events=[passing])
     recordings.save(saved, tmp_path / "run.npz")
     read = recordings.load(tmp_path / "run.npz")
@@ -64,11 +64,11 @@ def test_csv_columns_carry_units(tmp_path: Path) -> None:
 
 
 def test_forces_from_outside_are_not_saved(tmp_path: Path) -> None:
-    driven = short_run("paper-cart-1", load=lambda time, state: Push(1.0))
-    assert np.isfinite(reactions(driven).normal).all()
+    driven = short_run("paper-cart-1", load=lambda time, state: AppliedForces(1.0))
+    assert np.isfinite(reaction_forces_of(driven).normal).all()
     recordings.save(driven, tmp_path / "run.npz")
     with pytest.raises(ComputationError, match="need the applied forces"):
-        reactions(recordings.load(tmp_path / "run.npz"))
+        reaction_forces_of(recordings.load(tmp_path / "run.npz"))
 
 
 def broken(tmp_path: Path) -> dict[str, Path]:
@@ -129,7 +129,7 @@ def test_a_name_of_no_known_kind_is_refused_before_anything_is_written(tmp_path:
 def test_no_scene_of_the_plane_is_read_as_one_of_space(tmp_path: Path) -> None:
     saved = short_run("chain-2")
     twin: Scene = saved.scene.model_copy(update={"space": "space"})
-    lied = Trajectory(twin, plant_of(twin), saved.times, saved.motion, saved.run)
+    lied = Trajectory(twin, system_of(twin), saved.times, saved.motion, saved.run)
     recordings.save(lied, tmp_path / "run.npz")
     with pytest.raises(SceneError, match="is not a trajectory"):
         recordings.load(tmp_path / "run.npz")

@@ -11,9 +11,9 @@ import scipy.linalg
 from control_scenes import DRIVES, SCENES, at, crane, hanging, mixed, of_control, rank
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load, natural_modes
-from modal.statespace.balancing import balanced
+from modal.statespace.balancing import balance
 from modal.statespace.model import StateSpace, state_space
-from modal.statespace.reduction import folded, minimal, truncated
+from modal.statespace.reduction import fold_equals, minimal, truncate
 
 OMEGA = np.array([0.05, 0.31, 0.9, 1.7, 3.3, 8.0, 25.0])
 
@@ -62,7 +62,7 @@ def test_a_thousand_equal_pendula_are_six_states() -> None:
 def test_kinds_keep_the_names_of_their_first() -> None:
     a, b = (Pendulum(links=[Bob(mass=1.0, length=l)]) for l in (1.0, 2.0))
     scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=[a, a, b, a, b])
-    fold = folded(scene)
+    fold = fold_equals(scene)
     assert fold.first == (1, 3)
     assert fold.copies == (3, 2)
     model = minimal(scene)
@@ -95,7 +95,7 @@ def test_truncation_keeps_the_static_gain(name: str, drive: str, by: str) -> Non
     """What G_K lacks of G vanishes with ω, at least in proportion; where all of D is missing it need not."""
     scene = SCENES[name]
     model = state_space(scene, (drive,), ("cart_position", "angles"))
-    small = truncated(natural_modes(scene), model, 1, by)
+    small = truncate(natural_modes(scene), model, 1, by)
     assert len(small.A) < len(model.A)
     assert small.inputs == model.inputs
     assert small.outputs == model.outputs
@@ -112,19 +112,19 @@ def test_truncation_keeps_the_static_gain(name: str, drive: str, by: str) -> Non
 def test_all_modes_are_the_whole_model_and_none_the_static_one() -> None:
     model = state_space(hanging())
     modes = natural_modes(hanging())
-    assert gap(truncated(modes, model, 3), model) < 1e-12
-    none = truncated(modes, model, 0)
+    assert gap(truncate(modes, model, 3), model) < 1e-12
+    none = truncate(modes, model, 0)
     assert none.A.shape == (0, 0)
     assert np.allclose(none.D, control.dcgain(of_control(model)), rtol=1e-10)
     with pytest.raises(ValueError, match="count = -1"):
-        truncated(modes, model, -1)
+        truncate(modes, model, -1)
 
 
 def test_the_rigid_mode_and_growing_ones_stay() -> None:
-    free = truncated(natural_modes(crane()), state_space(crane()), 0)
+    free = truncate(natural_modes(crane()), state_space(crane()), 0)
     assert [signal.name for signal in free.states] == ["eta_1", "eta_dot_1"]
     upright = load("cart-upright")
-    kept = truncated(natural_modes(upright), state_space(upright), 0)
+    kept = truncate(natural_modes(upright), state_space(upright), 0)
     growing = np.linalg.eigvals(state_space(upright).A).real.max()
     assert np.linalg.eigvals(kept.A).real.max() == pytest.approx(growing, rel=1e-10)
 
@@ -134,9 +134,9 @@ def test_contribution_finds_the_mode_that_answers() -> None:
     pendula = [Pendulum(links=[Bob(mass=m, length=l)]) for m, l in ((0.01, 4.0), (100.0, 1.0))]
     scene = Scene(gravity=9.81, support=Cart(mass=50.0), pendulum=pendula)
     model = state_space(scene, (), ("cart_position",))
-    kept = truncated(natural_modes(scene), model, 1)
+    kept = truncate(natural_modes(scene), model, 1)
     assert [s.name for s in kept.states] == ["eta_1", "eta_dot_1", "eta_3", "eta_dot_3"]
-    lowest = truncated(natural_modes(scene), model, 1, "lowest")
+    lowest = truncate(natural_modes(scene), model, 1, "lowest")
     assert [s.name for s in lowest.states][2:] == ["eta_2", "eta_dot_2"]
 
 
@@ -145,7 +145,7 @@ def test_hankel_values_are_those_of_scipys_gramians() -> None:
     P = scipy.linalg.solve_continuous_lyapunov(model.A, -model.B @ model.B.T)
     Q = control.lyap(model.A.T, model.C.T @ model.C, method="scipy")
     expected = np.sqrt(np.sort(np.linalg.eigvals(P @ Q).real)[::-1])
-    found = balanced(model, 4)
+    found = balance(model, 4)
     assert found.hankel == pytest.approx(expected, rel=1e-8)
     small = found.model
     for A, B in ((small.A, small.B), (small.A.T, small.C.T)):
@@ -157,7 +157,7 @@ def test_hankel_values_are_those_of_scipys_gramians() -> None:
 @pytest.mark.parametrize("count", [2, 4, 6])
 def test_the_error_bound_holds_and_is_not_idle(count: int) -> None:
     model = state_space(hanging(2.0))
-    found = balanced(model, count)
+    found = balance(model, count)
     omega = np.geomspace(1e-2, 1e3, 2000)
     error = np.linalg.svd((at(found.model, omega) - at(model, omega)).transpose(2, 0, 1), compute_uv=False).max()
     assert error <= found.error_bound + 1e-9
@@ -176,7 +176,7 @@ def test_the_error_bound_holds_and_is_not_idle(count: int) -> None:
 )
 def test_balancing_refuses_what_has_no_gramians(scene: Scene, why: str) -> None:
     with pytest.raises(ComputationError, match=why):
-        balanced(state_space(scene), 2)
+        balance(state_space(scene), 2)
 
 
 def test_balancing_refuses_states_that_are_not_reached() -> None:
@@ -185,7 +185,7 @@ def test_balancing_refuses_states_that_are_not_reached() -> None:
     model = state_space(scene)
     small = minimal(scene)
     with pytest.raises(ComputationError, match=f"only {len(small.A)} states"):
-        balanced(model, len(small.A) + 1)
-    assert gap(balanced(model, len(small.A)).model, model) < 1e-7
+        balance(model, len(small.A) + 1)
+    assert gap(balance(model, len(small.A)).model, model) < 1e-7
     with pytest.raises(ValueError, match="count = 0"):
-        balanced(model, 0)
+        balance(model, 0)

@@ -14,8 +14,8 @@ import numpy as np
 import pytest
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes
-from modal.coupling.analysis import explained
-from modal.coupling.coupling_words import words
+from modal.coupling.analysis import explain
+from modal.coupling.coupling_words import coupling_report
 from modal.errors import MOST_TOLD, MissingExtraError, MultipendulaError
 from modal.modes.table import table
 from modal.scene.files import DEEPEST, parse
@@ -201,7 +201,7 @@ def test_extremes_are_told_or_refused_without_a_warning() -> None:
     told = 0
     for scene in extremes():
         told += not outcome(lambda scene=scene: table(found := natural_modes(scene), list(found), "text"))  # type: ignore[misc]
-        told += not outcome(lambda scene=scene: words(explained(scene), "text"))  # type: ignore[misc]
+        told += not outcome(lambda scene=scene: coupling_report(explain(scene), "text"))  # type: ignore[misc]
     assert told > 20
 
 

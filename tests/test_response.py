@@ -12,7 +12,7 @@ from control_scenes import DRIVES, SCENES, at, crane, hanging, mixed, of_control
 from modal import Bob, ComputationError, Pendulum, Scene, load, natural_modes
 from modal.modes.all_shapes import all_shapes
 from modal.plotting.response import draw_bode, draw_impulse
-from modal.statespace.modal_form import ModalForm, modal_form
+from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.response import frequency_response, impulse_response, terms
 
@@ -20,7 +20,7 @@ OMEGA = np.array([0.05, 0.31, 0.9, 1.7, 3.3, 8.0, 25.0])
 
 
 def form_of(scene: Scene, *inputs: str, outputs: tuple[str, ...] = ()) -> ModalForm:
-    return modal_form(natural_modes(scene), state_space(scene, inputs, outputs))
+    return to_modal_form(natural_modes(scene), state_space(scene, inputs, outputs))
 
 
 def close(found: np.ndarray, expected: np.ndarray, tolerance: float = 1e-9) -> bool:
@@ -95,10 +95,10 @@ def test_shapes_at_once_are_the_shapes_one_by_one() -> None:
 def test_what_cannot_be_taken_apart_is_refused() -> None:
     model = state_space(crane())
     with pytest.raises(ValueError, match="not one of this scene"):
-        modal_form(natural_modes(mixed()), model)
+        to_modal_form(natural_modes(mixed()), model)
     discrete = StateSpace(model.A, model.B, model.C, model.D, model.states, model.inputs, model.outputs, dt=0.1)
     with pytest.raises(ComputationError, match="continuous"):
-        modal_form(natural_modes(crane()), discrete)
+        to_modal_form(natural_modes(crane()), discrete)
 
 
 def test_a_critically_damped_mode_is_refused_or_close() -> None:

@@ -19,7 +19,7 @@ from nonlinear.integration.trajectory import Trajectory
 from nonlinear.plotting.run import draw_run, run_figure
 from nonlinear.postprocessing.spectra import power_spectrum
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import released
+from nonlinear.system.initial import state_at_rest
 
 
 def run(name: str, seconds: float = 8.0, **options: Any) -> Trajectory:
@@ -53,7 +53,7 @@ def test_every_panel_has_curves_units_and_room(name: str) -> None:
 
 def test_the_spectrum_of_a_small_swing_stands_on_the_tables_frequency() -> None:
     scene = modal.load("chain-1")
-    found = simulate(scene, 60.0, start=released(scene, [1.0]), method="DOP853")
+    found = simulate(scene, 60.0, start=state_at_rest(scene, [1.0]), method="DOP853")
     omega, power = power_spectrum(found.times, np.rad2deg(found.motion.links[:, 0]))
     expected = modal.natural_modes(scene).omega[0]
     assert abs(omega[np.argmax(power)] - expected) <= omega[1]
@@ -78,7 +78,7 @@ def test_the_power_spectrum_keeps_the_mean_square() -> None:
 
 def test_a_link_that_goes_round_stays_in_the_portrait() -> None:
     scene = modal.load("chain-1")
-    spun = simulate(scene, 5, start=released(scene, [170.0]).__class__(np.zeros(1), np.array([10.0])))
+    spun = simulate(scene, 5, start=state_at_rest(scene, [170.0]).__class__(np.zeros(1), np.array([10.0])))
     assert spun.motion.links.max() > 4 * np.pi
     (curve,) = panel(run_figure(spun), "Phase portrait").lines
     angles = curve.get_xdata().astype(float)
@@ -89,10 +89,10 @@ def test_a_link_that_goes_round_stays_in_the_portrait() -> None:
 def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
     double = Pendulum(links=(Bob(mass=1, length=1), Bob(mass=1, length=1)), count=50)
     crowd = Scene(gravity=9.81, support=Cart(mass=10.0), pendulum=(double,))
-    figure = run_figure(simulate(crowd, 1.0, start=released(crowd, [10, 20]), method="DOP853"))
+    figure = run_figure(simulate(crowd, 1.0, start=state_at_rest(crowd, [10, 20]), method="DOP853"))
     assert "the first 6 of 100 links drawn" in figure.get_supxlabel()
     still = modal.load("chain-2")
-    for options in ({"start": released(still, [0, 0])}, {"output": 3}, {"output": [0, 0.5, 2, 3]}):
+    for options in ({"start": state_at_rest(still, [0, 0])}, {"output": 3}, {"output": [0, 0.5, 2, 3]}):
         stream = BytesIO()
         draw_run(run("chain-2", **options), stream, kind="svg")
         assert b"<svg" in stream.getvalue()

@@ -16,8 +16,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, SceneError, Start, dump, dumps, load, shipped
-from modal.scene.files import parse, schema, shipped_text, whole_file
+from modal import (
+    Bob,
+    Body,
+    Cart,
+    Fixed,
+    InitialCondition,
+    Pendulum,
+    Rod,
+    Scene,
+    SceneError,
+    dump,
+    dumps,
+    example_names,
+    load,
+)
+from modal.scene.files import example_text, parse, schema, whole_file
 
 GOOD = {"gravity": 9.81, "pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
 
@@ -142,7 +156,7 @@ def test_python_objects_are_checked_alike() -> None:
     with pytest.raises(SceneError, match=r"^mass = -1: must be positive$"):
         Bob(mass=-1, length=1.0)
     with pytest.raises(ValueError, match="angles_deg: is required"):
-        Start()
+        InitialCondition()
 
 
 def test_scenes_are_immutable_and_hashable() -> None:
@@ -168,17 +182,17 @@ def test_every_promised_scene_is_shipped() -> None:
         "rope",
         "thousand-pendula",
     }
-    assert set(shipped()) == promised
+    assert set(example_names()) == promised
     assert load("rope").n_links == 1000
     lengths = [pendulum.links[0].length for pendulum in load("thousand-pendula").pendulum]
     assert len(set(lengths)) == 1000
 
 
-@pytest.mark.parametrize("name", shipped())
+@pytest.mark.parametrize("name", example_names())
 def test_shipped_scenes_come_back_exactly(name: str) -> None:
     scene = load(name)
     assert parse(dumps(scene).encode()) == scene
-    jsonschema.validate(tomllib.loads(shipped_text(name)), schema())
+    jsonschema.validate(tomllib.loads(example_text(name)), schema())
 
 
 NUMBERS = st.floats(1e-100, 1e100)
@@ -223,12 +237,12 @@ def test_a_written_scene_is_read_back(tmp_path: Path) -> None:
 @pytest.mark.parametrize("prefix", [b"\xef\xbb\xbf", b""])
 def test_windows_files_are_read(tmp_path: Path, prefix: bytes) -> None:
     path = tmp_path / "windows.toml"
-    path.write_bytes(prefix + shipped_text("chain-3").replace("\n", "\r\n").encode())
+    path.write_bytes(prefix + example_text("chain-3").replace("\n", "\r\n").encode())
     assert load(path) == load("chain-3")
 
 
 def test_standard_input(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(shipped_text("chain-2").encode())))
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(example_text("chain-2").encode())))
     assert load("-") == load("chain-2")
 
 

@@ -12,16 +12,16 @@ from random_scenes import random_link
 from scipy.integrate import solve_ivp
 
 from modal import pair
-from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, Start
+from modal.scene.model import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
 from nonlinear.dynamics import joints, minimal, spatial
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.spatial import Spatial
 from nonlinear.dynamics.spatial_recursion import facing
 from nonlinear.simulation import simulate
-from nonlinear.system.directions import angles_of, directions, of_plane, velocities
-from nonlinear.system.plant import plant_of
-from nonlinear.system.state import Load, Push, State
+from nonlinear.system.directions import angles_of, of_plane, unit_vectors, velocities
+from nonlinear.system.state import AppliedForces, Load, State
+from nonlinear.system.system import system_of
 
 EZ = np.array([0.0, 0.0, 1.0])
 
@@ -48,35 +48,35 @@ def scene_of(seed: int, *, still: bool = False, odd: bool = False) -> Scene:
     return Scene(gravity=rng.uniform(1, 20), space="space", support=support, pendulum=tuple(pendula))
 
 
-def system_of(scene: Scene, load: Load | None = None, tail: int = 0) -> Spatial:
-    plant = plant_of(scene)
-    return Spatial(plant, tuple(spatial.Recursion(group, tail) for group in plant.groups), load)
+def spatial_of(scene: Scene, load: Load | None = None, tail: int = 0) -> Spatial:
+    system = system_of(scene)
+    return Spatial(system, tuple(spatial.Recursion(group, tail) for group in system.groups), load)
 
 
-def flat_system_of(scene: Scene, load: Load | None = None) -> Minimal:
-    plant = plant_of(scene)
-    return Minimal(plant, tuple(minimal.Recursion(group) for group in plant.groups), load)
+def flat_of(scene: Scene, load: Load | None = None) -> Minimal:
+    system = system_of(scene)
+    return Minimal(system, tuple(minimal.Recursion(group) for group in system.groups), load)
 
 
 def single(link: Bob | Rod | Body, **kinds: Any) -> Scene:
     return Scene(gravity=9.81, space="space", pendulum=(Pendulum(links=(link,)),), **kinds)
 
 
-def flat_state(system: Spatial, rng: np.random.Generator) -> State:
-    size = system.plant.n_links
+def flat_state(equations: Spatial, rng: np.random.Generator) -> State:
+    size = equations.system.n_links
     return State(rng.uniform(-4, 4, size), 2 * rng.normal(size=size), *rng.normal(size=2))
 
 
-def any_state(system: Spatial, rng: np.random.Generator) -> State:
-    u, w = rng.normal(size=(2, system.plant.n_links, 3))
+def any_state(equations: Spatial, rng: np.random.Generator) -> State:
+    u, w = rng.normal(size=(2, equations.system.n_links, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     w -= np.sum(u * w, axis=1, keepdims=True) * u
     return State(u, 2 * w, *rng.normal(size=2))
 
 
-def parts(system: Spatial, rates: np.ndarray) -> tuple[float, np.ndarray]:
+def parts(equations: Spatial, rates: np.ndarray) -> tuple[float, np.ndarray]:
     """x'' and u'' (L, 3) in a derivative."""
-    half, first = system.layout.half, int(system.layout.on_cart)
+    half, first = equations.layout.half, int(equations.layout.on_cart)
     return float(rates[half]) if first else 0.0, rates[half + first : 2 * half].reshape(-1, 3)
 
 
@@ -92,34 +92,37 @@ def central(f: Callable[[np.ndarray], Any], at: np.ndarray, along: np.ndarray, s
 @pytest.mark.parametrize("seed", range(50))
 def test_in_the_plane_of_the_rail_space_is_the_plane(seed: int) -> None:
     scene, rng = scene_of(seed, odd=True), np.random.default_rng(seed)
-    system, flat = system_of(scene, pushed_in_space), flat_system_of(scene, pushed)
-    state = flat_state(system, rng)
-    state = State(unwound(system, state.links), state.link_rates, state.cart, state.cart_rate)
-    found, expected = system.derivative(0.3, system.begin(of_plane(state))), flat.derivative(0.3, flat.begin(state))
+    equations, flat = spatial_of(scene, pushed_in_space), flat_of(scene, pushed)
+    state = flat_state(equations, rng)
+    state = State(unwound(equations, state.links), state.link_rates, state.cart, state.cart_rate)
+    found, expected = (
+        equations.derivative(0.3, equations.begin(of_plane(state))),
+        flat.derivative(0.3, flat.begin(state)),
+    )
     half, first = flat.layout.half, int(flat.layout.on_cart)
     turning = expected[half + first : 2 * half, None] * velocities(state.links, 0.0, 1.0)
-    turning -= (state.link_rates**2)[:, None] * directions(state.links, 0.0)
-    cart, links = parts(system, found)
+    turning -= (state.link_rates**2)[:, None] * unit_vectors(state.links, 0.0)
+    cart, links = parts(equations, found)
     scale = np.abs(turning).max()
     np.testing.assert_allclose(links, turning, rtol=0, atol=1e-12 * scale)
     assert cart == pytest.approx(expected[half] if first else 0.0, abs=1e-12 * scale)
     assert found[-1] == pytest.approx(expected[-1], rel=1e-12)
 
 
-def pushed(time: float, state: State) -> Push:
-    return Push(0.4 + time, 0.1 * np.arange(1, len(state.links) + 1))
+def pushed(time: float, state: State) -> AppliedForces:
+    return AppliedForces(0.4 + time, 0.1 * np.arange(1, len(state.links) + 1))
 
 
-def pushed_in_space(time: float, state: State) -> Push:
+def pushed_in_space(time: float, state: State) -> AppliedForces:
     cart, moments = pushed(time, state)
     assert moments is not None
-    return Push(cart, moments[:, None] * np.array([0.0, 1.0, 0.0]))
+    return AppliedForces(cart, moments[:, None] * np.array([0.0, 1.0, 0.0]))
 
 
-def unwound(system: Spatial, angles: np.ndarray) -> np.ndarray:
+def unwound(equations: Spatial, angles: np.ndarray) -> np.ndarray:
     """The same directions, each joint bent by less than half a turn, as every joint in space is."""
     found = angles.copy()
-    for group in system.plant.groups:
+    for group in equations.system.groups:
         above = 0.0
         for index, bent in zip(group.index, group.bent, strict=True):
             bend = found[index] - above - bent
@@ -132,37 +135,37 @@ def test_extreme_masses_lose_nothing_in_the_plane_of_the_rail() -> None:
     """A light hook above a load 1e10 times as heavy: the mirror does not mix the plane with what is across it."""
     hook = Pendulum(links=(Bob(mass=1e-5, length=0.3), Rod(mass=1e5, length=2.0), Bob(mass=1.0, length=0.1)))
     scene = Scene(gravity=9.81, space="space", support=Cart(mass=10.0), pendulum=(hook,))
-    system, flat = system_of(scene), flat_system_of(scene)
+    equations, flat = spatial_of(scene), flat_of(scene)
     state = State(np.array([0.4, -0.3, 1.0]), np.array([0.5, 1.0, -2.0]), 0.0, 0.3)
-    found, expected = system.derivative(0, system.begin(of_plane(state))), flat.derivative(0, flat.begin(state))
-    across = np.sum(parts(system, found)[1] * velocities(state.links, 0.0, 1.0), axis=1)
+    found, expected = equations.derivative(0, equations.begin(of_plane(state))), flat.derivative(0, flat.begin(state))
+    across = np.sum(parts(equations, found)[1] * velocities(state.links, 0.0, 1.0), axis=1)
     np.testing.assert_allclose(across, expected[5:], rtol=1e-12)
 
 
 # Lagrange's equations with multipliers
 
 
-def oracle(system: Spatial, state: State, push: Push) -> np.ndarray:
+def oracle(equations: Spatial, state: State, push: AppliedForces) -> np.ndarray:
     """(x'', u'') from one dense system in x'', every component of u'' and the forces that keep every |u| = 1."""
-    plant, L = system.plant, system.plant.n_links
+    system, L = equations.system, equations.system.n_links
     u, w = state.links, state.link_rates
     A, b = np.zeros((L, L)), np.zeros(L)
-    for group in plant.groups:
+    for group in system.groups:
         for column in range(group.index.shape[1]):
             at, numbers = group.index[:, column], [getattr(group.block, n)[:, column] for n in NUMBERS]
             A[np.ix_(at, at)], b[at] = pair.inertia_matrix(*numbers), pair.first_moments(*numbers[:3])
     size = 1 + 4 * L
     K, side = np.zeros((size, size)), np.zeros(size)
     K[0, 0] = 1.0
-    if plant.cart:
-        K[0, 0], K[0, 1 : 3 * L : 3] = plant.cart.mass + plant.mass.sum(), b
+    if system.cart:
+        K[0, 0], K[0, 1 : 3 * L : 3] = system.cart.mass + system.mass.sum(), b
         K[1 : 3 * L : 3, 0] = b
-        side[0] = push.cart - plant.cart.damping * state.cart_rate - plant.cart.stiffness * state.cart
+        side[0] = push.cart - system.cart.damping * state.cart_rate - system.cart.stiffness * state.cart
     K[1 : 1 + 3 * L, 1 : 1 + 3 * L] = np.kron(A, np.eye(3))
     for i in range(L):
         K[1 + 3 * i : 4 + 3 * i, 1 + 3 * L + i] = K[1 + 3 * L + i, 1 + 3 * i : 4 + 3 * i] = u[i]
         side[1 + 3 * L + i] = -w[i] @ w[i]
-    forces = plant.gravity * b[:, None] * EZ + joint_forces(system, u, w) + np.cross(push.moments, u)
+    forces = system.gravity * b[:, None] * EZ + joint_forces(equations, u, w) + np.cross(push.moments, u)
     side[1 : 1 + 3 * L] = forces.ravel()
     return np.linalg.solve(K, side)[: 1 + 3 * L]
 
@@ -170,21 +173,21 @@ def oracle(system: Spatial, state: State, push: Push) -> np.ndarray:
 NUMBERS = ("mass", "length", "centre", "inertia")
 
 
-def joint_forces(system: Spatial, u: np.ndarray, w: np.ndarray) -> np.ndarray:
+def joint_forces(equations: Spatial, u: np.ndarray, w: np.ndarray) -> np.ndarray:
     """−∂V/∂u − ∂R/∂w one component at a time, by complex steps."""
     found, h = np.empty(u.shape), 1e-30
     for at in np.ndindex(u.shape):
         du, dw = u.astype(complex), w.astype(complex)
         du[at] += 1j * h
         dw[at] += 1j * h
-        found[at] = -(springs(system, du) + rayleigh(system, u, dw)).imag / h
+        found[at] = -(springs(equations, du) + rayleigh(equations, u, dw)).imag / h
     return found
 
 
-def joints_of(system: Spatial) -> list[tuple[int, int | None, float, float, float, float]]:
+def joints_of(equations: Spatial) -> list[tuple[int, int | None, float, float, float, float]]:
     """(link, link above, its σ, that of the one above, damper, spring), one joint after the other."""
     found = []
-    for group in system.plant.groups:
+    for group in equations.system.groups:
         sigma, d, k = group.block.sigma, group.block.damping, group.block.stiffness
         for i, p in np.ndindex(group.index.shape):
             above = int(group.index[i - 1, p]) if i else None
@@ -192,47 +195,47 @@ def joints_of(system: Spatial) -> list[tuple[int, int | None, float, float, floa
     return found
 
 
-def springs(system: Spatial, u: np.ndarray) -> Any:
+def springs(equations: Spatial, u: np.ndarray) -> Any:
     bends = (
         (k, np.arccos(own * upper * u[i] @ (EZ if above is None else u[above])))
-        for i, above, own, upper, _, k in joints_of(system)
+        for i, above, own, upper, _, k in joints_of(equations)
     )
     return sum(k * bend**2 / 2 for k, bend in bends)
 
 
-def rayleigh(system: Spatial, u: np.ndarray, w: np.ndarray) -> Any:
+def rayleigh(equations: Spatial, u: np.ndarray, w: np.ndarray) -> Any:
     spin = np.cross(u, w)
-    apart = ((d, spin[i] - (0.0 if above is None else spin[above])) for i, above, _, _, d, _ in joints_of(system))
+    apart = ((d, spin[i] - (0.0 if above is None else spin[above])) for i, above, _, _, d, _ in joints_of(equations))
     return sum(d * (turn @ turn) / 2 for d, turn in apart)
 
 
-def moments_for(system: Spatial, rng: np.random.Generator) -> Push:
-    return Push(rng.normal(), rng.normal(size=(system.plant.n_links, 3)))
+def moments_for(equations: Spatial, rng: np.random.Generator) -> AppliedForces:
+    return AppliedForces(rng.normal(), rng.normal(size=(equations.system.n_links, 3)))
 
 
 @pytest.mark.parametrize("seed", range(40))
 def test_accelerations_are_those_of_lagrange_with_multipliers(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    plain = system_of(scene_of(seed))
+    plain = spatial_of(scene_of(seed))
     push = moments_for(plain, rng)
-    system = system_of(scene_of(seed), lambda time, state: push)
-    state = any_state(system, rng)
-    x2, u2 = parts(system, system.derivative(0.0, system.begin(state)))
-    expected = oracle(system, state, push)
+    equations = spatial_of(scene_of(seed), lambda time, state: push)
+    state = any_state(equations, rng)
+    x2, u2 = parts(equations, equations.derivative(0.0, equations.begin(state)))
+    expected = oracle(equations, state, push)
     np.testing.assert_allclose(np.array([x2, *u2.ravel()]), expected, rtol=0, atol=1e-10 * np.abs(expected).max())
 
 
 def test_a_load_reaches_the_links() -> None:
     """The comparison with Lagrange would fail on a moment left out."""
     scene, rng = scene_of(1), np.random.default_rng(1)
-    system = system_of(scene, lambda time, state: Push(0.0, np.ones_like(state.links)))
-    y = system.begin(any_state(system, rng))
-    assert np.abs(system.derivative(0, y)[: system.layout.half * 2] - free(scene, y)).max() > 1e-3
+    equations = spatial_of(scene, lambda time, state: AppliedForces(0.0, np.ones_like(state.links)))
+    y = equations.begin(any_state(equations, rng))
+    assert np.abs(equations.derivative(0, y)[: equations.layout.half * 2] - free(scene, y)).max() > 1e-3
 
 
 def free(scene: Scene, y: np.ndarray) -> np.ndarray:
-    system = system_of(scene)
-    return system.derivative(0, y[: system.layout.size])[: system.layout.half * 2]
+    equations = spatial_of(scene)
+    return equations.derivative(0, y[: equations.layout.size])[: equations.layout.half * 2]
 
 
 # symmetry and power
@@ -240,52 +243,54 @@ def free(scene: Scene, y: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_on_a_fixed_support_no_azimuth_is_special(seed: int) -> None:
-    system, rng = system_of(scene_of(seed, still=True)), np.random.default_rng(seed)
-    state, phi = any_state(system, rng), rng.uniform(0, 6)
+    equations, rng = spatial_of(scene_of(seed, still=True)), np.random.default_rng(seed)
+    state, phi = any_state(equations, rng), rng.uniform(0, 6)
     R = np.array([[np.cos(phi), -np.sin(phi), 0], [np.sin(phi), np.cos(phi), 0], [0, 0, 1]])
-    _, still = parts(system, system.derivative(0, system.begin(state)))
+    _, still = parts(equations, equations.derivative(0, equations.begin(state)))
     turned = State(state.links @ R.T, state.link_rates @ R.T)
-    _, found = parts(system, system.derivative(0, system.begin(turned)))
+    _, found = parts(equations, equations.derivative(0, equations.begin(turned)))
     np.testing.assert_allclose(found, still @ R.T, rtol=0, atol=1e-12 * np.abs(still).max())
 
 
-def energy(system: Spatial, y: np.ndarray) -> Any:
+def energy(equations: Spatial, y: np.ndarray) -> Any:
     """T + V from the pair and the springs' angles; complex numbers pass."""
-    plant, layout = system.plant, system.layout
+    system, layout = equations.system, equations.layout
     first, half = int(layout.on_cart), layout.half
     x, v = (y[0], y[half]) if first else (0.0, 0.0)
     u, w = y[first:half].reshape(-1, 3), y[half + first : 2 * half].reshape(-1, 3)
-    cart = plant.cart
-    total = springs(system, u) + (((cart.mass + plant.mass.sum()) * v**2 + cart.stiffness * x**2) / 2 if cart else 0)
-    for group in plant.groups:
+    cart = system.cart
+    total = springs(equations, u) + (
+        ((cart.mass + system.mass.sum()) * v**2 + cart.stiffness * x**2) / 2 if cart else 0
+    )
+    for group in system.groups:
         A = np.array(pair.inertia_matrix(*(getattr(group.block, name) for name in NUMBERS)))
         own, speed = u[group.index], w[group.index]
         total += np.einsum("ijp,ipk,jpk->", A, speed, speed) / 2 + v * np.sum(group.block.b * speed[..., 0])
-        total -= plant.gravity * np.sum(group.block.b * own[..., 2])
+        total -= system.gravity * np.sum(group.block.b * own[..., 2])
     return total
 
 
 @pytest.mark.parametrize("seed", range(15))
 def test_the_work_counted_is_what_the_energy_gains(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    push = moments_for(system_of(scene_of(seed)), rng)
-    system = system_of(scene_of(seed), lambda time, state: push)
-    y = system.begin(any_state(system, rng))
-    rates, h = system.derivative(0, y), 1e-30
-    gained = energy(system, y + 1j * h * rates).imag / h
+    push = moments_for(spatial_of(scene_of(seed)), rng)
+    equations = spatial_of(scene_of(seed), lambda time, state: push)
+    y = equations.begin(any_state(equations, rng))
+    rates, h = equations.derivative(0, y), 1e-30
+    gained = energy(equations, y + 1j * h * rates).imag / h
     scale = np.abs(rates).max()
     assert gained == pytest.approx(rates[-1], abs=1e-12 * scale * np.sqrt(y.size))
-    if any(group.damped for group in system.plant.groups):
-        undamped = push.cart * parts_of_cart(system, y) + np.sum(push.moments * spins(system, y))
+    if any(group.damped for group in equations.system.groups):
+        undamped = push.cart * parts_of_cart(equations, y) + np.sum(push.moments * spins(equations, y))
         assert rates[-1] < undamped
 
 
-def parts_of_cart(system: Spatial, y: np.ndarray) -> float:
-    return float(y[system.layout.half]) if system.layout.on_cart else 0.0
+def parts_of_cart(equations: Spatial, y: np.ndarray) -> float:
+    return float(y[equations.layout.half]) if equations.layout.on_cart else 0.0
 
 
-def spins(system: Spatial, y: np.ndarray) -> np.ndarray:
-    state = system.layout.state(y)
+def spins(equations: Spatial, y: np.ndarray) -> np.ndarray:
+    state = equations.layout.state(y)
     return np.cross(state.links, state.link_rates)
 
 
@@ -294,56 +299,63 @@ def spins(system: Spatial, y: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [0, 3, 7])
 def test_trajectories_side_by_side_are_those_one_by_one(seed: int) -> None:
-    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
-    Y = np.stack([system.begin(any_state(system, rng)) for _ in range(4)], axis=1)
-    found = system_of(scene_of(seed), tail=1).derivative(0, Y)
-    one_by_one = np.stack([system.derivative(0, y) for y in Y.T], axis=1)
+    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    Y = np.stack([equations.begin(any_state(equations, rng)) for _ in range(4)], axis=1)
+    found = spatial_of(scene_of(seed), tail=1).derivative(0, Y)
+    one_by_one = np.stack([equations.derivative(0, y) for y in Y.T], axis=1)
     np.testing.assert_allclose(found, one_by_one, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_complex_steps_are_tangents(seed: int) -> None:
-    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
-    y, along = system.begin(any_state(system, rng)), rng.normal(size=system.layout.size)
-    exact = system.derivative(0, y + 1e-30j * along).imag / 1e-30
+    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    y, along = equations.begin(any_state(equations, rng)), rng.normal(size=equations.layout.size)
+    exact = equations.derivative(0, y + 1e-30j * along).imag / 1e-30
     scale = np.abs(exact).max()
-    np.testing.assert_allclose(central(lambda z: system.derivative(0, z), y, along), exact, atol=1e-6 * scale, rtol=0)
+    np.testing.assert_allclose(
+        central(lambda z: equations.derivative(0, z), y, along), exact, atol=1e-6 * scale, rtol=0
+    )
 
 
 def test_the_sign_of_the_mirror_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, rng = system_of(scene_of(5)), np.random.default_rng(5)
-    y = system.begin(any_state(system, rng))
-    before = system.derivative(0, y)
+    equations, rng = spatial_of(scene_of(5)), np.random.default_rng(5)
+    y = equations.begin(any_state(equations, rng))
+    before = equations.derivative(0, y)
     monkeypatch.setattr(spatial, "facing", lambda u: -facing(u))
-    after = system.derivative(0, y)
+    after = equations.derivative(0, y)
     assert not np.array_equal(before, after)
     np.testing.assert_allclose(after, before, rtol=0, atol=1e-11 * np.abs(before).max())
 
 
 @pytest.mark.parametrize("seed", [1, 5, 8])
 def test_nor_does_it_where_a_stage_of_a_step_has_left_the_sphere(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
-    y = system.begin(any_state(system, rng))
-    y[: system.layout.half] *= 1.01
-    before = system.derivative(0, y)
+    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    y = equations.begin(any_state(equations, rng))
+    y[: equations.layout.half] *= 1.01
+    before = equations.derivative(0, y)
     monkeypatch.setattr(spatial, "facing", lambda u: -facing(u))
-    np.testing.assert_allclose(system.derivative(0, y), before, rtol=0, atol=1e-11 * np.abs(before).max())
+    np.testing.assert_allclose(equations.derivative(0, y), before, rtol=0, atol=1e-11 * np.abs(before).max())
 
 
 def test_links_that_pass_level_cost_no_accuracy() -> None:
     """Three sprung links on a cart, the last of which passes level, against Lagrange's equations with multipliers."""
     links = (Rod(mass=1, length=0.7, stiffness=4), Bob(mass=0.5, length=0.5, stiffness=2))
-    tip, start = Bob(mass=0.4, length=0.4, stiffness=1), Start(angles_deg=(70, 20, -60), azimuths_deg=(10, 80, 150))
+    tip, start = (
+        Bob(mass=0.4, length=0.4, stiffness=1),
+        InitialCondition(angles_deg=(70, 20, -60), azimuths_deg=(10, 80, 150)),
+    )
     pendulum = Pendulum(links=(*links, tip), start=start)
     scene = Scene(gravity=9.81, space="space", support=Cart(mass=2), pendulum=(pendulum,))
     found = simulate(scene, 0.8, tolerance=1e-10, output=17)
-    system, still = system_of(scene), Push(0.0, np.zeros((3, 3)))
+    equations, still = spatial_of(scene), AppliedForces(0.0, np.zeros((3, 3)))
 
     def lagrange(time: float, y: np.ndarray) -> np.ndarray:
-        return np.concatenate((y[10:], oracle(system, system.layout.state(y), still)))
+        return np.concatenate((y[10:], oracle(equations, equations.layout.state(y), still)))
 
-    exact = solve_ivp(lagrange, (0, 0.8), system.begin(found.motion[0]), "DOP853", found.times, rtol=1e-11, atol=1e-12)
-    expected = system.read(exact.y.T).links
+    exact = solve_ivp(
+        lagrange, (0, 0.8), equations.begin(found.motion[0]), "DOP853", found.times, rtol=1e-11, atol=1e-12
+    )
+    expected = equations.read(exact.y.T).links
     assert np.ptp(np.sign(found.motion.links[..., 2]), axis=0).max() == 2
     assert np.abs(found.motion.links - expected).max() < 2e-10
     assert found.run.drift < 3e-11
@@ -352,10 +364,10 @@ def test_links_that_pass_level_cost_no_accuracy() -> None:
 # one pendulum
 
 
-def run(system: Spatial, state: State, until: float, **how: Any) -> State:
-    y = system.begin(state)
-    found = solve_ivp(system.derivative, (0, until), y, "DOP853", rtol=1e-12, atol=1e-12, **how)
-    return system.read(found.y.T)[-1]
+def run(equations: Spatial, state: State, until: float, **how: Any) -> State:
+    y = equations.begin(state)
+    found = solve_ivp(equations.derivative, (0, until), y, "DOP853", rtol=1e-12, atol=1e-12, **how)
+    return equations.read(found.y.T)[-1]
 
 
 @pytest.mark.parametrize("link", [Bob(mass=2, length=0.7), Rod(mass=2, length=0.7)])
@@ -364,18 +376,18 @@ def test_a_conical_pendulum_goes_round_at_its_exact_rate(link: Bob | Rod) -> Non
     theta, until = 1.1, 3.0
     ratio = link.mass * link.centre / (link.inertia + link.mass * link.centre**2)
     omega = np.sqrt(9.81 * ratio / np.cos(theta))
-    start = State(directions([theta], [0.0]), omega * np.sin(theta) * np.array([[0.0, 1.0, 0.0]]))
-    end = run(system_of(single(link)), start, until)
-    np.testing.assert_allclose(end.links, directions([theta], [omega * until]), atol=1e-9)
+    start = State(unit_vectors([theta], [0.0]), omega * np.sin(theta) * np.array([[0.0, 1.0, 0.0]]))
+    end = run(spatial_of(single(link)), start, until)
+    np.testing.assert_allclose(end.links, unit_vectors([theta], [omega * until]), atol=1e-9)
     if isinstance(link, Bob):
         assert omega == pytest.approx(np.sqrt(9.81 / (0.7 * np.cos(theta))))
 
 
 def test_a_spherical_pendulum_keeps_energy_and_angular_momentum() -> None:
-    system = system_of(single(Body(mass=1.5, length=1.0, centre=0.4, inertia=0.1)))
-    start = any_state(system, np.random.default_rng(2))
-    end = run(system, start, 5.0)
-    before, after = (energy(system, system.begin(state)) for state in (start, end))
+    equations = spatial_of(single(Body(mass=1.5, length=1.0, centre=0.4, inertia=0.1)))
+    start = any_state(equations, np.random.default_rng(2))
+    end = run(equations, start, 5.0)
+    before, after = (energy(equations, equations.begin(state)) for state in (start, end))
     assert after == pytest.approx(before, rel=1e-8)
     z = [np.cross(state.links, state.link_rates)[0, 2] for state in (start, end)]
     assert z[1] == pytest.approx(z[0], rel=1e-8)
@@ -384,61 +396,63 @@ def test_a_spherical_pendulum_keeps_energy_and_angular_momentum() -> None:
 
 @pytest.mark.parametrize("side", [1.0, -1.0])
 def test_neither_rest_is_singular(side: float) -> None:
-    system, w = system_of(single(Bob(mass=1, length=0.5, damping=0.2, stiffness=0.3))), np.array([[0.6, -2.0, 0.0]])
+    equations, w = spatial_of(single(Bob(mass=1, length=0.5, damping=0.2, stiffness=0.3))), np.array([[0.6, -2.0, 0.0]])
     state = State(side * EZ[None], w)
-    _, found = parts(system, system.derivative(0, system.begin(state)))
+    _, found = parts(equations, equations.derivative(0, equations.begin(state)))
     np.testing.assert_allclose(found, -(w**2).sum() * side * EZ[None] - 0.2 / 0.25 * w, rtol=1e-14)
 
 
 def test_over_the_top_and_through_the_bottom_in_an_oblique_plane() -> None:
     scene, azimuth, until = single(Rod(mass=1, length=0.8)), 0.7, 4.0
-    system, flat = system_of(scene), flat_system_of(scene)
+    equations, flat = spatial_of(scene), flat_of(scene)
     angle, rate = np.array([0.0]), np.array([9.0])
     path = solve_ivp(flat.derivative, (0, until), flat.begin(State(angle, rate)), "DOP853", rtol=1e-12, atol=1e-12)
-    end = run(system, State(directions(angle, azimuth), velocities(angle, azimuth, rate)), until)
+    end = run(equations, State(unit_vectors(angle, azimuth), velocities(angle, azimuth, rate)), until)
     assert path.y[0, -1] > 2 * np.pi
-    np.testing.assert_allclose(end.links, directions(path.y[:1, -1], azimuth), atol=1e-8)
+    np.testing.assert_allclose(end.links, unit_vectors(path.y[:1, -1], azimuth), atol=1e-8)
 
 
 # constraints
 
 
 def test_project_mends_what_is_violated_and_says_how_much() -> None:
-    system, rng = system_of(scene_of(3)), np.random.default_rng(3)
-    state = any_state(system, rng)
-    y, half = system.begin(state), system.layout.half
-    assert system.project(y)[1] < 1e-15
+    equations, rng = spatial_of(scene_of(3)), np.random.default_rng(3)
+    state = any_state(equations, rng)
+    y, half = equations.begin(state), equations.layout.half
+    assert equations.project(y)[1] < 1e-15
     bad = y.copy()
-    bad[int(system.layout.on_cart) :][:3] *= 1.001
-    mended, violation = system.project(bad)
+    bad[int(equations.layout.on_cart) :][:3] *= 1.001
+    mended, violation = equations.project(bad)
     assert violation == pytest.approx(1e-3)
     np.testing.assert_allclose(mended, y, atol=1e-15)
     bad = y.copy()
-    bad[half + int(system.layout.on_cart) :][:3] += 0.01 * state.links[0]
-    mended, violation = system.project(bad)
-    speed = np.linalg.norm(state.link_rates[0]) + np.sqrt(system.plant.gravity / system.plant.by_link("length")[0])
+    bad[half + int(equations.layout.on_cart) :][:3] += 0.01 * state.links[0]
+    mended, violation = equations.project(bad)
+    speed = np.linalg.norm(state.link_rates[0]) + np.sqrt(
+        equations.system.gravity / equations.system.by_link("length")[0]
+    )
     assert violation == pytest.approx(0.01 / speed, rel=1e-3)
     np.testing.assert_allclose(mended, y, atol=1e-14)
 
 
 def test_projection_keeps_a_run_on_its_constraints() -> None:
-    system, rng = system_of(scene_of(4)), np.random.default_rng(4)
-    begun = system.begin(any_state(system, rng))
+    equations, rng = spatial_of(scene_of(4)), np.random.default_rng(4)
+    begun = equations.begin(any_state(equations, rng))
     drifts = []
-    for mend in (lambda y: system.project(y)[0], lambda y: y):
+    for mend in (lambda y: equations.project(y)[0], lambda y: y):
         y = begun
         for _ in range(200):
-            y = mend(stepped(system, y, 0.005))
-        drifts.append(np.abs(np.linalg.norm(system.layout.state(y).links, axis=1) - 1).max())
+            y = mend(stepped(equations, y, 0.005))
+        drifts.append(np.abs(np.linalg.norm(equations.layout.state(y).links, axis=1) - 1).max())
     assert drifts[0] < 1e-15 < 1e-10 < drifts[1]
 
 
-def stepped(system: Spatial, y: np.ndarray, h: float) -> np.ndarray:
+def stepped(equations: Spatial, y: np.ndarray, h: float) -> np.ndarray:
     """One classical Runge–Kutta step."""
-    k1 = system.derivative(0, y)
-    k2 = system.derivative(0, y + h / 2 * k1)
-    k3 = system.derivative(0, y + h / 2 * k2)
-    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + system.derivative(0, y + h * k3))
+    k1 = equations.derivative(0, y)
+    k2 = equations.derivative(0, y + h / 2 * k1)
+    k3 = equations.derivative(0, y + h / 2 * k2)
+    return y + h / 6 * (k1 + 2 * k2 + 2 * k3 + equations.derivative(0, y + h * k3))
 
 
 # joints
@@ -451,9 +465,9 @@ def gathered(values: np.ndarray, index: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(8))
 def test_joint_forces_are_minus_the_gradients(seed: int) -> None:
     """Of the energy by central differences along random turns, of the Rayleigh function by its power."""
-    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
-    state = any_state(system, rng)
-    for group in system.plant.groups:
+    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    state = any_state(equations, rng)
+    for group in equations.system.groups:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
         still, spin = np.zeros_like(w), rng.normal(size=u.shape)
         along = np.cross(spin, u, axis=0)
@@ -462,17 +476,17 @@ def test_joint_forces_are_minus_the_gradients(seed: int) -> None:
         assert np.sum(force * along) == pytest.approx(-rise, rel=1e-7, abs=1e-9)
         drag = ball_joints.generalized(ball_joints.moments(group, u, w) - ball_joints.moments(group, u, still), u)
         assert np.sum(drag * w) == pytest.approx(ball_joints.damper_power(group, u, w), rel=1e-12, abs=1e-12)
-    total = sum(ball_joints.spring_energy(g, gathered(state.links, g.index)).sum() for g in system.plant.groups)
-    assert total == pytest.approx(springs(system, state.links), rel=1e-12)
+    total = sum(ball_joints.spring_energy(g, gathered(state.links, g.index)).sum() for g in equations.system.groups)
+    assert total == pytest.approx(springs(equations, state.links), rel=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
-    system, rng = system_of(scene_of(seed)), np.random.default_rng(seed)
-    drawn = flat_state(system, rng)
-    flat = State(unwound(system, drawn.links), drawn.link_rates)
+    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    drawn = flat_state(equations, rng)
+    flat = State(unwound(equations, drawn.links), drawn.link_rates)
     state = of_plane(flat)
-    for group in system.plant.groups:
+    for group in equations.system.groups:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
         theta, rate = flat.links[group.index], flat.link_rates[group.index]
         found, expected = ball_joints.moments(group, u, w), joints.moments(group, theta, rate)
@@ -486,14 +500,14 @@ def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
 
 @pytest.mark.parametrize(("angle", "expected"), [(0.0, 0.0), (1e-9, -2e-9), (np.pi - 1e-6, -2 * (np.pi - 1e-6))])
 def test_a_spring_straight_slightly_and_almost_fully_bent(angle: float, expected: float) -> None:
-    group = plant_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
-    u = directions(np.array([[angle]]), 0.0)
+    group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
+    u = unit_vectors(np.array([[angle]]), 0.0)
     found = ball_joints.moments(group, gathered(u[0], np.array([[0]])), np.zeros((3, 1, 1)))
     assert found[1, 0, 0] == pytest.approx(expected, rel=1e-9, abs=0)
 
 
 def test_a_spring_bent_right_back_pulls_no_way() -> None:
-    group = plant_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
+    group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
     u = -EZ.reshape(3, 1, 1)
     assert not ball_joints.moments(group, u, 0 * u).any()
     assert ball_joints.spring_energy(group, u) == pytest.approx(np.pi**2)
@@ -501,7 +515,7 @@ def test_a_spring_bent_right_back_pulls_no_way() -> None:
 
 def test_complex_steps_pass_a_straight_spring() -> None:
     """The stiffness of a straight joint is its spring's own."""
-    group = plant_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
+    group = system_of(single(Bob(mass=1, length=1, stiffness=2.0))).groups[0]
     u = EZ.reshape(3, 1, 1) + 1e-30j * np.array([1.0, 0.0, 0.0]).reshape(3, 1, 1)
     force = ball_joints.generalized(ball_joints.moments(group, u, 0 * u), u)
     assert force[0, 0, 0].imag / 1e-30 == pytest.approx(-2.0)
@@ -513,7 +527,7 @@ def test_complex_steps_pass_a_straight_spring() -> None:
 def test_directions_and_angles_are_inverse() -> None:
     rng = np.random.default_rng(0)
     theta, phi = rng.uniform(0, np.pi, 20), rng.uniform(-np.pi, np.pi, 20)
-    u = directions(theta, phi)
+    u = unit_vectors(theta, phi)
     np.testing.assert_allclose(np.linalg.norm(u, axis=-1), 1.0, rtol=1e-15)
     np.testing.assert_allclose(angles_of(3 * u), (theta, phi), rtol=1e-13)
     assert angles_of(EZ) == (0.0, 0.0)
@@ -522,7 +536,7 @@ def test_directions_and_angles_are_inverse() -> None:
 def test_velocities_are_the_rate_of_directions_at_fixed_azimuth() -> None:
     rng = np.random.default_rng(1)
     theta, phi, rate = rng.normal(size=(3, 20))
-    exact = directions(theta + 1e-30j * rate, phi).imag / 1e-30
+    exact = unit_vectors(theta + 1e-30j * rate, phi).imag / 1e-30
     np.testing.assert_allclose(velocities(theta, phi, rate), exact, rtol=1e-13, atol=1e-15)
 
 

@@ -21,7 +21,7 @@ from modal.eigen import routes
 from modal.eigen.recursion import count_and_mass as unsprung
 from modal.eigen.sprung_chains import SprungProblem, count_and_mass
 from modal.modes.modes import Modes
-from modal.modes.solution_report import audit
+from modal.modes.solution_report import solution_report
 
 EVERY_DIGIT = 1e-15
 EXTREMES = (0.3, 3.0, 12.0)
@@ -154,7 +154,7 @@ def test_equal_pendula_stay_one_problem() -> None:
     links = [Rod(mass=1.0, length=1.0, stiffness=3.0), Bob(mass=0.5, length=0.7)]
     modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=links, count=50)]))
     assert modes.multiplicity.tolist() == [1, 49, 1, 49, 1]
-    told = audit(modes)
+    told = solution_report(modes)
     assert [(part.route, part.unknowns, part.modes) for part in told.parts] == [
         ("mass and moment", 2, 98),
         ("exact", 0, 1),

@@ -21,16 +21,16 @@ from forged import forged
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneError, load, matrices, natural_modes
 from modal.errors import MissingExtraError
-from modal.scene.model import Start
-from modal.scene.parameters import MOST_VALUES, Variation, insist, parsed
-from modal.scene.places import places, varied, written
+from modal.scene.model import InitialCondition
+from modal.scene.parameters import MOST_VALUES, Variation, parse_variations, validate_variations
+from modal.scene.places import find_places, vary, with_numbers
 from nonlinear.plotting.sweeps import draw_sweep, label, sweep_figure
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.checkpoint import journal
+from nonlinear.sweeps.checkpoint import open_checkpoint
 from nonlinear.sweeps.cluster import cluster
-from nonlinear.sweeps.measure import Asked, Measure
-from nonlinear.sweeps.measures import MEASURES, asked
+from nonlinear.sweeps.measure import Measure, RequestedMeasure
+from nonlinear.sweeps.measures import MEASURES, parse_measures
 from nonlinear.sweeps.running import DIED, Sweep, sweep
 from nonlinear.sweeps.study import MOST_POINTS, Row, Study
 
@@ -46,14 +46,14 @@ def _log(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def study(*texts: str, measure: Measure = own.PRODUCT, number: float = 2.0) -> Study:
-    return Study(PAPER, parsed(texts or [MASSES]), (Asked(measure, number),))
+    return Study(PAPER, parse_variations(texts or [MASSES]), (RequestedMeasure(measure, number),))
 
 
 # --------------------------------------------------------------------------------------------------- variations
 
 
 def test_values_are_lists_ranges_and_ratios() -> None:
-    linear, ratios, listed, one = parsed(
+    linear, ratios, listed, one = parse_variations(
         ["gravity=1:2:5", "support.mass=1:1000:4log", "support.damping=0,.5,1e1", "support.stiffness=3"]
     )
     assert linear.values == (1.0, 1.25, 1.5, 1.75, 2.0)
@@ -107,30 +107,32 @@ def test_values_are_lists_ranges_and_ratios() -> None:
 )
 def test_bad_variations_are_refused(text: str, words: str) -> None:
     with pytest.raises(SceneError, match=words):
-        insist(PAPER, parsed([text]))
+        validate_variations(PAPER, parse_variations([text]))
 
 
 def test_all_mistakes_are_named_at_once() -> None:
     with pytest.raises(SceneError) as caught:
-        parsed(["support.mass=1:2:0", "gravity=x", "gravity=1"])
+        parse_variations(["support.mass=1:2:0", "gravity=x", "gravity=1"])
     assert len(caught.value.problems) == 2
     with pytest.raises(SceneError) as caught:
-        Study(PAPER, parsed(["support.mas=1", "pendulum[*].count=1.5", "pendulum[0].count=2", "gravity=0"]), ())
+        Study(
+            PAPER, parse_variations(["support.mas=1", "pendulum[*].count=1.5", "pendulum[0].count=2", "gravity=0"]), ()
+        )
     assert len(caught.value.problems) == 7, caught.value.problems
 
 
 def test_one_value_goes_to_every_place_that_a_path_means() -> None:
-    assert [written(place) for place in places(PAPER, "pendulum[*].links[*].damping")] == [
+    assert [with_numbers(place) for place in find_places(PAPER, "pendulum[*].links[*].damping")] == [
         f"pendulum[{k}].links[0].damping" for k in (0, 1)
     ]
     many = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),) * 3),) * 2)
-    changed = varied(many, {"pendulum[*].links[1].damping": 0.5, "gravity": 2.0})
+    changed = vary(many, {"pendulum[*].links[1].damping": 0.5, "gravity": 2.0})
     assert [link.damping for link in changed.links()] == [0, 0.5, 0, 0, 0.5, 0]
     assert changed.gravity == 2.0
     assert many.gravity == 9.81
-    assert varied(PAPER, {"pendulum[1].count": 3.0}).n_pendula == 4
-    assert varied(PAPER, {"pendulum[0].start.angles_deg[1]": 7.0}).pendulum[0].start.angles_deg == (90, 7)
-    assert varied(PAPER, {}) == PAPER
+    assert vary(PAPER, {"pendulum[1].count": 3.0}).n_pendula == 4
+    assert vary(PAPER, {"pendulum[0].start.angles_deg[1]": 7.0}).pendulum[0].start.angles_deg == (90, 7)
+    assert vary(PAPER, {}) == PAPER
 
 
 def test_a_variation_in_python_is_checked_too() -> None:
@@ -145,7 +147,7 @@ def test_a_variation_in_python_is_checked_too() -> None:
 def test_measures_of_the_paper_s_cart() -> None:
     """Published in the design: ω = 2.68011401, 2.71754912, 7.18867087, 7.20947810 rad/s; beats 167.8 s and 302.0 s."""
     frequencies, beat, upper, gap, ratio = (
-        one.of(PAPER) for one in asked(["frequencies", "beat", "beat:4", "splitting", "damping:2"])
+        one.of(PAPER) for one in parse_measures(["frequencies", "beat", "beat:4", "splitting", "damping:2"])
     )
     expected = [2.68011401, 2.71754912, 7.18867087, 7.20947810]
     assert list(frequencies.values()) == pytest.approx(expected, rel=3e-9)
@@ -160,15 +162,15 @@ def test_equal_frequencies_count_each() -> None:
     twins = Scene(gravity=9.81, support=Fixed(), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), count=2),))
     detuned = Scene(gravity=9.81, support=Fixed(), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.1),)),))
     unequal = twins.replace(pendulum=(twins.pendulum[0].replace(count=1), *detuned.pendulum))
-    assert asked(["beat"])[0].of(twins, unequal) == {"beat_1_s": inf}
-    assert list(asked(["frequencies:9"])[0].of(twins)) == ["omega_1_rad_per_s", "omega_1b_rad_per_s"]
-    assert list(asked(["frequencies:9"])[0].of(twins, unequal)) == ["omega_1_rad_per_s", "omega_2_rad_per_s"]
+    assert parse_measures(["beat"])[0].of(twins, unequal) == {"beat_1_s": inf}
+    assert list(parse_measures(["frequencies:9"])[0].of(twins)) == ["omega_1_rad_per_s", "omega_1b_rad_per_s"]
+    assert list(parse_measures(["frequencies:9"])[0].of(twins, unequal)) == ["omega_1_rad_per_s", "omega_2_rad_per_s"]
     with pytest.raises(ComputationError, match="no mode swings after mode 1 of the table: 2 modes swing"):
-        asked(["splitting"])[0].of(twins)
+        parse_measures(["splitting"])[0].of(twins)
     with pytest.raises(ComputationError, match="mode 2 of the table does not swing: 2 modes swing"):
-        asked(["splitting:2"])[0].of(twins)
+        parse_measures(["splitting:2"])[0].of(twins)
     with pytest.raises(ComputationError, match="1 mode swings"):
-        asked(["beat"])[0].of(load("chain-1"))
+        parse_measures(["beat"])[0].of(load("chain-1"))
 
 
 def test_damping_of_one_pendulum() -> None:
@@ -176,24 +178,24 @@ def test_damping_of_one_pendulum() -> None:
     link = Bob(mass=2.0, length=0.5, damping=0.1)
     one = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,)),))
     expected = 0.1 / (2 * 2.0 * 0.25 * sqrt(9.81 / 0.5))
-    assert asked(["damping"])[0].of(one) == {"damping_ratio_1": pytest.approx(expected, rel=1e-12)}
+    assert parse_measures(["damping"])[0].of(one) == {"damping_ratio_1": pytest.approx(expected, rel=1e-12)}
 
 
 def test_a_dragged_cart_s_creep_is_not_counted() -> None:
-    ratios = asked(["damping:9"])[0].of(load("metronomes"))
+    ratios = parse_measures(["damping:9"])[0].of(load("metronomes"))
     assert all(ratio < 0.5 for ratio in ratios.values())
 
 
 def test_measures_of_runs_are_those_of_the_trajectory() -> None:
     scene = load("crane-two-loads")
     run = simulate(scene, 3.0)
-    found = asked(["amplitude:3"])[0].of(scene) | asked(["energy_drift:3"])[0].of(scene)
+    found = parse_measures(["amplitude:3"])[0].of(scene) | parse_measures(["energy_drift:3"])[0].of(scene)
     assert found["largest_angle_deg"] == pytest.approx(np.degrees(np.abs(run.motion.links).max()), rel=1e-3)
     assert found["cart_travel_m"] == pytest.approx(np.ptp(run.motion.cart), rel=1e-3)
     assert found["energy_drift"] == run.energy_drift()
     leaning = load("chain-spatial")
     first = max(leaning.pendulum[0].start.angles_deg)
-    assert asked(["amplitude:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
+    assert parse_measures(["amplitude:0.01"])[0].of(leaning)["largest_angle_deg"] == pytest.approx(first, rel=1e-2)
 
 
 @pytest.mark.parametrize("damping", [0.5, 2.0, 5.0])
@@ -205,7 +207,7 @@ def test_damped_modes_beat_with_the_imaginary_parts(damping: float) -> None:
     state = np.block([[np.zeros((n, n)), np.eye(n)], [-inverse @ written.K, -inverse @ written.D]])
     values = np.linalg.eigvals(state)
     first, second = np.sort(values[values.imag > 1e-6].imag)[:2]
-    (splitting,), (beat,) = (asked([name])[0].of(scene).values() for name in ("splitting", "beat"))
+    (splitting,), (beat,) = (parse_measures([name])[0].of(scene).values() for name in ("splitting", "beat"))
     assert splitting == pytest.approx(second - first, rel=1e-9)
     assert beat == pytest.approx(2 * pi / (second - first), rel=1e-9)
     sizes = np.sort(np.abs(values[values.imag > 1e-6]))
@@ -219,42 +221,44 @@ def pendulum(count: int, damping: float) -> Pendulum:
 @pytest.mark.parametrize("space", ["plane", "space"])
 def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "space"]) -> None:
     """Energy tells it: cos θ = cos θ₀ − l θ₀'²/2g on a fixed support, where a whole turn would leave 180°."""
-    start = Start(angles_deg=(20.0,), rates_deg=(180.0,), azimuths_deg=(35.0,) if space == "space" else None)
+    start = InitialCondition(angles_deg=(20.0,), rates_deg=(180.0,), azimuths_deg=(35.0,) if space == "space" else None)
     scene = Scene(gravity=G, space=space, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), start=start),))
     highest = np.degrees(np.arccos(np.cos(np.radians(20)) - np.pi**2 / (2 * G)))
     for seconds in ("10", "31"):
-        found = asked([f"amplitude:{seconds}"])[0].of(scene)
+        found = parse_measures([f"amplitude:{seconds}"])[0].of(scene)
         assert found["largest_angle_deg"] == pytest.approx(highest, rel=1e-7)
 
 
 def test_the_travel_is_that_between_turning_points() -> None:
     """Let go at rest, what hangs from a free cart swings to the other side as far, and the centre of mass stays."""
-    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), start=Start(angles_deg=(50.0,)))
+    pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0),), start=InitialCondition(angles_deg=(50.0,)))
     scene = Scene(gravity=G, support=Cart(mass=3.0), pendulum=(pendulum,))
-    found = asked(["amplitude:7"])[0].of(scene)
+    found = parse_measures(["amplitude:7"])[0].of(scene)
     assert found["cart_travel_m"] == pytest.approx(2 * np.sin(np.radians(50)) / 4, rel=1e-7)
 
 
 @pytest.mark.parametrize("text", ["", "frequency", "beat:0", "beat:1.5", "beat:x", "beat:nan", "beat:-1", "beat:1e9"])
 def test_bad_measures_are_refused(text: str) -> None:
     with pytest.raises(SceneError, match=r"measure|must have a whole|is not a number"):
-        asked([text])
+        parse_measures([text])
 
 
 def test_every_measure_has_words_and_a_usual_number() -> None:
-    assert [one.text.partition(":")[0] for one in asked(list(MEASURES))] == list(MEASURES)
+    assert [one.text.partition(":")[0] for one in parse_measures(list(MEASURES))] == list(MEASURES)
     assert all(measure.words for measure in MEASURES.values())
     with pytest.raises(SceneError, match="asked for twice"):
-        asked(["frequencies", "frequencies:4"])
+        parse_measures(["frequencies", "frequencies:4"])
     with pytest.raises(SceneError, match="amplitude is asked for twice"):
-        asked(["amplitude:1", "amplitude:2"])
+        parse_measures(["amplitude:1", "amplitude:2"])
 
 
 # ------------------------------------------------------------------------------------------------------- sweeps
 
 
 def test_a_grid_is_the_direct_loop() -> None:
-    asking = Study(PAPER, parsed(["support.mass=1:100:3log", "gravity=1,9.81"]), asked(["frequencies:2"]))
+    asking = Study(
+        PAPER, parse_variations(["support.mass=1:100:3log", "gravity=1,9.81"]), parse_measures(["frequencies:2"])
+    )
     found = sweep(asking, workers=1)
     assert found.complete
     assert not found.failures
@@ -262,7 +266,7 @@ def test_a_grid_is_the_direct_loop() -> None:
     assert grid.shape == (3, 2)
     axes = [variation.values for variation in asking.variations]
     for (i, mass), (j, gravity) in product(enumerate(axes[0]), enumerate(axes[1])):
-        direct = natural_modes(varied(PAPER, {"support.mass": mass, "gravity": gravity}))
+        direct = natural_modes(vary(PAPER, {"support.mass": mass, "gravity": gravity}))
         assert grid[i, j] == direct.omega[1]
 
 
@@ -284,7 +288,7 @@ def test_a_point_that_fails_hurts_no_other() -> None:
 
 
 def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> None:
-    frequencies = asked(["frequencies:2"])
+    frequencies = parse_measures(["frequencies:2"])
     asking = study(measure=own.DYING, number=3.0)
     found = sweep(Study(PAPER, asking.variations, (*asking.measures, *frequencies)), workers=2)
     assert found.failures == {2: DIED}
@@ -309,16 +313,16 @@ def test_what_cannot_be_a_study() -> None:
         (["pendulum[*].count=1", "pendulum[1].count=1"], r"pendulum\[1\].count: is varied twice"),
     ]:
         with pytest.raises(SceneError, match=words):
-            Study(PAPER, parsed(texts), asked(["beat"]))
+            Study(PAPER, parse_variations(texts), parse_measures(["beat"]))
     with pytest.raises(SceneError, match="measures something"):
-        Study(PAPER, parsed([MASSES]), ())
+        Study(PAPER, parse_variations([MASSES]), ())
 
 
 # ------------------------------------------------------------------------------------------------------ journal
 
 
 def run_with_journal(path: Path, asking: Study, workers: int = 1) -> Sweep:
-    with journal(path, asking) as kept:
+    with open_checkpoint(path, asking) as kept:
         return sweep(asking, journal=kept, workers=workers)
 
 
@@ -345,7 +349,7 @@ def test_a_torn_line_is_dropped_and_failures_are_tried_again(tmp_path: Path) -> 
     again = run_with_journal(path, study(measure=own.FAILING, number=3.0))
     assert own.logged()[5:] == ["6"]
     assert again.rows == first.rows
-    with journal(path, study(number=9.0), fresh=True) as kept:
+    with open_checkpoint(path, study(number=9.0), fresh=True) as kept:
         assert kept.rows == ()
     path.write_bytes(path.read_bytes()[:20])
     assert run_with_journal(path, study(measure=own.FAILING, number=3.0)).rows == first.rows
@@ -365,9 +369,9 @@ def test_a_full_disk_is_named(tmp_path: Path) -> None:
 
 
 def test_numbers_survive_the_journal_bit_for_bit(tmp_path: Path) -> None:
-    asking = Study(PAPER, parsed(["support.mass=1:7:3"]), asked(["frequencies", "beat"]))
+    asking = Study(PAPER, parse_variations(["support.mass=1:7:3"]), parse_measures(["frequencies", "beat"]))
     first = run_with_journal(tmp_path / "j", asking)
-    with journal(tmp_path / "j", asking) as kept:
+    with open_checkpoint(tmp_path / "j", asking) as kept:
         assert kept.rows == first.rows
 
 
@@ -375,7 +379,7 @@ def test_a_journal_of_another_sweep_is_refused(tmp_path: Path) -> None:
     path, asking = tmp_path / "s.journal", study()
     run_with_journal(path, asking)
     content = path.read_bytes()
-    heavier = varied(PAPER, {"pendulum[0].links[0].mass": 1.5})
+    heavier = vary(PAPER, {"pendulum[0].links[0].mass": 1.5})
     others = (
         Study(heavier, asking.variations, asking.measures),
         study("support.mass=1,2,3,4,5,7"),
@@ -397,7 +401,7 @@ def test_a_journal_of_another_sweep_is_refused(tmp_path: Path) -> None:
             run_with_journal(path, asking)
         assert path.read_bytes() == text
     path.write_bytes(b"precious text")
-    with pytest.raises(SceneError, match="is not the journal"), journal(path, asking, fresh=True):
+    with pytest.raises(SceneError, match="is not the journal"), open_checkpoint(path, asking, fresh=True):
         pass
 
 
@@ -457,7 +461,9 @@ def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
 
 
 def both_ways() -> list[Sweep]:
-    grid = Study(PAPER, parsed(["support.mass=1:10:3log", "gravity=1,2"]), asked(["frequencies:2", "beat"]))
+    grid = Study(
+        PAPER, parse_variations(["support.mass=1:10:3log", "gravity=1,2"]), parse_measures(["frequencies:2", "beat"])
+    )
     whole = sweep(grid, workers=1)
     failing = sweep(study(measure=own.FAILING, number=3.0), workers=1)
     partial = Sweep(whole.study, whole.rows[1:4], interrupted=True)
@@ -557,7 +563,7 @@ def test_without_distributed_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")
-    asking = Study(PAPER, parsed(["support.mass=1:100:9log"]), asked(["frequencies:2"]))
+    asking = Study(PAPER, parse_variations(["support.mass=1:100:9log"]), parse_measures(["frequencies:2"]))
     with (
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None, local_directory=str(tmp_path)

@@ -12,11 +12,11 @@ import sympy as sp
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
 from modal.exact.characteristic import of_scene
 from modal.symbolic import system as symbolic
-from modal.symbolic.derivation import derivation
+from modal.symbolic.derivation import derive
 from modal.symbolic.lagrange import coordinate
-from modal.symbolic.lagrangian import lagrangian, vanishes
+from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.roots import symbolic as symbolic_polynomial
-from modal.symbolic.system import System, cart, chain
+from modal.symbolic.system import SymbolicSystem, cart, chain
 
 
 def decimal(rng: random.Random) -> float:
@@ -57,15 +57,15 @@ SYSTEMS = [
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
-def test_the_pair_gives_the_lagrange_equations_of_the_cartesian_positions(system: System) -> None:
-    derived, found = lagrangian(system).equations, system.equations()
+def test_the_pair_gives_the_lagrange_equations_of_the_cartesian_positions(system: SymbolicSystem) -> None:
+    derived, found = derive_lagrangian(system).equations, system.equations()
     assert all(vanishes(a - b) for a, b in zip(derived, found, strict=True))
     assert not vanishes(derived[-1] - 2 * found[-1])
 
 
 @pytest.mark.parametrize("system", SYSTEMS, ids=lambda system: system.title)
-def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: System) -> None:
-    for derived, found in zip(lagrangian(system).linearized(), system.matrices(), strict=True):
+def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: SymbolicSystem) -> None:
+    for derived, found in zip(derive_lagrangian(system).linearized(), system.matrices(), strict=True):
         assert sp.simplify(derived - found) == sp.zeros(*found.shape)
 
 
@@ -75,7 +75,7 @@ def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     links = (Bob(mass=1.5, length=0.7), Body(mass=0.4, length=1.2, centre=0.5, inertia=0.3), Rod(mass=2.0, length=0.9))
     support = Cart(mass=3.0, stiffness=2.0) if seed % 2 else Fixed()
     system = symbolic.of_scene(Scene(gravity=9.81, space="space", support=support, pendulum=[Pendulum(links=links)]))
-    spherical = lagrangian(system)
+    spherical = derive_lagrangian(system)
     rng = random.Random(seed)
     state = {part: sp.Rational(rng.randint(-900, 900), 700) for c in spherical.coordinates for part in c}
     equations = dict(zip([c.q.name for c in spherical.coordinates], spherical.equations, strict=True))
@@ -95,7 +95,7 @@ def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
             assert abs(sp.N((virtual - equations[name]).subs(state), 30)) < 1e-25
 
 
-def symbols_of(system: System) -> list[tuple[sp.Symbol, sp.Symbol]]:
+def symbols_of(system: SymbolicSystem) -> list[tuple[sp.Symbol, sp.Symbol]]:
     return [(angle.q, sp.Symbol(angle.q.name.replace("theta", "phi"))) for angle in system.angles]
 
 
@@ -158,12 +158,12 @@ def test_kappa_of_a_stable_mode_beside_a_standing_link() -> None:
 def test_from_the_lagrangian_to_the_printed_polynomial(n: int) -> None:
     printed = {1: [1, 1], 2: [2, 4, 1], 3: [6, 18, 9, 1], 4: [24, 96, 72, 16, 1], 5: [120, 600, 600, 200, 25, 1]}
     system = chain(n)
-    M, K, _ = lagrangian(system).linearized()
+    M, K, _ = derive_lagrangian(system).linearized()
     m, l, g = sp.symbols("m l g", positive=True)
     lam = sp.Symbol("lambda")
     determinant = (M + lam * K * l / g).det(method="berkowitz") / (m * l**2) ** n
     assert sp.Poly(sp.expand(determinant), lam).all_coeffs() == printed[n]
-    lines = [line for section in derivation(system, ("polynomial",)) for line in section.lines]
+    lines = [line for section in derive(system, ("polynomial",)) for line in section.lines]
     assert sp.Poly(lines[1].formula.lhs, lam).all_coeffs() == printed[n]
 
 
@@ -172,9 +172,9 @@ def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
     """Also of partly equal symbols and on a cart."""
     x = sp.Symbol("x")
     for system, on_cart in ((chain(n, "rod", ("masses", "lengths")), False), (cart(n, 1, "rod", ("lengths",)), True)):
-        M, K, _ = lagrangian(system).linearized()
+        M, K, _ = derive_lagrangian(system).linearized()
         determinant = (K - x * M).det(method="berkowitz")
-        section = next(iter(derivation(system, ("polynomial",))))
+        section = next(iter(derive(system, ("polynomial",))))
         in_x = [line for line in section.lines if "in x" in line.words and "rigid" not in line.words]
         formula = in_x[0].formula
         ratio = sp.cancel(determinant / formula.lhs)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from motion_scenes import motion_scene
 
-from modal.scene.model import Bob, Cart, Pendulum, Scene, Start
-from nonlinear import Push, State, crossing, load, released, resumed, save, simulate
-from nonlinear.dynamics.symmetries import symmetries
-from nonlinear.integration.methods import Choice, system_of
-from nonlinear.postprocessing.reaction_forces import reactions
-from nonlinear.system.initial import start_of
-from nonlinear.system.plant import plant_of
+from modal.scene.model import Bob, Cart, InitialCondition, Pendulum, Scene
+from nonlinear import AppliedForces, State, level_crossing, load, resume, save, simulate, state_at_rest
+from nonlinear.dynamics.symmetries import find_symmetries
+from nonlinear.integration.methods import Choice, equations_of
+from nonlinear.postprocessing.reaction_forces import reaction_forces_of
+from nonlinear.system.initial import initial_state
+from nonlinear.system.system import system_of
 
 
 def doubled(seed: int) -> Scene:
@@ -26,9 +26,9 @@ def doubled(seed: int) -> Scene:
 def test_pendula_that_start_equally_move_as_one(seed: int) -> None:
     scene, duration = doubled(seed), 3.0
     found = simulate(scene, duration, tolerance=1e-12, output=31)
-    plant = plant_of(scene)
-    whole = simulate(scene, duration, tolerance=1e-12, output=31, load=lambda time, state: Push())
-    assert found.run.reduced == f"{len(scene.pendulum) - 1} of {plant.n_pendula} pendula, the others moving with them"
+    system = system_of(scene)
+    whole = simulate(scene, duration, tolerance=1e-12, output=31, load=lambda time, state: AppliedForces())
+    assert found.run.reduced == f"{len(scene.pendulum) - 1} of {system.n_pendula} pendula, the others moving with them"
     assert whole.run.reduced == ""
     assert np.abs(found.motion.links - whole.motion.links).max() < 1e-8
     assert np.abs(found.motion.cart - whole.motion.cart).max() < 1e-8
@@ -38,10 +38,10 @@ def test_pendula_that_start_equally_move_as_one(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_the_smaller_equations_are_the_whole_ones(seed: int) -> None:
     scene = doubled(seed)
-    plant, start = plant_of(scene), start_of(scene)
-    (one,) = symmetries(plant, start)
+    system, start = system_of(scene), initial_state(scene)
+    (one,) = find_symmetries(system, start)
     choice = Choice("minimal", "", compiled=False, reason="")
-    small, whole = system_of(one.plant, choice), system_of(plant, choice)
+    small, whole = equations_of(one.system, choice), equations_of(system, choice)
     rate = one.extend(small.read(small.derivative(0.0, small.begin(one.restrict(start)))[None]))
     sure = whole.read(whole.derivative(0.0, whole.begin(start))[None])
     for name in ("links", "link_rates", "cart", "cart_rate", "work"):
@@ -52,30 +52,30 @@ def test_the_smaller_equations_are_the_whole_ones(seed: int) -> None:
 def test_a_thousand_equal_pendula_are_integrated_as_one() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=0.5, length=0.7)), count=1000)
     scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))
-    found = simulate(scene, 5.0, start=released(scene, [60.0, -20.0]), output=11)
+    found = simulate(scene, 5.0, start=state_at_rest(scene, [60.0, -20.0]), output=11)
     assert found.motion.links.shape == (11, 2000)
-    assert found.system is not None
-    assert len(found.system.begin(found.final)) == 2 * 3
-    apart = released(scene, [60.0, -20.0])
+    assert found.equations is not None
+    assert len(found.equations.begin(found.final)) == 2 * 3
+    apart = state_at_rest(scene, [60.0, -20.0])
     apart.links[1] += 1e-3
-    (one,) = symmetries(plant_of(scene), apart)
-    assert one.plant.n_pendula == 2
+    (one,) = find_symmetries(system_of(scene), apart)
+    assert one.system.n_pendula == 2
 
 
 def test_pendula_that_differ_or_start_elsewhere_stay_apart() -> None:
     bobs = [Pendulum(links=(Bob(mass=1.0, length=length),)) for length in (1.0, np.nextafter(1.0, 2.0))]
     scene = Scene(gravity=9.81, pendulum=tuple(bobs))
-    assert symmetries(plant_of(scene), released(scene, [10.0, 10.0])) == ()
+    assert find_symmetries(system_of(scene), state_at_rest(scene, [10.0, 10.0])) == ()
     scene = Scene(gravity=9.81, pendulum=(bobs[0], bobs[0]))
-    assert symmetries(plant_of(scene), released(scene, [10.0, -10.0])) == ()
-    assert len(symmetries(plant_of(scene), released(scene, [10.0, 10.0]))) == 1
+    assert find_symmetries(system_of(scene), state_at_rest(scene, [10.0, -10.0])) == ()
+    assert len(find_symmetries(system_of(scene), state_at_rest(scene, [10.0, 10.0]))) == 1
 
 
 def spatial(scene: Scene, azimuth: float) -> Scene:
     pendula = []
     for pendulum in scene.pendulum:
         assert pendulum.start
-        start = Start(
+        start = InitialCondition(
             angles_deg=pendulum.start.angles_deg,
             rates_deg=pendulum.start.rates_deg,
             azimuths_deg=(azimuth,) * pendulum.n_links,
@@ -94,7 +94,7 @@ def test_a_start_in_the_plane_of_the_rail_is_integrated_there(seed: int) -> None
     assert np.abs(found.motion.links - whole.motion.links).max() < 1e-8
     assert np.abs(found.motion.link_rates - whole.motion.link_rates).max() < 1e-7
     assert found.energy_drift() < 1e-9
-    forces, sure = reactions(found), reactions(whole)
+    forces, sure = reaction_forces_of(found), reaction_forces_of(whole)
     assert np.allclose(forces.pivots, sure.pivots, rtol=1e-5, atol=1e-6 * np.abs(sure.pivots).max())
 
 
@@ -104,14 +104,17 @@ def test_joint_springs_in_space_and_azimuths_keep_it_spatial() -> None:
         update={
             "pendulum": (
                 sprung.pendulum[0].model_copy(
-                    update={"links": (Bob(mass=1, length=1, stiffness=3.0),), "start": Start(angles_deg=(9.0,))}
+                    update={
+                        "links": (Bob(mass=1, length=1, stiffness=3.0),),
+                        "start": InitialCondition(angles_deg=(9.0,)),
+                    }
                 ),
             )
         }
     )
     aside = spatial(motion_scene(0, sprung=False), 30.0)
     for scene in (sprung, aside):
-        assert symmetries(plant_of(scene), start_of(scene)) == ()
+        assert find_symmetries(system_of(scene), initial_state(scene)) == ()
 
 
 def test_a_reduced_run_is_kept_and_gone_on_from(tmp_path) -> None:  # type: ignore[no-untyped-def]
@@ -120,7 +123,7 @@ def test_a_reduced_run_is_kept_and_gone_on_from(tmp_path) -> None:  # type: igno
     save(first, tmp_path / "run.npz")
     again = load(tmp_path / "run.npz")
     assert again.run == first.run
-    both = [resumed(run, 1.0, output=11) for run in (first, again)]
+    both = [resume(run, 1.0, output=11) for run in (first, again)]
     assert np.array_equal(*(run.motion.links for run in both))
     assert both[0].run.reduced == first.run.reduced
     straight = simulate(scene, 2.0, output=[2.0])
@@ -129,16 +132,17 @@ def test_a_reduced_run_is_kept_and_gone_on_from(tmp_path) -> None:  # type: igno
 
 def test_events_and_loads_see_the_whole_scene() -> None:
     scene = Scene(
-        gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), count=3, start=Start(angles_deg=(10.0,))),)
+        gravity=9.81,
+        pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), count=3, start=InitialCondition(angles_deg=(10.0,))),),
     )
     seen = set()
 
-    def load_of(time: float, state: State) -> Push:
+    def load_of(time: float, state: State) -> AppliedForces:
         seen.add(len(state.links))
-        return Push()
+        return AppliedForces()
 
     assert simulate(scene, 0.1, load=load_of).run.reduced == ""
     assert seen == {3}
-    found = simulate(scene, 3.0, events=[crossing(plant_of(scene), "theta[3,1]")])
+    found = simulate(scene, 3.0, events=[level_crossing(system_of(scene), "theta[3,1]")])
     assert found.run.reduced
     assert len(found.happenings) == 3

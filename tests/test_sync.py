@@ -17,19 +17,19 @@ from modal import load
 from modal.errors import ComputationError
 from modal.modes.numbering import table_numbers
 from modal.scene.model import Scene, scene_from
-from modal.scene.places import varied
+from modal.scene.places import vary
 from multipendula.cli import main
-from nonlinear.averaging.equations import averaged
-from nonlinear.averaging.equilibria import Configuration, configurations
-from nonlinear.averaging.prediction import predicted
-from nonlinear.plotting.strobe import APART, SECONDS, strobed
+from nonlinear.averaging.equations import average
+from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
+from nonlinear.averaging.prediction import predict
+from nonlinear.plotting.strobe import APART, SECONDS, strobe
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import phases_of
 from nonlinear.synchronization.report import sync_text
-from nonlinear.synchronization.study import MOST, Synchrony, synchrony, usual_duration
-from nonlinear.synchronization.sync_records import records
-from nonlinear.system.initial import released
+from nonlinear.synchronization.study import MOST, SynchronizationStudy, study_synchronization, usual_duration
+from nonlinear.synchronization.sync_records import sync_record
+from nonlinear.system.initial import state_at_rest
 
 VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}
@@ -59,12 +59,12 @@ def clocks(*angles: float, drive: Any = VAN_DER_POL, mass: float = 50.0, damping
 
 
 @cache
-def pair() -> Synchrony:
-    return synchrony(clocks(10.0, 4.0))
+def pair() -> SynchronizationStudy:
+    return study_synchronization(clocks(10.0, 4.0))
 
 
-def states(scene: Scene) -> dict[str, Configuration]:
-    return {agreement(one): one for one in configurations(averaged(scene))}
+def states(scene: Scene) -> dict[str, RelativeEquilibrium]:
+    return {agreement(one): one for one in relative_equilibria(average(scene))}
 
 
 def test_the_predicted_survivor_is_the_simulated_one() -> None:
@@ -97,7 +97,7 @@ def test_the_words_hold_the_numbers() -> None:
 
 def test_the_records_hold_the_same_numbers() -> None:
     found = pair()
-    told = json.loads(json.dumps(records(found), allow_nan=False))
+    told = json.loads(json.dumps(sync_record(found), allow_nan=False))
     assert found.survival
     assert told["simulation"]["survivor"] == told["prediction"]["survivor"] == found.survival.survivor + 1
     assert told["simulation"]["order_parameter"] == pytest.approx(1.0, abs=1e-3)
@@ -108,7 +108,7 @@ def test_the_records_hold_the_same_numbers() -> None:
 def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     """Metronomes in exact antiphase, that neighbours leave, go where real ones would: in phase."""
     scene = floquet.metronomes(11.0).scene
-    found = synchrony(scene, start=released(scene, (21.0, -21.0)), tolerance=1e-7)
+    found = study_synchronization(scene, start=state_at_rest(scene, (21.0, -21.0)), tolerance=1e-7)
     assert found.theory
     assert found.survival
     said = found.theory.prediction
@@ -116,7 +116,7 @@ def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     assert (said.unstable.row, said.row, found.survival.survivor) == (1, 2, 3)
     assert found.agrees is True
     assert 0 < abs(found.trajectory.motion.links[0] - np.radians([21.0, -21.0])).max() < np.radians(3.0)
-    text, told, number = sync_text(found), records(found)["prediction"], table_numbers(scene)
+    text, told, number = sync_text(found), sync_record(found)["prediction"], table_numbers(scene)
     exactly = f"Exactly this start keeps to mode {number[1]} (antiphase), but that motion is unstable"
     assert exactly in " ".join(text.split())
     assert "from beside it too" in text
@@ -125,8 +125,8 @@ def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
 
 
 def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
-    scene = varied(load("huygens"), {"support.mass": 40.0})
-    said = predicted(scene, released(scene, (7.0, 7.0)))
+    scene = vary(load("huygens"), {"support.mass": 40.0})
+    said = predict(scene, state_at_rest(scene, (7.0, 7.0)))
     assert said.unstable
     assert said.unstable.relaxation == pytest.approx(289, rel=0.05)
     assert (said.unstable.row, said.row, said.share > 0.99) == (2, 1, True)
@@ -134,23 +134,23 @@ def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
 
 def test_a_start_that_leaves_by_itself_is_its_own_judge() -> None:
     scene = floquet.metronomes(11.0).scene
-    said = predicted(scene, start := released(scene, (21.0, -20.9)))
+    said = predict(scene, start := state_at_rest(scene, (21.0, -20.9)))
     assert said.unstable is None
     assert said.row == 2
     np.testing.assert_array_equal(said.start.links, start.links)
 
 
 def test_what_does_not_excite_itself_has_no_prediction() -> None:
-    found = synchrony(clocks(10.0, 4.0, drive=None), 60.0)
+    found = study_synchronization(clocks(10.0, 4.0, drive=None), 60.0)
     assert found.theory is None
     assert found.agrees is None
     assert "No prediction: nothing excites this scene" in sync_text(found)
-    assert records(found)["prediction"] is None
+    assert sync_record(found)["prediction"] is None
 
 
 def test_a_swing_that_dies_out_is_said_to() -> None:
     weak = {"kind": "van-der-pol", "strength": 0.002, "angle_deg": 5.0}
-    found = synchrony(clocks(10.0, 4.0, drive=weak), 100.0)
+    found = study_synchronization(clocks(10.0, 4.0, drive=weak), 100.0)
     assert found.theory
     assert found.theory.prediction.motion.dies
     assert found.agrees is None
@@ -160,11 +160,11 @@ def test_a_swing_that_dies_out_is_said_to() -> None:
 
 def test_a_start_at_rest_has_no_prediction() -> None:
     with pytest.raises(ComputationError, match="starts at rest"):
-        predicted(clocks(0.0, 0.0))
+        predict(clocks(0.0, 0.0))
 
 
 def test_escapements_keep_their_books() -> None:
-    found = synchrony(clocks(10.0, -8.0, drive=ESCAPEMENT), 200.0, tolerance=1e-12)
+    found = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 200.0, tolerance=1e-12)
     kicks = found.trajectory.kicks
     assert len(kicks.time) > 200
     assert found.trajectory.energy_drift() < 1e-9
@@ -173,7 +173,7 @@ def test_escapements_keep_their_books() -> None:
 
 def test_a_thousand_driven_pendula() -> None:
     rng = np.random.default_rng(3)
-    found = synchrony(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 20.0)
+    found = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 20.0)
     assert found.theory is None
     assert "at most" in found.silent
     assert found.phases.order[-1, 0] < 1.0
@@ -209,14 +209,14 @@ def test_the_usual_run_is_as_long_as_the_prediction_needs_and_no_longer_than_mos
 def test_a_film_is_lit_a_little_later_in_every_swing() -> None:
     run = simulate(clocks(10.0, 4.0), 2000.0)
     phases = phases_of(run)
-    lit = strobed(phases, "gif")
+    lit = strobe(phases, "gif")
     swings_apart = lit["speed"] / lit["fps"] * phases.omega[0, 0] / (2 * pi)
     assert swings_apart % 1 == pytest.approx(1 / APART)
     assert SECONDS / 2 < 2000.0 / lit["speed"] <= SECONDS
 
 
 def test_a_short_run_is_shown_at_its_own_speed() -> None:
-    assert strobed(phases_of(simulate(clocks(10.0, 4.0), 10.0)), "gif")["speed"] == pytest.approx(1.0)
+    assert strobe(phases_of(simulate(clocks(10.0, 4.0), 10.0)), "gif")["speed"] == pytest.approx(1.0)
 
 
 def written(folder: Path, drive: str = '{ kind = "van-der-pol", strength = 0.05, angle_deg = 5.0 }') -> str:
@@ -257,17 +257,17 @@ def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_a_single_pendulum_locks_with_nobody() -> None:
-    words = sync_text(synchrony(clocks(10.0, mass=1e6, damping=0.0), 30.0))
+    words = sync_text(study_synchronization(clocks(10.0, mass=1e6, damping=0.0), 30.0))
     assert "Mean frequency 3.1" in words
     assert "locked" not in words
     assert "All other" not in words
 
 
 def test_still_pendula_and_short_runs_claim_no_frequency() -> None:
-    still = sync_text(synchrony(clocks(0.0, 0.0), 30.0))
+    still = sync_text(study_synchronization(clocks(0.0, 0.0), 30.0))
     assert "nan" not in still
     assert "have no frequency" in still
-    assert "too short to tell whether they lock" in sync_text(synchrony(clocks(10.0, 4.0), 0.1))
+    assert "too short to tell whether they lock" in sync_text(study_synchronization(clocks(10.0, 4.0), 0.1))
 
 
 def test_what_dampers_took_is_said_only_of_dampers() -> None:
@@ -276,15 +276,15 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
     links = [pendulum.links[0] for pendulum in scene.pendulum]
     own = links[0].model_copy(update={"drive": clocks(1.0).pendulum[0].links[0].drive})
     mixed = (scene.pendulum[0].model_copy(update={"links": (own,)}), scene.pendulum[1])
-    found = synchrony(scene.model_copy(update={"pendulum": mixed}), 20.0)
+    found = study_synchronization(scene.model_copy(update={"pendulum": mixed}), 20.0)
     rest = float(found.trajectory.motion.work[-1] - found.trajectory.kicks.energy.sum())
     assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(found)
     assert "dampers took" not in sync_text(found)
-    assert "dampers took" in sync_text(synchrony(scene, 20.0))
+    assert "dampers took" in sync_text(study_synchronization(scene, 20.0))
     loose = scene.conservative
     kicked = [link.model_copy(update={"damping": 0.0}) for link in links]
     pendula = [one.model_copy(update={"links": (link,)}) for one, link in zip(loose.pendulum, kicked, strict=True)]
-    words = sync_text(synchrony(loose.model_copy(update={"pendulum": tuple(pendula)}), 20.0))
+    words = sync_text(study_synchronization(loose.model_copy(update={"pendulum": tuple(pendula)}), 20.0))
     assert "fed" in words
     assert "dampers took" not in words
 

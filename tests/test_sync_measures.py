@@ -17,25 +17,25 @@ from motion_scenes import motion_scene, random_state
 import modal
 from modal import Bob, Cart, Fixed, Pendulum, Scene
 from modal.assembly.arrays import rig_of
-from modal.coupling.fixed_base import own_modes
+from modal.coupling.fixed_base import fixed_base_modes
 from modal.errors import ComputationError
 from modal.scene.drives import VanDerPol
-from modal.scene.model import Start
+from modal.scene.model import InitialCondition
 from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.integration.trajectory import Run, Trajectory
+from nonlinear.integration.trajectory import SolverInfo, Trajectory
 from nonlinear.plotting import synchronization as sync_figures
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
-from nonlinear.postprocessing.averages import last, smoothed
+from nonlinear.postprocessing.averages import last, smooth
 from nonlinear.reduction.modal_coordinates import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import run_measures
-from nonlinear.sweeps.measure import Asked
+from nonlinear.sweeps.measure import RequestedMeasure
 from nonlinear.sweeps.sync_measures import SYNC, locking, order, pendulum_energy, survivor
-from nonlinear.synchronization.modal_energy import survival
+from nonlinear.synchronization.modal_energy import find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
-from nonlinear.system.initial import released
-from nonlinear.system.plant import plant_of
+from nonlinear.system.initial import state_at_rest
 from nonlinear.system.state import Motion
+from nonlinear.system.system import system_of
 
 PAPER = modal.load("paper-cart-2")
 DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
@@ -43,7 +43,7 @@ DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)
 
 def bobs(*lengths: float, cart: float | None = 10.0, angles: tuple[float, ...] = (), **link: Any) -> Scene:
     pendula = tuple(
-        Pendulum(links=(Bob(mass=1.0, length=length, **link),), start=Start(angles_deg=(angle,)))
+        Pendulum(links=(Bob(mass=1.0, length=length, **link),), start=InitialCondition(angles_deg=(angle,)))
         for length, angle in zip(lengths, angles or (5.0,) * len(lengths), strict=True)
     )
     return Scene(gravity=9.81, support=Fixed() if cart is None else Cart(mass=cart), pendulum=pendula)
@@ -53,7 +53,7 @@ def closed(scene: Scene, times: Any, links: Any, rates: Any, cart: Any = 0.0, ca
     """A run that somebody wrote down."""
     none = np.zeros(len(times))
     motion = Motion(np.asarray(links), np.asarray(rates), none + cart, none + cart_rate, none)
-    return Trajectory(scene, plant_of(scene), np.asarray(times), motion, Run("by hand", "closed form", "", 0.0))
+    return Trajectory(scene, system_of(scene), np.asarray(times), motion, SolverInfo("by hand", "closed form", "", 0.0))
 
 
 def swinging(scene: Scene, times: Any, omega: Any, size: Any, phase: Any) -> Trajectory:
@@ -85,7 +85,7 @@ def test_own_modes_are_those_of_each_pendulum_alone(seed: int) -> None:
 
 def test_own_frequencies_are_those_of_the_coupling() -> None:
     phases = phases_of(closed(PAPER, [0.0, 1.0], *np.zeros((2, 2, 4))))
-    assert phases.omega[0] == pytest.approx(own_modes(rig_of(PAPER)).omega, rel=1e-12)
+    assert phases.omega[0] == pytest.approx(fixed_base_modes(rig_of(PAPER)).omega, rel=1e-12)
 
 
 def test_a_spring_can_hold_a_pendulum_up_and_without_one_it_has_no_phase() -> None:
@@ -100,9 +100,9 @@ def test_a_spring_can_hold_a_pendulum_up_and_without_one_it_has_no_phase() -> No
     assert phases.frequency == pytest.approx([expected], rel=1e-12)
     free = scene.model_copy(update={"pendulum": (Pendulum(links=(Bob(mass=2.0, length=0.5),), equilibrium=("up",)),)})
     with pytest.raises(ComputationError, match="does not swing"):
-        phases_of(replace(run, scene=free, plant=plant_of(free)))
+        phases_of(replace(run, scene=free, system=system_of(free)))
     with pytest.raises(ComputationError, match="no mode of this scene swings"):
-        survival(replace(run, scene=free, plant=plant_of(free)))
+        find_survival(replace(run, scene=free, system=system_of(free)))
 
 
 # ------------------------------------------------------------------------------------------------------ phases
@@ -112,7 +112,7 @@ def test_a_spring_can_hold_a_pendulum_up_and_without_one_it_has_no_phase() -> No
 def test_small_motion_in_one_mode_turns_at_its_frequency_and_keeps_its_share(number: int) -> None:
     modes = modal.natural_modes(PAPER)
     run = simulate(PAPER, 30.0, start=start_in_mode(PAPER, modes, number, amplitude=1e-5), tolerance=1e-12)
-    phases, found = phases_of(run), survival(run)
+    phases, found = phases_of(run), find_survival(run)
     assert phases.leading == (number - 1) // 2
     assert phases.frequency == pytest.approx([modes.omega[number]] * 2, rel=1e-6)
     assert phases.locked
@@ -169,7 +169,7 @@ def test_whole_turns_do_not_count() -> None:
     run = swinging(bobs(1.0, 1.0), np.linspace(0, 10, 500), [sqrt(9.81)] * 2, [0.1, 0.2], [0, 1])
     turned = replace(run, motion=replace(run.motion, links=run.motion.links + np.array([2 * pi, -6 * pi])))
     assert phases_of(turned).z == pytest.approx(phases_of(run).z, abs=1e-13)
-    assert survival(turned).share == pytest.approx(survival(run).share, abs=1e-12)
+    assert find_survival(turned).share == pytest.approx(find_survival(run).share, abs=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -184,7 +184,7 @@ def test_energies_are_those_of_the_pendula_and_cart_by_themselves(seed: int) -> 
         alone = scene.model_copy(update={"pendulum": (pendulum,)})
         here = slice(at, at := at + pendulum.n_links)
         motion = Motion(*(part[:, here] for part in columns), *cart, np.zeros(3))
-        single = Mechanics(plant_of(alone), motion)
+        single = Mechanics(system_of(alone), motion)
         assert energy[:, own] == pytest.approx(single.energy - single.cart_kinetic - single.cart_potential, rel=1e-12)
     whole = energy.sum(1) + run.mechanics.cart_kinetic + run.mechanics.cart_potential
     assert whole == pytest.approx(run.mechanics.energy, rel=1e-12)
@@ -241,7 +241,7 @@ def test_samples_once_a_period_are_refused_though_nothing_seems_to_move() -> Non
 
 def test_motion_in_space_is_refused() -> None:
     run = simulate(modal.load("chain-spatial"), 1.0, output=10)
-    for measured in (phases_of, survival):
+    for measured in (phases_of, find_survival):
         with pytest.raises(ComputationError, match="only of motion in the plane"):
             measured(run)
 
@@ -258,12 +258,12 @@ def test_energies_by_modes_are_those_of_modal_coordinates() -> None:
     rng, times = np.random.default_rng(3), np.linspace(0, 1e-9, 5)
     parts = rng.uniform(-0.5, 0.5, (2, 5, 8))
     run = closed(scene, times, *parts, *rng.uniform(-1, 1, (2, 5)))
-    found = survival(run)
+    found = find_survival(run)
     coordinates = modal_motion(run.motion, modal.natural_modes(scene.conservative))
     expected = np.array([coordinates.energy[:, coordinates.number == row - 1].sum(1) for row in found.row]).T
     assert found.modes.multiplicity.max() == 2
-    assert found.energy == pytest.approx(smoothed(times, expected, 1.0), rel=1e-9)
-    assert found.energy.sum(1) == pytest.approx(smoothed(times, coordinates.total_energy, 1.0), rel=1e-9)
+    assert found.energy == pytest.approx(smooth(times, expected, 1.0), rel=1e-9)
+    assert found.energy.sum(1) == pytest.approx(smooth(times, coordinates.total_energy, 1.0), rel=1e-9)
 
 
 @pytest.mark.parametrize("cart", [None, Cart(mass=3.0, stiffness=7.0)])
@@ -272,9 +272,9 @@ def test_no_energy_is_lost_where_different_pendula_swing_alike(cart: Cart | None
     scene = Scene(gravity=9.81, support=cart or Fixed(), pendulum=pendula)
     parts, times = np.random.default_rng(5).uniform(-0.5, 0.5, (2, 4, 6)), np.linspace(0, 1e-9, 4)
     run = closed(scene, times, *parts)
-    found = survival(run)
+    found = find_survival(run)
     whole = modal_motion(run.motion, found.modes).total_energy
-    assert found.energy.sum(1) == pytest.approx(smoothed(times, whole, 1.0), rel=1e-12)
+    assert found.energy.sum(1) == pytest.approx(smooth(times, whole, 1.0), rel=1e-12)
     assert found.modes.multiplicity.max() == (6 if cart is None else 5)
 
 
@@ -290,7 +290,7 @@ def test_locking_time_of_a_decay_that_is_known(sigma: float, size: float) -> Non
     second = fade * np.cos(w2 * times), -fade * (w2 * np.sin(w2 * times) + sigma * np.cos(w2 * times))
     links, rates = (np.outer(a, one.angles) + np.outer(b, two.angles) for a, b in zip(first, second, strict=True))
     cart, cart_rate = (a * one.cart + b * two.cart for a, b in zip(first, second, strict=True))
-    found = survival(closed(scene, times, 0.01 * links, 0.01 * rates, 0.01 * cart, 0.01 * cart_rate))
+    found = find_survival(closed(scene, times, 0.01 * links, 0.01 * rates, 0.01 * cart, 0.01 * cart_rate))
     ratio = size**2 * two.modal_mass * w2**2 / (one.modal_mass * w1**2)
     assert found.survivor == 2
     assert found.locking_time() == pytest.approx(log(99 * ratio) / (2 * sigma), abs=0.15)
@@ -302,18 +302,18 @@ def test_locking_time_of_a_decay_that_is_known(sigma: float, size: float) -> Non
 def test_at_rest_nothing_survives_and_immense_scenes_are_refused() -> None:
     still = closed(PAPER, [0.0, 1.0], *np.zeros((2, 2, 4)))
     with pytest.raises(ComputationError, match="nothing swings"):
-        _ = survival(still).survivor
+        _ = find_survival(still).survivor
     crowd = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1, length=1),), count=2001),))
     run = swinging(crowd, np.linspace(0, 9, 90), [sqrt(9.81)] * 2001, [0.1] * 2001, [0.0] * 2001)
     with pytest.raises(ComputationError, match="2001 coordinates"):
-        survival(run)
+        find_survival(run)
     assert phases_of(run).order == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("start", "row"), [((5.0, -3.0), 2), ((8.0, 1.0), 3)])
 def test_what_survives_between_two_clocks_is_what_their_angles_show(start: tuple[float, float], row: int) -> None:
     run = paired(*start)
-    found, phases = survival(run), phases_of(run)
+    found, phases = find_survival(run), phases_of(run)
     end = run.motion.links[last(run.times, 0.1)]
     difference, total = np.ptp(end[:, 0] - end[:, 1]), np.ptp(end.sum(1))
     assert (difference > 1e3 * total) == (row == 2)
@@ -340,10 +340,10 @@ def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     run = simulate(scene, 90.0)
     numbers: dict[str, float] = {}
     for measure in SYNC:
-        numbers |= Asked(measure, 90.0).of(scene)
+        numbers |= RequestedMeasure(measure, 90.0).of(scene)
     assert len(runs) == 1
     late = slice(np.searchsorted(run.times, 81.0), None)
-    found, mechanics = survival(run), run.mechanics
+    found, mechanics = find_survival(run), run.mechanics
     assert numbers["survivor"] == 2
     assert numbers["survivor_share"] == found.share[-1, 0] > 0.99
     assert 60 < numbers["locking_time_s"] < 90
@@ -371,13 +371,13 @@ def test_means_over_time() -> None:
     wave, fine = np.cos(2 * pi * times), np.linspace(0, 10, 10_001)
     lines = np.interp(fine, times, wave)
     for span in (0.002, 0.7, 3.0, 50.0):
-        found = smoothed(times, np.stack((wave, 2 * times), axis=1), span)
+        found = smooth(times, np.stack((wave, 2 * times), axis=1), span)
         for at in (0, 1, 57, 150, len(times) - 1):
             low, high = max(times[at] - span / 2, 0), min(times[at] + span / 2, 10)
             near = (fine >= low - 1e-9) & (fine <= high + 1e-9)
             assert found[at, 0] == pytest.approx(np.trapezoid(lines[near], fine[near]) / (high - low), abs=1e-9)
             assert found[at, 1] == pytest.approx(low + high)
-    assert smoothed(times[:1], wave[:1], 1.0) == wave[:1]
+    assert smooth(times[:1], wave[:1], 1.0) == wave[:1]
     assert times[last(times, 0.1)][0] >= 9.0 > times[last(times, 0.1).start - 1]
     assert len(times[last(times, 0.0)]) == 2
 
@@ -385,7 +385,7 @@ def test_means_over_time() -> None:
 def test_means_of_what_decays_keep_their_digits() -> None:
     times = np.linspace(0, 100, 4001)
     values = np.exp(-times)
-    assert smoothed(times, values, 1.0)[100:-100] == pytest.approx(2 * np.sinh(0.5) * values[100:-100], rel=1e-4, abs=0)
+    assert smooth(times, values, 1.0)[100:-100] == pytest.approx(2 * np.sinh(0.5) * values[100:-100], rel=1e-4, abs=0)
 
 
 # ----------------------------------------------------------------------------------------------------- figures
@@ -419,7 +419,7 @@ def test_every_panel_has_curves_units_and_room(name: str) -> None:
 
 def test_the_picture_shows_what_was_measured() -> None:
     run = paired(5.0, -3.0)
-    phases, found = phases_of(run), survival(run)
+    phases, found = phases_of(run), find_survival(run)
     figure = sync_figure(run, phases)
     assert panel(figure, "Agreement").lines[0].get_ydata() == pytest.approx(phases.order[:, 0])
     shares = panel(figure, "hold the energy")
@@ -437,7 +437,7 @@ def test_the_picture_shows_what_was_measured() -> None:
 def test_crowds_are_drawn_as_bands_and_what_cannot_be_told_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("nonlinear.synchronization.modal_energy.MOST", 20)
     scene = bobs(*np.linspace(0.9, 1.1, 30))
-    run = simulate(scene, 20.0, start=released(scene, np.linspace(1, 9, 30).tolist()))
+    run = simulate(scene, 20.0, start=state_at_rest(scene, np.linspace(1, 9, 30).tolist()))
     figure = sync_figure(run, phases_of(run))
     (text,) = panel(figure, "hold the energy").texts
     assert "31 coordinates" in text.get_text()
@@ -450,7 +450,7 @@ def test_crowds_are_drawn_as_bands_and_what_cannot_be_told_is_said(monkeypatch: 
 
 def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
     scene = bobs(*np.linspace(0.8, 1.2, 9))
-    run = simulate(scene, 20.0, start=released(scene, np.linspace(-5, 9, 9).tolist()))
+    run = simulate(scene, 20.0, start=state_at_rest(scene, np.linspace(-5, 9, 9).tolist()))
     lines = panel(sync_figure(run, phases_of(run)), "hold the energy").lines
     assert len(lines) == sync_figures.MOST_LINES
     assert lines[-1].get_label() == "4 others"

@@ -16,24 +16,24 @@ from scipy.linalg import expm
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear.accuracy import work_precision as module
-from nonlinear.accuracy.candidates import GivenUpError, Question, Rung, ladder
+from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
 from nonlinear.accuracy.tables import tradeoff_table
-from nonlinear.accuracy.work_precision import Row, Tradeoff, late, tradeoff
+from nonlinear.accuracy.work_precision import Row, WorkPrecision, late, measure_work_precision
 from nonlinear.integration.twins import aside, slightly
 from nonlinear.plotting.work_precision import draw_tradeoff
 from nonlinear.reduction.modal_coordinates import deflection, rest_angles, start_in_mode
-from nonlinear.reduction.superposition import CORRECTED, LINEAR, superposed
-from nonlinear.reduction.two_planes import joined, split
+from nonlinear.reduction.superposition import CORRECTED, LINEAR, superpose
+from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
 from nonlinear.system.directions import of_plane
-from nonlinear.system.initial import start_of
-from nonlinear.system.plant import plant_of
+from nonlinear.system.initial import initial_state
 from nonlinear.system.state import Motion, State, apart
+from nonlinear.system.system import system_of
 
 PAPER = load("paper-cart-2")
 MODES = natural_modes(PAPER)
-ENDS = (Rung(LINEAR), Rung(CORRECTED))
+ENDS = (Candidate(LINEAR), Candidate(CORRECTED))
 TRANSLATING = Scene(
     gravity=9.81,
     support=Cart(mass=3.0),
@@ -74,7 +74,7 @@ def off_rest(scene: Scene, seed: int) -> State:
 @pytest.mark.parametrize("scene", [*map(motion_scene, range(12)), PAPER, TRANSLATING, load("cart-upright")])
 def test_the_linear_rung_is_the_exponential_of_the_state_matrix(scene: Scene) -> None:
     start, times = off_rest(scene, 5), np.linspace(0.0, 3.0, 7)
-    found = deflection(scene, superposed(scene, start, corrected=False)(times))
+    found = deflection(scene, superpose(scene, start, corrected=False)(times))
     for ours, theirs in zip(found, by_exponential(scene, start, times), strict=True):
         assert np.abs(ours - theirs).max() < 1e-8 * np.abs(theirs).max()
         assert np.abs(ours - 1.001 * theirs).max() > 1e-8 * np.abs(theirs).max()
@@ -84,7 +84,7 @@ def test_the_corrected_rung_turns_at_its_own_frequency() -> None:
     for number in (1, 3):
         start, omega = in_mode(number, 6.0), MODES.omega[number]
         own = omega * (1 + MODES[number].kappa * radians(6.0) ** 2)
-        found = superposed(PAPER, start, corrected=True)(np.array([0.0, 2 * pi / own, 2 * pi / omega]))
+        found = superpose(PAPER, start, corrected=True)(np.array([0.0, 2 * pi / own, 2 * pi / omega]))
         assert np.allclose(found.links[0], found.links[1], atol=1e-12)
         assert np.abs(found.links[0] - found.links[2]).max() > 1e-7
 
@@ -96,25 +96,25 @@ def test_a_damped_correction_fades_with_the_amplitude() -> None:
     value, kappa, a = modes.eigenvalue[number], modes[number].kappa, 0.3
     start = start_in_mode(TRANSLATING, modes, number, 0, a)
     times = np.linspace(0.0, 20.0, 2001)
-    found = superposed(TRANSLATING, start, corrected=True)(times).links
+    found = superpose(TRANSLATING, start, corrected=True)(times).links
     speed = value.imag * (1 + kappa * (a * np.exp(value.real * times)) ** 2)
     phase = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2 * np.diff(times))))
     expected = np.outer(a * np.exp(value.real * times + 1j * phase), modes.shape(number).angles).real
     assert np.abs(found - expected).max() < 1e-5
-    assert np.abs(found - superposed(TRANSLATING, start, corrected=False)(times).links).max() > 1e-2
+    assert np.abs(found - superpose(TRANSLATING, start, corrected=False)(times).links).max() > 1e-2
 
 
 def test_modes_that_do_not_add_up_are_refused() -> None:
     critical = Pendulum(links=(Bob(mass=1.0, length=1.0, damping=2 * np.sqrt(9.81)),))
     with pytest.raises(ComputationError, match="do not add up"):
-        superposed(Scene(gravity=9.81, pendulum=(critical,)), State(np.array([0.1]), np.zeros(1)), corrected=False)
+        superpose(Scene(gravity=9.81, pendulum=(critical,)), State(np.array([0.1]), np.zeros(1)), corrected=False)
 
 
 def test_the_error_of_the_linear_rung_grows_as_the_square_of_the_amplitude() -> None:
     """Its motion is early by κ a² t, which the phase measures; the mean over the last fifth is 0.9 of the end."""
     shifts = []
     for degrees in (1.0, 2.0):
-        found = tradeoff(PAPER, 6.0, start=in_mode(1, degrees), rungs=ENDS)
+        found = measure_work_precision(PAPER, 6.0, start=in_mode(1, degrees), rungs=ENDS)
         shifts.append(found.rows[1].shift)
         assert shifts[-1] == pytest.approx(MODES[1].kappa * radians(degrees) ** 2 * 5.4, rel=0.03)
         assert abs(found.rows[2].shift) < 0.02 * abs(shifts[-1])
@@ -123,7 +123,7 @@ def test_the_error_of_the_linear_rung_grows_as_the_square_of_the_amplitude() -> 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
-    found = tradeoff(PAPER, 8.0, start=in_mode(number, 15.0 if number < 3 else 5.0), rungs=ENDS)
+    found = measure_work_precision(PAPER, 8.0, start=in_mode(number, 15.0 if number < 3 else 5.0), rungs=ENDS)
     reference, linear, corrected = found.rows
     assert corrected.error < 0.6 * linear.error
     assert abs(corrected.shift) < 0.1 * abs(linear.shift)
@@ -133,12 +133,12 @@ def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
 
 
 @pytest.fixture(scope="module")
-def short() -> Tradeoff:
-    rungs = [rung for rung in ladder(PAPER) if rung.modal or rung.tolerance > 1e-10]
-    return tradeoff(PAPER, 1.5, rungs=rungs)
+def short() -> WorkPrecision:
+    rungs = [rung for rung in list_candidates(PAPER) if rung.modal or rung.tolerance > 1e-10]
+    return measure_work_precision(PAPER, 1.5, rungs=rungs)
 
 
-def test_every_family_gets_closer_with_its_tolerance(short: Tradeoff) -> None:
+def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> None:
     families: dict[str, list[Row]] = {}
     for row in short.rows[1:]:
         families.setdefault(row.rung.family, []).append(row)
@@ -152,11 +152,11 @@ def test_every_family_gets_closer_with_its_tolerance(short: Tradeoff) -> None:
             assert name.endswith("taylor") or rows[-1].calls > rows[0].calls
 
 
-def test_the_front_is_beaten_by_none(short: Tradeoff) -> None:
+def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
     for row in short.pareto:
         better = [r for r in short.rows[1:] if r.seconds < row.seconds and short.judged(r) <= short.judged(row)]
         assert better == []
-    row, rung = short.rows[1], Rung("minimal", "RK45", 1e-3)
+    row, rung = short.rows[1], Candidate("minimal", "RK45", 1e-3)
     made = [replace(row, rung=rung, seconds=t, error=e) for t, e in [(1.0, 1e-2), (2.0, 1e-1), (3.0, 1e-3), (3.0, 1.0)]]
     front = replace(short, rows=(short.rows[0], *made)).pareto
     assert [(one.seconds, one.error) for one in front] == [(1.0, 1e-2), (3.0, 1e-3)]
@@ -165,7 +165,7 @@ def test_the_front_is_beaten_by_none(short: Tradeoff) -> None:
 
 
 def test_a_chaotic_run_is_compared_up_to_its_horizon_only() -> None:
-    found = tradeoff(PAPER, 60.0, rungs=(Rung("minimal", "DOP853", 1e-9),))
+    found = measure_work_precision(PAPER, 60.0, rungs=(Candidate("minimal", "DOP853", 1e-9),))
     reference = found.reference
     assert 5.0 < reference.horizon < 30.0
     assert not reference.whole
@@ -187,25 +187,27 @@ def test_a_regular_run_is_compared_whole() -> None:
 
 
 def test_references_that_disagree_at_once_judge_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    pair = Rung("minimal", "DOP853", 1e-12), Rung("minimal", "RK23", 1e-3)
+    pair = Candidate("minimal", "DOP853", 1e-12), Candidate("minimal", "RK23", 1e-3)
     monkeypatch.setattr("nonlinear.accuracy.references.references", lambda scene: pair)
     with pytest.raises(ComputationError, match="disagree from"):
-        reference_of(Question(PAPER, start_of(PAPER), np.linspace(0.0, 2.0, 11)))
+        reference_of(Question(PAPER, initial_state(PAPER), np.linspace(0.0, 2.0, 11)))
 
 
 def test_a_late_motion_is_late() -> None:
     times = np.linspace(0.0, 10.0, 501)
     start = in_mode(1, 5.0)
-    exact = Rung(LINEAR).prepare(Question(PAPER, start, times))()
-    behind = superposed(PAPER, start, corrected=False)(times - 0.01)
+    exact = Candidate(LINEAR).prepare(Question(PAPER, start, times))()
+    behind = superpose(PAPER, start, corrected=False)(times - 0.01)
     assert late(behind, exact) == pytest.approx(0.01, rel=5e-3)
     assert np.isnan(late(replace(behind, links=behind.links + 2.0), exact))
 
 
-def test_what_no_shift_explains_is_not_late(short: Tradeoff) -> None:
+def test_what_no_shift_explains_is_not_late(short: WorkPrecision) -> None:
     """A motion that has died away, where an error over no velocity would be thousands of seconds."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0, damping=2 * np.sqrt(9.81)),), start={"angles_deg": [60.0]})
-    found = tradeoff(Scene(gravity=9.81, pendulum=(pendulum,)), 10.0, rungs=(Rung("minimal", "RK23", 1e-3),))
+    found = measure_work_precision(
+        Scene(gravity=9.81, pendulum=(pendulum,)), 10.0, rungs=(Candidate("minimal", "RK23", 1e-3),)
+    )
     assert found.rows[1].error > 1e-4
     assert np.isnan(found.rows[1].shift)
     certain = [row.error > short.reference.floor for row in short.rows]
@@ -222,7 +224,7 @@ def test_a_long_chaotic_run_is_not_computed_beyond_its_horizon(monkeypatch: pyte
         return original(question)
 
     monkeypatch.setattr(module, "reference_of", listening)
-    found = tradeoff(PAPER, 1e300, rungs=(Rung(LINEAR),))
+    found = measure_work_precision(PAPER, 1e300, rungs=(Candidate(LINEAR),))
     assert max(asked) < 200.0
     assert 5.0 < found.reference.horizon < 30.0
     assert len(found.reference.trajectory.times) > 100
@@ -233,7 +235,7 @@ def test_a_long_chaotic_run_is_not_computed_beyond_its_horizon(monkeypatch: pyte
 def test_a_reference_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "PATIENT", 1e-3)
     with pytest.raises(ComputationError, match=r"the reference was given up after .* ask for a shorter duration"):
-        tradeoff(PAPER, 5.0)
+        measure_work_precision(PAPER, 5.0)
 
 
 def test_a_run_that_plainly_takes_too_long_is_given_up_soon(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -242,20 +244,20 @@ def test_a_run_that_plainly_takes_too_long_is_given_up_soon(monkeypatch: pytest.
     monkeypatch.setattr("nonlinear.accuracy.candidates.perf_counter", lambda: float(next(clock)))
     far, near = (Question(PAPER, in_mode(1, 5.0), np.linspace(0.0, end, 11), patience=20.0) for end in (1e4, 0.1))
     with pytest.raises(GivenUpError, match=r"given up after 5 s, at .* s of the motion"):
-        Rung("minimal", "RK45", 1e-6).prepare(far)()
-    assert Rung("minimal", "RK45", 1e-6).prepare(near)().times[-1] == 0.1
+        Candidate("minimal", "RK45", 1e-6).prepare(far)()
+    assert Candidate("minimal", "RK45", 1e-6).prepare(near)().times[-1] == 0.1
 
 
 def test_a_twin_of_a_tiny_start_is_another_start() -> None:
     """Where 1e-9 of the motion is less than the rounding of an angle near 180 degrees."""
     upright = load("cart-upright")
     start = State(rest_angles(upright) + 1e-8, np.zeros(upright.n_links))
-    plant = plant_of(upright)
-    moved = aside(plant, start, slightly(plant, start)).links - start.links
+    system = system_of(upright)
+    moved = aside(system, start, slightly(system, start)).links - start.links
     assert np.all((moved > 1e-13) & (moved < 1e-3 * 1e-8))
 
 
-def test_a_reference_cut_short_without_growth_is_told_of(short: Tradeoff) -> None:
+def test_a_reference_cut_short_without_growth_is_told_of(short: WorkPrecision) -> None:
     still = replace(short.reference, growth=np.ones_like(short.reference.growth), duration=60.0)
     text = tradeoff_table(replace(short, reference=still), "text")
     assert "only the first 1.5 s of 60 s are compared; the reference" in text
@@ -264,9 +266,9 @@ def test_a_reference_cut_short_without_growth_is_told_of(short: Tradeoff) -> Non
 
 
 def test_two_planes_and_back() -> None:
-    start = start_of(SPATIAL)
+    start = initial_state(SPATIAL)
     along, across = (instant(part) for part in split(SPATIAL, start))
-    back = joined(SPATIAL, along, across)
+    back = join(SPATIAL, along, across)
     assert np.allclose(back.links[0], start.links, atol=1e-14)
     assert np.allclose(back.link_rates[0], start.link_rates, atol=1e-14)
     rng = np.random.default_rng(3)
@@ -281,17 +283,21 @@ def test_small_swings_in_space_are_linear() -> None:
     for size in (2e-2, 1e-2):
         rng = np.random.default_rng(1)
         p, rates = size * rng.normal(size=(2, 2, 3))
-        moved = joined(SPATIAL, *(instant(State(*parts)) for parts in zip(p, rates, strict=True)))[0]
+        moved = join(SPATIAL, *(instant(State(*parts)) for parts in zip(p, rates, strict=True)))[0]
         run = simulate(SPATIAL, 2.0, start=moved, output=41, tolerance=1e-11)
-        found = superposed(SPATIAL, moved, corrected=False)(run.times)
+        found = superpose(SPATIAL, moved, corrected=False)(run.times)
         errors.append(apart(found, run.motion).max())
     assert errors[0] < 1e-3
     assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.1)
 
 
 def test_a_family_that_takes_too_long_is_left() -> None:
-    rungs = [Rung("minimal", "RK23", 1e-3), *(Rung("minimal", "RK23", t) for t in (1e-10, 1e-12)), Rung(LINEAR)]
-    found = tradeoff(PAPER, 1.0, rungs=rungs, patience=0.1)
+    rungs = [
+        Candidate("minimal", "RK23", 1e-3),
+        *(Candidate("minimal", "RK23", t) for t in (1e-10, 1e-12)),
+        Candidate(LINEAR),
+    ]
+    found = measure_work_precision(PAPER, 1.0, rungs=rungs, patience=0.1)
     assert [row.rung.name for row in found.rows[1:]] == ["minimal RK23 0.001", LINEAR]
     assert found.skipped[0][0] == "minimal RK23"
     assert "given up after 0." in found.skipped[0][1]
@@ -299,15 +305,19 @@ def test_a_family_that_takes_too_long_is_left() -> None:
 
 
 def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
-    original, asked, heard = module.measured, [Rung(LINEAR), Rung(CORRECTED), Rung("minimal", "RK45", 1e-3)], []
+    original, asked, heard = (
+        module.measure,
+        [Candidate(LINEAR), Candidate(CORRECTED), Candidate("minimal", "RK45", 1e-3)],
+        [],
+    )
 
-    def impatient(rung: Rung, *rest: object) -> Row:
+    def impatient(rung: Candidate, *rest: object) -> Row:
         if rung.kind == CORRECTED:
             raise KeyboardInterrupt
         return original(rung, *rest)
 
     monkeypatch.setattr(module, "measured", impatient)
-    found = tradeoff(PAPER, 1.0, rungs=asked, report=heard.append)
+    found = measure_work_precision(PAPER, 1.0, rungs=asked, report=heard.append)
     assert [row.rung.name for row in found.rows[1:]] == [LINEAR]
     assert found.interrupted
     assert [name for name, _ in found.skipped] == [CORRECTED, "minimal RK45 0.001"]
@@ -319,12 +329,12 @@ def test_an_interrupt_between_rungs_keeps_them_too() -> None:
         if done == 2:
             raise KeyboardInterrupt
 
-    found = tradeoff(PAPER, 1.0, rungs=ENDS, report=stopping)
+    found = measure_work_precision(PAPER, 1.0, rungs=ENDS, report=stopping)
     assert [row.rung.name for row in found.rows[1:]] == [LINEAR]
     assert found.skipped == ((CORRECTED, "interrupted"),)
 
 
-def test_tables(short: Tradeoff) -> None:
+def test_tables(short: WorkPrecision) -> None:
     text = tradeoff_table(short, "text")
     for words in (
         "time (ms)",
@@ -348,7 +358,7 @@ def test_tables(short: Tradeoff) -> None:
     assert "–" in tradeoff_table(lost, "text")
 
 
-def test_the_picture(short: Tradeoff) -> None:
+def test_the_picture(short: WorkPrecision) -> None:
     stream = io.BytesIO()
     draw_tradeoff(short, stream, "svg")
     assert b"<svg" in stream.getvalue()

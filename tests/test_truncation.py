@@ -15,10 +15,10 @@ from modal.modes.modes import natural_modes
 from modal.scene.model import Bob, Cart, Fixed, Pendulum, Rod, Scene
 from nonlinear.reduction.modal_coordinates import start_in_mode
 from nonlinear.reduction.truncated import Truncated
-from nonlinear.reduction.truncation import Kept, Survey, surveyed, truncated
+from nonlinear.reduction.truncation import Kept, Survey, simulate_truncated, survey_modes
 from nonlinear.simulation import simulate
-from nonlinear.system.plant import plant_of
 from nonlinear.system.state import State
+from nonlinear.system.system import system_of
 
 
 def chain(seed: int, links: int, support: Fixed | Cart | None = None) -> Scene:
@@ -29,8 +29,8 @@ def chain(seed: int, links: int, support: Fixed | Cart | None = None) -> Scene:
 
 
 def survey_of(scene: Scene, start: State | None = None) -> Survey:
-    plant, still = plant_of(scene), np.zeros(scene.n_links)
-    return surveyed(scene, plant, start or State(still, still))
+    system, still = system_of(scene), np.zeros(scene.n_links)
+    return survey_modes(scene, system, start or State(still, still))
 
 
 def start_of(scene: Scene, seed: int) -> State:
@@ -55,24 +55,24 @@ def apart(one: object, other: object) -> float:
 def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
     """ΦᵀM(q) Φ η'' = ΦᵀM(q) q'' of the whole scene at the same state, for any Φ, dampers, springs and loads."""
     scene = plane_scene(seed)
-    plant, rng = plant_of(scene), np.random.default_rng(seed)
-    load = blowing if plant.cart and seed % 2 else None
-    state = random_state(plant, seed)
-    q, v = vectors(plant, state)
+    system, rng = system_of(scene), np.random.default_rng(seed)
+    load = blowing if system.cart and seed % 2 else None
+    state = random_state(system, seed)
+    q, v = vectors(system, state)
     shapes = np.column_stack((q, v, rng.normal(size=(len(q), min(2, len(q) - 1)))))[:, : len(q)]
-    system = Truncated(plant, np.zeros(plant.n_links), shapes, shapes, load)
-    eta = np.zeros(2 * system.size + system.works)
-    eta[0], eta[system.size + 1] = 1.0, 1.0
-    if system.size < 2:
+    equations = Truncated(system, np.zeros(system.n_links), shapes, shapes, load)
+    eta = np.zeros(2 * equations.size + equations.works)
+    eta[0], eta[equations.size + 1] = 1.0, 1.0
+    if equations.size < 2:
         eta[1] = v[0] / q[0]
-    whole = minimal(plant, load)
-    found, theirs = system.derivative(0.3, eta), whole.derivative(0.3, whole.begin(state))
+    whole = minimal(system, load)
+    found, theirs = equations.derivative(0.3, eta), whole.derivative(0.3, whole.begin(state))
     M, half = dense_M(scene, q), len(q)
     expected = np.linalg.solve(shapes.T @ M @ shapes, shapes.T @ M @ theirs[half : 2 * half])
     np.testing.assert_allclose(
-        found[system.size : 2 * system.size], expected, rtol=1e-7, atol=1e-8 * abs(expected).max()
+        found[equations.size : 2 * equations.size], expected, rtol=1e-7, atol=1e-8 * abs(expected).max()
     )
-    if system.works:
+    if equations.works:
         assert found[-1] == pytest.approx(theirs[-1], rel=1e-12)
 
 
@@ -80,10 +80,10 @@ def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
 def test_all_modes_are_the_whole_scene(seed: int) -> None:
     """With springs, dampers, standing links and a cart, far from rest."""
     scene = plane_scene(seed)
-    plant = plant_of(scene)
-    start = random_state(plant, seed)
+    system = system_of(scene)
+    start = random_state(system, seed)
     everything = len(natural_modes(scene.conservative))
-    found = truncated(scene, 0.3, everything, start=start, tolerance=1e-11, output=20)
+    found = simulate_truncated(scene, 0.3, everything, start=start, tolerance=1e-11, output=20)
     whole = simulate(scene, 0.3, start=start, tolerance=1e-12, output=20)
     assert apart(found.trajectory, whole) < 1e-8
     assert found.outside == 0
@@ -95,14 +95,14 @@ def test_all_modes_are_the_whole_scene(seed: int) -> None:
 def test_energy_is_kept_by_any_number_of_modes(count: int, support: Fixed | Cart) -> None:
     scene = chain(3, 8, support)
     start = State(np.linspace(0.5, 1.5, 8), np.linspace(-1.0, 1.0, 8))
-    found = truncated(scene, 1.5, count, start=start, tolerance=1e-13, output=30)
+    found = simulate_truncated(scene, 1.5, count, start=start, tolerance=1e-13, output=30)
     assert np.ptp(found.trajectory.mechanics.energy) < 1e-10 * found.trajectory.energy_scale
 
 
 def test_dampers_take_what_the_energy_loses() -> None:
     damped = chain(1, 5, Cart(mass=2.0, damping=0.5))
     start = State(np.linspace(0.2, 0.6, 5), np.zeros(5))
-    found = truncated(damped, 5.0, 3, start=start, tolerance=1e-12, output=50).trajectory
+    found = simulate_truncated(damped, 5.0, 3, start=start, tolerance=1e-12, output=50).trajectory
     assert found.motion.work[-1] < -1e-3 * found.energy_scale
     assert found.energy_drift() < 1e-10
 
@@ -110,8 +110,10 @@ def test_dampers_take_what_the_energy_loses() -> None:
 @pytest.mark.parametrize("seed", range(4))
 def test_small_motions_swing_at_the_tables_frequencies(seed: int) -> None:
     scene = chain(seed, 7, Cart(mass=1.0, stiffness=2.0) if seed % 2 else None)
-    system, h = survey_of(scene).system(np.arange(5)), 1e-5
-    slopes = [(system.derivative(0.0, h * unit) - system.derivative(0.0, -h * unit)) / (2 * h) for unit in np.eye(10)]
+    equations, h = survey_of(scene).equations(np.arange(5)), 1e-5
+    slopes = [
+        (equations.derivative(0.0, h * unit) - equations.derivative(0.0, -h * unit)) / (2 * h) for unit in np.eye(10)
+    ]
     omega = natural_modes(scene).omega[:5]
     np.testing.assert_allclose(np.array(slopes)[:5, 5:], -np.diag(omega**2), atol=1e-7 * omega[-1] ** 2)
 
@@ -126,7 +128,7 @@ def test_the_backbone_is_right_with_any_number_of_modes(count: int, number: int)
     modes = natural_modes(scene)
     period, kappa = 2 * np.pi / modes.omega[number], modes[number].kappa
     start = start_in_mode(scene, modes, number, amplitude=a)
-    found = truncated(scene, 0.8 * period, count, start=start, tolerance=1e-13, output=4001).trajectory
+    found = simulate_truncated(scene, 0.8 * period, count, start=start, tolerance=1e-13, output=4001).trajectory
     survey = survey_of(scene)
     eta, t = found.motion.links @ survey.dual[:, number], found.times
     at = np.flatnonzero(eta[1:] * eta[:-1] < 0)
@@ -142,7 +144,7 @@ def test_the_stated_error_is_honest() -> None:
         scene = chain(seed, 4 + seed % 6, support)
         start = start_of(scene, seed)
         few = None if seed % 5 else 3
-        found = truncated(scene, 2.0, few, start=start, tolerance=1e-7, output=60)
+        found = simulate_truncated(scene, 2.0, few, start=start, tolerance=1e-7, output=60)
         whole = simulate(scene, 2.0, start=start, tolerance=1e-10, output=60)
         ratios.append(found.error / apart(found.trajectory, whole))
     assert np.sum(np.array(ratios) < 1) <= 1
@@ -160,7 +162,7 @@ def test_a_left_out_mode_at_three_times_the_frequency_is_seen() -> None:
     modes = natural_modes(TUNED)
     assert modes.omega[2] / modes.omega[0] == pytest.approx(3.0005, abs=5e-5)
     start = start_in_mode(TUNED, modes, 0, 0, np.deg2rad(20.0))
-    found = truncated(TUNED, 25.0, 1, start=start, output=251, tolerance=1e-7)
+    found = simulate_truncated(TUNED, 25.0, 1, start=start, output=251, tolerance=1e-7)
     whole = simulate(TUNED, 25.0, start=start, tolerance=1e-11, output=251)
     true = np.maximum.accumulate(np.abs(found.trajectory.motion.links - whole.motion.links).max(axis=1))
     assert np.all(found.errors >= true)
@@ -195,30 +197,30 @@ def test_what_lies_outside_is_what_is_left_out() -> None:
     low, high = (start_in_mode(scene, modes, number, amplitude=1e-3) for number in (0, 5))
     mixed = State(low.links + high.links, low.link_rates)
     shares = np.array([0.5 * natural_modes(scene).shape(n).modal_mass * (modes.omega[n] * 1e-3) ** 2 for n in (0, 5)])
-    found = truncated(scene, 0.5, 3, start=mixed, output=30)
+    found = simulate_truncated(scene, 0.5, 3, start=mixed, output=30)
     assert found.outside == pytest.approx(shares[1] / shares.sum(), rel=1e-9)
-    assert truncated(scene, 0.5, 3, start=high, output=30).outside == pytest.approx(1.0)
-    assert truncated(scene, 0.5, 3, start=high, output=30).error >= 1e-3
-    assert truncated(scene, 0.5, start=low, output=30).outside < 1e-20
+    assert simulate_truncated(scene, 0.5, 3, start=high, output=30).outside == pytest.approx(1.0)
+    assert simulate_truncated(scene, 0.5, 3, start=high, output=30).error >= 1e-3
+    assert simulate_truncated(scene, 0.5, start=low, output=30).outside < 1e-20
 
 
 def test_copies_stay_together_and_a_free_cart_keeps_its_translation() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=1.0, length=0.5)), count=3)
     scene = Scene(gravity=9.81, support=Cart(mass=5.0), pendulum=(pendulum,))
     start = State(np.linspace(-0.3, 0.2, 6), np.zeros(6), cart_rate=0.7)
-    found = truncated(scene, 3.0, 2, start=start, output=30)
+    found = simulate_truncated(scene, 3.0, 2, start=start, output=30)
     assert found.kept == (Kept(1, 1), Kept(2, 1), Kept(2, 2))
     assert found.omega == pytest.approx(natural_modes(scene).omega[[0, 1, 1]])
     assert found.frozen == pytest.approx(2 * np.pi / natural_modes(scene).omega[1])
     assert found.trajectory.momentum_drift() < 1e-9
-    total = found.trajectory.plant.total_mass
+    total = found.trajectory.system.total_mass
     assert found.trajectory.mechanics.momentum[0] == pytest.approx(0.7 * total, rel=1e-12)
-    assert truncated(scene, 3.0, 1, start=start, output=30).frozen == np.inf
+    assert simulate_truncated(scene, 3.0, 1, start=start, output=30).frozen == np.inf
 
 
 def test_a_scene_at_rest_stays_there() -> None:
     scene = chain(0, 5)
-    found = truncated(scene, 1.0, start=State(np.zeros(5), np.zeros(5)), output=10)
+    found = simulate_truncated(scene, 1.0, start=State(np.zeros(5), np.zeros(5)), output=10)
     assert found.outside == 0
     assert found.error == 0
     assert np.all(found.trajectory.motion.links == 0)
@@ -241,19 +243,19 @@ def test_a_scene_at_rest_stays_there() -> None:
 def test_what_cannot_be_is_refused(changes: dict[str, object], words: str) -> None:
     given = {"duration": 1.0, "start": State(np.zeros(5), np.zeros(5))} | changes
     with pytest.raises(SceneError, match=words):
-        truncated(chain(0, 5), **given)  # type: ignore[arg-type]
+        simulate_truncated(chain(0, 5), **given)  # type: ignore[arg-type]
 
 
 def test_space_is_refused() -> None:
     scene = chain(0, 3).model_copy(update={"space": "space"})
     with pytest.raises(SceneError, match="modal truncation is of motion in the plane"):
-        truncated(scene, 1.0)
+        simulate_truncated(scene, 1.0)
 
 
 def test_modes_that_do_not_span_the_motion_are_refused() -> None:
     """Without a mass the cart of a bob has no equation of its own at rest."""
     with pytest.raises(SceneError, match="do not span"):
-        truncated(chain(0, 2, Cart(mass=0.0)), 1.0, start=State(np.full(2, 0.1), np.zeros(2)))
+        simulate_truncated(chain(0, 2, Cart(mass=0.0)), 1.0, start=State(np.full(2, 0.1), np.zeros(2)))
 
 
 def test_without_its_second_run_nothing_is_stated() -> None:
@@ -265,6 +267,6 @@ def test_without_its_second_run_nothing_is_stated() -> None:
             raise KeyboardInterrupt
 
     start = State(np.full(3, 0.2), np.zeros(3))
-    found = truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
+    found = simulate_truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
     assert found.trajectory.complete
     assert found.error == np.inf

@@ -9,9 +9,9 @@ import pytest
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from multipendula.cli import main
-from nonlinear import Push, SimulationError, State, plant_of, released, simulate
+from nonlinear import AppliedForces, SimulationError, State, simulate, state_at_rest, system_of
 from nonlinear.accuracy.advice_tables import advice_table
-from nonlinear.dynamics.equilibrium import rests_unstably
+from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.symmetries import exactly_symmetric
 from nonlinear.integration.run import Request
 from nonlinear.integration.twins import ASIDE, GONE, aside, departure, rounded
@@ -22,7 +22,7 @@ from nonlinear.system.state import apart
 
 ROD = Rod(mass=1.0, length=1.0)
 PAIR = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=[Pendulum(links=[ROD, ROD], count=2)])
-LEVEL = released(PAIR, [90.0, 90.0])
+LEVEL = state_at_rest(PAIR, [90.0, 90.0])
 ONE = load("chain-1")
 
 
@@ -49,24 +49,24 @@ def test_a_promise_ends_where_the_last_digits_of_the_start_decide() -> None:
 
 
 def test_where_nothing_grows_the_twin_costs_one_more_run() -> None:
-    calm = advise(PAIR, 3.0, 1e-4, start=released(PAIR, [10.0, -5.0]), method="DOP853")
+    calm = advise(PAIR, 3.0, 1e-4, start=state_at_rest(PAIR, [10.0, -5.0]), method="DOP853")
     assert calm.met
     assert not calm.parted
-    free = advise(PAIR, 3.0, 1e-4, start=released(PAIR, [10.0, -5.0, 10.0, -5.001]), method="DOP853")
+    free = advise(PAIR, 3.0, 1e-4, start=state_at_rest(PAIR, [10.0, -5.0, 10.0, -5.001]), method="DOP853")
     spent, usual = (sum(one.calls for one in advice.attempts) for advice in (calm, free))
     assert usual < spent < 3 * usual
 
 
 def test_loads_do_not_hide_a_symmetry() -> None:
     """Nothing is left out then, and equal pendula still move alike to rounding."""
-    asked = Request(PAIR, LEVEL, np.linspace(0.0, 1.0, 11), load=lambda time, state: Push())
+    asked = Request(PAIR, LEVEL, np.linspace(0.0, 1.0, 11), load=lambda time, state: AppliedForces())
     twin = rounded(asked)
     assert twin is not None
     whole, beside = (one.run(one.choice(1e-9)).motion.links for one in (asked, twin))
     assert np.abs(whole[:, :2] - whole[:, 2:]).max() < 1e-12
     assert 0 < np.abs(beside - whole).max() < 1e-8
     assert np.abs(beside[0] - whole[0]).max() < 1e-14
-    assert rounded(replace(asked, start=released(PAIR, [90.0, 90.0, 80.0, 70.0]))) is None
+    assert rounded(replace(asked, start=state_at_rest(PAIR, [90.0, 90.0, 80.0, 70.0]))) is None
 
 
 @pytest.mark.parametrize(
@@ -82,25 +82,25 @@ def test_loads_do_not_hide_a_symmetry() -> None:
     ],
 )
 def test_starts_with_a_symmetry_are_told(angles: list[float], expected: bool) -> None:
-    start = released(PAIR, angles)
-    assert exactly_symmetric(plant_of(PAIR), start) is expected
+    start = state_at_rest(PAIR, angles)
+    assert exactly_symmetric(system_of(PAIR), start) is expected
     held = PAIR.replace(support=Cart(mass=1.0, stiffness=1.0))
-    assert exactly_symmetric(plant_of(held), replace(start, cart=0.1)) is (expected and angles[:2] == angles[2:])
+    assert exactly_symmetric(system_of(held), replace(start, cart=0.1)) is (expected and angles[:2] == angles[2:])
     spatial = PAIR.replace(space="space")
-    assert exactly_symmetric(plant_of(spatial), of_plane(start))
+    assert exactly_symmetric(system_of(spatial), of_plane(start))
     turned = of_plane(start).links @ np.array([[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
-    assert exactly_symmetric(plant_of(spatial), State(turned, 0 * turned)) is (
+    assert exactly_symmetric(system_of(spatial), State(turned, 0 * turned)) is (
         angles[:2] == angles[2:] or angles[0] == 180.0
     )
 
 
 def test_only_the_first_of_equal_pendula_is_put_aside() -> None:
     many = Scene(gravity=9.81, support=Cart(mass=9.0), pendulum=[Pendulum(links=[ROD, ROD], count=50)])
-    start = released(many, [40.0, 10.0])
-    shift = aside(plant_of(many), start, 1e-6).links - start.links
+    start = state_at_rest(many, [40.0, 10.0])
+    shift = aside(system_of(many), start, 1e-6).links - start.links
     assert np.all((shift[:2] > 4e-7) & (shift[:2] < 1.1e-6))
     assert not shift[2:].any()
-    assert aside(plant_of(PAIR), released(PAIR, [40.0, 10.0, 5.0, 0.0]), 1e-6).links[3] > 4e-7
+    assert aside(system_of(PAIR), state_at_rest(PAIR, [40.0, 10.0, 5.0, 0.0]), 1e-6).links[3] > 4e-7
 
 
 def test_the_growth_is_that_of_a_finer_run() -> None:
@@ -108,7 +108,7 @@ def test_the_growth_is_that_of_a_finer_run() -> None:
     run = simulate(scene, 8.0, start=start, output=21)
     found = departure(run)
     assert found is not None
-    begun = aside(plant_of(scene), start, ASIDE)
+    begun = aside(system_of(scene), start, ASIDE)
     beside = simulate(scene, found.seconds, start=begun, tolerance=1e-12, output=400)
     links = beside.motion.links.reshape(400, 2, 2)
     gone = np.abs(links[:, 0] - links[:, 1]).max(axis=1)
@@ -118,12 +118,12 @@ def test_the_growth_is_that_of_a_finer_run() -> None:
 
 
 def test_small_swings_hardly_grow_and_whole_scenes_have_nothing_to_tell() -> None:
-    calm = departure(simulate(PAIR, 5.0, start=released(PAIR, [2.0, 2.0])))
+    calm = departure(simulate(PAIR, 5.0, start=state_at_rest(PAIR, [2.0, 2.0])))
     assert calm is not None
     assert calm.seconds == 5.0
     assert calm.factor < 5.0
-    assert departure(simulate(PAIR, 1.0, start=released(PAIR, [90.0, 90.0, -90.0, 80.0]))) is None
-    far = replace(released(ONE, [30.0]), links=np.array([100.0]))
+    assert departure(simulate(PAIR, 1.0, start=state_at_rest(PAIR, [90.0, 90.0, -90.0, 80.0]))) is None
+    far = replace(state_at_rest(ONE, [30.0]), links=np.array([100.0]))
     alone = simulate(ONE, 1.0, start=far)
     assert alone.run.reduced
     assert departure(alone) is None
@@ -131,7 +131,7 @@ def test_small_swings_hardly_grow_and_whole_scenes_have_nothing_to_tell() -> Non
 
 def test_what_leaves_the_plane_of_the_rail_is_told() -> None:
     spatial = Scene(gravity=9.81, space="space", pendulum=[Pendulum(links=[ROD, ROD])])
-    run = simulate(spatial, 2.0, start=released(spatial, [150.0, 150.0]), output=11)
+    run = simulate(spatial, 2.0, start=state_at_rest(spatial, [150.0, 150.0]), output=11)
     found = departure(run)
     assert found is not None
     assert run.run.reduced == "one vertical plane of space"
@@ -170,19 +170,19 @@ SOFT = HELD.replace(pendulum=(Pendulum(links=[SOFT_LINK], equilibrium=["up"]),))
     ],
 )
 def test_unstable_rests_are_told(scene: Scene, angles: list[float], expected: bool) -> None:
-    start = released(scene, angles)
-    plant = plant_of(scene)
-    assert rests_unstably(plant, start) is expected
-    assert not rests_unstably(plant, replace(start, link_rates=start.link_rates + 1e-9))
+    start = state_at_rest(scene, angles)
+    system = system_of(scene)
+    assert is_unstable_equilibrium(system, start) is expected
+    assert not is_unstable_equilibrium(system, replace(start, link_rates=start.link_rates + 1e-9))
     run = simulate(scene, 0.1, start=start, output=3)
     assert ("an unstable rest: what follows is rounding" in text(run)) is expected
     if not any(link.stiffness for link in scene.links()):
         spatial = scene.replace(space="space")
-        assert rests_unstably(plant_of(spatial), of_plane(start)) is expected
+        assert is_unstable_equilibrium(system_of(spatial), of_plane(start)) is expected
 
 
 def test_no_accuracy_is_promised_of_how_an_unstable_rest_is_left() -> None:
-    advice = advise(ONE, 11.0, 1e-2, start=released(ONE, [180.0]), method="DOP853")
+    advice = advise(ONE, 11.0, 1e-2, start=state_at_rest(ONE, [180.0]), method="DOP853")
     assert not advice.met
     assert 5.0 < advice.horizon < 11.0
 
@@ -203,5 +203,5 @@ def test_a_swing_too_fast_to_follow_says_what_to_do(method: str) -> None:
     links = [Bob(mass=1.0, length=1.0), Bob(mass=1e24, length=1.0)]
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links)])
     with pytest.raises(SimulationError, match=r"stopped at .* leave out what is so light") as caught:
-        simulate(scene, 20.0, start=released(scene, [30.0, 20.0]), method=method, output=3)
+        simulate(scene, 20.0, start=state_at_rest(scene, [30.0, 20.0]), method=method, output=3)
     assert "err_" not in str(caught.value)

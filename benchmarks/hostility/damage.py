@@ -14,13 +14,13 @@ from modal import load as load_scene
 from modal.errors import MultipendulaError
 from modal.exports.json_ import read_json, write_json
 from modal.exports.npz import read_npz, write_npz
-from modal.scene.parameters import parsed
+from modal.scene.parameters import parse_variations
 from modal.statespace.model import state_space
 from nonlinear import files as recordings
 from nonlinear import simulate
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.checkpoint import journal
-from nonlinear.sweeps.measures import asked
+from nonlinear.sweeps.checkpoint import open_checkpoint
+from nonlinear.sweeps.measures import parse_measures
 from nonlinear.sweeps.running import Sweep, sweep
 from nonlinear.sweeps.study import Study
 
@@ -41,7 +41,7 @@ def kinds() -> dict[str, Kind]:
     """One good file of every kind that this project reads back."""
     scene = load_scene("paper-cart-2")
     run, model = simulate(scene, DURATION, output=SAMPLES), state_space(scene)
-    study = Study(scene, parsed(["support.mass=1:5:6"]), asked(["frequencies"]))
+    study = Study(scene, parse_variations(["support.mass=1:5:6"]), parse_measures(["frequencies"]))
     swept = sweep(study, workers=1)
     found = {}
     for kind in (".npz", ".csv"):
@@ -115,7 +115,7 @@ def _saved(save: Callable[..., None], load: Callable[[Path], object], result: ob
 def _journal_of(swept: Sweep) -> bytes:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "file.journal"
-        with journal(path, swept.study) as kept:
+        with open_checkpoint(path, swept.study) as kept:
             kept.add(swept.rows[:4])
         return path.read_bytes()
 
@@ -125,5 +125,5 @@ def _resumed(study: Study, content: bytes) -> bytes:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "file.journal"
         path.write_bytes(content)
-        with journal(path, study) as kept:
+        with open_checkpoint(path, study) as kept:
             return _bytes(sweep_files.save, sweep(study, journal=kept, workers=1), ".csv")

@@ -22,7 +22,7 @@ from modal.types import Floats
 from nonlinear.integration.taylor import available
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import released
+from nonlinear.system.initial import state_at_rest
 
 FAMILIES = ("slow", "fast")
 WINDOW_S = 6.0  # over which shares are averaged: some swings of the slow family, little of an exchange
@@ -37,7 +37,7 @@ def tabled() -> Floats:
 def run(seconds: float, degrees: float) -> Trajectory:
     """One pendulum straight at this angle, the other hanging."""
     scene = load("paper-cart-2")
-    start = released(scene, [degrees, degrees, 0.0, 0.0])
+    start = state_at_rest(scene, [degrees, degrees, 0.0, 0.0])
     method = "taylor" if available() else "DOP853"
     return simulate(scene, seconds, method=method, tolerance=1e-12, start=start, output=int(20 * seconds) + 1)
 

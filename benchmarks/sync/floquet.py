@@ -25,8 +25,8 @@ from scipy.integrate import solve_ivp
 from modal import Bob, Body, Cart, Pendulum, Scene
 from modal.scene.drives import Escapement, VanDerPol
 from modal.types import Complexes, Floats
-from nonlinear.averaging.equations import averaged
-from nonlinear.averaging.equilibria import Configuration, configurations
+from nonlinear.averaging.equations import average
+from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
 from nonlinear.synchronization.patterns import agreement
 
 G = 9.81
@@ -177,14 +177,14 @@ def orbit(pair: Pair, y: Floats, period: float) -> Orbit:
         if np.abs(end - y).max() < DONE:
             return Orbit(pair, y, period, matrix)
         free = [0, 1, 3, 4]
-        system = np.column_stack(((matrix - np.eye(5))[:, free], pair.rate(end)))
-        step = np.linalg.solve(system, y - end)
+        equations = np.column_stack(((matrix - np.eye(5))[:, free], pair.rate(end)))
+        step = np.linalg.solve(equations, y - end)
         y, period = y.copy(), period + float(step[-1])
         y[free] += step[:-1]
     raise ArithmeticError("no periodic motion was found")
 
 
-def near(pair: Pair, one: Configuration) -> Orbit:
+def near(pair: Pair, one: RelativeEquilibrium) -> Orbit:
     """The exact motion beside an averaged configuration."""
     place = one.averaged.shapes @ one.z
     turn = np.exp(-1j * np.angle(place[1]))
@@ -215,7 +215,7 @@ PAIRS = (
 def main() -> None:
     print(f"{'scene':52} {'pendula':>9} {'exact (1/s)':>12} {'averaged':>9} {'exact (rad/s)':>14} {'averaged':>10}")
     for name, pair in PAIRS:
-        for one in configurations(averaged(pair.scene)):
+        for one in relative_equilibria(average(pair.scene)):
             exact = near(pair, one)
             rates = f"{exact.growth:12.5f} {one.growth:9.5f} {2 * np.pi / exact.period:14.6f} {one.omega:10.6f}"
             print(f"{name:52} {agreement(one):>9} {rates}", flush=True)

@@ -30,7 +30,7 @@ import numpy as np
 from modal import Cart, Scene, load
 from modal.scene.drives import Escapement
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import released
+from nonlinear.system.initial import state_at_rest
 
 Outcome = Literal["antiphase", "in phase", "one stops", "both stop", "unsettled"]
 SECONDS, LATE = 300.0, 30.0
@@ -79,7 +79,7 @@ def lightest_simulated(relative: float = 0.01, seconds: float = 300.0) -> float:
 def outcome(scene: Scene, start: tuple[float, float], seconds: float = SECONDS) -> Outcome:
     """What becomes of two clocks released at these angles (deg)."""
     times = np.linspace(seconds - LATE, seconds, 3001)
-    run = simulate(scene, seconds, tolerance=1e-7, start=released(scene, start), output=times)
+    run = simulate(scene, seconds, tolerance=1e-7, start=state_at_rest(scene, start), output=times)
     going = np.unique(run.kicks.link[run.kicks.time > seconds - LATE])
     if len(going) < 2:
         return ("both stop", "one stops")[len(going)]

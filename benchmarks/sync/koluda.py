@@ -22,13 +22,13 @@ import numpy as np
 from scipy.linalg import eigh
 
 from modal import Cart, Scene, load, matrices
-from modal.scene.parameters import parsed
+from modal.scene.parameters import parse_variations
 from modal.types import Floats
-from nonlinear.averaging.equations import averaged
-from nonlinear.averaging.equilibria import configurations
+from nonlinear.averaging.equations import average
+from nonlinear.averaging.equilibria import relative_equilibria
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.branch_tables import branches_text
-from nonlinear.synchronization.branches import branches
+from nonlinear.synchronization.branches import follow_branches
 from nonlinear.system.state import State
 
 NAMES = ("slow, beam still", "slow, beam moves", "fast, beam still", "fast, beam moves")
@@ -84,7 +84,7 @@ def attracts(scene: Scene, start: int, seconds: float = SECONDS) -> str:
 
 def averages(scene: Scene) -> tuple[str, ...]:
     """What the averaged equations say of each mode by itself, in the order of NAMES: lasts, is left, or none."""
-    fates = {one.row: one.lasts for one in configurations(averaged(scene)) if one.share.max() > PURE}
+    fates = {one.row: one.lasts for one in relative_equilibria(average(scene)) if one.share.max() > PURE}
     rows = 1 + np.argsort(np.argsort(modes(scene)[0]))  # row 0 of the table is the beam's own
     return tuple("none" if row not in fates else "lasts" if fates[row] else "is left" for row in rows)
 
@@ -105,7 +105,7 @@ def main() -> None:
         print(f"{beam:9g}  {lower:14g}{cells}", flush=True)
     print(f"simulated, averaged: {alike} of {4 * len(grid)} agree")
     if not quick:
-        print("\n" + branches_text(branches(load("clocks-double"), parsed([RANGE])[0])), end="")
+        print("\n" + branches_text(follow_branches(load("clocks-double"), parse_variations([RANGE])[0])), end="")
 
 
 if __name__ == "__main__":

@@ -32,13 +32,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from modal import Body, Cart, Pendulum, Scene, Start
+from modal import Body, Cart, InitialCondition, Pendulum, Scene
 from modal.scene.drives import VanDerPol
 from modal.types import Floats
 from nonlinear.simulation import simulate
-from nonlinear.system.events import crossing
-from nonlinear.system.plant import plant_of
+from nonlinear.system.events import level_crossing
 from nonlinear.system.state import State
+from nonlinear.system.system import system_of
 
 G, MASS, CENTRE, INERTIA = 9.81, 0.022, 0.012, 4.5e-6
 MOMENT = INERTIA + MASS * CENTRE**2
@@ -64,7 +64,7 @@ class Base(NamedTuple):
         drive = VanDerPol(strength=self.drive * MOMENT * OMEGA, angle_deg=limit_deg)
         link = Body(mass=MASS, length=0.1, centre=CENTRE, inertia=INERTIA, drive=drive)
         cart = Cart(mass=total - 2 * MASS, damping=self.damping * total * OMEGA)
-        pendula = tuple(Pendulum(links=(link,), start=Start(angles_deg=(angle,))) for angle in start)
+        pendula = tuple(Pendulum(links=(link,), start=InitialCondition(angles_deg=(angle,))) for angle in start)
         return Scene(gravity=G, support=cart, pendulum=pendula)
 
 
@@ -75,7 +75,7 @@ def cycle(scene: Scene) -> tuple[float, float]:
     assert isinstance(drive, VanDerPol)
     seconds = 20 * MOMENT / drive.strength
     start = State(np.array([0.0]), np.array([2 * math.radians(drive.angle_deg) * OMEGA]))
-    passing = crossing(plant_of(alone), "theta[1,1]", direction=1)
+    passing = level_crossing(system_of(alone), "theta[1,1]", direction=1)
     run = simulate(alone, seconds, method="DOP853", tolerance=1e-11, start=start, events=[passing], output=2)
     (_, before, _), (_, last, state) = run.happenings[-2:]
     return float(state.link_rates[0]), last - before

@@ -26,9 +26,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.scene.model import Scene, scene_from
-from nonlinear.averaging.prediction import Prediction, predicted
+from nonlinear.averaging.prediction import Prediction, predict
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.modal_energy import Survival, survival
+from nonlinear.synchronization.modal_energy import Survival, find_survival
 
 SCENES, QUICK, FIRST = 150, 6, 900_000
 TOLERANCE, LONGER, MORE, LONGEST, SAMPLES = 1e-8, 1.5, 50, 1200, 12  # the last three in periods, samples a period
@@ -128,7 +128,7 @@ def _cart(rng: random.Random, hung: float, omega: float, rate: float) -> dict[st
 def judged(seed: int) -> Case:
     """One scene of the set."""
     scene, begun = held(seed), perf_counter()
-    said = predicted(scene)
+    said = predict(scene)
     drive = next(link.drive.kind for link in scene.pendulum[0].links if link.drive)
     given = (seed, len(scene.pendulum), scene.pendulum[0].n_links, drive, said.row + 1)
     doubts = ("; ".join(said.doubts), "; ".join(said.timing_doubts))
@@ -157,7 +157,7 @@ def _time(value: float | None) -> float:
 
 def _run(said: Prediction, duration: float) -> Survival:
     output = int(SAMPLES * duration * said.averaged.omega.max() / (2 * pi)) + 2
-    return survival(simulate(said.averaged.scene, duration, start=said.start, tolerance=TOLERANCE, output=output))
+    return find_survival(simulate(said.averaged.scene, duration, start=said.start, tolerance=TOLERANCE, output=output))
 
 
 HEAD = "|   scene | N×n | drive       | row | certain | t lock (s) | run | share | t lock (s) | ratio | doubts"

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.scene.model import Cart, Pendulum, Scene, insist_scene
+from modal.scene.model import Cart, Pendulum, Scene, validate_scene
 from modal.types import Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
@@ -164,7 +164,7 @@ class Rig:
 
 def rig_of(scene: Scene) -> Rig:
     """The arrays of a scene, in SI units; SceneError for what is none."""
-    insist_scene(scene)
+    validate_scene(scene)
     deep = sorted(range(len(scene.pendulum)), key=lambda index: scene.pendulum[index].n_links)
     members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
     blocks: list[Block] = []

@@ -18,7 +18,7 @@ import numpy as np
 from modal import pair
 from modal.assembly.arrays import Block, CartNumbers, Rig, rig_of
 from modal.errors import ComputationError
-from modal.scene.model import Scene, insist_scene
+from modal.scene.model import Scene, validate_scene
 from modal.types import Floats
 
 LARGEST_DENSE = 4000
@@ -41,7 +41,7 @@ def matrices(scene: Scene) -> Matrices:
     In space these describe the motion along the rail; across it a cart is a fixed support.
     Raises ComputationError beyond LARGEST_DENSE coordinates.
     """
-    size = insist_scene(scene).n_links + (scene.support.kind == "cart")
+    size = validate_scene(scene).n_links + (scene.support.kind == "cart")
     if size > LARGEST_DENSE:
         raise ComputationError(
             f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are written out"

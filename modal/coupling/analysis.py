@@ -22,10 +22,10 @@ import numpy as np
 from modal.assembly.arrays import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes
 from modal.coupling.dynamic_mass import DynamicMass
-from modal.coupling.exchange import STRONG, Exchange, Talk, exchange, talks
-from modal.coupling.feeding import strengths
-from modal.coupling.fixed_base import OwnModes, own_modes
-from modal.eigen.degenerate import clusters
+from modal.coupling.exchange import STRONG, EnergyExchange, Transfer, energy_exchanges, transfer
+from modal.coupling.feeding import negative_damping
+from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
+from modal.eigen.degenerate import degenerate_modes
 from modal.eigen.recursion import at_infinity
 from modal.errors import ComputationError
 from modal.modes.modes import natural_modes
@@ -78,7 +78,7 @@ class Family:
     rest: float
     cart_mode: int | None
     splitting: float | None
-    exchange: Exchange | None = None
+    exchange: Transfer | None = None
 
     @property
     def strength(self) -> float:
@@ -114,7 +114,7 @@ class Coupling:
 
     scene: Scene
     rig: Rig
-    own: OwnModes
+    own: FixedBaseModes
     pole: Ints
     dynamic: DynamicMass
 
@@ -150,7 +150,7 @@ class Coupling:
         )
         return tuple(replace(family, exchange=self._exchange(family)) for family in found)
 
-    def _exchange(self, family: Family) -> Exchange | None:
+    def _exchange(self, family: Family) -> Transfer | None:
         """Two levels: one pendulum of the first kind, and what all others of the family do alike."""
         members, own = list(family.members), self.own
         rate = own.rate[members]
@@ -161,7 +161,7 @@ class Coupling:
         drag = self.rig.cart.damping / family.omega if self.rig.cart else 0.0
         moved = family.splitting * family.rest / (family.rest - 1j * drag)
         lost = 1j * float(rate.mean())
-        found = exchange(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
+        found = transfer(lost + moved * share, lost + moved * (1 - share), moved * sqrt(share * (1 - share)))
         return replace(found, beats=found.beats and lost.imag < family.omega)
 
     @cached_property
@@ -190,14 +190,14 @@ class Coupling:
         )
 
     @cached_property
-    def talks(self) -> tuple[Talk, ...]:
+    def talks(self) -> tuple[EnergyExchange, ...]:
         """Pairs of modes of different pendula, those that share most energy first."""
-        return talks(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
+        return energy_exchanges(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
 
     @cached_property
     def damped(self) -> tuple[Damped, ...]:
         """What dampers and drives give each mode."""
-        return damped_modes(self.rig, strengths(self.scene, self.rig))
+        return damped_modes(self.rig, negative_damping(self.scene, self.rig))
 
     @cached_property
     def _table(self) -> tuple[Floats, Ints] | None:
@@ -244,7 +244,7 @@ def family_name(index: int) -> str:
     return lettered(index).upper()
 
 
-def explained(scene: Scene) -> Coupling:
+def explain(scene: Scene) -> Coupling:
     """What couples the pendula of a scene.
 
     Raises ComputationError for links that stand up, beyond MOST_POLES distinct frequencies, and where double precision
@@ -256,8 +256,8 @@ def explained(scene: Scene) -> Coupling:
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")
     with np.errstate(all="ignore"):
-        own = own_modes(rig)
-        gathered = clusters((own.omega**2,))
+        own = fixed_base_modes(rig)
+        gathered = degenerate_modes((own.omega**2,))
         pole = np.repeat(np.arange(len(gathered.first)), gathered.size)
         dynamic = DynamicMass(
             omega=own.omega[gathered.first],

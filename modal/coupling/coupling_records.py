@@ -7,15 +7,15 @@ from typing import Any
 
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.damping import Damped
-from modal.coupling.exchange import Talk
-from modal.scene.model import described
+from modal.coupling.exchange import EnergyExchange
+from modal.scene.model import describe
 
 
-def records(coupling: Coupling) -> dict[str, Any]:
+def coupling_record(coupling: Coupling) -> dict[str, Any]:
     """What `json` writes; null where a number is infinite or has no meaning; modes have their numbers in the table."""
     dynamic = coupling.dynamic
     return {
-        "scene": described(coupling.scene),
+        "scene": describe(coupling.scene),
         "total_mass_kg": dynamic.at_rest if coupling.on_cart else None,
         "cart_mass_kg": dynamic.cart if coupling.on_cart else None,
         "residual_mass_kg": dynamic.residual,
@@ -67,7 +67,7 @@ def _cart_mode(coupling: Coupling, mode: CartMode) -> dict[str, Any]:
     }
 
 
-def _pair(coupling: Coupling, talk: Talk) -> dict[str, Any]:
+def _pair(coupling: Coupling, talk: EnergyExchange) -> dict[str, Any]:
     return {
         "first": _member(coupling, talk.first),
         "second": _member(coupling, talk.second),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from textwrap import TextWrapper
 
 from modal.coupling.analysis import Coupling
-from modal.coupling.coupling_records import records
+from modal.coupling.coupling_records import coupling_record
 from modal.coupling.damping_words import damping
 from modal.coupling.report import families, limits, numbered, shown
 from modal.coupling.talk_words import exchanges
@@ -25,7 +25,7 @@ class Section:
     sentences: tuple[str, ...]
 
 
-def words(coupling: Coupling, form: str = "text") -> str:
+def coupling_report(coupling: Coupling, form: str = "text") -> str:
     """The page as "text", "markdown" or "json", the last with every number (units in the names).
 
     Raises ValueError for another form.
@@ -33,7 +33,7 @@ def words(coupling: Coupling, form: str = "text") -> str:
     if form not in FORMS:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
     if form == "json":
-        return json_text(records(coupling)) + "\n"
+        return json_text(coupling_record(coupling)) + "\n"
     title = f"{coupling.scene.title or 'This scene'}: what couples the pendula"
     return (_markdown if form == "markdown" else _text)(title, sections(coupling))
 

@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly.arrays import Rig
-from modal.coupling.fixed_base import conservative
+from modal.coupling.fixed_base import without_damping
 from modal.eigen.routes import Part
-from modal.eigen.spectrum import Spectrum, spectrum
+from modal.eigen.spectrum import Spectrum, find_spectrum
 from modal.errors import ComputationError
 from modal.types import Floats
 
@@ -93,7 +93,7 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
     names, moment = rig.names, units.mass * units.length**2
     driven = tuple(strength / (moment * units.rate) for strength in strengths)
     with np.errstate(all="ignore"):
-        modes = _modes(natural, spectrum(conservative(natural)), driven)
+        modes = _modes(natural, find_spectrum(without_damping(natural)), driven)
         values = _exact(natural, modes)
     return tuple(
         Damped(
@@ -190,7 +190,7 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
         return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
     unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
     try:
-        found = spectrum(rig)
+        found = find_spectrum(rig)
     except ComputationError:
         return unknown
     values: dict[Kind, list[complex]] = {}

@@ -27,7 +27,7 @@ from math import isfinite, pi, sqrt
 import numpy as np
 
 from modal.coupling.dynamic_mass import DynamicMass
-from modal.coupling.fixed_base import OwnModes
+from modal.coupling.fixed_base import FixedBaseModes
 from modal.types import Booleans, Floats, Ints
 
 SAMPLES = 2001
@@ -40,7 +40,7 @@ STEADY = 0.2
 
 
 @dataclass(frozen=True)
-class Exchange:
+class Transfer:
     """What becomes of the energy given to one of two coupled amplitudes, as shares of it.
 
     `most` is what the other ever holds; after `period` seconds, from one to the other and back, `left` is the most
@@ -55,7 +55,7 @@ class Exchange:
     lossless: bool
 
 
-def exchange(first: complex, second: complex, coupling: complex) -> Exchange:
+def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
     """Of the amplitudes a' = iHa, H = [[first, coupling], [coupling, second]] in rad/s."""
     half, decay = np.complex128(first - second) / 2, (first.imag + second.imag) / 2
     with np.errstate(all="ignore"):
@@ -63,12 +63,12 @@ def exchange(first: complex, second: complex, coupling: complex) -> Exchange:
         period = float(pi / abs(turn.real))
         if not (first.imag or second.imag or coupling.imag):
             most = float(abs(coupling / turn) ** 2) if turn else 0.0
-            return Exchange(period, most, 1.0, beats=isfinite(period), lossless=True)
+            return Transfer(period, most, 1.0, beats=isfinite(period), lossless=True)
         rate = max(float(abs(turn)), decay)
         early, late = np.linspace(0.0, min(period, 100 / rate), SAMPLES), np.geomspace(1e-3, 1e6, SAMPLES) / rate
         other = _swung(np.concatenate((early, late)), turn, decay) * abs(coupling) ** 2
         left = float(max(_returned(sign * half, turn, decay, period) for sign in (1, -1))) if isfinite(period) else 0.0
-    return Exchange(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
+    return Transfer(period, float(other.max()), left, beats=bool(abs(turn.real) > abs(turn.imag)), lossless=False)
 
 
 def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
@@ -84,7 +84,7 @@ def _returned(half: np.complex128, turn: np.complex128, decay: float, time: floa
 
 
 @dataclass(frozen=True)
-class Talk:
+class EnergyExchange:
     """Modes `first` and `second`, indices into `OwnModes`, all copies of each kind swinging alike.
 
     `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them, all without dampers, and `exchange`
@@ -97,7 +97,7 @@ class Talk:
     coupling: float
     cart_mass: float
     alone: bool
-    exchange: Exchange
+    exchange: Transfer
 
     @property
     def period(self) -> float:
@@ -110,7 +110,9 @@ class Talk:
         return self.exchange.most
 
 
-def talks(own: OwnModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0) -> tuple[Talk, ...]:
+def energy_exchanges(
+    own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0
+) -> tuple[EnergyExchange, ...]:
     """Pairs of modes of different kinds, those that share most first.
 
     `pole` (K,) is the pole that each mode stands in, `damping` (N s/m) the cart's.  A pair with nothing between them,
@@ -137,7 +139,7 @@ def _without(dynamic: DynamicMass, poles: Ints, omega: Floats) -> Floats:
     return dynamic(omega, left_out=(index == poles[:, :1]) | (index == poles[:, 1:]))
 
 
-def _alone(own: OwnModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
+def _alone(own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
     """Whether a pair has its poles for itself, is not coupled strongly, and m is steady over all frequencies of its."""
     mass = (own.mass * own.count)[pairs]
     omega, company = own.omega[pairs], np.bincount(pole)[pole[pairs]]
@@ -152,13 +154,15 @@ def _alone(own: OwnModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floa
     return alone
 
 
-def _talk(own: OwnModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> Talk:
+def _talk(own: FixedBaseModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> EnergyExchange:
     """Pair (a, b) on a cart that resists with m and a damper."""
     wa, wb = float(own.omega[a]), float(own.omega[b])
     ma, mb = (float(own.mass[k] * own.count[k]) for k in (a, b))
     detuning = (wa - wb) + (wa * ma - wb * mb) / (2 * m)
     coupling, yielding = sqrt(ma * mb * wa * wb), 1 / (2 * m - 2j * damping / sqrt(wa * wb)) if isfinite(m) else 0.0
     first, second = (w * (1 + mu * yielding) + 1j * float(own.rate[k]) for w, mu, k in ((wa, ma, a), (wb, mb, b)))
-    passed = exchange(first, second, coupling * yielding)
+    passed = transfer(first, second, coupling * yielding)
     creeps = float(own.rate[a]) >= wa or float(own.rate[b]) >= wb
-    return Talk(a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not creeps))
+    return EnergyExchange(
+        a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not creeps)
+    )

@@ -10,7 +10,7 @@ from modal.scene.model import Pendulum, Scene
 from modal.types import Floats
 
 
-def strengths(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
+def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
     """Strengths e (N m s/rad) of one copy, (n, P) of each block; of equal pendula with unequal drives, their mean."""
     found = tuple(np.zeros_like(block.damping) for block in rig.blocks)
     for pendulum, (block, column, copies) in zip(scene.pendulum, rig.members, strict=True):

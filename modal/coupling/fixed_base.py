@@ -16,12 +16,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.assembly.arrays import Rig
-from modal.eigen.spectrum import spectrum
+from modal.eigen.spectrum import find_spectrum
 from modal.types import Floats, Ints
 
 
 @dataclass(frozen=True, eq=False)
-class OwnModes:
+class FixedBaseModes:
     """K fixed-support modes of single pendula, ascending, one entry for all copies of a kind; all (K,).
 
     `omega` (rad/s), `mass` the modal effective mass of one copy (kg), `kind` the place of its kind in `Rig.names`,
@@ -36,16 +36,16 @@ class OwnModes:
     rate: Floats
 
 
-def conservative(rig: Rig) -> Rig:
+def without_damping(rig: Rig) -> Rig:
     """The same without dampers, in the plane of the rail."""
     blocks = tuple(replace(block, damping=np.zeros_like(block.damping)) for block in rig.blocks)
     return replace(rig, blocks=blocks, cart=rig.cart and rig.cart._replace(damping=0.0), spatial=False)
 
 
-def own_modes(rig: Rig) -> OwnModes:
+def fixed_base_modes(rig: Rig) -> FixedBaseModes:
     """The fixed-support modes of every kind of pendulum of a rig in SI units, all of them hanging."""
-    natural, units = replace(conservative(rig), cart=None).natural()
-    found = spectrum(natural)
+    natural, units = replace(without_damping(rig), cart=None).natural()
+    found = find_spectrum(natural)
     parts = [(number, part) for number, group in enumerate(found.groups) for part in group]
     places = {kind: place for place, kind in enumerate(rig.names)}
     kind = np.array([places[part.kind] for _, part in parts if part.kind])
@@ -61,7 +61,7 @@ def own_modes(rig: Rig) -> OwnModes:
         damping = np.column_stack([rig.blocks[block].damping[:, column] for block, column in kinds])
         turns = np.diff(details.angles[0][:, 0].real, axis=0, prepend=0.0)
         rate[here] = np.sum(damping * turns**2, axis=0) / (2 * details.modal_mass * moment)
-    return OwnModes(
+    return FixedBaseModes(
         omega=np.abs(found.eigenvalue[[number for number, _ in parts]]) * units.rate,
         mass=mass,
         kind=kind,

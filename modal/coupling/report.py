@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from math import isinf
 
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
-from modal.coupling.exchange import MOST_MODES, STRONG, Exchange
+from modal.coupling.exchange import MOST_MODES, STRONG, Transfer
 from modal.report.prose import counted, listed, percent, rad, short
 
 MOST_LISTED, FEW = 8, 3
@@ -135,7 +135,7 @@ def _exchange(coupling: Coupling, family: Family) -> Iterator[str]:
     )
 
 
-def _damped_exchange(coupling: Coupling, family: Family, passed: Exchange) -> Iterator[str]:
+def _damped_exchange(coupling: Coupling, family: Family, passed: Transfer) -> Iterator[str]:
     """What dampers leave of beats."""
     sigma = float(coupling.own.rate[family.members[0]])
     if sigma >= family.omega:

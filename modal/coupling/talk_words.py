@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from modal.coupling.analysis import Coupling
-from modal.coupling.exchange import MOST_MODES, STRONG, Talk
+from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange
 from modal.coupling.report import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered
 from modal.report.prose import capital, listed, percent, rad, short
 
@@ -28,7 +28,7 @@ def exchanges(coupling: Coupling) -> Iterator[str]:
         yield f"{left} more pairs are {ELSEWHERE}."
 
 
-def _pair(coupling: Coupling, talk: Talk) -> str:
+def _pair(coupling: Coupling, talk: EnergyExchange) -> str:
     own = coupling.own
     a, b = (member(coupling, k) for k in (talk.first, talk.second))
     strength = max(float(own.mass[k] * own.count[k]) for k in (talk.first, talk.second)) / abs(talk.cart_mass)
@@ -52,7 +52,7 @@ def _pair(coupling: Coupling, talk: Talk) -> str:
     )
 
 
-def _passed(talk: Talk) -> str:
+def _passed(talk: EnergyExchange) -> str:
     """Whether they talk, what passes and what comes back."""
     passed, tuned = talk.exchange, abs(talk.detuning) < 2 * talk.coupling
     if passed.lossless:

@@ -17,7 +17,7 @@ import numpy as np
 from modal.assembly.arrays import Block, CartNumbers
 from modal.eigen.chains import CartProblem, Motion, bare_mass, fixed_shapes
 from modal.eigen.counts import Built, counted
-from modal.eigen.degenerate import Clusters
+from modal.eigen.degenerate import DegenerateModes
 from modal.eigen.recursion import at_infinity, joints, kinetic
 from modal.eigen.secular import Poles, Roots, solve
 from modal.types import Floats, Ints
@@ -37,13 +37,13 @@ class _Own:
 
 
 @dataclass(frozen=True, eq=False)
-class Crowd:
+class CoupledPendula:
     """Chains that share a cart, counts folded into their masses, with their fixed-support `own` squares (n, P)."""
 
     blocks: tuple[Block, ...]
     cart: CartNumbers
     own: tuple[Floats, ...]
-    clusters: Clusters
+    clusters: DegenerateModes
     route = "secular equation"
     slack = 4
 
@@ -123,7 +123,7 @@ class Crowd:
         return [part.reshape(*own.shape, len(rows)) for part, own in parts]
 
 
-class Counted(Crowd):
+class Counted(CoupledPendula):
     """The same for few links, with its frequencies found by the effective mass."""
 
     route = "effective mass"

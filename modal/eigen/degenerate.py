@@ -26,7 +26,7 @@ TOLERANCE = 16 * 2.0**-52
 
 
 @dataclass(frozen=True, eq=False)
-class Clusters:
+class DegenerateModes:
     """The fixed-support modes of all kinds, gathered where their frequencies are equal.
 
     `order` (K,) sorts the modes, counted block by block, mode by mode, column by column; cluster c holds the `size[c]`
@@ -58,7 +58,7 @@ class Clusters:
         return np.flatnonzero(self.size > 1)
 
 
-def clusters(squares: tuple[Floats, ...]) -> Clusters:
+def degenerate_modes(squares: tuple[Floats, ...]) -> DegenerateModes:
     """Clusters of the squares (n, P) of every block."""
     flat = np.concatenate([square.ravel() for square in squares])
     order = np.argsort(flat, kind="stable")
@@ -72,7 +72,7 @@ def clusters(squares: tuple[Floats, ...]) -> Clusters:
     starts = np.flatnonzero(far)
     sizes = np.diff(starts, append=len(flat))
     rounded = bool(np.any(ascending[starts] != ascending[starts + sizes - 1]))
-    return Clusters(order, starts, sizes, ascending[starts], rounded)
+    return DegenerateModes(order, starts, sizes, ascending[starts], rounded)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,7 +83,7 @@ class Still:
     """
 
     blocks: tuple[Block, ...]
-    clusters: Clusters
+    clusters: DegenerateModes
     route = "effective mass"
     slack = 1
     built = Built("equal frequencies of different pendula", 1, 0)

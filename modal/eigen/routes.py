@@ -16,8 +16,8 @@ import numpy as np
 
 from modal.assembly.arrays import Block, CartNumbers, Rig
 from modal.eigen.chains import CartProblem, bare_mass
-from modal.eigen.coupled import Counted, Crowd
-from modal.eigen.degenerate import Still, clusters
+from modal.eigen.coupled import Counted, CoupledPendula
+from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
 from modal.eigen.sources import Alone, Rigid, Source, Together, bare_accelerance
 from modal.eigen.sprung_chains import SprungProblem
@@ -144,7 +144,7 @@ def _different(
     heavy: tuple[Block, ...], counts: tuple[Ints, ...], cart: CartNumbers, own: tuple[Floats, ...], accelerance: float
 ) -> Iterator[Batch]:
     """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
-    gathered = clusters(own)
+    gathered = degenerate_modes(own)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
     if few and gathered.closest > CLOSE and not gathered.shared.size:
         yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
@@ -153,7 +153,7 @@ def _different(
         still = Still(heavy, gathered)
         first = np.cumsum(still.folds) - still.folds
         yield Batch(Together(heavy, counts, still, accelerance), first, still.folds, np.zeros_like(first), still=True)
-    problem = (Counted if few else Crowd)(heavy, cart, own, gathered)
+    problem = (Counted if few else CoupledPendula)(heavy, cart, own, gathered)
     yield _moving(Together(heavy, counts, problem, accelerance))
 
 

@@ -46,7 +46,7 @@ class Spectrum:
             return self.sources[source].details(np.array(rows))
 
 
-def spectrum(rig: Rig) -> Spectrum:
+def find_spectrum(rig: Rig) -> Spectrum:
     """The spectrum of a rig in natural units.
 
     Raises ComputationError where double precision or memory cannot give it.

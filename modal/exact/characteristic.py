@@ -22,8 +22,8 @@ from typing import Any, Literal, NamedTuple
 from modal import pair
 from modal.errors import ComputationError
 from modal.exact.polynomials import integers, primitive, product, scaled, total
-from modal.exact.roots import Interval, isolated
-from modal.exact.sprung import sampled
+from modal.exact.roots import Interval, isolate
+from modal.exact.sprung import sample_at_integers
 from modal.scene.model import Cart, Pendulum, Scene
 
 Variable = Literal["x", "lambda"]
@@ -59,7 +59,7 @@ class Polynomial:
 
     def intervals(self, width: Fraction | float = 1e-15) -> list[Interval]:
         """Ascending dyadic intervals, none wider than `width`, that provably hold the roots (all of them are real)."""
-        return isolated(self.coefficients, Fraction(width))
+        return isolate(self.coefficients, Fraction(width))
 
     def text(self) -> str:
         """For people: 2 λ^2 + 4 λ + 1."""
@@ -172,7 +172,7 @@ def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
     """(d, N) of one pendulum on a joint that moves; in the coordinates σ_i θ_i a standing link has −k for k."""
     mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
     if any(stiffness):
-        return sampled((mass, length, centre, inertia), stiffness, sigma, gravity)
+        return sample_at_integers((mass, length, centre, inertia), stiffness, sigma, gravity)
     hanging = pair.constants(mass, length, centre, inertia, gravity)
     return eliminated(pair.standing(hanging, sigma), integers)
 

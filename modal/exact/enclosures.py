@@ -39,9 +39,7 @@ class Enclosure:
         return self.low if self.low == self.high else f"{self.low[:same]}[{self.low[same:]}, {self.high[same:]}]"
 
 
-def enclosures(
-    scene: Scene, digits: int = 30, report: Callable[[float], object] = lambda done: None
-) -> list[Enclosure]:
+def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = lambda done: None) -> list[Enclosure]:
     """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
 
     Rows of different labels may overlap: no interval proves two frequencies equal.  The rigid translation of a free

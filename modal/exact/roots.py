@@ -25,7 +25,7 @@ class Interval(NamedTuple):
     multiplicity: int
 
 
-def isolated(coefficients: Sequence[int], width: Fraction, *, relative: bool = False) -> list[Interval]:
+def isolate(coefficients: Sequence[int], width: Fraction, *, relative: bool = False) -> list[Interval]:
     """Ascending intervals, none wider than `width`, of all roots of a real-rooted polynomial, highest power first.
 
     With `relative`, none wider than `width` times the smaller end, for a polynomial that has not the root 0.

@@ -10,7 +10,7 @@ from modal import pair
 from modal.exact.polynomials import integers, interpolated, leading_minors, scaled, shifted
 
 
-def sampled(
+def sample_at_integers(
     parameters: Sequence[Sequence[Fraction]],
     stiffness: Sequence[Fraction],
     sigma: Sequence[Fraction],

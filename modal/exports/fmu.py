@@ -24,7 +24,7 @@ from modal.exports.identifiers import identifier
 from modal.exports.text import heading, joined
 from modal.report.escaping import c_comment
 from modal.statespace.model import StateSpace
-from modal.statespace.sampling import reach, sampled
+from modal.statespace.sampling import reach, sample
 
 DEFAULT_STEP = 0.01
 COMPILERS = ("cc", "gcc", "clang")
@@ -40,7 +40,7 @@ def write_fmu(model: StateSpace, step: float = DEFAULT_STEP) -> bytes:
     The same model gives the same source and GUID.  Raises SceneError for a step that is not positive.
     """
     name = identifier(heading(model))
-    held, step = (model, model.dt) if model.dt else (sampled(model, step), step)
+    held, step = (model, model.dt) if model.dt else (sample(model, step), step)
     source, code = files("modal.exports").joinpath(SOURCE).read_bytes(), list(_matrices(model, held))
     guid = f"{{{uuid5(NAMESPACE_URL, repr((name, step, model.states, model.inputs, model.outputs, code)))}}}"
     header = joined([*_sizes(model, step, guid), *code])

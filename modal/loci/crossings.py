@@ -18,7 +18,7 @@ from typing import Literal
 
 import numpy as np
 
-from modal.loci.tracking import Point, followed, overlaps
+from modal.loci.tracking import Point, follow, overlaps
 from modal.types import Floats, Ints
 
 TURNED = 0.25
@@ -35,7 +35,7 @@ Solve = Callable[[float], Point]
 
 
 @dataclass(frozen=True)
-class Encounter:
+class CloseApproach:
     """Two loci meet: their numbers from 0, the value p₀ of the parameter, the frequency midway and the gap (rad/s).
 
     The gap of a crossing is what rounding leaves of zero.  `exchange` is the MAC of one shape before with the other one
@@ -50,19 +50,21 @@ class Encounter:
     exchange: float
 
 
-def encounters(points: Sequence[Point], tracks: Ints, solve: Solve) -> tuple[list[Encounter], list[Point]]:
+def find_close_approaches(
+    points: Sequence[Point], tracks: Ints, solve: Solve
+) -> tuple[list[CloseApproach], list[Point]]:
     """All meetings of these K tracks, `loci` counting among them, and the points of the smallest gaps.
 
     `points` ascend and hold every track in one order; `solve` gives the modes at another value.
     """
     omega, group = (np.array([getattr(point, name)[tracks] for point in points]) for name in ("omega", "group"))
-    found: list[tuple[Encounter, Point]] = []
+    found: list[tuple[CloseApproach, Point]] = []
     for a, b in combinations(range(len(tracks)), 2):
         signed = np.where(group[:, a] == group[:, b], 0.0, omega[:, a] - omega[:, b])
         pair = int(tracks[a]), int(tracks[b])
         for kind, nearest, exchange in (*_crossings(points, signed, pair), *_veerings(points, signed, pair, solve)):
             middle = float(nearest.omega[list(pair)].mean())
-            found.append((Encounter(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest))
+            found.append((CloseApproach(kind, (a, b), nearest.value, middle, _gap(nearest, pair), exchange), nearest))
     found.sort(key=lambda entry: entry[0].value)
     return [meeting for meeting, _ in found], [point for meeting, point in found if meeting.kind == "veering"]
 
@@ -108,7 +110,7 @@ def _nearest(three: Sequence[Point], pair: Pair, solve: Solve) -> Point:
         trial = best.value + GOLDEN * ((high if rises else low) - best.value)
         if not low < trial < high or trial == best.value:
             break
-        other, _ = followed(best, solve(trial))
+        other, _ = follow(best, solve(trial))
         if _gap(other, pair) < _gap(best, pair):
             low, high, best = (best.value, high, other) if rises else (low, best.value, other)
         else:

@@ -14,12 +14,12 @@ from math import sqrt
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.loci.crossings import Encounter, encounters
-from modal.loci.tracking import Point, followed, solved
+from modal.loci.crossings import CloseApproach, find_close_approaches
+from modal.loci.tracking import Point, follow, solve_at
 from modal.modes.numbering import labelled
 from modal.scene.model import Scene
-from modal.scene.parameters import Variation, insist
-from modal.scene.places import number_at, places
+from modal.scene.parameters import Variation, validate_variations
+from modal.scene.places import find_places, number_at
 from modal.types import Floats, Ints
 
 MOST_SOLVED = 20_000
@@ -44,10 +44,10 @@ class Loci:
     multiplicity: Ints
     names: tuple[str, ...]
     numbered_at: float
-    encounters: tuple[Encounter, ...]
+    encounters: tuple[CloseApproach, ...]
 
 
-def loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:
+def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:
     """The loci of an undamped scene, `report` hearing how many of the variation's values are done.
 
     >>> from modal import load
@@ -59,14 +59,14 @@ def loci(scene: Scene, variation: Variation, report: Report = lambda done: None)
     Raises SceneError for a variation of fewer than two values or of a count, ComputationError where modes are damped,
     uncertain, too many, change their number or cannot be followed.
     """
-    insist(scene, [variation])
+    validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError([f"{variation.path}: loci are over two values or more of a parameter that varies smoothly"])
     walk, own = _Walk(scene, variation), _own_value(scene, variation)
     points = walk.whole(own, report)
     first, multiplicity = _distinct(np.array([point.group for point in points]))
     names = labelled(next(1 + point.row[first] for point in points if point.value == own).tolist())
-    found, nearest = encounters(points, first, walk.at)
+    found, nearest = find_close_approaches(points, first, walk.at)
     points = sorted((*points, *nearest), key=lambda point: point.value)
     values, omega = np.array([point.value for point in points]), np.array([point.omega[first] for point in points])
     return Loci(scene, variation, values, omega, multiplicity, names, own, tuple(found))
@@ -74,7 +74,7 @@ def loci(scene: Scene, variation: Variation, report: Report = lambda done: None)
 
 def _own_value(scene: Scene, variation: Variation) -> float:
     """That of the scene as it is given, if it lies among the others, else the first of them."""
-    own = {number_at(scene, place) for place in places(scene, variation.path)}
+    own = {number_at(scene, place) for place in find_places(scene, variation.path)}
     value = own.pop()
     first, last = variation.values[0], variation.values[-1]
     return value if not own and first <= value <= last else first
@@ -98,7 +98,7 @@ class _Walk:
         self.solved += 1
         if self.solved > MOST_SOLVED + len(self.variation.values):
             raise ComputationError(f"{self.variation.path}: shapes turn too often to be followed: take a smaller range")
-        return solved(self.scene, self.variation.path, value)
+        return solve_at(self.scene, self.variation.path, value)
 
     def whole(self, own: float, report: Report) -> list[Point]:
         """All points, that at `own` among them, each in the order of the first."""
@@ -111,7 +111,7 @@ class _Walk:
 
     def between(self, before: Point, after: Point, depth: int) -> list[Point]:
         """What follows a point up to the next, that included."""
-        found, sure = followed(before, after)
+        found, sure = follow(before, after)
         exchanged = _exchanged(before, found) if sure else None
         if sure and exchanged is None:
             return [found]

@@ -21,7 +21,7 @@ from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import paired
 from modal.scene.model import Scene
-from modal.scene.places import varied
+from modal.scene.places import vary
 from modal.types import Floats, Ints
 
 MOST_MODES = 400
@@ -50,12 +50,12 @@ class Point:
         return replace(self, omega=self.omega[order], group=self.group[order], row=self.row[order], shapes=shapes)
 
 
-def solved(scene: Scene, path: str, value: float) -> Point:
+def solve_at(scene: Scene, path: str, value: float) -> Point:
     """The modes of the scene with this value at a path, in ascending order.
 
     Raises ComputationError for damped or growing modes, uncertain ones and more than MOST_MODES.
     """
-    here = varied(scene, {path: value})
+    here = vary(scene, {path: value})
     size = here.n_links * (2 if here.space == "space" else 1) + 1
     if size > MOST_MODES:
         raise ComputationError(f"{size} modes are too many to follow by their shapes: at most {MOST_MODES}")
@@ -96,7 +96,7 @@ def overlaps(before: Point, after: Point) -> Floats:
     return np.asarray(np.sum(left.swapaxes(1, 2) @ M @ right, axis=0))
 
 
-def followed(before: Point, after: Point) -> tuple[Point, bool]:
+def follow(before: Point, after: Point) -> tuple[Point, bool]:
     """The modes of `after` in the order of `before` and with signs and bases turned to its own; and whether surely so.
 
     Raises ComputationError where the number of modes has changed.

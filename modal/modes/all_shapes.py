@@ -9,7 +9,7 @@ from modal.eigen.routes import Part
 from modal.eigen.sources import Details
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
-from modal.modes.shapes import Shape, expanded
+from modal.modes.shapes import Shape, expand
 
 
 def all_shapes(modes: Modes) -> list[list[Shape]]:
@@ -19,7 +19,7 @@ def all_shapes(modes: Modes) -> list[list[Shape]]:
 
     def shape(part: Part, copy: int, uncertain: bool) -> Shape:
         row = _row(details[part.source], rows[part.source][part.row_of(copy)])
-        return expanded(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
+        return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
 
     return [
         [shape(part, copy, bool(error >= UNCERTAIN)) for part in parts for copy in range(part.along + part.across)]

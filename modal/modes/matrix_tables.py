@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from modal.assembly.matrices import Matrices
 from modal.report.escaping import json_text
-from modal.scene.model import Scene, described
+from modal.scene.model import Scene, describe
 from modal.types import Floats
 
 
@@ -13,7 +13,7 @@ def matrices_table(scene: Scene, found: Matrices, form: str) -> str:
     named = {"M": found.M, "K": found.K, "D": found.D}
     if form == "json":
         whole = {
-            "scene": described(scene),
+            "scene": describe(scene),
             "coordinates": list(found.labels),
             **{name: matrix.tolist() for name, matrix in named.items()},
         }

@@ -17,11 +17,11 @@ from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
 from modal.eigen.matrix_source import LIGHT
 from modal.eigen.routes import Part, notes
 from modal.eigen.sources import Details, largest_angle
-from modal.eigen.spectrum import Spectrum, spectrum
+from modal.eigen.spectrum import Spectrum, find_spectrum
 from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.resonances import MOST_DISTORTED, answering, resonances
-from modal.modes.shapes import Shape, checked_normalisation, expanded
+from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.scene.model import Scene
 from modal.types import Floats, Ints
 
@@ -137,12 +137,12 @@ class Modes(Sequence[Mode]):
         Where no digit of the frequency is certain the shape says so, `Shape.uncertain`. Raises IndexError for a mode or
         copy that is not there, ValueError for another normalisation.
         """
-        how, left = checked_normalisation(normalise), copy
+        how, left = validate_normalisation(normalise), copy
         for part in self.spectrum.groups[number]:
             if 0 <= left < part.along + part.across:
                 details = self.spectrum.details(part.source, [part.row_of(left)])
                 uncertain = bool(self.error[number] >= UNCERTAIN)
-                return expanded(self.rig, self.units, part, left, details, how, uncertain=uncertain)
+                return expand(self.rig, self.units, part, left, details, how, uncertain=uncertain)
             left -= part.along + part.across
         raise IndexError(f"mode index {number} has {self.multiplicity[number]} basis vectors: there is no index {copy}")
 
@@ -315,6 +315,6 @@ def natural_modes(scene: Scene) -> Modes:
     rig = rig_of(scene)
     with np.errstate(all="ignore"):
         natural, units = rig.natural()
-        found = spectrum(natural)
+        found = find_spectrum(natural)
         left_out = (UNDRIVEN,) * scene.is_driven
         return Modes(scene, rig, units, found, (*notes(natural, found.sources), *left_out))

@@ -49,14 +49,14 @@ class _Vector:
     momentum: float
 
 
-def checked_normalisation(name: str) -> Normalisation:
+def validate_normalisation(name: str) -> Normalisation:
     """The name itself; ValueError for any other."""
     if name not in get_args(Normalisation):
         raise ValueError(f'normalise = {name!r}: must be "angle" or "mass"')
     return name  # type: ignore[return-value]
 
 
-def expanded(
+def expand(
     rig: Rig, units: Units, part: Part, copy: int, details: Details, normalise: Normalisation, *, uncertain: bool
 ) -> Shape:
     """The copy-th vector of a part, `details` holding its one row."""

@@ -43,7 +43,7 @@ class Matrix:
 
 
 @dataclass(frozen=True)
-class Audit:
+class SolutionReport:
     """What was built for the modes of a scene.
 
     `coordinates` counts those of the whole scene: every copy, both directions in space, the cart.  `left_out` are
@@ -91,9 +91,9 @@ class Audit:
         }
 
 
-def audit(modes: Modes) -> Audit:
+def solution_report(modes: Modes) -> SolutionReport:
     """What was built for these modes."""
-    return Audit(
+    return SolutionReport(
         coordinates=coordinates(modes.rig),
         parts=_parts(modes.spectrum),
         matrices=_matrices(modes.spectrum),

@@ -12,7 +12,7 @@ from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report.escaping import csv_rows, html, json_text, markdown, one_line, visible
 from modal.report.tables import NOTHING
-from modal.scene.model import described
+from modal.scene.model import describe
 
 MOST_SHAPE_NUMBERS = 5_000_000
 Value = float | int | str | bool | None
@@ -134,7 +134,7 @@ def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
             raise ComputationError(f"the shapes asked for hold {numbers} angles: choose fewer modes")
         for record, row in zip(found, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
-    whole = {"scene": described(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
+    whole = {"scene": describe(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
     return json_text(whole) + "\n"
 
 

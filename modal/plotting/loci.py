@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.loci.crossings import Encounter
+from modal.loci.crossings import CloseApproach
 from modal.loci.following import Loci
 from modal.plotting.layout import NUMBER, headline, key, log_ticks
 from modal.plotting.palette import MOST_CURVES, colour, dash, ink, paper
@@ -56,7 +56,7 @@ def _locus(axis: Axes, found: Loci, k: int) -> Line2D:
     return axis.plot(found.values, found.omega[:, k], color=colour(k), ls=dash(k), zorder=3, label=label)[0]
 
 
-def _mark(axis: Axes, meeting: Encounter) -> None:
+def _mark(axis: Axes, meeting: CloseApproach) -> None:
     axis.add_line(_sign(meeting.kind, [meeting.value], [meeting.omega]))
     if meeting.kind == "veering":
         ends = meeting.omega - meeting.gap / 2, meeting.omega + meeting.gap / 2
@@ -77,7 +77,7 @@ def _named(found: Loci) -> list[Line2D]:
     return [_sign(kind, [], [], f"{count} × {kind}") for kind, count in counts.items() if count]
 
 
-def encounter_words(meeting: Encounter, found: Loci) -> str:
+def encounter_words(meeting: CloseApproach, found: Loci) -> str:
     """An encounter in one line."""
     a, b = (found.names[number] for number in meeting.loci)
     gap = "" if meeting.kind == "crossing" else f", gap {meeting.gap:.4g} rad/s"

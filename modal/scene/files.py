@@ -16,7 +16,7 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.model import Scene, described, scene_from
+from modal.scene.model import Scene, describe, scene_from
 
 LARGEST_FILE = 256_000_000
 STANDARD = "-"
@@ -72,7 +72,7 @@ def dumps(scene: Scene) -> str:
     """The TOML document that reads back as an equal scene, bit for bit."""
     import tomli_w
 
-    return tomli_w.dumps(described(scene))
+    return tomli_w.dumps(describe(scene))
 
 
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
@@ -86,20 +86,20 @@ def schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scene.model_json_schema()}
 
 
-def shipped() -> list[str]:
+def example_names() -> list[str]:
     """Names of the scenes that come with the package."""
     return sorted(entry.name.removesuffix(".toml") for entry in SHIPPED.iterdir() if entry.name.endswith(".toml"))
 
 
-def shipped_text(name: str) -> str:
+def example_text(name: str) -> str:
     """The file of a shipped scene; SceneError for an unknown name."""
-    if name not in shipped():
+    if name not in example_names():
         raise SceneError([f"{name}: no such shipped scene{_near(name)}"])
     return (SHIPPED / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def _near(name: str) -> str:
-    return meant(name, shipped(), most=3, near=0.5)
+    return meant(name, example_names(), most=3, near=0.5)
 
 
 def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = "") -> str:
@@ -177,9 +177,9 @@ def _read(name: str) -> bytes:
         there = Path(name).is_file() or Path(name).is_fifo()
         looks_like_path = there or any(mark in name for mark in (os.sep, "/", "."))
         if not looks_like_path:
-            if name not in shipped():
+            if name not in example_names():
                 raise SceneError([f"no such file and no such shipped scene{_near(name)}"])
-            return shipped_text(name).encode()
+            return example_text(name).encode()
         if Path(name).exists() and not Path(name).is_file() and not Path(name).is_fifo():
             raise SceneError(["not a file"])
         with _awaited(name), open(name, "rb") as stream:

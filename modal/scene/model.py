@@ -19,7 +19,7 @@ from modal import pair
 from modal.errors import SceneError
 from modal.scene.drives import Drive
 from modal.scene.messages import problems_of
-from modal.scene.validation import Checked, Count, NonNegative, Positive, Real, Several, insist
+from modal.scene.validation import Checked, Count, NonNegative, Positive, Real, Several, validate
 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
@@ -80,7 +80,7 @@ class Body(Link):
         return self
 
 
-class Start(Checked):
+class InitialCondition(Checked):
     """Where the simulator releases a pendulum: one angle (deg) and one rate (deg/s) a link, top to bottom.
 
     `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
@@ -100,7 +100,7 @@ class Pendulum(Checked):
     links: Annotated[tuple[Annotated[Bob | Rod | Body, Field(discriminator="kind")], ...], Field(min_length=1), Several]
     count: Count = 1
     equilibrium: tuple[Way, ...] | None = None
-    start: Start | None = None
+    start: InitialCondition | None = None
 
     @property
     def n_links(self) -> int:
@@ -115,7 +115,7 @@ class Pendulum(Checked):
 
     @model_validator(mode="after")
     def _consistent(self) -> Pendulum:
-        return insist(self, self._problems())
+        return validate(self, self._problems())
 
     def _problems(self) -> Iterator[str]:
         if self.n_links > MAX_CHAIN:
@@ -218,7 +218,7 @@ class Scene(Checked):
 
     @model_validator(mode="after")
     def _consistent(self) -> Scene:
-        return insist(self, self._problems())
+        return validate(self, self._problems())
 
     def _problems(self) -> Iterator[str]:
         if self.n_links > MAX_LINKS:
@@ -231,7 +231,7 @@ class Scene(Checked):
                     yield f'.pendulum[{index}].links[{number}].drive: needs space = "plane"'
 
 
-def insist_scene(given: object) -> Scene:
+def validate_scene(given: object) -> Scene:
     """The scene itself; SceneError says what was meant where something else was given."""
     if isinstance(given, Scene):
         return given
@@ -247,7 +247,7 @@ def scene_from(data: object) -> Scene:
         raise SceneError(tuple(problems_of(error))) from None
 
 
-def described(part: BaseModel) -> dict[str, Any]:
+def describe(part: BaseModel) -> dict[str, Any]:
     """The mapping that `scene_from` reads back as an equal object: kinds first, defaults left out."""
     found: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
     for name, field in type(part).model_fields.items():
@@ -259,5 +259,5 @@ def described(part: BaseModel) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     if isinstance(value, BaseModel):
-        return described(value)
+        return describe(value)
     return [_plain(item) for item in value] if isinstance(value, tuple) else value

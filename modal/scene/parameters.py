@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.scene.model import Scene
-from modal.scene.places import WRITTEN, Place, places, varied, written
+from modal.scene.places import WRITTEN, Place, find_places, vary, with_numbers
 from modal.scene.validation import LARGEST
 
 MOST_VALUES = 100_000
@@ -65,7 +65,7 @@ class Variation:
         return f"{self.path}_{unit}" if unit and "_deg" not in self.path else self.path
 
 
-def parsed(texts: Sequence[str]) -> tuple[Variation, ...]:
+def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     """The variations that texts describe; SceneError names every mistake.
 
     >>> parsed(["support.mass=1:100:3log"])
@@ -130,7 +130,7 @@ def _short(text: str) -> str:
     return text if len(text) <= LONGEST else text[: LONGEST - 1] + "…"
 
 
-def insist(scene: Scene, variations: Sequence[Variation]) -> None:
+def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
     """SceneError that names every place and every value that the scene cannot have.
 
     Values that fail only beside those of another variation are left to the point where they meet.
@@ -139,11 +139,11 @@ def insist(scene: Scene, variations: Sequence[Variation]) -> None:
     taken: set[Place] = set()
     for variation in variations:
         try:
-            own = places(scene, variation.path)
+            own = find_places(scene, variation.path)
         except SceneError as error:
             problems |= dict.fromkeys(error.problems)
             continue
-        problems |= dict.fromkeys(f"{written(place)}: is varied twice" for place in own if place in taken)
+        problems |= dict.fromkeys(f"{with_numbers(place)}: is varied twice" for place in own if place in taken)
         problems |= dict.fromkeys(_refused(scene, variation, own))
         taken |= set(own)
     if problems:
@@ -152,10 +152,10 @@ def insist(scene: Scene, variations: Sequence[Variation]) -> None:
 
 def _refused(scene: Scene, variation: Variation, own: Sequence[Place]) -> Iterator[str]:
     """What the scene says of the values themselves: of the two ends, and of all where they must be whole."""
-    starts = tuple(f"{written(place)} =" for place in own)
+    starts = tuple(f"{with_numbers(place)} =" for place in own)
     ends = dict.fromkeys((variation.values[0], variation.values[-1]))
     for value in variation.values if own[0][-1] == "count" else ends:
         try:
-            varied(scene, {variation.path: value})
+            vary(scene, {variation.path: value})
         except SceneError as error:
             yield from (problem for problem in error.problems if problem.startswith(starts))

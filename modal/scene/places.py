@@ -12,7 +12,7 @@ from typing import Any
 from pydantic import BaseModel
 
 from modal.errors import SceneError, meant
-from modal.scene.model import Scene, described, scene_from
+from modal.scene.model import Scene, describe, scene_from
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"{STEP}(\.{STEP})*", re.ASCII)
@@ -22,7 +22,7 @@ Step = str | int
 Place = tuple[Step, ...]
 
 
-def places(scene: Scene, path: str) -> list[Place]:
+def find_places(scene: Scene, path: str) -> list[Place]:
     """Every number of a scene that a path means; SceneError where it means none or something else."""
     if not WRITTEN.fullmatch(path):
         raise SceneError([f"{path}: is not a place such as support.mass or pendulum[0].links[1].length"])
@@ -31,7 +31,7 @@ def places(scene: Scene, path: str) -> list[Place]:
         found = [(*place, step) for place in found for step in _steps(scene, place, word)]
     missing = next((place for place in found if not _is_number(_at(scene, place))), None)
     if missing is not None or not found:
-        raise SceneError([_unknown(scene, path if missing is None else written(missing), path)])
+        raise SceneError([_unknown(scene, path if missing is None else with_numbers(missing), path)])
     return found
 
 
@@ -40,21 +40,21 @@ def number_at(scene: Scene, place: Place) -> float:
     return float(_at(scene, place))
 
 
-def written(place: Place) -> str:
+def with_numbers(place: Place) -> str:
     """A place as messages write it."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).removeprefix(".")
 
 
-def varied(scene: Scene, values: Mapping[str, float]) -> Scene:
+def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with other numbers at these paths, checked anew; SceneError names every mistake.
 
     >>> from modal import load
     >>> varied(load("paper-cart-2"), {"support.mass": 7.0, "pendulum[*].links[*].damping": 0.1}).support.mass
     7.0
     """
-    data = described(scene)
+    data = describe(scene)
     for path, value in values.items():
-        for place in places(scene, path):
+        for place in find_places(scene, path):
             whole = place[-1] == "count" and float(value).is_integer()
             _put(data, place, int(value) if whole else float(value))
     return scene_from(data)
@@ -90,7 +90,7 @@ def _is_number(found: object) -> bool:
 
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
-    hint = meant(name, sorted(map(written, _numbers(scene))), near=NEAR)
+    hint = meant(name, sorted(map(with_numbers, _numbers(scene))), near=NEAR)
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
 
 

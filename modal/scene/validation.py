@@ -91,7 +91,7 @@ class Checked(BaseModel, metaclass=_Raising):
 P = TypeVar("P", bound=BaseModel)
 
 
-def insist(part: P, problems: Iterable[str]) -> P:
+def validate(part: P, problems: Iterable[str]) -> P:
     """The part itself; ValueError with one line a problem."""
     if found := list(problems):
         raise ValueError("\n".join(found))

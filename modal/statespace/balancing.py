@@ -40,7 +40,7 @@ class Balanced:
     error_bound: float
 
 
-def balanced(model: StateSpace, count: int) -> Balanced:
+def balance(model: StateSpace, count: int) -> Balanced:
     """The model reduced to `count` states, inputs and outputs as they were.
 
     Its states are sums of all old ones and the choice depends on the units of inputs and outputs.  Raises ValueError

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
-from modal.statespace.modal_form import ModalForm, modal_form
+from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats, Ints
@@ -153,7 +153,7 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     A rigid translation that no output sees by its position is given the gains of its velocity.  Raises what
     `modal.statespace.modal_form.modal_form` does.
     """
-    form = modal_form(modes, model)
+    form = to_modal_form(modes, model)
     left = np.array([block.pushed @ block.left for block in form.blocks])
     right = np.array([block.right @ block.seen for block in form.blocks])
     outputs = without_noise(right, model.C.T)

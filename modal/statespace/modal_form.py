@@ -99,7 +99,7 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
     return whole
 
 
-def modal_form(modes: Modes, model: StateSpace) -> ModalForm:
+def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """The model of `modes.scene`, taken apart.
 
     Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make

@@ -25,7 +25,7 @@ import numpy as np
 from modal.assembly.matrices import Matrices, matrices
 from modal.eigen.dense import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.scene.model import Scene, insist_scene
+from modal.scene.model import Scene, validate_scene
 from modal.statespace.signals import (
     DRIVES,
     INPUTS,
@@ -33,11 +33,11 @@ from modal.statespace.signals import (
     PUSHES,
     READINGS,
     Geometry,
-    Push,
-    Reading,
+    InputGroup,
+    OutputGroup,
     Signal,
-    checked,
     geometry_of,
+    validate_signals,
 )
 from modal.types import Floats
 
@@ -82,12 +82,12 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     absolute angles.  Raises SceneError for groups that the scene has not, ComputationError where M is singular or the
     model has more than LARGEST_STATE states.
     """
-    if 2 * insist_scene(scene).n_links > LARGEST_STATE:
+    if 2 * validate_scene(scene).n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)
     default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
-    wanted = checked(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
-    read = checked(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
+    wanted = validate_signals(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
+    read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
     found, motion = matrices(scene), {None: _free, "cart_acceleration": _accelerated, "cart_velocity": _moved}[drive]
     with np.errstate(all="ignore"):
@@ -120,11 +120,11 @@ def _drive(wanted: tuple[str, ...]) -> str | None:
     return prescribed[0] if prescribed else None
 
 
-def _pushes(geometry: Geometry, wanted: tuple[str, ...]) -> Push:
+def _pushes(geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
     """All generalized forces side by side, in the order asked for."""
     found = [PUSHES[name](geometry) for name in wanted if name in PUSHES]
     none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
-    return Push(
+    return InputGroup(
         [signal for push in found for signal in push.signals],
         np.hstack([none[0], *(push.F for push in found)]),
         np.hstack([none[1], *(push.thrust for push in found)]),
@@ -199,7 +199,7 @@ def _rates(geometry: Geometry) -> list[Signal]:
 
 
 def _outputs(
-    moved: _Motion, geometry: Geometry, push: Push, readings: list[Reading]
+    moved: _Motion, geometry: Geometry, push: InputGroup, readings: list[OutputGroup]
 ) -> tuple[Floats, Floats, list[Signal]]:
     C, D = [], []
     for reading in readings:

@@ -23,7 +23,7 @@ from modal.errors import SceneError
 from modal.modes.modes import Modes, natural_modes
 from modal.scene.model import Body, Pendulum, Scene
 from modal.statespace.gains import NOISE, without_noise
-from modal.statespace.modal_form import Block, ModalForm, block_diagonal, modal_form
+from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.signals import OF_A_CART, Signal
 from modal.types import Floats
@@ -43,7 +43,7 @@ class Folded(NamedTuple):
     copies: tuple[int, ...]
 
 
-def folded(scene: Scene) -> Folded:
+def fold_equals(scene: Scene) -> Folded:
     """One pendulum for each kind, as heavy as all of it together, in the order of the file."""
     kinds: dict[tuple[int, int], tuple[int, Pendulum, int]] = {}
     passed = 1
@@ -64,13 +64,13 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     `modal.statespace.model.state_space`, which raises; SceneError too for forces on pendula that have equals: they
     would tell these apart.
     """
-    fold = folded(scene)
+    fold = fold_equals(scene)
     model = state_space(fold.scene, inputs, outputs)
     inside = [signal.name for signal in model.inputs if signal.name not in OF_A_CART]
     if inside and max(fold.copies) > 1:
         raise SceneError([f"input {name}: tells equal pendula apart, so they do not fold" for name in inside])
     model = _read_off_the_first(fold, model)
-    form = modal_form(natural_modes(fold.scene), model)
+    form = to_modal_form(natural_modes(fold.scene), model)
     blocks = [_rate_alone(form, block) for block in essential(form)]
     whole = sum(len(block.A) for block in blocks) == len(model.A)
     return model if whole else assembled(form, blocks, model.D)
@@ -165,7 +165,7 @@ def _independent(blocks: Sequence[Block], gains: Floats) -> Sequence[Block]:
 # ------------------------------------------------------------------------------------------------------ truncation
 
 
-def truncated(modes: Modes, model: StateSpace, count: int, by: Choice = "contribution") -> StateSpace:
+def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribution") -> StateSpace:
     """The model of `modes.scene` with `count` modes, copies counted, in modal coordinates.
 
     `by` "contribution" keeps those that contribute most to any one transfer function, "lowest" those of lowest
@@ -176,7 +176,7 @@ def truncated(modes: Modes, model: StateSpace, count: int, by: Choice = "contrib
     """
     if count < 0 or by not in get_args(Choice):
         raise ValueError(f'count = {count}, by = {by!r}: a count of modes, by "contribution" or "lowest"')
-    form = modal_form(modes, model)
+    form = to_modal_form(modes, model)
     if count > (total := sum(block.mode is not None for block in form.blocks)):
         raise SceneError([f"{count} modes: the model has {total}"])
     blocks = essential(form)

@@ -26,7 +26,7 @@ from modal.statespace.model import StateSpace
 from modal.types import Floats
 
 
-def sampled(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
+def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
     """The discrete model of a continuous one, `dt` in seconds; names are kept.
 
     `method` is one of METHODS.  Under "zoh" the states are the continuous ones at the samples; under "foh" and

@@ -90,7 +90,7 @@ def geometry_of(scene: Scene) -> Geometry:
 # ------------------------------------------------------------------------------------------------------- inputs
 
 
-class Push(NamedTuple):
+class InputGroup(NamedTuple):
     """Inputs as generalized forces F (q, m), and how much of each acts from outside on each pendulum (p, m)."""
 
     signals: list[Signal]
@@ -98,30 +98,30 @@ class Push(NamedTuple):
     thrust: Floats
 
 
-def _cart_force(geometry: Geometry) -> Push:
+def _cart_force(geometry: Geometry) -> InputGroup:
     F = np.zeros((geometry.size, 1))
     F[0] = 1.0
-    return Push([Signal("cart_force", "N", "force on the cart along the rail")], F, _nothing(geometry, 1))
+    return InputGroup([Signal("cart_force", "N", "force on the cart along the rail")], F, _nothing(geometry, 1))
 
 
-def _joint_torques(geometry: Geometry) -> Push:
+def _joint_torques(geometry: Geometry) -> InputGroup:
     signals = [Signal(f"torque_{label}", "N m", "torque of a joint on the link below it") for label in geometry.labels]
-    return Push(signals, geometry.relative.T, _nothing(geometry, len(signals)))
+    return InputGroup(signals, geometry.relative.T, _nothing(geometry, len(signals)))
 
 
-def _link_forces(geometry: Geometry) -> Push:
+def _link_forces(geometry: Geometry) -> InputGroup:
     signals = [
         Signal(f"force_{label}", "N", "horizontal force at a link's centre of mass") for label in geometry.labels
     ]
     thrust = (geometry.pendulum == np.unique(geometry.pendulum)[:, None]).astype(float)
-    return Push(signals, geometry.centres.T, thrust)
+    return InputGroup(signals, geometry.centres.T, thrust)
 
 
 def _nothing(geometry: Geometry, m: int) -> Floats:
     return np.zeros((len(geometry.tips), m))
 
 
-PUSHES: dict[str, Callable[[Geometry], Push]] = {
+PUSHES: dict[str, Callable[[Geometry], InputGroup]] = {
     "cart_force": _cart_force,
     "joint_torques": _joint_torques,
     "link_forces": _link_forces,
@@ -136,7 +136,7 @@ INPUTS = (*PUSHES, *DRIVES)
 # ------------------------------------------------------------------------------------------------------ outputs
 
 
-class Reading(NamedTuple):
+class OutputGroup(NamedTuple):
     """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero."""
 
     signals: list[Signal]
@@ -150,31 +150,33 @@ def _named(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> lis
     return [Signal(f"{prefix}_{label}", unit, meaning) for label in labels]
 
 
-def _tips(geometry: Geometry) -> Reading:
+def _tips(geometry: Geometry) -> OutputGroup:
     signals = [Signal(f"tip_{p}", "m", "horizontal position of a pendulum's end") for p in _pendula(geometry)]
-    return Reading(signals, geometry.joints[geometry.tips])
+    return OutputGroup(signals, geometry.joints[geometry.tips])
 
 
-def _pivot_forces(geometry: Geometry) -> Reading:
+def _pivot_forces(geometry: Geometry) -> OutputGroup:
     signals = [
         Signal(f"pivot_force_{p}", "N", "horizontal force of a pendulum on its pivot") for p in _pendula(geometry)
     ]
     belongs = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
-    return Reading(signals, acceleration=-(belongs * geometry.mass) @ geometry.centres, pushed=True)
+    return OutputGroup(signals, acceleration=-(belongs * geometry.mass) @ geometry.centres, pushed=True)
 
 
 def _pendula(geometry: Geometry) -> range:
     return range(1, len(geometry.tips) + 1)
 
 
-READINGS: dict[str, Callable[[Geometry], Reading]] = {
-    "cart_position": lambda g: Reading([Signal("x", "m", "position of the cart")], np.eye(g.size)[:1]),
-    "cart_velocity": lambda g: Reading([Signal("x_dot", "m/s", "velocity of the cart")], rate=np.eye(g.size)[:1]),
-    "angles": lambda g: Reading(_named("theta", "rad", "angle from the rest", g.labels), g.angles),
-    "rates": lambda g: Reading(_named("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
-    "relative_angles": lambda g: Reading(_named("rel", "rad", "angle to the link above", g.labels), g.relative),
-    "relative_rates": lambda g: Reading(_named("rel_dot", "rad/s", "rate of that angle", g.labels), rate=g.relative),
-    "joint_positions": lambda g: Reading(
+READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
+    "cart_position": lambda g: OutputGroup([Signal("x", "m", "position of the cart")], np.eye(g.size)[:1]),
+    "cart_velocity": lambda g: OutputGroup([Signal("x_dot", "m/s", "velocity of the cart")], rate=np.eye(g.size)[:1]),
+    "angles": lambda g: OutputGroup(_named("theta", "rad", "angle from the rest", g.labels), g.angles),
+    "rates": lambda g: OutputGroup(_named("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
+    "relative_angles": lambda g: OutputGroup(_named("rel", "rad", "angle to the link above", g.labels), g.relative),
+    "relative_rates": lambda g: OutputGroup(
+        _named("rel_dot", "rad/s", "rate of that angle", g.labels), rate=g.relative
+    ),
+    "joint_positions": lambda g: OutputGroup(
         _named("joint", "m", "horizontal position of a lower joint", g.labels), g.joints
     ),
     "tip_positions": _tips,
@@ -184,7 +186,7 @@ OUTPUTS = tuple(READINGS)
 OF_A_CART = {"cart_force", "cart_position", "cart_velocity", "cart_acceleration"}
 
 
-def checked(words: tuple[str, ...], known: tuple[str, ...], what: str, *, on_cart: bool) -> tuple[str, ...]:
+def validate_signals(words: tuple[str, ...], known: tuple[str, ...], what: str, *, on_cart: bool) -> tuple[str, ...]:
     """The words themselves; SceneError names every one that is unknown, repeated or needs a cart."""
     if isinstance(words, str):
         raise SceneError([f'{what} {words}: must be a tuple of names: ("{words}",)'])

@@ -14,10 +14,10 @@ from modal.errors import SceneError
 from modal.scene.model import Scene
 from modal.symbolic.eigen import modes_section, polynomial_section
 from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
-from modal.symbolic.lagrangian import lagrangian, vanishes
+from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.papers import equal
 from modal.symbolic.sections import Line, Section
-from modal.symbolic.system import System
+from modal.symbolic.system import SymbolicSystem
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 CHECKED_UP_TO = 6
@@ -27,7 +27,7 @@ NOT_IN_SPACE = "joint springs and dampers in space: only the linearized motion i
 MOST_WRITTEN = 40
 
 
-def derivation(system: System, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None) -> Iterator[Section]:
+def derive(system: SymbolicSystem, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None) -> Iterator[Section]:
     """The sections of SECTIONS that `show` names, in their order.
 
     `scene` is the one that `system` writes in numbers, if any: its polynomial is then exact and integer.  Raises
@@ -46,10 +46,10 @@ def derivation(system: System, show: tuple[str, ...] = SECTIONS, scene: Scene | 
     return (makers[name]() for name in SECTIONS if name in show)
 
 
-def _lagrangian(system: System) -> Section:
+def _lagrangian(system: SymbolicSystem) -> Section:
     if system.spatial and _has_joints(system):
         return Section("Lagrangian", [Line(NOT_IN_SPACE)])
-    found = lagrangian(system)
+    found = derive_lagrangian(system)
     T = in_angles(system) if system.spatial else in_plane(system)
     lines = [Line("kinetic energy in θ and φ" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
@@ -64,24 +64,24 @@ def _lagrangian(system: System) -> Section:
     return Section("Lagrangian", lines)
 
 
-def _has_joints(system: System) -> bool:
+def _has_joints(system: SymbolicSystem) -> bool:
     return any(any(chain.stiffness) or any(chain.damping) for chain in system.chains)
 
 
-def _equations(system: System) -> Section:
+def _equations(system: SymbolicSystem) -> Section:
     title = "Equations of motion"
     if system.spatial:
         return Section(title, _spatial_equations(system))
     found = system.equations()
     lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, found, strict=True)]
     if len(system.links) <= CHECKED_UP_TO:
-        derived = lagrangian(system).equations
+        derived = derive_lagrangian(system).equations
         _insist(all(vanishes(a - b) for a, b in zip(derived, found, strict=True)))
         lines.append(Line("these are Lagrange's equations of the Cartesian L: checked term by term"))
     return Section(title, lines)
 
 
-def _spatial_equations(system: System) -> list[Line]:
+def _spatial_equations(system: SymbolicSystem) -> list[Line]:
     if _has_joints(system):
         return [Line(NOT_IN_SPACE)]
     lines = [
@@ -90,13 +90,13 @@ def _spatial_equations(system: System) -> list[Line]:
     ]
     lines.append(Line("u_i points along link i and e_z down: no angle, nothing singular at rest"))
     if len(system.links) <= WRITTEN_IN_ANGLES:
-        energy = replace(lagrangian(system), T=in_angles(system))
+        energy = replace(derive_lagrangian(system), T=in_angles(system))
         for c, form in zip(energy.coordinates, energy.equations, strict=True):
             lines.append(Line(f"for comparison in θ and φ, of {c.q}", equal(sp.expand(form), 0)))
     return lines
 
 
-def _matrices(system: System) -> Section:
+def _matrices(system: SymbolicSystem) -> Section:
     M, K, D = system.matrices()
     q = sp.Matrix([c.q for c in system.coordinates])
     standing = any(sign < 0 for sign in system.sigma)
@@ -111,7 +111,7 @@ def _matrices(system: System) -> Section:
     return Section("Linearized: M q'' + K q = 0" if not any(D) else "Linearized: M q'' + D q' + K q = 0", lines)
 
 
-def _ways(system: System) -> str:
+def _ways(system: SymbolicSystem) -> str:
     return ", ".join(
         f"{angle.q} {'up' if sign < 0 else 'down'}" for angle, sign in zip(system.angles, system.sigma, strict=True)
     )

@@ -12,9 +12,9 @@ from modal.exact.characteristic import Polynomial
 from modal.scene.model import Scene
 from modal.symbolic.eigen_polynomials import Eigen, eigen_polynomials
 from modal.symbolic.papers import equal
-from modal.symbolic.roots import Root, roots
+from modal.symbolic.roots import Root, polynomial_roots
 from modal.symbolic.sections import Line, Section
-from modal.symbolic.system import System
+from modal.symbolic.system import SymbolicSystem
 
 MOST_ISOLATED = 60
 MOST_SOLVED = 24
@@ -23,7 +23,7 @@ CLOSED = 3
 """The highest degree in symbols whose roots are written in closed form."""
 
 
-def polynomial_section(system: System, scene: Scene | None) -> Section:
+def polynomial_section(system: SymbolicSystem, scene: Scene | None) -> Section:
     """The eigen-polynomials in their named conventions, factor by factor."""
     found = eigen_polynomials(system, scene)
     if isinstance(found, str):
@@ -60,7 +60,7 @@ def _named(eigen: Eigen) -> str:
     return f"{words}; " if words else ""
 
 
-def modes_section(system: System, scene: Scene | None) -> Section:
+def modes_section(system: SymbolicSystem, scene: Scene | None) -> Section:
     """Every mode in closed form where there is one, else to 20 proved digits; a damped one to 15."""
     found = eigen_polynomials(system, scene)
     if isinstance(found, str):
@@ -73,7 +73,7 @@ def _mode_lines(eigen: Eigen) -> Iterator[Line]:
         if eigen.polynomial.degree > MOST_ISOLATED:
             yield Line(f"{_named(eigen)}degree {eigen.polynomial.degree}: see the table, or prove digits with enclose")
         else:
-            yield from (_root(root, eigen) for root in roots(eigen.polynomial, WIDTH))
+            yield from (_root(root, eigen) for root in polynomial_roots(eigen.polynomial, WIDTH))
     elif eigen.is_damped:
         yield from _damped(eigen)
     else:
@@ -127,7 +127,7 @@ def _damped_words(root: Any) -> str:
     return f"ω = {sp.N(size, 15)} rad/s, ζ = {sp.N(-sp.re(root) / size, 6)}"
 
 
-def _remarks(system: System, found: list[Eigen]) -> list[Line]:
+def _remarks(system: SymbolicSystem, found: list[Eigen]) -> list[Line]:
     """The shapes and masses of equal bobs; the mode that a massless cart over bobs has lost."""
     first = found[0].polynomial
     bobs = len(found) == 1 and isinstance(first, Polynomial) and first.unit == "g/l" and _all_bobs(system)
@@ -144,7 +144,7 @@ def _remarks(system: System, found: list[Eigen]) -> list[Line]:
     return lines
 
 
-def _all_bobs(system: System) -> bool:
+def _all_bobs(system: SymbolicSystem) -> bool:
     return all(c.centre == c.length and not any(c.inertia) and min(c.sigma) > 0 for c in system.chains)
 
 

@@ -17,7 +17,7 @@ from sympy.polys.matrices import DomainMatrix
 from modal.exact.characteristic import Polynomial, equal_bobs, of_scene
 from modal.scene.model import Scene
 from modal.symbolic.roots import Kind, of_kinds
-from modal.symbolic.system import Chain, System
+from modal.symbolic.system import Chain, SymbolicSystem
 
 MOST_LINKS = 60
 """Links in numbers whose polynomial can still be read."""
@@ -40,7 +40,7 @@ class Eigen(NamedTuple):
 
 
 @cache
-def eigen_polynomials(system: System, scene: Scene | None) -> list[Eigen] | str:
+def eigen_polynomials(system: SymbolicSystem, scene: Scene | None) -> list[Eigen] | str:
     """All of a system, `scene` being what it writes in numbers if anything; or in words why they are not written."""
     numbers = not _symbols(system)
     links = len(system.links)
@@ -62,18 +62,18 @@ def eigen_polynomials(system: System, scene: Scene | None) -> list[Eigen] | str:
     return _of_recursion(system)
 
 
-def _symbols(system: System) -> set[Any]:
+def _symbols(system: SymbolicSystem) -> set[Any]:
     values = [system.gravity, system.total_mass, *(v for chain in system.chains for row in chain.geometry for v in row)]
     return {name for value in values for name in sp.sympify(value).free_symbols}
 
 
-def _own_symbols(system: System) -> set[Any]:
+def _own_symbols(system: SymbolicSystem) -> set[Any]:
     """The symbols of masses and lengths of links."""
     values = (v for chain in system.chains for v in (*chain.mass, *chain.length))
     return {name for value in values for name in value.free_symbols}
 
 
-def _equal_bobs(system: System) -> int:
+def _equal_bobs(system: SymbolicSystem) -> int:
     """How many equal bobs hang in the one chain of a system in symbols m, l and g; 0 for any other system."""
     if system.cart or len(system.chains) != 1 or not _is_plain(system) or len(_symbols(system)) != 3:
         return 0
@@ -83,14 +83,14 @@ def _equal_bobs(system: System) -> int:
     return len(only.mass) if same and bobs else 0
 
 
-def _is_plain(system: System) -> bool:
+def _is_plain(system: SymbolicSystem) -> bool:
     """Whether there are no springs and dampers, so that the recursion along a chain holds."""
     extras = [value for chain in system.chains for value in (*chain.stiffness, *chain.damping)]
     extras += [system.cart.stiffness, system.cart.damping] if system.cart else []
     return not any(extras)
 
 
-def _without_units(system: System) -> Eigen:
+def _without_units(system: SymbolicSystem) -> Eigen:
     """Equal chains of one m and one l on a fixed support, in x = ω² l/g."""
     first = system.chains[0]
     units = dict.fromkeys(_symbols(system), 1)
@@ -101,7 +101,7 @@ def _without_units(system: System) -> Eigen:
     return Eigen("", copies, Polynomial(tuple(coefficients), "x", "g/l"))
 
 
-def _of_recursion(system: System) -> list[Eigen]:
+def _of_recursion(system: SymbolicSystem) -> list[Eigen]:
     counts: dict[Chain, int] = {}
     for chain in system.chains:
         counts[chain] = counts.get(chain, 0) + 1
@@ -120,23 +120,23 @@ def _of_recursion(system: System) -> list[Eigen]:
     return found
 
 
-def _chain_of(system: System, kind: Kind) -> Chain:
+def _chain_of(system: SymbolicSystem, kind: Kind) -> Chain:
     return next(c for c in system.chains if c.geometry == kind.geometry and c.sigma == kind.sigma)
 
 
-def _determinant(system: System) -> list[Eigen] | str:
+def _determinant(system: SymbolicSystem) -> list[Eigen] | str:
     """Of the motion along the rail; across it, of every pendulum on a fixed support."""
     if len(system.coordinates) > MOST_IN_DETERMINANT or (_symbols(system) and len(system.coordinates) > 5):
         return f"{len(system.coordinates)} coordinates with springs or dampers: too long to write out"
     found = [Eigen("along the rail" if system.spatial else "", 1, _expanded(system))]
     if system.spatial:
         for chain in dict.fromkeys(system.chains):
-            alone = System("", system.gravity, (chain,), None)
+            alone = SymbolicSystem("", system.gravity, (chain,), None)
             found.append(Eigen("across the rail", system.chains.count(chain), _expanded(alone)))
     return found
 
 
-def _expanded(system: System) -> Any:
+def _expanded(system: SymbolicSystem) -> Any:
     M, K, D = system.matrices()
     s, x = sp.symbols("s x")
     matrix = M * s**2 + D * s + K if any(D) else K - x * M

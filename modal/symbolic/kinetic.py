@@ -17,31 +17,31 @@ import sympy as sp
 
 from modal.symbolic.lagrange import Coordinate, coordinate
 from modal.symbolic.lagrangian import azimuths
-from modal.symbolic.system import System
+from modal.symbolic.system import SymbolicSystem
 
 
-def in_plane(system: System) -> Any:
+def in_plane(system: SymbolicSystem) -> Any:
     """T in the angles of a plane system."""
     angles = system.angles
     along = [sp.cos(one.q) * one.v for one in angles]
     return _summed(system, along, lambda i, j: sp.cos(angles[j].q - angles[i].q) * angles[i].v * angles[j].v)
 
 
-def in_vectors(system: System) -> Any:
+def in_vectors(system: SymbolicSystem) -> Any:
     """T in unit vectors; a product of two is their dot product."""
     u = [coordinate("u", *angle.q.name.split("_")[1:]).v for angle in system.angles]
     along = [one * sp.Symbol("e_x") for one in u]
     return _summed(system, along, lambda i, j: u[i] * u[j])
 
 
-def in_angles(system: System) -> Any:
+def in_angles(system: SymbolicSystem) -> Any:
     """T in the zenith angles θ and azimuths φ of a system in space."""
     pairs = list(zip(system.angles, azimuths(system), strict=True))
     along = [t.v * sp.cos(t.q) * sp.cos(f.q) - f.v * sp.sin(t.q) * sp.sin(f.q) for t, f in pairs]
     return _summed(system, along, lambda i, j: _product(*pairs[j], *pairs[i]))
 
 
-def _summed(system: System, along: list[Any], product: Callable[[int, int], Any]) -> Any:
+def _summed(system: SymbolicSystem, along: list[Any], product: Callable[[int, int], Any]) -> Any:
     n, A = len(along), system.A
     T = sum((A[i, i] * product(i, i) / 2 for i in range(n)), start=sp.S.Zero)
     T += sum(A[i, j] * product(i, j) for i in range(n) for j in range(i))

@@ -17,14 +17,14 @@ import sympy as sp
 
 from modal.errors import SceneError
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
-from modal.symbolic.system import System
+from modal.symbolic.system import SymbolicSystem
 
 
 @dataclass(frozen=True, eq=False)
 class Lagrangian:
     """Energies of a system over its `coordinates`, and the dissipation function R."""
 
-    system: System
+    system: SymbolicSystem
     coordinates: tuple[Coordinate, ...]
     T: Any
     V: Any
@@ -51,7 +51,7 @@ class Lagrangian:
         return M, K, D
 
 
-def lagrangian(system: System) -> Lagrangian:
+def derive_lagrangian(system: SymbolicSystem) -> Lagrangian:
     """The Lagrangian of a system in the plane, or in space in the angles θ and φ of every link.
 
     Raises SceneError for joint springs and dampers in space, which θ and φ do not describe.
@@ -59,14 +59,14 @@ def lagrangian(system: System) -> Lagrangian:
     return _in_space(system) if system.spatial else _in_plane(system)
 
 
-def _in_plane(system: System) -> Lagrangian:
+def _in_plane(system: SymbolicSystem) -> Lagrangian:
     directions = [sp.Matrix([sp.sin(angle.q), 0, sp.cos(angle.q)]) for angle in system.angles]
     T, V = _energies(system, directions, system.coordinates)
     R = _on_cart(system, "damping", "v") + _at_joints(system, "damping", "v")
     return Lagrangian(system, tuple(system.coordinates), T, V + _at_joints(system, "stiffness", "q"), R)
 
 
-def _in_space(system: System) -> Lagrangian:
+def _in_space(system: SymbolicSystem) -> Lagrangian:
     if any(any(chain.stiffness) or any(chain.damping) for chain in system.chains):
         raise SceneError(["joint springs and dampers: not in the angles θ and φ of a scene in space"])
     phi = azimuths(system)
@@ -79,12 +79,12 @@ def _in_space(system: System) -> Lagrangian:
     return Lagrangian(system, coordinates, T, V, _on_cart(system, "damping", "v"))
 
 
-def azimuths(system: System) -> list[Coordinate]:
+def azimuths(system: SymbolicSystem) -> list[Coordinate]:
     """φ of every link, numbered like θ."""
     return [coordinate("phi", *angle.q.name.split("_")[1:]) for angle in system.angles]
 
 
-def _energies(system: System, directions: list[Any], coordinates: Any) -> tuple[Any, Any]:
+def _energies(system: SymbolicSystem, directions: list[Any], coordinates: Any) -> tuple[Any, Any]:
     T, V = _on_cart(system, "mass", "v"), _on_cart(system, "stiffness", "q")
     direction = iter(directions)
     for chain in system.chains:
@@ -106,11 +106,11 @@ def _square(vector: Any) -> Any:
     return sum(part**2 for part in vector)
 
 
-def _on_cart(system: System, name: str, part: str) -> Any:
+def _on_cart(system: SymbolicSystem, name: str, part: str) -> Any:
     return getattr(system.cart, name) * getattr(system.coordinates[0], part) ** 2 / 2 if system.cart else sp.S.Zero
 
 
-def _at_joints(system: System, name: str, part: str) -> Any:
+def _at_joints(system: SymbolicSystem, name: str, part: str) -> Any:
     """½ Σ s (θ_i − θ_{i−1} − their difference at rest)², or of the rates."""
     energy, angle = sp.S.Zero, iter(system.angles)
     for chain in system.chains:

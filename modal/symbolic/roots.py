@@ -18,7 +18,7 @@ from sympy.polys.fields import FracField
 from modal import pair
 from modal.exact.characteristic import Polynomial, Variable, eliminated
 from modal.exact.polynomials import product, scaled, total
-from modal.exact.roots import isolated
+from modal.exact.roots import isolate
 
 FACTORED_UP_TO = 12
 """Polynomials of a higher degree are not searched for rational factors."""
@@ -34,7 +34,7 @@ class Root:
     multiplicity: int
 
 
-def roots(polynomial: Polynomial, width: Fraction | float = 1e-15) -> list[Root]:
+def polynomial_roots(polynomial: Polynomial, width: Fraction | float = 1e-15) -> list[Root]:
     """Ascending roots, each in closed form where there is one and in any case in an interval.
 
     None is wider than `width` times its smaller end; the root 0 is exact.
@@ -147,7 +147,7 @@ def _of_factor(coefficients: list[int], count: int, width: Fraction) -> Iterator
     if coefficients == [1, 0]:
         yield Root(sp.S.Zero, Fraction(0), Fraction(0), count)
         return
-    intervals = isolated(coefficients, width, relative=coefficients[-1] != 0)
+    intervals = isolate(coefficients, width, relative=coefficients[-1] != 0)
     exact = closed_forms(coefficients) or [None] * len(intervals)
     for form, interval in zip(exact, intervals, strict=True):
         yield Root(form, interval.low, interval.high, count * interval.multiplicity)

@@ -58,7 +58,7 @@ class SymbolicCart(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class System:
+class SymbolicSystem:
     """Chains, copies counted out, on a fixed support (`cart` None) or a cart; gravity in the same symbols."""
 
     title: str
@@ -171,19 +171,21 @@ class System:
         return found
 
 
-def chain(n: int, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()) -> System:
+def chain(n: int, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()) -> SymbolicSystem:
     """One chain of n bobs or rods: equal ones m, l unless `symbolic` names masses or lengths."""
-    return System(f"{n} {kind}{'s' if n > 1 else ''} in a chain", _gravity(), (_links(n, kind, symbolic, sigma),), None)
+    return SymbolicSystem(
+        f"{n} {kind}{'s' if n > 1 else ''} in a chain", _gravity(), (_links(n, kind, symbolic, sigma),), None
+    )
 
 
 def cart(
     n: int, count: int = 1, kind: str = "bob", symbolic: tuple[str, ...] = (), sigma: tuple[int, ...] = ()
-) -> System:
+) -> SymbolicSystem:
     """`count` equal chains of n bobs or rods on a cart of mass m_c."""
     hanging = (_links(n, kind, symbolic, sigma),) * count
     of = f"{n} {kind}{'s' if n > 1 else ''}"
     title = f"A chain of {of} on a cart" if count == 1 else f"{count} chains of {of} each on a cart"
-    return System(title, _gravity(), hanging, SymbolicCart(_symbol("m_c"), sp.S.Zero, sp.S.Zero))
+    return SymbolicSystem(title, _gravity(), hanging, SymbolicCart(_symbol("m_c"), sp.S.Zero, sp.S.Zero))
 
 
 def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...]) -> Chain:
@@ -194,7 +196,7 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
     return Chain(mass, length, centre, inertia, none, none, sigma or (1,) * n)
 
 
-def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> System:
+def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     """A scene with its decimals as exact fractions, or as symbols where `symbolic` (of SYMBOLIC) says so.
 
     Raises SceneError above MOST_LINKS links.
@@ -209,7 +211,7 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> System:
         mass = _symbol("m_c") if "cart" in symbolic else _rational(scene.support.mass)
         support = SymbolicCart(mass, _rational(scene.support.damping), _rational(scene.support.stiffness))
     gravity = _gravity() if "gravity" in symbolic else _rational(scene.gravity)
-    return System(scene.title or "The scene", gravity, chains, support, scene.space == "space")
+    return SymbolicSystem(scene.title or "The scene", gravity, chains, support, scene.space == "space")
 
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:

@@ -8,7 +8,7 @@ from modal.errors import SceneError
 from modal.scene.files import load
 from modal.scene.model import Scene
 from modal.symbolic import system as symbolic
-from modal.symbolic.system import SYMBOLIC, System
+from modal.symbolic.system import SYMBOLIC, SymbolicSystem
 
 MOST_CHAINED = 1000
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
@@ -17,7 +17,7 @@ KINDS = ("bob", "rod")
 
 def target(
     name: str, kind: str = "bob", chosen: tuple[str, ...] = (), ways: tuple[str, ...] = ()
-) -> tuple[System, Scene | None]:
+) -> tuple[SymbolicSystem, Scene | None]:
     """The system that `name` asks for, and its scene where it is one.
 
     `kind` and `ways` (down or up, top to bottom) are for chain: and cart: alone, a scene has its own.  Raises

@@ -21,9 +21,9 @@ def scenes(options: argparse.Namespace) -> None:
     from modal.scene import files
 
     if options.name:
-        sys.stdout.write(files.shipped_text(options.name))
+        sys.stdout.write(files.example_text(options.name))
         return
-    names = files.shipped()
+    names = files.example_names()
     width = max(map(len, names))
     for name in names:
         print(f"{name:<{width}}  {files.load(name).title}")
@@ -50,9 +50,9 @@ def table(options: argparse.Namespace) -> None:
     with _output(options.output) as write:
         write(tables.table(modes, rows, options.format, shapes=options.shapes))
     if options.explain:
-        from modal.modes.solution_report import audit
+        from modal.modes.solution_report import solution_report
 
-        sys.stderr.write(audit(modes).text())
+        sys.stderr.write(solution_report(modes).text())
 
 
 def shapes(options: argparse.Namespace) -> None:
@@ -97,36 +97,36 @@ def derive(options: argparse.Namespace) -> None:
     else:
         system, scene = targets.target(options.target, options.links, symbols, ways)
         title = system.title
-        sections = list(derivation.derivation(system, show or derivation.SECTIONS, scene and small_swings(scene)))
+        sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and small_swings(scene)))
     with _output(options.output) as write:
         write(typeset.typeset(title, sections, options.format))
 
 
 def enclose(options: argparse.Namespace) -> None:
     """Print every natural frequency in a proved enclosure, to as many digits as asked for."""
-    from modal.exact.enclosures import enclosures
+    from modal.exact.enclosures import enclose
     from modal.scene.files import load
 
     with _output(options.output) as write, bar(1.0, "scene") as report:
-        for row in enclosures(small_swings(load(options.scene)), options.digits, report):
+        for row in enclose(small_swings(load(options.scene)), options.digits, report):
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
             write(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}\n")
 
 
 def explain(options: argparse.Namespace) -> None:
     """Say in words, and draw, how the cart couples the pendula."""
-    from modal.coupling.analysis import explained
-    from modal.coupling.coupling_words import words
+    from modal.coupling.analysis import explain
+    from modal.coupling.coupling_words import coupling_report
     from modal.scene.files import load
 
     kind = picture(options.output) if options.output else ""
-    coupling = explained(load(options.scene))
+    coupling = explain(load(options.scene))
     if kind:
         from modal.plotting.coupling_figures import draw_coupling
 
         with drawn(options.output, options.theme) as stream:
             draw_coupling(coupling, stream, kind)
-    sys.stdout.write(words(coupling, options.format))
+    sys.stdout.write(coupling_report(coupling, options.format))
 
 
 # -------------------------------------------------------------------------------------------------- helpers

@@ -35,9 +35,9 @@ def simulate(options: argparse.Namespace) -> None:
     print(summary.text(trajectory))
     print(f"computed in {spent:.3g} s" + (f", kept in {visible(target)}" if options.output else ""))
     if options.explain:
-        from nonlinear.postprocessing.inventory import inventory
+        from nonlinear.postprocessing.inventory import run_inventory
 
-        sys.stderr.write(inventory(trajectory).text())
+        sys.stderr.write(run_inventory(trajectory).text())
     whole(trajectory)
 
 

@@ -36,25 +36,25 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
     """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
     from modal.scene.files import load
     from nonlinear import files as recordings
-    from nonlinear.integration.arguments import gathered
+    from nonlinear.integration.arguments import validate
     from nonlinear.integration.methods import choose
-    from nonlinear.simulation import USUAL, resumed
+    from nonlinear.simulation import USUAL, resume
     from nonlinear.simulation import simulate as run
 
     duration = options.duration or options.usual
     given = {name: getattr(options, name) for name in HOW if getattr(options, name)}
     if recorded(options.scene):
-        before = gathered(
+        before = validate(
             target,
             lambda: in_a_folder(options.output),
             lambda: _unstarted(options),
             lambda: recordings.load(options.scene),
         )[-1]
         with bar(duration) as report:
-            return resumed(before, duration, output=options.samples, report=report, **given)
+            return resume(before, duration, output=options.samples, report=report, **given)
     scene = load(options.scene)
     words = {name: given.get(name, "auto") for name in ("method", "form")}
-    *_, start, _ = gathered(
+    *_, start, _ = validate(
         target,
         lambda: in_a_folder(options.output),
         lambda: start_of(scene, options.start),
@@ -68,8 +68,8 @@ def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> T
     """A new run of a scene that keeps to its lowest modes, as --keep-modes says."""
     from modal.errors import SceneError
     from modal.scene.files import load
-    from nonlinear.integration.arguments import gathered
-    from nonlinear.reduction.truncation import truncated
+    from nonlinear.integration.arguments import validate
+    from nonlinear.reduction.truncation import simulate_truncated
 
     def fitting() -> None:
         problems = [f"--{name}: goes without --keep-modes" for name in ("form", "accuracy") if getattr(options, name)]
@@ -78,11 +78,11 @@ def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> T
         if problems:
             raise SceneError(problems)
 
-    *_, scene = gathered(target, lambda: in_a_folder(options.output), fitting, lambda: load(options.scene))
+    *_, scene = validate(target, lambda: in_a_folder(options.output), fitting, lambda: load(options.scene))
     duration = options.duration or options.usual
     given = {name: getattr(options, name) for name in ("method", "tolerance") if getattr(options, name)}
     with bar(duration) as report:
-        return truncated(
+        return simulate_truncated(
             scene,
             duration,
             options.keep_modes,
@@ -114,7 +114,7 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> Stat
     number, _, degrees = rest.partition(":")
     try:
         if kind == "angles":
-            return starts.released(scene, [float(word) for word in rest.split(",")])
+            return starts.state_at_rest(scene, [float(word) for word in rest.split(",")])
         if kind == "mode":
             return _in_mode(scene, int(number), float(degrees), undamped=undamped)
     except ValueError as error:
@@ -156,14 +156,14 @@ def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Traje
     """A saved run as it is, or a new one of a scene, whole."""
     from modal.errors import SceneError
     from nonlinear import files as recordings
-    from nonlinear.integration.arguments import gathered
+    from nonlinear.integration.arguments import validate
 
     if not recorded(options.scene):
         return whole(run_of(options, target))
     asked = [name for name in ("start", "duration", *HOW, "samples") if getattr(options, name)]
     if asked:
         raise SceneError([f"--{name}: a saved run is shown as it is" for name in asked])
-    found: Trajectory = gathered(target, lambda: in_a_folder(options.output), lambda: recordings.load(options.scene))[
+    found: Trajectory = validate(target, lambda: in_a_folder(options.output), lambda: recordings.load(options.scene))[
         -1
     ]
     return found

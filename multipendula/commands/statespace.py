@@ -21,9 +21,9 @@ def export(options: argparse.Namespace) -> None:
     target = format_named(options.to)
     model = _model(_scene(options), options)
     if options.discrete:
-        from modal.statespace.sampling import sampled
+        from modal.statespace.sampling import sample
 
-        model = sampled(model, options.discrete)
+        model = sample(model, options.discrete)
     content = target.write(model)
     with whole_file(options.file) as stream:
         stream.write(content)
@@ -45,7 +45,7 @@ def response(options: argparse.Namespace) -> None:
     from modal.errors import SceneError
     from modal.modes.modes import natural_modes
     from modal.plotting.response import draw_bode, draw_impulse
-    from modal.statespace.modal_form import modal_form
+    from modal.statespace.modal_form import to_modal_form
 
     kind, scene = picture(options.file), _scene(options)
     model = _model(scene, options)
@@ -55,7 +55,7 @@ def response(options: argparse.Namespace) -> None:
     problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
     if problems:
         raise SceneError(problems)
-    form = modal_form(natural_modes(scene), model)
+    form = to_modal_form(natural_modes(scene), model)
     draw = draw_impulse if options.impulse else draw_bode
     with drawn(options.file, options.theme) as stream:
         draw(form, stream, source=inputs.index(source), outputs=[outputs.index(name) for name in shown], kind=kind)
@@ -90,8 +90,8 @@ def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
     from modal.modes.modes import natural_modes
-    from modal.statespace.reduction import minimal, truncated
+    from modal.statespace.reduction import minimal, truncate
 
     if count is None:
         return minimal(scene, inputs, outputs)
-    return truncated(natural_modes(scene), state_space(scene, inputs, outputs), count)
+    return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)

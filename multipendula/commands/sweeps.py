@@ -12,8 +12,8 @@ from multipendula.commands.modes import bar, drawn, picture
 from multipendula.commands.runs import in_a_folder
 
 if TYPE_CHECKING:
-    from nonlinear.sweeps.checkpoint import Journal
-    from nonlinear.sweeps.executors import Crew
+    from nonlinear.sweeps.checkpoint import Checkpoint
+    from nonlinear.sweeps.executors import WorkerPool
     from nonlinear.sweeps.study import Study
 
 
@@ -29,20 +29,20 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import ComputationError
     from modal.report.escaping import visible
     from modal.scene.files import load
-    from modal.scene.parameters import parsed
+    from modal.scene.parameters import parse_variations
     from nonlinear.files import checked_kind
-    from nonlinear.integration.arguments import gathered
+    from nonlinear.integration.arguments import validate
     from nonlinear.sweeps.files import save
-    from nonlinear.sweeps.measures import asked
+    from nonlinear.sweeps.measures import parse_measures
     from nonlinear.sweeps.running import sweep as swept
     from nonlinear.sweeps.study import Study
     from nonlinear.sweeps.sweep_tables import reasons, sweep_text
 
-    _, scene, axes, measures = gathered(
+    _, scene, axes, measures = validate(
         lambda: checked_kind(options.output) if options.output else "",
         lambda: load(options.scene),
-        lambda: parsed(options.vary),
-        lambda: asked(options.measure or ["frequencies"]),
+        lambda: parse_variations(options.vary),
+        lambda: parse_measures(options.measure or ["frequencies"]),
     )
     study = Study(scene, axes, measures)
     if options.picture:
@@ -76,18 +76,18 @@ def _has_journal(options: argparse.Namespace) -> bool:
 
 
 @contextmanager
-def _journal(options: argparse.Namespace, study: Study) -> Iterator[Journal]:
-    from nonlinear.sweeps.checkpoint import Journal, journal
+def _journal(options: argparse.Namespace, study: Study) -> Iterator[Checkpoint]:
+    from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
 
     if not _has_journal(options):
-        yield Journal()
+        yield Checkpoint()
         return
-    with journal(f"{options.output}.journal", study, fresh=options.fresh) as kept:
+    with open_checkpoint(f"{options.output}.journal", study, fresh=options.fresh) as kept:
         yield kept
 
 
 @contextmanager
-def _crew(options: argparse.Namespace) -> Iterator[Crew | None]:
+def _crew(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
     if not options.scheduler:
         yield None
         return
@@ -99,10 +99,10 @@ def _crew(options: argparse.Namespace) -> Iterator[Crew | None]:
 
 def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import SceneError
-    from modal.loci.following import loci
+    from modal.loci.following import follow_loci
     from modal.loci.loci_tables import loci_csv, loci_text
     from modal.scene.files import STANDARD, load, whole_file
-    from modal.scene.parameters import parsed
+    from modal.scene.parameters import parse_variations
 
     asked = [name for name in ("measure", "workers", "scheduler", "fresh") if getattr(options, name)]
     problems = [f"--{name}: goes without --loci" for name in asked]
@@ -112,9 +112,9 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
         problems.append(f"-o {options.output}: loci are kept in a .csv file")
     if problems:
         raise SceneError(problems)
-    scene, (variation,) = load(options.scene), parsed(options.vary)
+    scene, (variation,) = load(options.scene), parse_variations(options.vary)
     with bar(len(variation.values), "value") as report:
-        found = loci(scene, variation, report)
+        found = follow_loci(scene, variation, report)
     sys.stdout.write(loci_text(found))
     if options.output:
         with whole_file(options.output) as stream:

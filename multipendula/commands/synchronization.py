@@ -13,18 +13,18 @@ from multipendula.commands.runs import in_a_folder, start_of
 
 if TYPE_CHECKING:
     from modal.scene.model import Scene
-    from nonlinear.synchronization.study import Synchrony
+    from nonlinear.synchronization.study import SynchronizationStudy
 
 
 def sync(options: argparse.Namespace) -> None:
     """Predict which mode survives in a scene that excites itself, simulate it, and measure who keeps time with whom."""
     from modal.scene.files import load
-    from modal.scene.parameters import parsed
-    from nonlinear.integration.arguments import gathered
+    from modal.scene.parameters import parse_variations
+    from nonlinear.integration.arguments import validate
 
-    scene, *_ = gathered(
+    scene, *_ = validate(
         lambda: load(options.scene),
-        lambda: options.vary and parsed([options.vary]),
+        lambda: options.vary and parse_variations([options.vary]),
         lambda: _fitting(options),
         lambda: options.picture and picture(options.picture),
         lambda: options.film and film_form(options.film, "--film"),
@@ -52,11 +52,11 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 
 
 def _run(scene: Scene, options: argparse.Namespace) -> None:
-    from nonlinear.synchronization.study import synchrony
+    from nonlinear.synchronization.study import study_synchronization
 
     start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
-        found = synchrony(scene, options.duration, start=start, report=lambda now, end: report(now / end))
+        found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: report(now / end))
     sys.stdout.write(_told(found, options.format))
     if options.picture:
         _draw(found, options.picture, options.theme)
@@ -64,39 +64,39 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
         _film(found, options.film, options.theme)
 
 
-def _told(found: Synchrony, form: str) -> str:
+def _told(found: SynchronizationStudy, form: str) -> str:
     from modal.report.tables import as_json
     from nonlinear.synchronization.report import sync_text
-    from nonlinear.synchronization.sync_records import records
+    from nonlinear.synchronization.sync_records import sync_record
 
-    return as_json(records(found)) if form == "json" else sync_text(found)
+    return as_json(sync_record(found)) if form == "json" else sync_text(found)
 
 
-def _draw(found: Synchrony, name: str, theme: str) -> None:
+def _draw(found: SynchronizationStudy, name: str, theme: str) -> None:
     from nonlinear.plotting.synchronization import draw_sync
 
     with drawn(name, theme) as stream:
         draw_sync(found.trajectory, found.phases, stream, picture(name))
 
 
-def _film(found: Synchrony, name: str, theme: str) -> None:
+def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
     from nonlinear.plotting.animation import animate
-    from nonlinear.plotting.strobe import SECONDS, strobed
+    from nonlinear.plotting.strobe import SECONDS, strobe
 
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:
-        shown = animate(found.trajectory, stream, form, **strobed(found.phases, form), report=report)
+        shown = animate(found.trajectory, stream, form, **strobe(found.phases, form), report=report)
     print(f"multipendula: {shown.frames} frames, one every {shown.motion / shown.frames:.4g} s", file=sys.stderr)
 
 
 def _branches(scene: Scene, options: argparse.Namespace) -> None:
-    from modal.scene.parameters import parsed
+    from modal.scene.parameters import parse_variations
     from nonlinear.synchronization.branch_tables import branches_csv, branches_text
-    from nonlinear.synchronization.branches import branches
+    from nonlinear.synchronization.branches import follow_branches
 
-    (variation,) = parsed([options.vary])
+    (variation,) = parse_variations([options.vary])
     with bar(0, "branch") as report:
-        found = branches(scene, variation, report)
+        found = follow_branches(scene, variation, report)
     sys.stdout.write(branches_csv(found) if options.format == "csv" else branches_text(found))
     if options.picture:
         from nonlinear.plotting.branches import draw_branches

@@ -141,13 +141,13 @@ def _claims(options: argparse.Namespace) -> Drawn:
 def tradeoff(options: argparse.Namespace) -> None:
     """Measure time and error of every way to a motion, from linear modes to the finest integration."""
     from modal.scene.files import load
-    from nonlinear.accuracy.candidates import ladder
+    from nonlinear.accuracy.candidates import list_candidates
     from nonlinear.accuracy.tables import tradeoff_table
-    from nonlinear.accuracy.work_precision import tradeoff as compared
+    from nonlinear.accuracy.work_precision import measure_work_precision as compared
 
     kind, scene = _kind(options), load(_scene(options))
     start = start_of(scene, options.start)
-    with bar(len(ladder(scene)) + 1, "rung") as report:
+    with bar(len(list_candidates(scene)) + 1, "rung") as report:
         found = compared(scene, options.duration, start=start, report=report)
     sys.stdout.write(tradeoff_table(found, options.format))
     if found.interrupted:
@@ -165,12 +165,12 @@ def advise(options: argparse.Namespace) -> None:
     from nonlinear import files as recordings
     from nonlinear.accuracy.advice_tables import advice_table
     from nonlinear.files import checked_kind
-    from nonlinear.integration.arguments import gathered
+    from nonlinear.integration.arguments import validate
     from nonlinear.simulation import advise as advised
     from nonlinear.simulation import certain
 
     scene = load(_scene(options))
-    *_, start = gathered(
+    *_, start = validate(
         lambda: options.output and checked_kind(options.output),
         lambda: in_a_folder(options.output),
         lambda: start_of(scene, options.start),

@@ -95,7 +95,7 @@ class Advice:
         return replace(self.trajectory.at(kept), run=run, happenings=happenings)
 
 
-def advised(goal: Goal) -> Advice:
+def seek_accuracy(goal: Goal) -> Advice:
     """The cheapest way to the wished accuracy, or the finest there is where none meets it.
 
     After Ctrl-C what was being computed is returned, judged where a looser run has been.  Raises SimulationError where

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from modal.report.tables import NOTHING, as_csv, as_json, finite, grid, titled
-from modal.scene.model import described
+from modal.scene.model import describe
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
 
@@ -63,7 +63,7 @@ def _record(attempt: Attempt) -> dict[str, Any]:
 
 def _whole(advice: Advice, records: list[dict[str, Any]]) -> dict[str, Any]:
     return {
-        "scene": described(advice.trajectory.scene),
+        "scene": describe(advice.trajectory.scene),
         "accuracy_rad": advice.accuracy,
         "met": advice.met,
         "horizon_s": advice.horizon,

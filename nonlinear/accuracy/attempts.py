@@ -11,7 +11,7 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.integration.run import Request
-from nonlinear.integration.timescales import timescales
+from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import Trajectory
 
 AIM = 35.0  # accuracy wished for over the error that is aimed at
@@ -56,7 +56,7 @@ class Goal:
     @property
     def periods(self) -> float:
         """Of the fastest swing in all that time."""
-        return self.request.duration * timescales(self.request.scene).swing / (2 * pi)
+        return self.request.duration * estimate_timescales(self.request.scene).swing / (2 * pi)
 
     @cached_property
     def looked_at(self) -> Request:
@@ -78,4 +78,4 @@ class Goal:
     def free(self) -> bool:
         """Whether anything may stand in for the integration of the whole scene."""
         asked = self.request
-        return asked.method == asked.form == "auto" and not (asked.load or asked.events or asked.plant.excites)
+        return asked.method == asked.form == "auto" and not (asked.load or asked.events or asked.system.excites)

@@ -24,10 +24,10 @@ from modal.types import Floats
 from nonlinear.integration import taylor
 from nonlinear.integration.methods import Choice
 from nonlinear.integration.run import Request
-from nonlinear.integration.trajectory import CLOSED, Run, Trajectory
-from nonlinear.reduction.superposition import CORRECTED, LINEAR, superposed
-from nonlinear.system.plant import plant_of
+from nonlinear.integration.trajectory import CLOSED, SolverInfo, Trajectory
+from nonlinear.reduction.superposition import CORRECTED, LINEAR, superpose
 from nonlinear.system.state import State
+from nonlinear.system.system import system_of
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")
@@ -52,7 +52,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Rung:
+class Candidate:
     """One way to the motion: a `kind`, and for what is integrated a method, its tolerance and whether it is compiled.
 
     `kind` is "linear modes", "corrected modes" or a form of the equations.
@@ -87,15 +87,15 @@ class Rung:
         return self._superposed(question) if self.modal else self._integrated(question)
 
     def _superposed(self, question: Question) -> Task:
-        scene, times, plant = question.scene, question.times, plant_of(question.scene)
-        motion = superposed(scene, question.start, corrected=self.kind == CORRECTED)
-        run = Run(self.kind, CLOSED, "a rung of the ladder", inf)
+        scene, times, system = question.scene, question.times, system_of(question.scene)
+        motion = superpose(scene, question.start, corrected=self.kind == CORRECTED)
+        run = SolverInfo(self.kind, CLOSED, "a rung of the ladder", inf)
 
         def task() -> Trajectory:
             found = motion(times)
             if not np.all(np.isfinite(found.links)):
                 raise ComputationError("the modes leave the finite numbers")
-            return Trajectory(scene, plant, times, found, run)
+            return Trajectory(scene, system, times, found, run)
 
         return task
 
@@ -129,7 +129,7 @@ def _impatient(question: Question) -> Callable[[float], None]:
     return report
 
 
-def ladder(scene: Scene) -> tuple[Rung, ...]:
+def list_candidates(scene: Scene) -> tuple[Candidate, ...]:
     """Every rung for a scene, families together, each from loose to tight; only what is installed."""
     if scene.space == "space":
         families = [("spatial", method, False) for method in IN_SPACE]
@@ -137,5 +137,7 @@ def ladder(scene: Scene) -> tuple[Rung, ...]:
         families = [("minimal", method, False) for method in (*IN_PLANE, *(["taylor"] if taylor.available() else []))]
         families += [("minimal", "DOP853", True)] if find_spec("numba") else []
         families += [("maximal", "DOP853", False)]
-    each = [Rung(kind, method, tolerance, compiled) for kind, method, compiled in families for tolerance in TOLERANCES]
-    return Rung(LINEAR), Rung(CORRECTED), *each
+    each = [
+        Candidate(kind, method, tolerance, compiled) for kind, method, compiled in families for tolerance in TOLERANCES
+    ]
+    return Candidate(LINEAR), Candidate(CORRECTED), *each

@@ -23,18 +23,18 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene.model import Scene
 from modal.types import Floats
-from nonlinear.accuracy.candidates import Question, Rung
+from nonlinear.accuracy.candidates import Candidate, Question
 from nonlinear.integration import taylor
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.steppers import SMALLEST
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.integration.twins import aside, slightly
-from nonlinear.system.plant import plant_of
 from nonlinear.system.state import apart
+from nonlinear.system.system import system_of
 
 SHARE = 1e-2  # of an error, what the references may differ by
 JUDGED = 1e-6  # error (rad at angles of order 1) that must still be certain at the horizon
-TWIN = Rung("minimal", "DOP853", 1e-12)
+TWIN = Candidate("minimal", "DOP853", 1e-12)
 FEWEST = 10  # samples before the horizon
 
 
@@ -46,8 +46,8 @@ class Reference:
     disturbance of the start has grown at most, `duration` (s) what was asked for.
     """
 
-    rung: Rung
-    check: Rung
+    rung: Candidate
+    check: Candidate
     trajectory: Trajectory
     difference: Floats
     growth: Floats
@@ -66,7 +66,7 @@ class Reference:
     @property
     def floor(self) -> float:
         """Error (rad) below which none is certain at the horizon."""
-        size = extent(self.trajectory.motion[0], self.trajectory.plant)
+        size = extent(self.trajectory.motion[0], self.trajectory.system)
         return float(max(self.difference[-1], self.rung.tolerance * self.growth[-1] * size) / SHARE)
 
     @property
@@ -78,8 +78,8 @@ class Reference:
 def reference_of(question: Question) -> Reference:
     """The finest motion and its horizon; ComputationError where two references disagree from the beginning."""
     scene, duration = question.scene, float(question.times[-1])
-    finest, check = references(scene)
-    size = extent(question.start, plant_of(scene))
+    finest, check = choose_references(scene)
+    size = extent(question.start, system_of(scene))
     tolerable = SHARE * JUDGED * size
     growth = _growth(question)
     question = _cut(question, finest.tolerance * growth * size < tolerable)
@@ -92,21 +92,21 @@ def reference_of(question: Question) -> Reference:
     return Reference(finest, check, found, difference[:count], growth[:count], duration)
 
 
-def references(scene: Scene) -> tuple[Rung, Rung]:
+def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
     """The finest rung for a scene and another one to hold it against."""
     if scene.space == "space":
-        return Rung("spatial", "DOP853", SMALLEST), Rung("spatial", "DOP853", 1e-13)
+        return Candidate("spatial", "DOP853", SMALLEST), Candidate("spatial", "DOP853", 1e-13)
     longest = max(pendulum.n_links for pendulum in scene.pendulum)
     if taylor.available() and longest <= taylor.LONGEST_CHAIN and scene.n_links <= taylor.MOST_LINKS:
-        return Rung("minimal", "taylor", taylor.TIGHTEST), Rung("minimal", "DOP853", SMALLEST)
-    return Rung("minimal", "DOP853", SMALLEST), Rung("hamiltonian", "DOP853", 1e-13)
+        return Candidate("minimal", "taylor", taylor.TIGHTEST), Candidate("minimal", "DOP853", SMALLEST)
+    return Candidate("minimal", "DOP853", SMALLEST), Candidate("hamiltonian", "DOP853", 1e-13)
 
 
 def _growth(question: Question) -> Floats:
     """G (T,): how far a twin is from the run, over the disturbance of its start, at most so far."""
     rung = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
-    plant = plant_of(question.scene)
-    twin = replace(question, start=aside(plant, question.start, slightly(plant, question.start)))
+    system = system_of(question.scene)
+    twin = replace(question, start=aside(system, question.start, slightly(system, question.start)))
     one, other = (rung.prepare(each)().motion for each in (question, twin))
     gone = np.maximum.accumulate(apart(one, other))
     return np.asarray(gone / gone[0])

@@ -13,10 +13,10 @@ from modal.errors import ComputationError, SceneError
 from nonlinear.accuracy.attempts import Attempt, Found, Goal
 from nonlinear.integration.arguments import LOOSEST
 from nonlinear.integration.run import Request
-from nonlinear.integration.trajectory import CLOSED, Run, Trajectory
+from nonlinear.integration.trajectory import CLOSED, SolverInfo, Trajectory
 from nonlinear.reduction.defect import LARGEST, defect_error
-from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superposed
-from nonlinear.reduction.truncation import in_modes, surveyed
+from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superpose
+from nonlinear.reduction.truncation import in_modes, survey_modes
 
 MODAL = "the motion is small enough"
 CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size
@@ -25,11 +25,11 @@ LONG, SHARE = 200, 1 / 8  # links of a scene, and the share of its shapes, that 
 
 def in_closed_form(goal: Goal) -> Iterator[Found]:
     """Linear and corrected modes, where these can be judged."""
-    if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.plant.n_links > LARGEST:
+    if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.system.n_links > LARGEST:
         return
     begun = perf_counter()
     try:
-        motion = superposed(goal.request.scene, goal.request.start, corrected=True)
+        motion = superpose(goal.request.scene, goal.request.start, corrected=True)
     except ComputationError:
         return
     for kind, each in ((LINEAR, motion.linear), (CORRECTED, motion)):
@@ -45,10 +45,12 @@ def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> F
         return None
     elapsed = asked.times - asked.times[0]
     errors = estimate.bounds[np.minimum(np.searchsorted(estimate.times, elapsed), len(estimate.at) - 1)]
-    trajectory = Trajectory(asked.scene, asked.plant, asked.times, motion(elapsed), Run(kind, CLOSED, MODAL, inf))
+    trajectory = Trajectory(
+        asked.scene, asked.system, asked.times, motion(elapsed), SolverInfo(kind, CLOSED, MODAL, inf)
+    )
 
     def again(other: Request) -> Trajectory:
-        moved = superposed(other.scene, other.start, corrected=kind == CORRECTED)
+        moved = superpose(other.scene, other.start, corrected=kind == CORRECTED)
         return replace(trajectory, motion=moved(elapsed))
 
     return Found(trajectory, errors, Attempt(kind, nan, perf_counter() - begun, 0, float(errors[-1])), again)
@@ -57,15 +59,15 @@ def _superposed(goal: Goal, kind: str, motion: Superposition, begun: float) -> F
 def in_few_modes(goal: Goal) -> Iterator[Found]:
     """The lowest modes of a long scene that starts in them."""
     asked = goal.looked_at
-    if not goal.free or asked.plant.spatial or asked.plant.n_links < LONG:
+    if not goal.free or asked.system.spatial or asked.system.n_links < LONG:
         return
     begun = perf_counter()
     try:
-        survey = surveyed(asked.scene, asked.plant, asked.start)
+        survey = survey_modes(asked.scene, asked.system, asked.start)
     except (ComputationError, SceneError):
         return
     modes = survey.automatic()
-    if survey.columns(modes) > SHARE * asked.plant.n_links:
+    if survey.columns(modes) > SHARE * asked.system.n_links:
         return
     tolerance = min(goal.tolerance, LOOSEST)
     found = in_modes(survey, modes, asked.times, tolerance=tolerance, report=asked.report)

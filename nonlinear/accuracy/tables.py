@@ -6,14 +6,14 @@ from math import isfinite
 from typing import Any
 
 from modal.report.tables import NOTHING, as_csv, as_json, finite, grid, titled
-from modal.scene.model import described
+from modal.scene.model import describe
 from nonlinear.accuracy.references import Reference
-from nonlinear.accuracy.work_precision import LAST, Row, Tradeoff
+from nonlinear.accuracy.work_precision import LAST, Row, WorkPrecision
 
 ROWS = ("best", "family", "tolerance", "time (ms)", "prepared (ms)", "derivatives", "error (rad)", "late (s)", "energy")
 
 
-def tradeoff_table(found: Tradeoff, form: str) -> str:
+def tradeoff_table(found: WorkPrecision, form: str) -> str:
     """Every rung as text, markdown, csv (one line a rung) or json, the `form`."""
     records = [_record(found, row) for row in found.rows]
     if form == "json":
@@ -24,7 +24,7 @@ def tradeoff_table(found: Tradeoff, form: str) -> str:
     return titled(found.scene.title, "time against accuracy", [grid(cells, ROWS, form), "\n".join(_notes(found))], form)
 
 
-def _cells(found: Tradeoff, row: Row) -> list[str]:
+def _cells(found: WorkPrecision, row: Row) -> list[str]:
     rung = row.rung
     return [
         "*" if row in found.pareto else "",
@@ -43,7 +43,7 @@ def _signed(value: float) -> str:
     return f"{value:.1e}" if isfinite(value) else NOTHING
 
 
-def _notes(found: Tradeoff) -> list[str]:
+def _notes(found: WorkPrecision) -> list[str]:
     reference = found.reference
     notes = [
         f"reference: {reference.rung.name}, held against {reference.check.name}: they differ by "
@@ -68,7 +68,7 @@ def _cut_short(reference: Reference) -> str:
     )
 
 
-def _record(found: Tradeoff, row: Row) -> dict[str, Any]:
+def _record(found: WorkPrecision, row: Row) -> dict[str, Any]:
     """One rung, units in the names; None where a value has no meaning."""
     return {
         "kind": row.rung.kind,
@@ -86,10 +86,10 @@ def _record(found: Tradeoff, row: Row) -> dict[str, Any]:
     }
 
 
-def _whole(found: Tradeoff, records: list[dict[str, Any]]) -> dict[str, Any]:
+def _whole(found: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any]:
     reference = found.reference
     return {
-        "scene": described(found.scene),
+        "scene": describe(found.scene),
         "reference": reference.rung.name,
         "held_against": reference.check.name,
         "difference_rad": float(reference.difference[-1]),

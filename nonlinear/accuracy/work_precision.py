@@ -25,14 +25,14 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.scene.model import Scene
 from modal.types import Floats
-from nonlinear.accuracy.candidates import GivenUpError, Question, Rung, ladder
+from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
-from nonlinear.integration.arguments import insist_numbers
-from nonlinear.integration.timescales import timescales
+from nonlinear.integration.arguments import validate_numbers
+from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import Trajectory
-from nonlinear.system.initial import checked, start_of
-from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.initial import initial_state, validate_state
 from nonlinear.system.state import Motion, State, apart
+from nonlinear.system.system import System, system_of
 
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples that are compared
 REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after so many seconds
@@ -52,7 +52,7 @@ class Row:
     dampers, whose losses nobody counts).  A Taylor method counts its series.
     """
 
-    rung: Rung
+    rung: Candidate
     prepared: float
     seconds: float
     calls: int
@@ -62,7 +62,7 @@ class Row:
 
 
 @dataclass(frozen=True, eq=False)
-class Tradeoff:
+class WorkPrecision:
     """The reference and the rungs in the order of the ladder, and (family or rung, why) of those left out."""
 
     scene: Scene
@@ -90,15 +90,15 @@ class Tradeoff:
         return tuple(front)
 
 
-def tradeoff(
+def measure_work_precision(
     scene: Scene,
     duration: float,
     *,
     start: State | None = None,
-    rungs: Sequence[Rung] | None = None,
+    rungs: Sequence[Candidate] | None = None,
     patience: float = PATIENCE,
     report: Callable[[float], object] = lambda done: None,
-) -> Tradeoff:
+) -> WorkPrecision:
     """Run the whole ladder, or these rungs, on a scene from its own start or another for `duration` seconds.
 
     A family of rungs is left at the first that takes longer than `patience` seconds or plainly will.  `report` hears
@@ -106,24 +106,24 @@ def tradeoff(
     a reference.
     Raises SceneError for arguments that cannot be, ComputationError where there is no reference to judge by.
     """
-    insist_numbers(duration, 1e-9, 0.0)
+    validate_numbers(duration, 1e-9, 0.0)
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: the whole ladder is run for at most {MOST_LINKS}"])
     if scene.is_driven:
         raise SceneError(["drive: the ladder is for scenes that do not excite themselves"])
-    state = checked(start if start is not None else start_of(scene), plant_of(scene))
-    asked = ladder(scene) if rungs is None else tuple(rungs)
+    state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
+    asked = list_candidates(scene) if rungs is None else tuple(rungs)
     reference = _reference(scene, state, duration)
     question = Question(scene, state, reference.trajectory.times)
-    first = measured(reference.rung, question, reference)
+    first = measure(reference.rung, question, reference)
     report(1)
     rows, skipped = _climbed(asked, replace(question, patience=patience), reference, report)
-    return Tradeoff(scene, reference, (first, *rows), tuple(skipped.items()))
+    return WorkPrecision(scene, reference, (first, *rows), tuple(skipped.items()))
 
 
 def _reference(scene: Scene, state: State, duration: float) -> Reference:
     """The reference of longer and longer parts: what lies far beyond its horizon is never computed."""
-    part = FIRST * 2 * pi / timescales(scene).swing
+    part = FIRST * 2 * pi / estimate_timescales(scene).swing
     while True:
         asked = min(part, duration)
         try:
@@ -136,12 +136,12 @@ def _reference(scene: Scene, state: State, duration: float) -> Reference:
 
 
 def _samples(scene: Scene, duration: float) -> Floats:
-    wished = ceil(min(duration * timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST))
+    wished = ceil(min(duration * estimate_timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST))
     return np.linspace(0.0, duration, min(max(wished, FEWEST), MOST) + 1)
 
 
 def _climbed(
-    rungs: Sequence[Rung], question: Question, reference: Reference, report: Callable[[float], object]
+    rungs: Sequence[Candidate], question: Question, reference: Reference, report: Callable[[float], object]
 ) -> tuple[list[Row], dict[str, str]]:
     """Every rung that can be measured, and why the others were not."""
     rows: list[Row] = []
@@ -149,7 +149,7 @@ def _climbed(
     for done, rung in enumerate(rungs):
         try:
             if rung.family not in skipped:
-                rows.append(measured(rung, question, reference))
+                rows.append(measure(rung, question, reference))
             report(done + 2)
         except ComputationError as error:
             skipped[rung.family] = str(error) if rung.modal else f"from {rung.tolerance:g} on: {error}"
@@ -159,7 +159,7 @@ def _climbed(
     return rows, skipped
 
 
-def measured(rung: Rung, question: Question, reference: Reference) -> Row:
+def measure(rung: Candidate, question: Question, reference: Reference) -> Row:
     """One rung, a few times over; ComputationError where it fails or takes too long."""
     prepared: list[float] = []
     seconds: list[float] = []
@@ -179,7 +179,7 @@ def measured(rung: Rung, question: Question, reference: Reference) -> Row:
         calls=found.run.calls,
         error=error,
         shift=late(found.motion, finest) if error > reference.floor else nan,
-        drift=nan if rung.modal and found.plant.works else found.energy_drift(),
+        drift=nan if rung.modal and found.system.works else found.energy_drift(),
     )
 
 
@@ -188,15 +188,15 @@ def late(motion: Motion, reference: Trajectory) -> float:
     last = reference.times >= (1 - LAST) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > LOST:
         return nan
-    (q, _), (sure, rate) = (_flat(one, reference.plant, last) for one in (motion, reference.motion))
+    (q, _), (sure, rate) = (_flat(one, reference.system, last) for one in (motion, reference.motion))
     shift = 0.0 - float(np.sum(rate * (q - sure)) / (np.sum(rate**2) or 1.0))
     return shift if abs(shift) <= LAST * reference.times[-1] else nan
 
 
-def _flat(motion: Motion, plant: Plant, rows: Any) -> tuple[Floats, Floats]:
+def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:
     """Q and q' at these samples, (T, n): the cart in lengths of the longest link, then every link."""
     count = int(np.sum(rows))
     links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
-    carts = (part[rows] / plant.length for part in (motion.cart, motion.cart_rate))
+    carts = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))
     q, v = (np.column_stack(pair) for pair in zip(carts, links, strict=True))
     return q, v

@@ -47,9 +47,9 @@ from modal.types import Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls
 from nonlinear.integration.escapements import Escaping, escaping
 from nonlinear.reduction.modal_coordinates import rest_angles
-from nonlinear.reduction.residual import residual
-from nonlinear.system.plant import Plant, plant_of
+from nonlinear.reduction.residual import residual_forces
 from nonlinear.system.state import State
+from nonlinear.system.system import System, system_of
 
 BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
 ORDER = 6
@@ -62,7 +62,7 @@ SMALL = 0.2  # of the first harmonic: a third that would be larger is none that 
 
 
 @dataclass(frozen=True, eq=False)
-class Averaged:
+class AveragedEquations:
     """The averaged equations of a scene with C swinging shapes.
 
     `shapes` (half, C) with φᵀMφ = 1, `dual` = M φ, `omega` (C,) in rad/s, `row` (C,) of each in the table of the
@@ -70,7 +70,7 @@ class Averaged:
     """
 
     scene: Scene
-    plant: Plant
+    system: System
     modes: Modes
     shapes: Floats
     dual: Floats
@@ -81,7 +81,7 @@ class Averaged:
     @property
     def link_shapes(self) -> Floats:
         """The shapes without the cart, (L, C)."""
-        return self.shapes[int(self.plant.cart is not None) :]
+        return self.shapes[int(self.system.cart is not None) :]
 
     @cached_property
     def centre(self) -> Floats:
@@ -91,7 +91,7 @@ class Averaged:
     def amplitudes(self, state: State) -> Complexes:
         """The z (C,) of an instant."""
         q, v = state.links - rest_angles(self.scene), state.link_rates
-        if self.plant.cart:
+        if self.system.cart:
             q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
         return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)
 
@@ -183,7 +183,7 @@ class Averaged:
 
     def _along(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
         """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S, K)."""
-        left = residual(self.plant, [waves.reshape(*waves.shape[:2], -1)])[0].reshape(waves.shape[1:])
+        left = residual_forces(self.system, [waves.reshape(*waves.shape[:2], -1)])[0].reshape(waves.shape[1:])
         points = self._phases.shape[1]
         found = 2 / points * np.moveaxis(left @ (self._phases.conj() ** harmonic).T, -1, 0)
         if self._brake:
@@ -206,8 +206,8 @@ class Averaged:
     @cached_property
     def _brake(self) -> float:
         """c/M (1/s) of a free cart."""
-        cart = self.plant.cart
-        return cart.damping / self.plant.total_mass if cart and not cart.stiffness else 0.0
+        cart = self.system.cart
+        return cart.damping / self.system.total_mass if cart and not cart.stiffness else 0.0
 
     @cached_property
     def _phases(self) -> Complexes:
@@ -217,7 +217,7 @@ class Averaged:
 
     @cached_property
     def _joints(self) -> Escaping | None:
-        return escaping(self.plant) if self.plant.kicked else None
+        return escaping(self.system) if self.system.kicked else None
 
     @cached_property
     def _turns(self) -> Floats:
@@ -250,7 +250,7 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
     raise AssertionError("unreachable")
 
 
-def averaged(scene: Scene) -> Averaged:
+def average(scene: Scene) -> AveragedEquations:
     """The averaged equations of a scene in the plane whose links all hang.
 
     Raises ComputationError for other scenes, for more than MOST links or MOST_BANDS bands, and for coordinates without
@@ -260,10 +260,10 @@ def averaged(scene: Scene) -> Averaged:
         raise ComputationError("averaged equations are of hanging links in the plane")
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are of at most {MOST} links, not {scene.n_links}")
-    still, plant = scene.conservative, plant_of(scene)
+    still, system = scene.conservative, system_of(scene)
     modes = natural_modes(still)
     each = [(row, shape) for row, copies in enumerate(all_shapes(modes)) if modes.omega[row] for shape in copies]
-    if len(each) < scene.n_links + bool(plant.cart and plant.cart.stiffness):
+    if len(each) < scene.n_links + bool(system.cart and system.cart.stiffness):
         raise ComputationError("averaged equations need one mode for each coordinate; a massless cart leaves one out")
     head = [[shape.cart.real] if modes.on_cart else [] for _, shape in each]
     shapes = np.array([np.concatenate((x, shape.angles.real)) for x, (_, shape) in zip(head, each, strict=True)]).T
@@ -272,4 +272,4 @@ def averaged(scene: Scene) -> Averaged:
     band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
     if (count := int(band[-1]) + 1) > MOST_BANDS:
         raise ComputationError(f"averaged equations are of at most {MOST_BANDS} bands of frequencies, not {count}")
-    return Averaged(scene, plant, modes, shapes, matrices(still).M @ shapes, omega, row, band)
+    return AveragedEquations(scene, system, modes, shapes, matrices(still).M @ shapes, omega, row, band)

@@ -19,8 +19,8 @@ import numpy as np
 
 from modal.modes.numbering import table_numbers
 from modal.types import Booleans, Complexes, Floats, Ints
-from nonlinear.averaging.equations import STEP, Averaged, derivative
-from nonlinear.averaging.slow_flow import settled
+from nonlinear.averaging.equations import STEP, AveragedEquations, derivative
+from nonlinear.averaging.slow_flow import settle
 
 FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
 LEAP = 0.1  # of the largest amplitude, in one of Newton's steps: families that hardly move throw it far
@@ -36,7 +36,7 @@ EFFORT = 1_500  # steps after which a start that has not settled is left to Newt
 
 
 @dataclass(frozen=True, eq=False)
-class Configuration:
+class RelativeEquilibrium:
     """A motion that keeps its shape: amplitudes z (C,), turning rates Ω (B,) in rad/s, growth rates (1/s).
 
     `rates` are the eigenvalues μ but the neutral ones, the slowest first, and `leaving` the share of the energy of
@@ -44,7 +44,7 @@ class Configuration:
     `recovery` is the size of Re z*ᵀJz/|z|² (1/s), the pace at which the size of the whole swing changes by itself.
     """
 
-    averaged: Averaged
+    averaged: AveragedEquations
     z: Complexes
     turning: Floats
     rates: Complexes
@@ -99,21 +99,21 @@ class Configuration:
         return float(self.turning[self.band])
 
 
-def configurations(averaged: Averaged) -> tuple[Configuration, ...]:
+def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibrium, ...]:
     """Those that are reached from every row of the table by itself and from pendula in phase and in antiphase.
 
     Not all there are: none is found that swings wider than HANGING or that Newton's method misses.
     """
-    found: list[Configuration] = []
+    found: list[RelativeEquilibrium] = []
     for start in _starts(averaged):
-        one = configuration(averaged, start)
+        one = relative_equilibrium(averaged, start)
         if one and one.averaged.largest(one.z) < HANGING and not any(same(one, other) for other in found):
             found.append(one)
     return tuple(sorted(found, key=lambda one: (one.row, one.omega)))
 
 
 @np.errstate(all="ignore")
-def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
+def relative_equilibrium(averaged: AveragedEquations, z: Complexes) -> RelativeEquilibrium | None:
     """The relative equilibrium next to these amplitudes, None where Newton's method finds no motion."""
     bands = swinging(averaged, z)
     if not len(bands):
@@ -126,18 +126,18 @@ def configuration(averaged: Averaged, z: Complexes) -> Configuration | None:
         if not np.all(np.isfinite(left)):
             return None
         if np.abs(left).max() <= DONE * np.abs(averaged.omega * z).max():
-            return Configuration(averaged, z, turning, *_rates(averaged, z, turning, len(bands)))
+            return RelativeEquilibrium(averaged, z, turning, *_rates(averaged, z, turning, len(bands)))
         step, change = _step(averaged, z, turning, left, bands)
         part = min(1.0, LEAP * np.abs(z).max() / np.abs(step).max()) if np.any(step) else 1.0
         z, turning = z + part * step, turning + part * change
         if not np.all(np.isfinite(z)) or not np.all(turning > 0):
             return None
         if len(dead := bands[_sizes(averaged, z)[bands] <= least]):
-            return configuration(averaged, np.where(np.isin(averaged.band, dead), 0.0, z))
+            return relative_equilibrium(averaged, np.where(np.isin(averaged.band, dead), 0.0, z))
     return None
 
 
-def _starts(averaged: Averaged) -> Iterator[Complexes]:
+def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
     """Amplitudes at the end of the slow motion that begins in a row, and keeps to it, or in a pattern of pendula."""
     random = np.random.default_rng(SEED)
     for row in np.unique(averaged.row):
@@ -148,15 +148,15 @@ def _starts(averaged: Averaged) -> Iterator[Complexes]:
         yield _end(averaged, z)
 
 
-def _end(averaged: Averaged, z: Complexes) -> Complexes:
-    (motion,) = settled(averaged, (FIRST * z / averaged.largest(z))[:, None], EFFORT)
+def _end(averaged: AveragedEquations, z: Complexes) -> Complexes:
+    (motion,) = settle(averaged, (FIRST * z / averaged.largest(z))[:, None], EFFORT)
     return motion.z[:, -1]
 
 
-def _patterns(averaged: Averaged) -> Iterator[Complexes]:
+def _patterns(averaged: AveragedEquations) -> Iterator[Complexes]:
     """All pendula in phase and every other one in antiphase, in every band by itself."""
-    pendulum = averaged.plant.pendulum
-    first = int(averaged.plant.cart is not None)
+    pendulum = averaged.system.pendulum
+    first = int(averaged.system.cart is not None)
     for band in range(len(averaged.centre)):
         own = averaged.band == band
         busiest = np.abs(averaged.link_shapes[:, own]).max(axis=1)
@@ -166,41 +166,43 @@ def _patterns(averaged: Averaged) -> Iterator[Complexes]:
                 yield z
 
 
-def _only(averaged: Averaged, own: Booleans) -> Averaged:
+def _only(averaged: AveragedEquations, own: Booleans) -> AveragedEquations:
     """The same as if there were no other modes than these."""
     return replace(averaged, shapes=averaged.shapes * own, dual=averaged.dual * own)
 
 
-def swinging(averaged: Averaged, z: Complexes) -> Ints:
+def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:
     """The bands that swing."""
     return np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())
 
 
-def _sizes(averaged: Averaged, z: Complexes) -> Floats:
+def _sizes(averaged: AveragedEquations, z: Complexes) -> Floats:
     """The largest amplitude in every band, (B,)."""
     found = np.zeros(len(averaged.centre))
     np.maximum.at(found, averaged.band, np.abs(z))
     return found
 
 
-def _step(averaged: Averaged, z: Complexes, turning: Floats, left: Complexes, bands: Ints) -> tuple[Complexes, Floats]:
+def _step(
+    averaged: AveragedEquations, z: Complexes, turning: Floats, left: Complexes, bands: Ints
+) -> tuple[Complexes, Floats]:
     """Newton's step of z and Ω, the shortest one that leaves the phase of every band where it is."""
     count, size, scale = len(z), np.abs(z).max(), averaged.omega.max()
     turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in bands]).T
     turns /= np.linalg.norm(turns, axis=0)
     columns = np.vstack((turns.real, turns.imag))
     slope, faster = derivative(averaged.flow, z, turning) / scale, _faster(averaged, z, turning, bands) / size
-    system = np.block([[slope, faster], [columns.T, np.zeros((len(bands), len(bands)))]])
+    equations = np.block([[slope, faster], [columns.T, np.zeros((len(bands), len(bands)))]])
     active = np.isin(averaged.band, bands)
     kept = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
     right = -np.concatenate((left.real, left.imag, np.zeros(len(bands)))) / (scale * size)
     step, change = np.zeros(len(kept)), np.zeros(len(turning))
-    step[kept] = np.linalg.lstsq(system[np.ix_(kept, kept)], right[kept], rcond=FREE)[0]
+    step[kept] = np.linalg.lstsq(equations[np.ix_(kept, kept)], right[kept], rcond=FREE)[0]
     change[bands] = scale * step[2 * count :]
     return np.asarray(size * (step[:count] + 1j * step[count : 2 * count])), change
 
 
-def _faster(averaged: Averaged, z: Complexes, turning: Floats, bands: Ints) -> Floats:
+def _faster(averaged: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> Floats:
     """∂F/∂Ω by these bands, (2C, len(bands)), by central differences."""
     ways = STEP * turning[:, None] * (np.arange(len(turning))[:, None] == bands)
     wide = np.repeat(z[:, None], len(bands), axis=1)
@@ -209,7 +211,7 @@ def _faster(averaged: Averaged, z: Complexes, turning: Floats, bands: Ints) -> F
     return np.vstack((slope.real, slope.imag))
 
 
-def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats, float]:
+def _rates(averaged: AveragedEquations, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats, float]:
     """All μ but the `neutral` ones next to 0, the slowest first, how much of each leaves the row of z, the recovery."""
     jacobian, parts = derivative(averaged.flow, z, turning), np.concatenate((z.real, z.imag))
     values, vectors = np.linalg.eig(jacobian)
@@ -220,7 +222,7 @@ def _rates(averaged: Averaged, z: Complexes, turning: Floats, neutral: int) -> t
     return values[kept].astype(complex), leaving[kept], abs(float(parts @ jacobian @ parts / (parts @ parts)))
 
 
-def same(one: Configuration, other: Configuration, within: float = SAME) -> bool:
+def same(one: RelativeEquilibrium, other: RelativeEquilibrium, within: float = SAME) -> bool:
     """Whether two have the same energies and the same fate, within this share of them; turned copies of one do."""
     energies = [state.averaged.energies(state.z) for state in (one, other)]
     near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()

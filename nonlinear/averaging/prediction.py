@@ -14,12 +14,12 @@ from modal.errors import ComputationError
 from modal.modes.numbering import table_numbers
 from modal.scene.model import Scene
 from modal.types import Complexes, Floats
-from nonlinear.averaging.equations import Averaged, averaged
-from nonlinear.averaging.equilibria import Configuration, configuration
-from nonlinear.averaging.slow_flow import SlowMotion, runs_away, settled
-from nonlinear.system.initial import checked, start_of
-from nonlinear.system.plant import plant_of
+from nonlinear.averaging.equations import AveragedEquations, average
+from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibrium
+from nonlinear.averaging.slow_flow import SlowFlow, runs_away, settle
+from nonlinear.system.initial import initial_state, validate_state
 from nonlinear.system.state import State
+from nonlinear.system.system import system_of
 
 WEAK = 0.2  # largest rate of growth or decay over the frequency
 WIDE = 0.7  # largest angle (rad)
@@ -40,12 +40,12 @@ class Prediction:
     beside it, ASIDE in amplitude, and all else is of that one.
     """
 
-    averaged: Averaged
+    averaged: AveragedEquations
     start: State
-    unstable: Configuration | None
-    motion: SlowMotion
-    neighbours: tuple[SlowMotion, ...]
-    ending: Configuration | None
+    unstable: RelativeEquilibrium | None
+    motion: SlowFlow
+    neighbours: tuple[SlowFlow, ...]
+    ending: RelativeEquilibrium | None
 
     @property
     def row(self) -> int:
@@ -135,7 +135,7 @@ class Prediction:
             yield "frequencies of different bands are in resonance"
 
 
-def predicted(scene: Scene, start: State | None = None) -> Prediction:
+def predict(scene: Scene, start: State | None = None) -> Prediction:
     """Of a scene that excites itself, from its own start or another, or from beside it where it ends unstably.
 
     Raises ComputationError where nothing excites it or `nonlinear.averaging.equations` cannot take it, for a start at
@@ -143,33 +143,33 @@ def predicted(scene: Scene, start: State | None = None) -> Prediction:
     """
     if not scene.is_driven:
         raise ComputationError("nothing excites this scene: no mode survives another for ever")
-    state = checked(start if start is not None else start_of(scene), plant_of(scene))
-    found = averaged(scene)
+    state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
+    found = average(scene)
     z = found.amplitudes(state)
     if not np.abs(z).max():
         raise ComputationError("the scene starts at rest, where nothing says which mode grows")
     starts, unstable = np.array([z, *_beside(z)]).T, None
-    motions = settled(found, starts)
+    motions = settle(found, starts)
     if runs_away(found, motions[0].z):
         raise ComputationError("drives are too strong for averaged equations: their amplitudes run away")
     if (ending := _ending(motions[0])) and ending.lasts is False:
-        motions = settled(found, starts, least=PATIENCE * ending.relaxation)
+        motions = settle(found, starts, least=PATIENCE * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.lasts is False:
             state, unstable, motions = _aside(found, state), ending, motions[1:]
             ending = _ending(motions[0])
     return Prediction(found, state, unstable, motions[0], motions[1:], ending)
 
 
-def _ending(motion: SlowMotion) -> Configuration | None:
-    return None if motion.dies else configuration(motion.averaged, motion.z[:, -1])
+def _ending(motion: SlowFlow) -> RelativeEquilibrium | None:
+    return None if motion.dies else relative_equilibrium(motion.averaged, motion.z[:, -1])
 
 
-def _aside(found: Averaged, start: State) -> State:
+def _aside(found: AveragedEquations, start: State) -> State:
     """The first of the neighbouring starts."""
     z = found.amplitudes(start)
     off = next(_beside(z)) - z
     q, v = (found.shapes @ off).real, (found.shapes @ (1j * found.omega * off)).real
-    on = int(found.plant.cart is not None)
+    on = int(found.system.cart is not None)
     cart, rate = (float(value[0]) if on else 0.0 for value in (q, v))
     return State(start.links + q[on:], start.link_rates + v[on:], start.cart + cart, start.cart_rate + rate)
 
@@ -190,7 +190,7 @@ def resonant(omega: Floats, near: float) -> bool:
     return False
 
 
-def fastest(found: Averaged) -> float:
+def fastest(found: AveragedEquations) -> float:
     """The largest rate at which a small swing grows or decays, over its frequency."""
     every: Complexes = np.eye(len(found.omega), dtype=complex)
     tiny = 1e-6 / found.largest(every)

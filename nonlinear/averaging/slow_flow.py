@@ -10,7 +10,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Booleans, Complexes, Floats
-from nonlinear.averaging.equations import Averaged, derivative
+from nonlinear.averaging.equations import AveragedEquations, derivative
 
 GAIN, TURN = 0.4, 1.0  # largest growth and turn (rad) within a step
 PERIODS = 64  # fast periods of the first part
@@ -26,10 +26,10 @@ AWAY = 100.0  # rad: what swings wider runs away
 
 
 @dataclass(frozen=True, eq=False)
-class SlowMotion:
+class SlowFlow:
     """Amplitudes z (C, T) at `times` (T,) in s, and whether nothing changes any more."""
 
-    averaged: Averaged
+    averaged: AveragedEquations
     times: Floats
     z: Complexes
     settled: bool
@@ -69,9 +69,9 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
 
 
 @np.errstate(all="ignore")
-def settled(
-    averaged: Averaged, starts: Complexes, most: int = MOST_STEPS, least: float = 0.0
-) -> tuple[SlowMotion, ...]:
+def settle(
+    averaged: AveragedEquations, starts: Complexes, most: int = MOST_STEPS, least: float = 0.0
+) -> tuple[SlowFlow, ...]:
     """From each of these amplitudes (C, S) until nothing changes anywhere, or for so many steps.
 
     Each is followed for `least` seconds, however little changes: motions leave an unstable one slowly.  Pendula that
@@ -88,15 +88,15 @@ def settled(
         more, further = _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
-    return tuple(SlowMotion(averaged, times, z[:, k], not going[k]) for k in range(starts.shape[1]))
+    return tuple(SlowFlow(averaged, times, z[:, k], not going[k]) for k in range(starts.shape[1]))
 
 
-def runs_away(averaged: Averaged, z: Complexes) -> bool:
+def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
     """Whether any of these amplitudes (C, ...) is beyond all that averaged equations could mean."""
     return not averaged.largest(z) <= AWAY
 
 
-def _part(averaged: Averaged, starts: Complexes, begin: float, duration: float) -> tuple[Floats, Complexes]:
+def _part(averaged: AveragedEquations, starts: Complexes, begin: float, duration: float) -> tuple[Floats, Complexes]:
     """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every stretch between."""
     span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
     turning = averaged.turning(starts)
@@ -120,7 +120,9 @@ def _alike(one: Complexes, other: Complexes) -> bool:
     return bool(np.abs(np.abs(one) - np.abs(other)).max() <= ALIKE * np.abs(one).max())
 
 
-def _moved(averaged: Averaged, z: Complexes, turning: Floats, duration: float, steps: int) -> tuple[Complexes, Floats]:
+def _moved(
+    averaged: AveragedEquations, z: Complexes, turning: Floats, duration: float, steps: int
+) -> tuple[Complexes, Floats]:
     """Amplitudes, and the rates at which their bands turn, after steps of Lawson's form of the Runge–Kutta method."""
     h = duration / max(1, steps)
     for _ in range(max(1, steps)):
@@ -137,7 +139,7 @@ def _moved(averaged: Averaged, z: Complexes, turning: Floats, duration: float, s
     return z, turning
 
 
-def _pace(averaged: Averaged, z: Complexes) -> float:
+def _pace(averaged: AveragedEquations, z: Complexes) -> float:
     """Steps a second from these amplitudes (C, S) on."""
     turning = averaged.turning(z)
     slopes = (derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True))
@@ -145,7 +147,7 @@ def _pace(averaged: Averaged, z: Complexes) -> float:
     return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)).max()) / TURN)
 
 
-def _going(averaged: Averaged, z: Complexes, starts: Complexes) -> Booleans:
+def _going(averaged: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:
     """Which of the motions (C, S, T) are still open, (S,): neither calm nor dead nor one row's that grows."""
     energy = averaged.energies(z[..., z.shape[-1] // 2 :])
     whole = energy.sum(axis=0)

@@ -18,7 +18,7 @@ from tabulate import tabulate
 
 from modal.errors import SceneError
 from modal.scene.model import Bob, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.chaos.studies import DECISIVE, Case, Finding, Study, compared, scaled
+from nonlinear.chaos.studies import DECISIVE, Case, Finding, Study, compare_starts, scaled
 
 Kind = type[Bob] | type[Rod]
 Table = tuple[Sequence[str], list[list[str]]]
@@ -87,7 +87,7 @@ def _chain_verdicts(finding: Finding) -> list[str]:
 
 
 def _growing(values: Sequence[tuple[float, float]]) -> str:
-    steps = [compared(lower, upper) for lower, upper in pairwise(values)]
+    steps = [compare_starts(lower, upper) for lower, upper in pairwise(values)]
     counts = f"of {len(steps)} steps to one link more λ grows in {steps.count(1)}, falls in {steps.count(-1)}"
     verdict = "supported" if all(step == 1 for step in steps) else "not supported" if -1 in steps else "undecided"
     return f"{verdict} ({counts}, within uncertainty in {steps.count(0)})"
@@ -120,7 +120,7 @@ def _against_fixed(finding: Finding) -> dict[str, list[int]]:
     found = {}
     for name, cases in finding.series().items():
         fixed = scaled(next(exponent for case, exponent in cases if case.at is None), 1)
-        found[name] = [compared(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
+        found[name] = [compare_starts(fixed, scaled(exponent, 1)) for case, exponent in cases if case.at is not None]
     return found
 
 

@@ -26,9 +26,9 @@ from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics.mechanics import Mechanics
 from nonlinear.integration.steppers import SciPyStepper
-from nonlinear.system.initial import checked, start_of
-from nonlinear.system.plant import plant_of
+from nonlinear.system.initial import initial_state, validate_state
 from nonlinear.system.state import State
+from nonlinear.system.system import system_of
 
 TRANSIENT = 0.5
 """Share of the duration that is run beforehand, for v to turn into the direction that grows fastest."""
@@ -217,10 +217,10 @@ def lyapunov_exponent(
     """
     duration = usual_duration(scene) if duration is None else duration
     _check(scene, duration, SHORTEST / USUAL * usual_duration(scene), ensemble)
-    tangent = Tangent(plant_of(scene))
+    tangent = Tangent(system_of(scene))
     rng = np.random.default_rng(seed)
-    states = starts if starts is not None else nearby(start_of(scene), ensemble, spread, rng)
-    y = np.stack([tangent.system.begin(checked(state, tangent.plant)) for state in states], axis=1)
+    states = starts if starts is not None else nearby(initial_state(scene), ensemble, spread, rng)
+    y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
     least = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
     times, growth, last = _grown(tangent, y, rng, (1 + TRANSIENT) * duration, tolerance, least, report)
     return Exponent(scene, times, growth, TRANSIENT * duration, _energy_drift(tangent, y, last))
@@ -283,8 +283,8 @@ def _grown(
 
 
 def _energy_drift(tangent: Tangent, first: Floats, last: Floats) -> float:
-    plant = tangent.plant
-    if plant.works:
+    system = tangent.system
+    if system.works:
         return float("nan")
-    before, after = (Mechanics(plant, tangent.system.read(y.T)).energy for y in (first, last))
-    return float(np.max(np.abs(after - before)) / (plant.gravity * sum(float(g.block.b.sum()) for g in plant.groups)))
+    before, after = (Mechanics(system, tangent.equations.read(y.T)).energy for y in (first, last))
+    return float(np.max(np.abs(after - before)) / (system.gravity * sum(float(g.block.b.sum()) for g in system.groups)))

@@ -15,8 +15,8 @@ import numpy as np
 from modal.scene.model import Scene
 from modal.types import Floats
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
-from nonlinear.system.plant import Group, plant_of
 from nonlinear.system.state import State
+from nonlinear.system.system import Group, system_of
 
 DECISIVE = 3.0
 """Standard uncertainties that a difference must exceed: a table holds many pairs, and one in twenty exceeds two."""
@@ -71,11 +71,11 @@ def measure(study: Study, report: Callable[[float], object] = lambda done: None)
 
 def level_starts(scene: Scene, ensemble: int, seed: int = 0) -> list[State]:
     """States at rest in which every pendulum has V = −g Σ b cos θ = 0, on a side and at angles drawn at random."""
-    plant, rng = plant_of(scene), np.random.default_rng(seed)
+    system, rng = system_of(scene), np.random.default_rng(seed)
     starts = []
     for _ in range(ensemble):
-        angles = np.empty(plant.n_links)
-        for group in plant.groups:
+        angles = np.empty(system.n_links)
+        for group in system.groups:
             angles[group.index] = _level(group, rng)
         starts.append(State(angles, np.zeros_like(angles)))
     return starts
@@ -97,7 +97,7 @@ def scaled(exponent: Exponent, factor: float) -> tuple[float, float]:
     return factor * value, factor * error
 
 
-def compared(first: tuple[float, float], second: tuple[float, float]) -> int:
+def compare_starts(first: tuple[float, float], second: tuple[float, float]) -> int:
     """1 where the second is larger beyond their uncertainties, −1 where it is smaller, else 0."""
     difference, error = second[0] - first[0], DECISIVE * hypot(first[1], second[1])
     return int(difference > error) - int(difference < -error)

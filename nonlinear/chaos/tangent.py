@@ -16,8 +16,8 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.system.plant import Plant
 from nonlinear.system.state import Layout
+from nonlinear.system.system import System
 
 STEP = 1e-30
 
@@ -28,19 +28,19 @@ class Workless(Minimal):
     @cached_property
     def layout(self) -> Layout:
         """The parts of y."""
-        return Layout(self.plant.n_links, 1, self.plant.cart is not None, works=False)
+        return Layout(self.system.n_links, 1, self.system.cart is not None, works=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Tangent:
     """The tangent equations of a plane scene for E trajectories side by side: y and v are (size, E)."""
 
-    plant: Plant
+    system: System
 
     @cached_property
-    def system(self) -> Workless:
+    def equations(self) -> Workless:
         """The equations of motion that are carried along."""
-        return Workless(self.plant, tuple(Recursion(group, tail=1) for group in self.plant.groups))
+        return Workless(self.system, tuple(Recursion(group, tail=1) for group in self.system.groups))
 
     @cached_property
     def scale(self) -> Floats:
@@ -48,14 +48,14 @@ class Tangent:
 
         l is the shortest link.
         """
-        length = float(self.plant.by_link("length").min())
-        half = np.ones(self.system.layout.half)
-        half[: self.system.layout.on_cart] = length
-        return np.concatenate((half, half * np.sqrt(self.plant.gravity / length)))[:, None]
+        length = float(self.system.by_link("length").min())
+        half = np.ones(self.equations.layout.half)
+        half[: self.equations.layout.on_cart] = length
+        return np.concatenate((half, half * np.sqrt(self.system.gravity / length)))[:, None]
 
     def product(self, y: Floats, v: Floats) -> tuple[Floats, Floats]:
         """f(y) and J(y) v, each (size, E)."""
-        found = self.system.derivative(0.0, y + (1j * STEP) * v)
+        found = self.equations.derivative(0.0, y + (1j * STEP) * v)
         return found.real, found.imag / STEP
 
     def derivative(self, time: float, packed: Floats) -> Floats:
@@ -68,7 +68,7 @@ class Tangent:
 
     def parts(self, packed: Floats) -> Floats:
         """Y and v out of one vector."""
-        return packed.reshape(2, self.system.layout.size, -1)
+        return packed.reshape(2, self.equations.layout.size, -1)
 
     def norm(self, v: Floats) -> Floats:
         """|v| in natural units, (E,)."""

@@ -17,7 +17,7 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.suspended import NOTHING
-from nonlinear.system.plant import Plant
+from nonlinear.system.system import System
 
 njit: Any
 try:
@@ -149,12 +149,12 @@ class Compiled(Minimal):
 
     @cached_property
     def _constants(self) -> tuple[Floats, Ints, Floats, float, bool]:
-        cart = self.plant.cart
+        cart = self.system.cart
         return (
-            _rows(self.plant),
-            np.append(np.flatnonzero(np.diff(self.plant.pendulum, prepend=-1)), self.plant.n_links),
+            _rows(self.system),
+            np.append(np.flatnonzero(np.diff(self.system.pendulum, prepend=-1)), self.system.n_links),
             np.array(cart or (), dtype=float),
-            self.plant.gravity,
+            self.system.gravity,
             self.layout.works,
         )
 
@@ -165,10 +165,10 @@ class Compiled(Minimal):
         return _derivative(np.ascontiguousarray(y, dtype=float), *self._constants, float(push), loose)
 
 
-def _rows(plant: Plant) -> Floats:
+def _rows(system: System) -> Floats:
     """The constants of every link in the order of the file, (L, 12)."""
-    found = np.empty((plant.n_links, CONSTANTS))
-    for group in plant.groups:
+    found = np.empty((system.n_links, CONSTANTS))
+    for group in system.groups:
         none = np.zeros_like(group.bent)
         drive = (group.excitation.strength, group.excitation.curb) if group.excitation else (none, none)
         joints = group.block.stiffness, group.block.damping, group.bent, *drive

@@ -18,48 +18,48 @@ from functools import cached_property
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.system.plant import Plant
 from nonlinear.system.state import State
+from nonlinear.system.system import System
 
 
 @dataclass(frozen=True, eq=False)
 class Pivots:
     """The constraints of a plane scene: 2L of them, and one more on a cart, on 3L coordinates, and two more."""
 
-    plant: Plant
+    system: System
 
     @cached_property
     def first(self) -> int:
         """Coordinates of the cart."""
-        return 2 if self.plant.cart else 0
+        return 2 if self.system.cart else 0
 
     @cached_property
     def size(self) -> int:
         """Number of coordinates."""
-        return self.first + 3 * self.plant.n_links
+        return self.first + 3 * self.system.n_links
 
     @cached_property
     def above(self) -> Ints:
         """The link that each link hangs from, −1 for the support, (L,)."""
-        found = np.full(self.plant.n_links, -1)
-        for group in self.plant.groups:
+        found = np.full(self.system.n_links, -1)
+        for group in self.system.groups:
             found[group.index[1:]] = group.index[:-1]
         return found
 
     @cached_property
     def centre(self) -> Floats:
         """From the upper pivot to the centre of mass (m), (L,)."""
-        return self.plant.by_link("centre")
+        return self.system.by_link("centre")
 
     @cached_property
     def rest(self) -> Floats:
         """From the centre of mass to the lower pivot (m), (L,)."""
-        return self.plant.by_link("length") - self.centre
+        return self.system.by_link("length") - self.centre
 
     @cached_property
     def reach(self) -> float:
         """Length (m) of the longest pendulum, of which violations are fractions."""
-        return max(float(group.block.length.sum(0).max()) for group in self.plant.groups)
+        return max(float(group.block.length.sum(0).max()) for group in self.system.groups)
 
     def parts(self, q: Floats) -> tuple[Floats, Floats]:
         """Support (2,) and links (L, 3) in a vector of coordinates, of velocities or of accelerations."""
@@ -75,7 +75,7 @@ class Pivots:
     def _hung(self, arms: Floats, turns: Floats, cart: float) -> Floats:
         support = np.array([cart, 0.0])
         links = np.column_stack((arms, turns))
-        for group in self.plant.groups:
+        for group in self.system.groups:
             own = arms[group.index]
             ends = np.cumsum(group.block.length[..., None] * own, axis=0)
             links[group.index, :2] = support + ends - self.rest[group.index][..., None] * own

@@ -31,9 +31,9 @@ class Small(Minimal):
     @cached_property
     def _pair(self) -> tuple[Floats, Floats]:
         """A (L, L), zero between pendula, and b (L,), in the order of the file."""
-        size = self.plant.n_links
+        size = self.system.n_links
         A, b = np.zeros((size, size)), np.zeros(size)
-        for group in self.plant.groups:
+        for group in self.system.groups:
             block = group.block
             inertia = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia))
             for column, places in enumerate(group.index.T):
@@ -44,13 +44,13 @@ class Small(Minimal):
     @cached_property
     def _acts(self) -> bool:
         """Whether anything acts besides gravity."""
-        cart, groups = self.plant.cart, self.plant.groups
+        cart, groups = self.system.cart, self.system.groups
         held = cart is not None and (cart.stiffness or cart.damping)
         return bool(held or self.load or any(group.hinged for group in groups))
 
     @cached_property
     def _total(self) -> float:
-        return (self.plant.cart.mass if self.plant.cart else 0.0) + float(self.plant.mass.sum())
+        return (self.system.cart.mass if self.system.cart else 0.0) + float(self.system.mass.sum())
 
     def derivative(self, time: float, y: Any) -> Any:
         """The rate of one y, (size,)."""
@@ -61,7 +61,7 @@ class Small(Minimal):
         turned = sin[:, None] * cos
         M, force, found = np.empty((half, half)), np.empty(half), np.zeros_like(y)
         M[first:, first:] = A * (cos[:, None] * cos + sin[:, None] * sin)
-        force[first:] = -self.plant.gravity * b * sin - (A * (turned - turned.T)) @ squared
+        force[first:] = -self.system.gravity * b * sin - (A * (turned - turned.T)) @ squared
         if first:
             M[0, 0], M[0, 1:] = self._total, b * cos
             M[1:, 0], force[0] = M[0, 1:], (b * sin) @ squared
@@ -78,8 +78,8 @@ class Small(Minimal):
         """Add what springs, dampers and loads do."""
         first, state = int(self.layout.on_cart), self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
-        force[first:] += efforts.on_links(self.plant, state, push)
+        force[first:] += efforts.on_links(self.system, state, push)
         if first:
-            force[0] += efforts.on_cart(self.plant, state, push)
+            force[0] += efforts.on_cart(self.system, state, push)
         if self.layout.works:
-            found[-1] = efforts.power(self.plant, state, push)
+            found[-1] = efforts.power(self.system, state, push)

@@ -7,30 +7,30 @@ from __future__ import annotations
 
 from modal.types import Floats
 from nonlinear.dynamics import joints
-from nonlinear.system.plant import Plant
-from nonlinear.system.state import Push, State
+from nonlinear.system.state import AppliedForces, State
+from nonlinear.system.system import System
 
 
-def on_links(plant: Plant, state: State, push: Push) -> Floats:
+def on_links(system: System, state: State, push: AppliedForces) -> Floats:
     """Generalized forces (N m) on the absolute angles, (L,)."""
     found = state.links * 0.0
-    for group in plant.groups:
+    for group in system.groups:
         if group.hinged:
             found[group.index] = joints.moments(group, state.links[group.index], state.link_rates[group.index])
     return found if push.moments is None else found + push.moments
 
 
-def on_cart(plant: Plant, state: State, push: Push) -> float:
+def on_cart(system: System, state: State, push: AppliedForces) -> float:
     """Force (N) along the rail, that of the pivots left out; 0 on a fixed support."""
-    cart = plant.cart
+    cart = system.cart
     return push.cart - cart.damping * state.cart_rate - cart.stiffness * state.cart if cart else 0.0
 
 
-def power(plant: Plant, state: State, push: Push) -> float:
+def power(system: System, state: State, push: AppliedForces) -> float:
     """Power (W) of dampers, drives and the load."""
     found = 0.0
-    for group in plant.groups:
+    for group in system.groups:
         found += float(joints.power(group, state.links[group.index], state.link_rates[group.index]))
-    if plant.cart:
-        found += state.cart_rate * (push.cart - plant.cart.damping * state.cart_rate)
+    if system.cart:
+        found += state.cart_rate * (push.cart - system.cart.damping * state.cart_rate)
     return found if push.moments is None else found + float(push.moments @ state.link_rates)

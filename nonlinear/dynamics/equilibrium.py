@@ -9,31 +9,31 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics import efforts
-from nonlinear.system.plant import Group, Plant
-from nonlinear.system.state import Push, State
+from nonlinear.system.state import AppliedForces, State
+from nonlinear.system.system import Group, System
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of moments that are in balance, relative to their parts
 TINY = float(np.finfo(float).tiny)
 
 
-def rests_unstably(plant: Plant, start: State) -> bool:
+def is_unstable_equilibrium(system: System, start: State) -> bool:
     """Whether a start is an unstable rest to within rounding, or on a fixed support any pendulum of it.
 
     Nothing moves, the moments of gravity and of the springs are in balance, and V is no minimum there.
     """
-    angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if plant.spatial else start.links
-    still = ~np.any(start.link_rates.reshape(plant.n_links, -1), axis=1)
-    felt = efforts.on_links(replace(plant, spatial=False), State(angles, 0.0 * angles), Push())
+    angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
+    still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
+    felt = efforts.on_links(replace(system, spatial=False), State(angles, 0.0 * angles), AppliedForces())
     found = []
-    for group in plant.groups:
-        weight, bent = plant.gravity * group.block.b, angles[group.index]
+    for group in system.groups:
+        weight, bent = system.gravity * group.block.b, angles[group.index]
         left = np.abs(felt[group.index] - weight * np.sin(bent))
         balanced = left <= ROUNDING * (weight + group.block.stiffness) * (1 + np.abs(bent))
         found.append((np.all(balanced & still[group.index], axis=0), _falls(group, weight * np.cos(bent))))
     resting, falling = (np.concatenate(part) for part in zip(*found, strict=True))
-    if plant.cart is None:
+    if system.cart is None:
         return bool(np.any(resting & falling))
-    pulled = start.cart * plant.cart.stiffness or start.cart_rate * plant.cart.damping
+    pulled = start.cart * system.cart.stiffness or start.cart_rate * system.cart.damping
     return bool(np.all(resting) and np.any(falling) and not pulled)
 
 

@@ -22,8 +22,8 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics import efforts, joints
 from nonlinear.dynamics.minimal import Recursion
-from nonlinear.system.plant import Group, Plant
-from nonlinear.system.state import Layout, Load, Motion, Push, State
+from nonlinear.system.state import AppliedForces, Layout, Load, Motion, State
+from nonlinear.system.system import Group, System
 
 
 class Carried(NamedTuple):
@@ -46,100 +46,100 @@ def carried(group: Group, angles: Floats, rates: Floats, cart_rate: float) -> Ca
     return Carried((n * w).sum(0), (u * w).sum(0), through[0, 0])
 
 
-def momenta(plant: Plant, state: State) -> Floats:
+def momenta(system: System, state: State) -> Floats:
     """P = ∂T/∂q' (half,): p_x (kg m/s) on a cart, then p_θ (kg m²/s) of every link."""
-    on_links, rail = np.empty(plant.n_links), 0.0
-    for group in plant.groups:
+    on_links, rail = np.empty(system.n_links), 0.0
+    for group in system.groups:
         rates = state.link_rates[group.index]
         found = carried(group, state.links[group.index], rates, state.cart_rate)
         on_links[group.index] = group.block.inertia * rates + found.across
         rail += float(found.rail.sum())
-    return np.concatenate(([rail + plant.cart.mass * state.cart_rate], on_links)) if plant.cart else on_links
+    return np.concatenate(([rail + system.cart.mass * state.cart_rate], on_links)) if system.cart else on_links
 
 
-def velocities(plant: Plant, links: Any, p: Any) -> Any:
+def velocities(system: System, links: Any, p: Any) -> Any:
     """Q' = M⁻¹ p (half, ...) at the angles (L, ...)."""
-    first, found = int(plant.cart is not None), np.zeros_like(p)
+    first, found = int(system.cart is not None), np.zeros_like(p)
     solved, mass, force = [], 0.0, 0.0
-    for group in plant.groups:
+    for group in system.groups:
         body, angles = Recursion(group, p.ndim - 1), links[group.index]
         one_mass, one_force, memory = body.pull(angles, 0 * angles, p[first:][group.index], 0.0)
         mass, force = mass + one_mass, force + one_force
         solved.append((group, body, memory))
-    if plant.cart:
-        found[0] = (p[0] - force) / (plant.cart.mass + mass)
+    if system.cart:
+        found[0] = (p[0] - force) / (system.cart.mass + mass)
     for group, body, memory in solved:
-        found[first:][group.index] = body.turn(memory, found[0] if plant.cart else 0.0)
+        found[first:][group.index] = body.turn(memory, found[0] if system.cart else 0.0)
     return found
 
 
-def potential(plant: Plant, cart: Any, links: Any) -> Any:
+def potential(system: System, cart: Any, links: Any) -> Any:
     """V (J) of gravity and of every spring, lowest with all links hanging where springs let them."""
-    found = plant.cart.stiffness * cart**2 / 2 if plant.cart else 0.0
-    for group in plant.groups:
+    found = system.cart.stiffness * cart**2 / 2 if system.cart else 0.0
+    for group in system.groups:
         angles = links[group.index]
         b = group.block.b.reshape(*group.block.b.shape, *[1] * (angles.ndim - 2))
-        found = found - (plant.gravity * b * np.cos(angles)).sum((0, 1))
+        found = found - (system.gravity * b * np.cos(angles)).sum((0, 1))
         found = found + joints.spring_energy(group, angles).sum((0, 1))
     return found
 
 
-def hamiltonian(plant: Plant, cart: Any, links: Any, p: Any) -> Any:
+def hamiltonian(system: System, cart: Any, links: Any, p: Any) -> Any:
     """H = ½ pᵀM⁻¹p + V (J)."""
-    return (p * velocities(plant, links, p)).sum(0) / 2 + potential(plant, cart, links)
+    return (p * velocities(system, links, p)).sum(0) / 2 + potential(system, cart, links)
 
 
 @dataclass(frozen=True, eq=False)
 class Hamiltonian:
     """Hamilton's equations of a plane scene with y = (q, p, work)."""
 
-    plant: Plant
+    system: System
     load: Load | None = None
 
     @cached_property
     def layout(self) -> Layout:
         """The parts of y, momenta in the place of velocities."""
-        plant, works = self.plant, self.plant.works or self.load is not None
-        return Layout(plant.n_links, 1, plant.cart is not None, works)
+        system, works = self.system, self.system.works or self.load is not None
+        return Layout(system.n_links, 1, system.cart is not None, works)
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """Y' of shape (size,)."""
         state = self.read(y[None])[0]
-        push = self.load(time, state) if self.load else Push()
+        push = self.load(time, state) if self.load else AppliedForces()
         rates = self.layout.begin(state)[self.layout.half : 2 * self.layout.half]
-        work = [efforts.power(self.plant, state, push)] if self.layout.works else []
+        work = [efforts.power(self.system, state, push)] if self.layout.works else []
         return np.concatenate((rates, self._forces(state, push), work))
 
-    def _forces(self, state: State, push: Push) -> Floats:
+    def _forces(self, state: State, push: AppliedForces) -> Floats:
         """P' = −∂H/∂q and what dampers and loads add."""
-        found = efforts.on_links(self.plant, state, push)
-        for group in self.plant.groups:
+        found = efforts.on_links(self.system, state, push)
+        for group in self.system.groups:
             angles, rates = state.links[group.index], state.link_rates[group.index]
             thrown = rates * carried(group, angles, rates, state.cart_rate).along
-            found[group.index] -= thrown + self.plant.gravity * group.block.b * np.sin(angles)
-        return np.concatenate(([efforts.on_cart(self.plant, state, push)], found)) if self.plant.cart else found
+            found[group.index] -= thrown + self.system.gravity * group.block.b * np.sin(angles)
+        return np.concatenate(([efforts.on_cart(self.system, state, push)], found)) if self.system.cart else found
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state."""
         y = self.layout.begin(state)
-        y[self.layout.half : 2 * self.layout.half] = momenta(self.plant, state)
+        y[self.layout.half : 2 * self.layout.half] = momenta(self.system, state)
         return y
 
     def read(self, rows: Floats) -> Motion:
         """The motion in vectors (T, size), momenta turned into velocities."""
         first, half = int(self.layout.on_cart), self.layout.half
         found = np.array(rows)
-        found[:, half : 2 * half] = velocities(self.plant, rows[:, first:half].T, rows[:, half : 2 * half].T).T
+        found[:, half : 2 * half] = velocities(self.system, rows[:, first:half].T, rows[:, half : 2 * half].T).T
         return self.layout.read(found)
 
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,): those of momenta are the largest on each diagonal of M times those of rates."""
-        plant, layout = self.plant, self.layout
-        found, inertia = layout.natural(plant), np.empty(plant.n_links)
-        for group in plant.groups:
+        system, layout = self.system, self.layout
+        found, inertia = layout.natural(system), np.empty(system.n_links)
+        for group in system.groups:
             inertia[group.index] = group.block.diagonal
-        mass = [plant.cart.mass + float(plant.mass.sum())] if plant.cart else []
+        mass = [system.cart.mass + float(system.mass.sum())] if system.cart else []
         found[layout.half : 2 * layout.half] *= np.concatenate((mass, inertia))
         return found
 

@@ -27,8 +27,8 @@ from nonlinear.dynamics import efforts
 from nonlinear.dynamics.constraints import Pivots
 from nonlinear.dynamics.forces import Reactions
 from nonlinear.dynamics.saddle import Saddle
-from nonlinear.system.plant import Plant
-from nonlinear.system.state import Load, Motion, Push, State
+from nonlinear.system.state import AppliedForces, Load, Motion, State
+from nonlinear.system.system import System
 
 NEWTON = 6
 CLOSED, OPEN = 4 * float(np.finfo(float).eps), 1e-9
@@ -48,14 +48,14 @@ class Maximal:
     Without `controlled`, `project` reports the drift and leaves it, as the paper's method does.
     """
 
-    plant: Plant
+    system: System
     load: Load | None = None
     controlled: bool = True
 
     @cached_property
     def pivots(self) -> Pivots:
         """The constraints."""
-        return Pivots(self.plant)
+        return Pivots(self.system)
 
     @cached_property
     def saddle(self) -> Saddle:
@@ -65,7 +65,7 @@ class Maximal:
     @property
     def works(self) -> bool:
         """Whether the work comes last in y."""
-        return self.plant.works or self.load is not None
+        return self.system.works or self.load is not None
 
     def unknowns(self, time: float, y: Floats) -> Floats:
         """The paper's u: q'' (m/s², rad/s²), then `normal` on a cart, then the force from above on every link (N)."""
@@ -76,19 +76,19 @@ class Maximal:
         """Y' of shape (size,)."""
         state, size = self._state(y), self.pivots.size
         push = self._push(time, state)
-        work = [efforts.power(self.plant, state, push)] if self.works else []
+        work = [efforts.power(self.system, state, push)] if self.works else []
         return np.concatenate((y[size : 2 * size], self._unknowns(state, push)[:size], work))
 
-    def _unknowns(self, state: State, push: Push) -> Floats:
-        plant, forces = self.plant, np.zeros(self.pivots.size)
+    def _unknowns(self, state: State, push: AppliedForces) -> Floats:
+        system, forces = self.system, np.zeros(self.pivots.size)
         support, links = self.pivots.parts(forces)
-        support += efforts.on_cart(plant, state, push), plant.gravity * plant.cart.mass if plant.cart else 0.0
-        links[:, 1] = plant.gravity * plant.mass
-        links[:, 2] = efforts.on_links(plant, state, push)
+        support += efforts.on_cart(system, state, push), system.gravity * system.cart.mass if system.cart else 0.0
+        links[:, 1] = system.gravity * system.mass
+        links[:, 2] = efforts.on_links(system, state, push)
         return self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
 
-    def _push(self, time: float, state: State) -> Push:
-        return self.load(time, state) if self.load else Push()
+    def _push(self, time: float, state: State) -> AppliedForces:
+        return self.load(time, state) if self.load else AppliedForces()
 
     def _state(self, y: Floats) -> State:
         return self.read(y[None])[0]
@@ -111,14 +111,14 @@ class Maximal:
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,): l of positions, 1 of angles, and their rates."""
-        half = np.full(self.pivots.size, self.plant.length)
+        half = np.full(self.pivots.size, self.system.length)
         self.pivots.parts(half)[1][:, 2] = 1.0
-        return np.concatenate((half, half * self.plant.rate, [self.plant.energy] * self.works))
+        return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
 
     def drift(self, y: Floats) -> Drift:
         """How far y is off its constraints."""
         q, v = self._halves(y)
-        reach, gravity = self.pivots.reach, self.plant.gravity
+        reach, gravity = self.pivots.reach, self.system.gravity
         return Drift(_widest(self.pivots.gaps(q)) / reach, _widest(self.pivots.opening(q, v)) / sqrt(gravity * reach))
 
     def project(self, y: Floats) -> tuple[Floats, float]:

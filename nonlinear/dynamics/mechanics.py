@@ -15,8 +15,8 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics import joints
 from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.system.plant import Group, Plant
 from nonlinear.system.state import Motion
+from nonlinear.system.system import Group, System
 
 
 def vectors(motion: Motion) -> tuple[Floats, Floats]:
@@ -28,14 +28,14 @@ def vectors(motion: Motion) -> tuple[Floats, Floats]:
     return np.stack((sin, cos), axis=-1), rates * np.stack((cos, -sin), axis=-1)
 
 
-def chained(plant: Plant, cart: Floats, along: Floats) -> tuple[Floats, Floats]:
+def chained(system: System, cart: Floats, along: Floats) -> tuple[Floats, Floats]:
     """Lower joints and centres, each (T, L, d), of what adds up along chains: `along` (T, L, d) a metre of link.
 
     Positions from unit vectors, velocities from their rates, accelerations from theirs; `cart` (T,) is the same thing
     of the pivots, along the rail.
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
-    for group in plant.groups:
+    for group in system.groups:
         own = along[:, group.index]
         steps = group.block.length[..., None] * own
         ends[:, group.index] = lower = np.cumsum(steps, axis=1)
@@ -49,7 +49,7 @@ def chained(plant: Plant, cart: Floats, along: Floats) -> tuple[Floats, Floats]:
 class Mechanics:
     """Quantities of T states, computed when they are asked for."""
 
-    plant: Plant
+    system: System
     motion: Motion
 
     @cached_property
@@ -60,46 +60,46 @@ class Mechanics:
     @cached_property
     def joints(self) -> Floats:
         """Position (m) of every link's lower joint, (T, L, d)."""
-        return chained(self.plant, self.motion.cart, self.vectors[0])[0]
+        return chained(self.system, self.motion.cart, self.vectors[0])[0]
 
     @cached_property
     def centres(self) -> Floats:
         """Position (m) of every link's centre of mass, (T, L, d)."""
-        return chained(self.plant, self.motion.cart, self.vectors[0])[1]
+        return chained(self.system, self.motion.cart, self.vectors[0])[1]
 
     @cached_property
     def speeds(self) -> Floats:
         """Velocity (m/s) of every centre of mass, (T, L, d)."""
-        return chained(self.plant, self.motion.cart_rate, self.vectors[1])[1]
+        return chained(self.system, self.motion.cart_rate, self.vectors[1])[1]
 
     @cached_property
     def kinetic(self) -> Floats:
         """Kinetic energy (J) of every link, (T, L)."""
         squares = [np.sum(values**2, axis=-1) for values in (self.speeds, self.vectors[1])]
-        return np.asarray((self.plant.mass * squares[0] + self.plant.by_link("inertia") * squares[1]) / 2)
+        return np.asarray((self.system.mass * squares[0] + self.system.by_link("inertia") * squares[1]) / 2)
 
     @cached_property
     def heights(self) -> Floats:
         """Of every centre of mass above where it is at rest (m), (T, L)."""
-        links, sigma = self.motion.links, self.plant.by_link("sigma")
-        if self.plant.spatial:
+        links, sigma = self.motion.links, self.system.by_link("sigma")
+        if self.system.spatial:
             lifts = sigma * np.sum((links - np.outer(sigma, [0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
         else:
             lifts = 2 * sigma * np.sin((links - np.where(sigma > 0, 0.0, np.pi)) / 2) ** 2
-        return chained(self.plant, np.zeros(len(links)), lifts[..., None])[1][..., 0]
+        return chained(self.system, np.zeros(len(links)), lifts[..., None])[1][..., 0]
 
     @cached_property
     def potential(self) -> Floats:
         """Potential energy (J) of every link above its rest, and of the spring at its upper joint, (T, L)."""
-        found = self.plant.mass * self.plant.gravity * self.heights
-        for group in self.plant.groups:
+        found = self.system.mass * self.system.gravity * self.heights
+        for group in self.system.groups:
             if group.sprung:
                 found[:, group.index] += self._springs(group)
         return np.asarray(found)
 
     def _springs(self, group: Group) -> Floats:
         own = self.motion.links[:, group.index]
-        if self.plant.spatial:
+        if self.system.spatial:
             energy = ball_joints.spring_energy(group, np.moveaxis(own, (0, -1), (-1, 0)))
         else:
             energy = joints.spring_energy(group, np.moveaxis(own, 0, -1))
@@ -108,13 +108,13 @@ class Mechanics:
     @cached_property
     def cart_kinetic(self) -> Floats:
         """Kinetic energy (J) of the cart, (T,)."""
-        mass = self.plant.cart.mass if self.plant.cart else 0.0
+        mass = self.system.cart.mass if self.system.cart else 0.0
         return np.asarray(mass * self.motion.cart_rate**2 / 2)
 
     @cached_property
     def cart_potential(self) -> Floats:
         """Energy (J) of the cart's spring, (T,)."""
-        stiffness = self.plant.cart.stiffness if self.plant.cart else 0.0
+        stiffness = self.system.cart.stiffness if self.system.cart else 0.0
         return np.asarray(stiffness * self.motion.cart**2 / 2)
 
     @cached_property
@@ -124,23 +124,23 @@ class Mechanics:
 
     def of_pendula(self, values: Floats) -> Floats:
         """Values (T, L) of links added up over each pendulum, (T, N)."""
-        found = np.zeros((len(values), self.plant.n_pendula))
-        for group in self.plant.groups:
+        found = np.zeros((len(values), self.system.n_pendula))
+        for group in self.system.groups:
             found[:, group.pendula] = values[:, group.index].sum(1)
         return found
 
     @cached_property
     def momentum(self) -> Floats:
         """Momentum (kg m/s) along the rail, (T,): conserved where nothing holds or drives the cart."""
-        cart = self.plant.cart.mass * self.motion.cart_rate if self.plant.cart else 0.0
-        return np.asarray(cart + self.speeds[..., 0] @ self.plant.mass)
+        cart = self.system.cart.mass * self.motion.cart_rate if self.system.cart else 0.0
+        return np.asarray(cart + self.speeds[..., 0] @ self.system.mass)
 
     @cached_property
     def spin(self) -> Floats:
         """Angular momentum (kg m²/s) about the vertical through the support, (T,), in space."""
         (u, w), r, v = self.vectors, self.centres, self.speeds
-        orbital = (r[..., 0] * v[..., 1] - r[..., 1] * v[..., 0]) @ self.plant.mass
-        own = (u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]) @ self.plant.by_link("inertia")
+        orbital = (r[..., 0] * v[..., 1] - r[..., 1] * v[..., 0]) @ self.system.mass
+        own = (u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]) @ self.system.by_link("inertia")
         return np.asarray(orbital + own)
 
     def pivot_forces(self, accelerations: tuple[Floats, Floats]) -> Floats:
@@ -149,10 +149,10 @@ class Mechanics:
         `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d): Newton's second law for
         the link and all below it.
         """
-        bodily = chained(self.plant, *accelerations)[1]
-        bodily[..., -1] -= self.plant.gravity
-        needed = self.plant.mass[:, None] * bodily
-        for group in self.plant.groups:
+        bodily = chained(self.system, *accelerations)[1]
+        bodily[..., -1] -= self.system.gravity
+        needed = self.system.mass[:, None] * bodily
+        for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]
         return needed

@@ -11,7 +11,7 @@ from modal.types import Ints
 from nonlinear.dynamics import joints
 from nonlinear.dynamics.recursion import downward, links_of, upward
 from nonlinear.dynamics.suspended import Suspended
-from nonlinear.system.plant import Group
+from nonlinear.system.system import Group
 
 
 class Recursion:
@@ -40,7 +40,7 @@ class Minimal(Suspended):
     @cached_property
     def places(self) -> tuple[Ints, ...]:
         """Where every group's angles (n, P) stand among all."""
-        return tuple(group.index for group in self.plant.groups)
+        return tuple(group.index for group in self.system.groups)
 
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
         """Torques (n, P, ...) on the absolute angles, and the power of joints and moments."""

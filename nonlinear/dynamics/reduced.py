@@ -7,16 +7,16 @@ from dataclasses import dataclass
 
 from modal.types import Floats
 from nonlinear.dynamics.symmetries import Symmetry
-from nonlinear.system.plant import Plant
-from nonlinear.system.state import Load, Motion, State, System
+from nonlinear.system.state import Equations, Load, Motion, State
+from nonlinear.system.system import System
 
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """The equations `inner` of the last of these symmetries, read as the motion of the whole `plant`."""
+    """The equations `inner` of the last of these symmetries, read as the motion of the whole `system`."""
 
-    plant: Plant
-    inner: System
+    system: System
+    inner: Equations
     symmetries: Sequence[Symmetry]
 
     @property

@@ -72,8 +72,8 @@ class Saddle:
 
 def _masses(pivots: Pivots) -> tuple[Floats, Floats]:
     """The diagonal of M, and the root of each coordinate's inertia, never zero."""
-    plant, mass, inertia = pivots.plant, pivots.plant.mass, pivots.plant.by_link("inertia")
-    cart = [plant.cart.mass] * 2 if plant.cart else []
+    system, mass, inertia = pivots.system, pivots.system.mass, pivots.system.by_link("inertia")
+    cart = [system.cart.mass] * 2 if system.cart else []
     links = np.column_stack((mass, mass, inertia))
     turning = np.column_stack((mass, mass, inertia + mass * pivots.centre**2))
     loaded = [one + float(mass.sum()) for one in cart]
@@ -85,7 +85,7 @@ def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:
 
     Row r is a pivot along the rail, r + 1 the same one down.
     """
-    first, links = pivots.first, np.arange(pivots.plant.n_links)
+    first, links = pivots.first, np.arange(pivots.system.n_links)
     r, x = first // 2 + 2 * links, first + 3 * links
     inner = pivots.above >= 0
     upper = pivots.above[inner]

@@ -14,7 +14,7 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from nonlinear.dynamics.dense import SINGULAR
-from nonlinear.system.plant import Group
+from nonlinear.system.system import Group
 
 
 class Dense:

@@ -13,7 +13,7 @@ from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.spatial_joints import generalized
 from nonlinear.dynamics.spatial_recursion import cross, dot, downward, facing, upward
 from nonlinear.dynamics.suspended import Suspended
-from nonlinear.system.plant import Group
+from nonlinear.system.system import Group
 
 
 class Recursion:
@@ -49,7 +49,7 @@ class Spatial(Suspended):
     @cached_property
     def places(self) -> tuple[Ints, ...]:
         """Where the components (3, n, P) of every group stand among those of all links."""
-        return tuple(3 * group.index + np.arange(3)[:, None, None] for group in self.plant.groups)
+        return tuple(3 * group.index + np.arange(3)[:, None, None] for group in self.system.groups)
 
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
         """Generalized forces (3, n, P, ...) on u, and the power of dampers and moments."""
@@ -71,6 +71,6 @@ class Spatial(Suspended):
         length = np.linalg.norm(u, axis=1, keepdims=True)
         u /= length
         along = np.sum(u * w, axis=1, keepdims=True)
-        speed = np.linalg.norm(w, axis=1) + np.sqrt(self.plant.gravity / self.plant.by_link("length"))
+        speed = np.linalg.norm(w, axis=1) + np.sqrt(self.system.gravity / self.system.by_link("length"))
         w -= along * u
         return found, float(max(np.max(abs(length - 1)), np.max(abs(along[:, 0]) / speed)))

@@ -17,10 +17,10 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.system.plant import Group, Plant
-from nonlinear.system.state import Layout, Load, Motion, Push, State
+from nonlinear.system.state import AppliedForces, Layout, Load, Motion, State
+from nonlinear.system.system import Group, System
 
-NOTHING = Push()
+NOTHING = AppliedForces()
 
 
 class Body(Protocol):
@@ -39,7 +39,7 @@ class Body(Protocol):
 class Suspended(ABC):
     """The equations of a scene; `bodies` solve its groups, `load` acts from outside."""
 
-    plant: Plant
+    system: System
     bodies: tuple[Body, ...]
     load: Load | None = None
 
@@ -48,8 +48,8 @@ class Suspended(ABC):
     @cached_property
     def layout(self) -> Layout:
         """The parts of y."""
-        works = self.plant.works or self.load is not None
-        return Layout(self.plant.n_links, self.width, self.plant.cart is not None, works)
+        works = self.system.works or self.load is not None
+        return Layout(self.system.n_links, self.width, self.system.cart is not None, works)
 
     @cached_property
     @abstractmethod
@@ -62,7 +62,7 @@ class Suspended(ABC):
 
     def derivative(self, time: float, y: Any) -> Any:
         """The rate of y, (size, ...): further axes of y are so many trajectories side by side."""
-        layout, cart = self.layout, self.plant.cart
+        layout, cart = self.layout, self.system.cart
         first, half = int(layout.on_cart), layout.half
         q, v = y[:half], y[half : 2 * half]
         push = self.load(time, layout.state(y)) if self.load else NOTHING
@@ -81,13 +81,13 @@ class Suspended(ABC):
             found[-1] = power
         return found
 
-    def _pulls(self, links: Any, rates: Any, push: Push) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
+    def _pulls(self, links: Any, rates: Any, push: AppliedForces) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
         given = None if push.moments is None else np.ravel(push.moments)
-        for group, place, body in zip(self.plant.groups, self.places, self.bodies, strict=True):
+        for group, place, body in zip(self.system.groups, self.places, self.bodies, strict=True):
             own, speed = links[place], rates[place]
             torques, work = self.acting(group, own, speed, None if given is None else given[place])
-            one_mass, one_force, memory = body.pull(own, speed, torques, self.plant.gravity)
+            one_mass, one_force, memory = body.pull(own, speed, torques, self.system.gravity)
             mass, force, power = mass + one_mass, force + one_force, power + work
             solved.append((place, body, memory))
         return mass, force, power, solved
@@ -103,7 +103,7 @@ class Suspended(ABC):
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,)."""
-        return self.layout.natural(self.plant)
+        return self.layout.natural(self.system)
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """Without constraints there is nothing to mend."""

@@ -25,9 +25,9 @@ import numpy as np
 
 from modal.assembly.arrays import ARRAYS, CartNumbers
 from modal.types import Floats, Ints
-from nonlinear.system.directions import directions, velocities
-from nonlinear.system.plant import Group, Plant
+from nonlinear.system.directions import unit_vectors, velocities
 from nonlinear.system.state import Motion, State
+from nonlinear.system.system import Group, System
 
 FAR = 10.0  # radians, or lengths of the longest link
 WIDE = 200  # powers of two of m l² (kg m²)
@@ -35,32 +35,32 @@ WIDE = 200  # powers of two of m l² (kg m²)
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """Another `plant` that moves in the same way: how to begin there, and how the whole moves, and this in words.
+    """Another `system` that moves in the same way: how to begin there, and how the whole moves, and this in words.
 
     `ties` says whether it holds together what would part in a motion beside this one.
     """
 
-    plant: Plant
+    system: System
     restrict: Callable[[State], State]
     extend: Callable[[Motion], Motion]
     words: str
     ties: bool = False
 
 
-def symmetries(plant: Plant, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
-    """What makes a plant smaller or handier for this start, one after the other.
+def find_symmetries(system: System, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
+    """What makes a system smaller or handier for this start, one after the other.
 
     Without `planar` a scene in space remains one.
     """
     found: list[Symmetry] = []
     for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
-        if symmetry := find(plant, start):
+        if symmetry := find(system, start):
             found.append(symmetry)
-            plant, start = symmetry.plant, symmetry.restrict(start)
+            system, start = symmetry.system, symmetry.restrict(start)
     return tuple(found)
 
 
-def symmetrized(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Motion]:
+def symmetrize(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Motion]:
     """A state as a motion of one instant, and the one nearest by that has these symmetries."""
     like = state
     for symmetry in symmetries:
@@ -76,13 +76,13 @@ def _instant(state: State) -> Motion:
     return Motion(state.links[None], state.link_rates[None], cart, rate, np.zeros(1))
 
 
-def in_one_plane(plant: Plant, start: State) -> Symmetry | None:
+def in_one_plane(system: System, start: State) -> Symmetry | None:
     """The planar scene of a spatial one whose start has nothing across the rail, None for any other."""
-    if not plant.spatial or any(group.sprung for group in plant.groups):
+    if not system.spatial or any(group.sprung for group in system.groups):
         return None
     if np.any(start.links[:, 1]) or np.any(start.link_rates[:, 1]):
         return None
-    return Symmetry(replace(plant, spatial=False), _angles, _vectors, "one vertical plane of space", ties=True)
+    return Symmetry(replace(system, spatial=False), _angles, _vectors, "one vertical plane of space", ties=True)
 
 
 def _angles(state: State) -> State:
@@ -91,15 +91,15 @@ def _angles(state: State) -> State:
 
 
 def _vectors(motion: Motion) -> Motion:
-    u, w = directions(motion.links, 0.0), velocities(motion.links, 0.0, motion.link_rates)
+    u, w = unit_vectors(motion.links, 0.0), velocities(motion.links, 0.0, motion.link_rates)
     return replace(motion, links=u, link_rates=w)
 
 
-def synchronous(plant: Plant, start: State) -> Symmetry | None:
+def synchronous(system: System, start: State) -> Symmetry | None:
     """One pendulum for all that are equal and start equally, None where no two do."""
     groups: list[Group] = []
-    kept, whole = np.zeros(0, dtype=np.int64), np.empty(plant.n_links, dtype=np.int64)
-    for group in plant.groups:
+    kept, whole = np.zeros(0, dtype=np.int64), np.empty(system.n_links, dtype=np.int64)
+    for group in system.groups:
         first, place, count = _kinds(group, start)
         index = len(kept) + np.arange(group.n * len(first)).reshape(len(first), group.n).T
         pendula = sum(other.index.shape[1] for other in groups) + np.arange(len(first))
@@ -107,10 +107,10 @@ def synchronous(plant: Plant, start: State) -> Symmetry | None:
         groups.append(Group(group.block.take(first).heavier(count), index, pendula, excitation))
         whole[group.index] = index[:, place]
         kept = np.concatenate((kept, group.index[:, first].T.ravel()))
-    if len(kept) == plant.n_links:
+    if len(kept) == system.n_links:
         return None
-    small = replace(plant, groups=tuple(groups), labels=())
-    words = f"{small.n_pendula} of {plant.n_pendula} pendula, the others moving with them"
+    small = replace(system, groups=tuple(groups), labels=())
+    words = f"{small.n_pendula} of {system.n_pendula} pendula, the others moving with them"
     return Symmetry(small, lambda state: _picked(state, kept), lambda motion: _spread(motion, whole), words, ties=True)
 
 
@@ -139,62 +139,62 @@ def _spread(motion: Motion, whole: Ints) -> Motion:
     return replace(motion, links=motion.links[:, whole], link_rates=motion.link_rates[:, whole])
 
 
-def exactly_symmetric(plant: Plant, start: State) -> bool:
+def exactly_symmetric(system: System, start: State) -> bool:
     """Whether a symmetry of the start holds digit by digit, so that no run of it shows how motions beside it leave it.
 
     Equal pendula with equal starts; pendula on a cart that are each other's mirror images, or their own; in space also
     a pendulum in the plane of the rail or across it.
     """
-    if plant.spatial and _flat(plant, start):
+    if system.spatial and _flat(system, start):
         return True
-    return synchronous(plant, start) is not None or _mirrored(plant, start)
+    return synchronous(system, start) is not None or _mirrored(system, start)
 
 
-def _flat(plant: Plant, start: State) -> bool:
+def _flat(system: System, start: State) -> bool:
     """Whether any pendulum has nothing along the rail, or nothing across it."""
-    most = np.zeros((plant.n_pendula, 2))
+    most = np.zeros((system.n_pendula, 2))
     for part in (start.links, start.link_rates):
-        np.maximum.at(most, plant.pendulum, np.abs(part[:, :2]))
+        np.maximum.at(most, system.pendulum, np.abs(part[:, :2]))
     return bool(np.any(most == 0))
 
 
-def _mirrored(plant: Plant, start: State) -> bool:
+def _mirrored(system: System, start: State) -> bool:
     """Whether the scene and its start look the same from behind, whole turns left out."""
-    cart = plant.cart
+    cart = system.cart
     if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
         return False
-    if plant.spatial:
+    if system.spatial:
         image = [part * [-1, 1, 1] + 0.0 for part in (start.links, start.link_rates)]
     else:
         turned = start.links - 2 * np.pi * np.round(start.links / (2 * np.pi))
         start = replace(start, links=np.where(turned == -np.pi, np.pi, turned))
         image = [np.where(start.links == np.pi, np.pi, 0.0 - start.links), 0.0 - start.link_rates]
     behind = replace(start, links=image[0], link_rates=image[1])
-    for group in plant.groups:
+    for group in system.groups:
         one, other = (np.unique(_table(group, state), axis=0, return_counts=True) for state in (start, behind))
         if not (np.array_equal(one[0], other[0]) and np.array_equal(one[1], other[1])):
             return False
     return True
 
 
-def near(plant: Plant, start: State) -> Symmetry | None:
+def near(system: System, start: State) -> Symmetry | None:
     """The same without whole turns, its cart where the rail begins, None where neither is far away."""
-    turned = np.zeros_like(start.links) if plant.spatial else start.links - _unwound(plant, start.links)
-    away = start.cart if plant.cart and not plant.cart.stiffness else 0.0
-    if np.abs(turned).max() < FAR and abs(away) < FAR * plant.length:
+    turned = np.zeros_like(start.links) if system.spatial else start.links - _unwound(system, start.links)
+    away = start.cart if system.cart and not system.cart.stiffness else 0.0
+    if np.abs(turned).max() < FAR and abs(away) < FAR * system.length:
         return None
     return Symmetry(
-        plant,
+        system,
         lambda state: replace(state, links=state.links - turned, cart=state.cart - away),
         lambda motion: replace(motion, links=motion.links + turned, cart=motion.cart + away),
         "whole turns and the cart's way so far left out",
     )
 
 
-def _unwound(plant: Plant, links: Floats) -> Floats:
+def _unwound(system: System, links: Floats) -> Floats:
     """Angles within half a turn of the hanging rest, but at a joint with a spring or a drive as bent as ever."""
     found = links.copy()
-    for group in plant.groups:
+    for group in system.groups:
         angles = links[group.index]
         within = np.where(np.abs(angles) > np.pi, np.arctan2(np.sin(angles), np.cos(angles)), angles)
         bend = np.diff(angles, axis=0, prepend=0.0)
@@ -209,17 +209,17 @@ def _unwound(plant: Plant, links: Floats) -> Floats:
     return found
 
 
-def natural(plant: Plant, start: State) -> Symmetry | None:
+def natural(system: System, start: State) -> Symmetry | None:
     """The same in natural units of mass and length, None where kg and m serve as well."""
-    m, l = (frexp(float(plant.by_link(name).max()))[1] for name in ("mass", "length"))
+    m, l = (frexp(float(system.by_link(name).max()))[1] for name in ("mass", "length"))
     if abs(m) + 2 * abs(l) < WIDE:
         return None
     mass, length, moment = 2.0**m, 2.0**l, 2.0 ** (m + 2 * l)
     units = {"mass": mass, "length": length, "centre": length, "sigma": 1.0}
-    cart = plant.cart and CartNumbers(*(number / mass for number in plant.cart))
+    cart = system.cart and CartNumbers(*(number / mass for number in system.cart))
     numbers = {name: units.get(name, moment) for name in ARRAYS}
-    groups = tuple(_counted(group, numbers, moment) for group in plant.groups)
-    small = replace(plant, gravity=plant.gravity / length, cart=cart, groups=groups)
+    groups = tuple(_counted(group, numbers, moment) for group in system.groups)
+    small = replace(system, gravity=system.gravity / length, cart=cart, groups=groups)
     return Symmetry(
         small,
         lambda state: replace(state, cart=state.cart / length, cart_rate=state.cart_rate / length),

@@ -13,9 +13,9 @@ from modal.errors import SceneError
 from modal.scene.model import Scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
-from nonlinear.integration.timescales import timescales
-from nonlinear.system.plant import Plant
-from nonlinear.system.state import Load, Push, State
+from nonlinear.integration.timescales import estimate_timescales
+from nonlinear.system.state import AppliedForces, Load, State
+from nonlinear.system.system import System
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
@@ -23,7 +23,7 @@ PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # samples kept where nobody says h
 MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # kept in all, as asked for and where nobody asks
 
 
-def gathered(*actions: Callable[[], Any]) -> list[Any]:
+def validate(*actions: Callable[[], Any]) -> list[Any]:
     """What the actions return; one SceneError with the problems of all of them."""
     found: list[Any] = []
     problems: list[str] = []
@@ -37,7 +37,7 @@ def gathered(*actions: Callable[[], Any]) -> list[Any]:
     return found
 
 
-def insist_numbers(duration: float, tolerance: float, start_time: float) -> None:
+def validate_numbers(duration: float, tolerance: float, start_time: float) -> None:
     """SceneError for a duration, a tolerance or a start time that cannot be."""
     checks = {
         f"duration {duration!r}: must be a positive number of seconds": _real(duration) and duration > 0,
@@ -49,7 +49,7 @@ def insist_numbers(duration: float, tolerance: float, start_time: float) -> None
         raise SceneError(problems)
 
 
-def insist_accuracy(accuracy: float | None) -> None:
+def validate_accuracy(accuracy: float | None) -> None:
     """SceneError for an accuracy that cannot be."""
     if accuracy is None:
         return
@@ -61,12 +61,16 @@ def _real(value: object) -> bool:
     return isinstance(value, Real) and not isinstance(value, bool) and isfinite(value)
 
 
-def sampled(scene: Scene, duration: float, start_time: float, output: int | Sequence[float] | Floats | None) -> Floats:
+def sample_times(
+    scene: Scene, duration: float, start_time: float, output: int | Sequence[float] | Floats | None
+) -> Floats:
     """The times to keep, from `start_time` on: so many, these after the start, or as the scene's own swing wants."""
-    insist_numbers(duration, LOOSEST, start_time)
+    validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
-        wished = min(max(ceil(min(duration * timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST)), FEWEST), MOST)
+        wished = min(
+            max(ceil(min(duration * estimate_timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST)), FEWEST), MOST
+        )
         output = max(2, min(wished, USUAL_NUMBERS // size)) + 1
     if isinstance(output, Integral) and not isinstance(output, bool):
         count, most = int(output), MOST_NUMBERS // size
@@ -96,7 +100,7 @@ def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pa
     return Pace(longest=inf if max_step is None else float(max_step), breaks=tuple(np.unique(times).tolist()))
 
 
-def insist_seen(load: Load | None, accuracy: float | None, *told: object) -> None:
+def validate_observable(load: Load | None, accuracy: float | None, *told: object) -> None:
     """SceneError for an accuracy under a load where nothing is `told` of how soon that changes."""
     if load is not None and accuracy is not None and all(each is None for each in told):
         what = "a short one can fall between the steps of every run, so that all agree and are wrong"
@@ -116,15 +120,15 @@ def _listed(output: Any, duration: float) -> Floats:
     return times if times[0] == 0 else np.concatenate(([0.0], times))
 
 
-def insist_push(load: Load | None, plant: Plant, start: State, time: float) -> None:
+def validate_forces(load: Load | None, system: System, start: State, time: float) -> None:
     """Ask a load once, at the start; SceneError for anything but a `Push` that fits the scene."""
     if load is None:
         return
-    push, shape = load(time, start), (plant.n_links, 3) if plant.spatial else (plant.n_links,)
-    if not isinstance(push, Push):
+    push, shape = load(time, start), (system.n_links, 3) if system.spatial else (system.n_links,)
+    if not isinstance(push, AppliedForces):
         raise SceneError([f"load: must return a Push, not {type(push).__name__}"])
     problems = []
-    if plant.cart is None and push.cart:
+    if system.cart is None and push.cart:
         problems.append("load: pushes the cart, and the support is fixed")
     if push.moments is not None and np.shape(push.moments) != shape:
         problems.append(f"load: moments have shape {np.shape(push.moments)}, this scene needs {shape}")
@@ -134,19 +138,19 @@ def insist_push(load: Load | None, plant: Plant, start: State, time: float) -> N
         raise SceneError(problems)
 
 
-def extent(state: State, plant: Plant) -> float:
+def extent(state: State, system: System) -> float:
     """How far a start is from rest, in natural units: at most 1, and 1 for a start at rest itself.
 
     Whole turns, the place of a cart without a spring and its coasting without a damper do not count.
     """
-    sigma, cart = plant.by_link("sigma"), plant.cart
-    if plant.spatial:
+    sigma, cart = system.by_link("sigma"), system.cart
+    if system.spatial:
         aside = state.links - np.outer(sigma, [0.0, 0.0, 1.0])
     else:
         aside = (state.links - np.where(sigma > 0, 0.0, pi) + pi) % (2 * pi) - pi
-    parts = [float(np.abs(aside).max()), float(np.abs(state.link_rates).max()) / plant.rate]
+    parts = [float(np.abs(aside).max()), float(np.abs(state.link_rates).max()) / system.rate]
     if cart and cart.stiffness:
-        parts.append(abs(state.cart) / plant.length)
+        parts.append(abs(state.cart) / system.length)
     if cart and (cart.stiffness or cart.damping):
-        parts.append(abs(state.cart_rate) / plant.length / plant.rate)
+        parts.append(abs(state.cart_rate) / system.length / system.rate)
     return min(max(parts), 1.0) or 1.0

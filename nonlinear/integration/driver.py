@@ -15,8 +15,8 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.integration.escapements import Escapements
 from nonlinear.integration.steppers import Stepper
-from nonlinear.system.events import NO_KICKS, Event, Happening, Kicks
-from nonlinear.system.state import State, System
+from nonlinear.system.events import NO_KICKS, Event, EventRecord, Kicks
+from nonlinear.system.state import Equations, State
 
 SILENT = 1e-9
 """Share of what an event's value becomes within the first step below which it begins at zero: that is no crossing."""
@@ -30,7 +30,7 @@ class Record:
     rows: Floats
     filled: int = 0
     last: tuple[float, Floats] | None = None  # where it stopped, if between samples
-    happenings: list[Happening] = field(default_factory=list)
+    happenings: list[EventRecord] = field(default_factory=list)
     drift: float = 0.0
     kicks: Kicks = NO_KICKS
     steps: int = 0
@@ -59,7 +59,7 @@ class Drive:
     """
 
     stepper: Stepper
-    system: System
+    equations: Equations
     times: Floats
     events: Sequence[Event] = ()
     report: Callable[[float], object] = lambda time: None
@@ -95,7 +95,7 @@ class Drive:
         if stop is not None:
             now, y = stop, self.stepper.exact(stop)
         self._sample(record, now)
-        record.last = now, self.system.project(y)[0]
+        record.last = now, self.equations.project(y)[0]
         if self.escapements and kick:
             if not record.stopped:
                 kicked = self.escapements.kicked(kick, y)
@@ -103,7 +103,7 @@ class Drive:
                 record.last = now, kicked
                 self.stepper.restart(kicked, now)
         else:
-            mended, drift = self.system.project(self.stepper.y)
+            mended, drift = self.equations.project(self.stepper.y)
             record.drift = max(record.drift, drift)
             if drift:
                 self.stepper.restart(mended)
@@ -116,9 +116,9 @@ class Drive:
             times = self.times[record.filled : record.filled + count]
             rows = self.stepper.inside(times)
             rows[times == self.stepper.time] = self.stepper.y
-            record.keep(np.array([self.system.project(row)[0] for row in rows]))
+            record.keep(np.array([self.equations.project(row)[0] for row in rows]))
 
-    def _happenings(self, before: float, now: float) -> Iterator[tuple[Happening, bool]]:
+    def _happenings(self, before: float, now: float) -> Iterator[tuple[EventRecord, bool]]:
         if not self.events:
             return
         for event in self.events:
@@ -129,13 +129,13 @@ class Drive:
             for (start, low), (end, high) in pairwise(zip(looks, values, strict=True)):
                 if _passes(event, low, high):
                     time = self._refined(event, start, end)
-                    yield Happening(event.name, time, self._state(self.stepper.exact(time))), event.stop
+                    yield EventRecord(event.name, time, self._state(self.stepper.exact(time))), event.stop
 
-    def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[Happening, bool]]:
+    def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[EventRecord, bool]]:
         """The events that a kick brings about in an instant."""
         for event in self.events:
             if _passes(event, *(event.value(self._state(row)) for row in (before, after))):
-                yield Happening(event.name, time, self._state(after)), event.stop
+                yield EventRecord(event.name, time, self._state(after)), event.stop
 
     def _refined(self, event: Event, start: float, end: float) -> float:
         """The root on the interpolant, then one secant step with what the integrator itself gives there."""
@@ -153,7 +153,7 @@ class Drive:
         return value
 
     def _state(self, row: Floats) -> State:
-        return self.system.read(row[None])[0]
+        return self.equations.read(row[None])[0]
 
 
 def _passes(event: Event, low: float, high: float) -> bool:
@@ -161,7 +161,7 @@ def _passes(event: Event, low: float, high: float) -> bool:
     return (low < 0 <= high and event.direction >= 0) or (low > 0 >= high and event.direction <= 0)
 
 
-def _first_stop(record: Record, found: Iterable[tuple[Happening, bool]]) -> float | None:
+def _first_stop(record: Record, found: Iterable[tuple[EventRecord, bool]]) -> float | None:
     """Keep what happened, up to the first event that stops the run; when that is (s)."""
     for happening, stop in found:
         record.happenings.append(happening)

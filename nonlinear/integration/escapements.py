@@ -24,8 +24,8 @@ from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics.minimal import Minimal, Recursion
 from nonlinear.integration.steppers import Stepper
 from nonlinear.system.events import NO_KICKS, Kicks
-from nonlinear.system.plant import Group, Plant
-from nonlinear.system.state import Layout, Push
+from nonlinear.system.state import AppliedForces, Layout
+from nonlinear.system.system import Group, System
 
 LOOKS = 6  # within every step
 TOGETHER = 1e-12  # rad by which a kick may come early to come with another
@@ -34,12 +34,12 @@ BUMP = 0.25  # of its change of slope, by which a curve that bends one way may r
 
 @dataclass(frozen=True, eq=False)
 class Escaping:
-    """The joints with escapements of a plant, J of them, all (J,): which links stand below and above (−1: support).
+    """The joints with escapements of a system, J of them, all (J,): which links stand below and above (−1: support).
 
     `bent` is the angle (rad) at rest, `impulse` (N m s), `angle` (rad).
     """
 
-    plant: Plant
+    system: System
     below: Ints
     above: Ints
     bent: Floats
@@ -52,34 +52,34 @@ class Escaping:
         return np.asarray(padded[..., self.below] - padded[..., self.above] - rest)
 
     @cached_property
-    def _free(self) -> Plant:
+    def _free(self) -> System:
         """The masses alone."""
-        cart = self.plant.cart and CartNumbers(self.plant.cart.mass, 0.0, 0.0)
-        return replace(self.plant, gravity=0.0, cart=cart, groups=tuple(map(_loose, self.plant.groups)))
+        cart = self.system.cart and CartNumbers(self.system.cart.mass, 0.0, 0.0)
+        return replace(self.system, gravity=0.0, cart=cart, groups=tuple(map(_loose, self.system.groups)))
 
     def jump(self, links: Floats, kicked: Floats) -> Floats:
         """The change of the velocities (half of y) when joints are kicked by so much each (J,) in N m s."""
-        moments = np.zeros(self.plant.n_links + 1)
+        moments = np.zeros(self.system.n_links + 1)
         np.add.at(moments, self.below, kicked)
         np.add.at(moments, self.above, -kicked)
-        push = Push(moments=moments[:-1])
+        push = AppliedForces(moments=moments[:-1])
         still = Minimal(self._free, tuple(Recursion(group) for group in self._free.groups), lambda time, state: push)
         layout, y = still.layout, np.zeros(still.layout.size)
         y[layout.on_cart : layout.half] = links
         return np.asarray(still.derivative(0.0, y)[layout.half : 2 * layout.half])
 
 
-def escaping(plant: Plant) -> Escaping:
+def escaping(system: System) -> Escaping:
     """The joints with escapements, in the order of the groups."""
     parts: list[Floats] = []
-    for group in plant.groups:
+    for group in system.groups:
         if group.kicked and group.excitation:
             above = np.vstack((np.full_like(group.index[:1], -1), group.index[:-1]))
             drive = group.excitation
             columns = (group.index, above, group.bent, drive.impulse, drive.angle)
             parts.append(np.stack([part[drive.impulse > 0] for part in columns]))
     below, above, *rest = np.hstack(parts)
-    return Escaping(plant, below.astype(np.int64), above.astype(np.int64), *rest)
+    return Escaping(system, below.astype(np.int64), above.astype(np.int64), *rest)
 
 
 def _loose(group: Group) -> Group:
@@ -177,14 +177,14 @@ class Escapements:
         return Due(time, _largest(over(time)))
 
 
-def escapements(plant: Plant, layout: Layout, y: Floats, before: Kicks = NO_KICKS) -> Escapements:
+def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KICKS) -> Escapements:
     """The escapements of a run that begins at y, after the kicks `before`.
 
     A joint out of its angle, and one that was kicked before, have had their kick on that side.
     """
-    joints = escaping(plant)
+    joints = escaping(system)
     gamma = joints.gamma(y[layout.on_cart : layout.half], joints.bent)
-    last = np.zeros(plant.n_links)
+    last = np.zeros(system.n_links)
     last[before.link] = before.impulse
     aside = np.where(np.abs(gamma) > joints.angle, gamma, last[joints.below])
     return Escapements(joints, layout, -np.sign(aside))

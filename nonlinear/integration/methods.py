@@ -20,9 +20,9 @@ from nonlinear.dynamics.suspended import Body
 from nonlinear.dynamics.symmetries import Symmetry
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
-from nonlinear.integration.timescales import timescales
-from nonlinear.system.plant import Group, Plant, plant_of
-from nonlinear.system.state import Load, System
+from nonlinear.integration.timescales import estimate_timescales
+from nonlinear.system.state import Equations, Load
+from nonlinear.system.system import Group, System, system_of
 
 ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
@@ -59,14 +59,14 @@ def choose(
     *,
     driven: bool = False,
     size: float = 1.0,
-    plant: Plant | None = None,
+    system: System | None = None,
 ) -> Choice:
     """Fill in what is "auto" for a motion of this size; SceneError names every word that is unknown or unfit.
 
-    `plant` is what is integrated, where that is less than the whole scene.
+    `system` is what is integrated, where that is less than the whole scene.
     """
-    plant = plant or plant_of(scene)
-    space = plant.spatial
+    system = system or system_of(scene)
+    space = system.spatial
     problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
@@ -74,9 +74,9 @@ def choose(
         problems.append(f"form {form}: is for the plane, and this scene is in space")
     elif not space and form == "spatial":
         problems.append("form spatial: is for space, and this scene is in the plane")
-    if plant.kicked and form not in {"auto", "minimal"}:
+    if system.kicked and form not in {"auto", "minimal"}:
         problems.append(f"form {form}: cannot take the kicks of escapements; minimal can")
-    if form == "maximal" and (least := float(np.min(plant.by_link("length"))) / plant.length) < SHORTEST:
+    if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
         problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
     if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
         problems.append("method taylor: runs plane scenes in minimal coordinates without applied forces")
@@ -86,47 +86,47 @@ def choose(
     if problems:
         raise SceneError(problems)
     if method == "auto":
-        method, why = _automatic(scene, plant, duration, tolerance, form, driven or tolerance * size < TIGHTEST)
+        method, why = _automatic(scene, system, duration, tolerance, form, driven or tolerance * size < TIGHTEST)
     else:
         why = ASKED
     compiled = (
         form == "minimal"
         and not driven
         and method in SCIPY
-        and _worth_compiling(_costs(scene, plant, duration, tolerance))
+        and _worth_compiling(_costs(scene, system, duration, tolerance))
     )
     finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
 
 
 def _automatic(
-    scene: Scene, plant: Plant, duration: float, tolerance: float, form: str, plain: bool
+    scene: Scene, system: System, duration: float, tolerance: float, form: str, plain: bool
 ) -> tuple[str, str]:
-    found = timescales(scene)
+    found = estimate_timescales(scene)
     if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
         fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest swing"
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
-    if form == "minimal" and not plain and _taylor_takes(plant):
+    if form == "minimal" and not plain and _taylor_takes(system):
         if tolerance < FINEST:
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
-        costs = _costs(scene, plant, duration, tolerance)
+        costs = _costs(scene, system, duration, tolerance)
         if costs["taylor"] < min(costs["DOP853"], costs["compiled"]):
             return "taylor", "a run long enough to pay for compiling its series"
     return "DOP853", "no part of the motion decays far faster than it swings"
 
 
-def _taylor_takes(plant: Plant) -> bool:
-    longest = max(group.n for group in plant.groups)
-    return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and plant.n_links <= MOST_LINKS
+def _taylor_takes(system: System) -> bool:
+    longest = max(group.n for group in system.groups)
+    return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and system.n_links <= MOST_LINKS
 
 
-def _costs(scene: Scene, plant: Plant, duration: float, tolerance: float) -> dict[str, float]:
+def _costs(scene: Scene, system: System, duration: float, tolerance: float) -> dict[str, float]:
     """Roughly how many seconds each way takes, compilers included, as benchmarks/simulation.py finds them."""
-    links, longest = plant.n_links, max(group.n for group in plant.groups)
-    periods = duration * timescales(scene).swing / (2 * pi)
-    steps = periods * (PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + PER_KICK * plant.kicks_a_period)
+    links, longest = system.n_links, max(group.n for group in system.groups)
+    periods = duration * estimate_timescales(scene).swing / (2 * pi)
+    steps = periods * (PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + PER_KICK * system.kicks_a_period)
     return {
         "DOP853": steps * (3e-4 + 1e-6 * links),
         "compiled": 0.4 + steps * (1.2e-4 + 1e-6 * links) if find_spec("numba") else inf,
@@ -139,9 +139,9 @@ def _worth_compiling(costs: dict[str, float]) -> bool:
     return bool(costs["compiled"] < costs["DOP853"])
 
 
-def body_of(group: Group, plant: Plant) -> Body:
+def body_of(group: Group, system: System) -> Body:
     """Who solves one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
-    if _light(plant) or _frail(group):
+    if _light(system) or _frail(group):
         return Recursion(group)
     if group.n < SHORT and group.index.size <= MANY:
         return Dense(group)
@@ -152,9 +152,9 @@ def body_of(group: Group, plant: Plant) -> Body:
     return Banded(group)
 
 
-def _light(plant: Plant) -> bool:
+def _light(system: System) -> bool:
     """Whether the cart is so light that a dense form would lose digits."""
-    return plant.cart is not None and plant.cart.mass < LIGHT * float(plant.mass.sum())
+    return system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
 
 
 def _frail(group: Group) -> bool:
@@ -163,9 +163,9 @@ def _frail(group: Group) -> bool:
     return bool(np.any(group.block.mass < FRAIL * heaviest))
 
 
-def insist_room(scene: Scene, plant: Plant) -> None:
-    """SceneError that names the two ends of what a `plant`, the scene in the units it is integrated in, cannot hold."""
-    moments = plant.mass * plant.by_link("length") ** 2
+def validate_room(scene: Scene, system: System) -> None:
+    """SceneError that names the two ends of what `system`, the scene in its units of integration, cannot hold."""
+    moments = system.mass * system.by_link("length") ** 2
     if 1 / ROOM < float(moments.min()) <= float(moments.max()) < ROOM:
         return
     places = {
@@ -178,28 +178,30 @@ def insist_room(scene: Scene, plant: Plant) -> None:
     raise SceneError([f"{low}: {numbers}, which double precision cannot square: choose other units"])
 
 
-def system_of(plant: Plant, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()) -> System:
+def equations_of(
+    system: System, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()
+) -> Equations:
     """The equations of motion in the chosen form, of what symmetries leave to be integrated."""
     if symmetries:
-        return Reduced(plant, system_of(symmetries[-1].plant, choice), symmetries)
+        return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if choice.form == "spatial":
         from nonlinear.dynamics.spatial import Recursion as InSpace
         from nonlinear.dynamics.spatial import Spatial
 
-        return Spatial(plant, tuple(InSpace(group) for group in plant.groups), load)
+        return Spatial(system, tuple(InSpace(group) for group in system.groups), load)
     if choice.form == "maximal":
         from nonlinear.dynamics.maximal import Maximal
 
-        return Maximal(plant, load)
+        return Maximal(system, load)
     if choice.form == "hamiltonian":
         from nonlinear.dynamics.hamiltonian import Hamiltonian
 
-        return Hamiltonian(plant, load)
+        return Hamiltonian(system, load)
     if choice.compiled:
         with undisturbed():
             from nonlinear.dynamics.compiled import Compiled
 
-            return Compiled(plant)
-    if plant.n_links <= FEWEST and not (_light(plant) or any(map(_frail, plant.groups))):
-        return Small(plant, load=load)
-    return Minimal(plant, tuple(body_of(group, plant) for group in plant.groups), load)
+            return Compiled(system)
+    if system.n_links <= FEWEST and not (_light(system) or any(map(_frail, system.groups))):
+        return Small(system, load=load)
+    return Minimal(system, tuple(body_of(group, system) for group in system.groups), load)

@@ -14,17 +14,17 @@ from modal.scene.model import Scene
 from modal.types import Floats
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.reduced import Reduced
-from nonlinear.dynamics.symmetries import Symmetry, symmetries
+from nonlinear.dynamics.symmetries import Symmetry, find_symmetries
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.driver import Drive, Record
 from nonlinear.integration.escapements import escapements
-from nonlinear.integration.methods import Choice, choose, insist_room, system_of
+from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
-from nonlinear.integration.timescales import timescales
-from nonlinear.integration.trajectory import Run, Trajectory
+from nonlinear.integration.timescales import estimate_timescales
+from nonlinear.integration.trajectory import SolverInfo, Trajectory
 from nonlinear.system.events import NO_KICKS, Event, Kicks
-from nonlinear.system.plant import Plant, plant_of
-from nonlinear.system.state import Load, State, System
+from nonlinear.system.state import Equations, Load, State
+from nonlinear.system.system import System, system_of
 
 FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
 HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much
@@ -45,25 +45,25 @@ class Prepared:
 
     scene: Scene
     choice: Choice
-    system: System
+    equations: Equations
     stepper: Stepper
     times: Floats
     before: Kicks = NO_KICKS
 
     def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = lambda elapsed: None) -> Trajectory:
         """Once, to the end or as far as can be gone; SimulationError where the integrator gives up."""
-        plant, y = self.system.plant, self.stepper.y
-        kicking = escapements(plant, cast("Minimal", self.system).layout, y, self.before) if plant.kicked else None
-        record = Drive(self.stepper, self.system, self.times, events, report, kicking).run()
+        system, y = self.equations.system, self.stepper.y
+        kicking = escapements(system, cast("Minimal", self.equations).layout, y, self.before) if system.kicked else None
+        record = Drive(self.stepper, self.equations, self.times, events, report, kicking).run()
         trajectory = self._trajectory(record)
         if record.failed:
-            hint = _hint(plant) or _haste(self.scene, float(self.times[-1] - self.times[0]))
+            hint = _hint(system) or _haste(self.scene, float(self.times[-1] - self.times[0]))
             raise SimulationError(f"{record.stopped}{hint}", trajectory)
         return trajectory
 
     def _trajectory(self, record: Record) -> Trajectory:
-        system, choice = self.system, self.choice
-        run = Run(
+        equations, choice = self.equations, self.choice
+        run = SolverInfo(
             form=choice.form,
             method=choice.method,
             reason=choice.reason,
@@ -73,18 +73,26 @@ class Prepared:
             drift=record.drift,
             stopped=record.stopped,
             interrupted=record.interrupted,
-            reduced=system.words if isinstance(system, Reduced) else "",
+            reduced=equations.words if isinstance(equations, Reduced) else "",
         )
-        motion, events = system.read(record.rows), tuple(record.happenings)
-        driven = system.load is not None
+        motion, events = equations.read(record.rows), tuple(record.happenings)
+        driven = equations.load is not None
         return Trajectory(
-            self.scene, system.plant, record.times, motion, run, events, record.kicks, driven=driven, system=system
+            self.scene,
+            equations.system,
+            record.times,
+            motion,
+            run,
+            events,
+            record.kicks,
+            driven=driven,
+            equations=equations,
         )
 
 
-def prepared(
+def prepare(
     scene: Scene,
-    system: System,
+    equations: Equations,
     choice: Choice,
     start: State,
     times: Floats,
@@ -96,9 +104,11 @@ def prepared(
 
     ComputationError where the motion cannot begin.
     """
-    y = system.begin(start)
-    slope = _slope(system, float(times[0]), y)
-    return Prepared(scene, choice, system, _stepper(scene, system, choice, y, slope, times, size, pace), times, before)
+    y = equations.begin(start)
+    slope = _slope(equations, float(times[0]), y)
+    return Prepared(
+        scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,25 +132,25 @@ class Request:
     report: Callable[[float], object] = lambda elapsed: None
 
     @cached_property
-    def plant(self) -> Plant:
+    def system(self) -> System:
         """The scene as arrays."""
-        return plant_of(self.scene)
+        return system_of(self.scene)
 
     @cached_property
     def smaller(self) -> tuple[Symmetry, ...]:
         """What symmetry leaves out."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
-        return () if self.load or self.plant.kicked else symmetries(self.plant, self.start, planar=flat)
+        return () if self.load or self.system.kicked else find_symmetries(self.system, self.start, planar=flat)
 
     @property
-    def integrated(self) -> Plant:
+    def integrated(self) -> System:
         """What is left of it by symmetry."""
-        return self.smaller[-1].plant if self.smaller else self.plant
+        return self.smaller[-1].system if self.smaller else self.system
 
     @cached_property
     def size(self) -> float:
         """How large the motion is, at most 1; 1 where something drives it."""
-        return 1.0 if self.load else extent(self.start, self.plant)
+        return 1.0 if self.load else extent(self.start, self.system)
 
     @property
     def duration(self) -> float:
@@ -157,14 +167,14 @@ class Request:
             self.form,
             driven=self.load is not None,
             size=self.size,
-            plant=self.integrated,
+            system=self.integrated,
         )
 
     def prepared(self, choice: Choice) -> Prepared:
         """Ready to go in this way."""
-        insist_room(self.scene, self.integrated)
-        system = system_of(self.plant, choice, self.load, self.smaller)
-        return prepared(self.scene, system, choice, self.start, self.times, self.size, self.before, self.pace)
+        validate_room(self.scene, self.integrated)
+        equations = equations_of(self.system, choice, self.load, self.smaller)
+        return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, self.pace)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion in this way; SimulationError where the integrator gives up."""
@@ -172,40 +182,40 @@ class Request:
 
 
 def _stepper(
-    scene: Scene, system: System, choice: Choice, y: Floats, slope: Floats, times: Floats, size: float, pace: Pace
+    scene: Scene, equations: Equations, choice: Choice, y: Floats, slope: Floats, times: Floats, size: float, pace: Pace
 ) -> Stepper:
     """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
     first, last = float(times[0]), float(times[-1])
     if choice.method == "taylor":
         from nonlinear.integration import taylor
 
-        pace = replace(pace, first=taylor.first_step(timescales(scene).swing))
-        series = system.inner if isinstance(system, Reduced) else system
+        pace = replace(pace, first=taylor.first_step(estimate_timescales(scene).swing))
+        series = equations.inner if isinstance(equations, Reduced) else equations
         return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, pace)
-    relative = choice.tolerance * sharpened(slope, system.scale)
-    absolute = NEAR_ZERO * relative * size * system.scale
-    pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / system.plant.rate))
-    return SciPyStepper(choice.method, system.derivative, first, y, last, relative, absolute, pace)
+    relative = choice.tolerance * sharpened(slope, equations.scale)
+    absolute = NEAR_ZERO * relative * size * equations.scale
+    pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
+    return SciPyStepper(choice.method, equations.derivative, first, y, last, relative, absolute, pace)
 
 
-def _slope(system: System, time: float, y: Floats) -> Floats:
+def _slope(equations: Equations, time: float, y: Floats) -> Floats:
     """The derivative at the start, (size,): where it is not finite integrators would seek a first step for ever."""
     with np.errstate(all="ignore"):
-        found = system.derivative(time, y)
+        found = equations.derivative(time, y)
     if not np.all(np.isfinite(found)):
-        hint = _hint(system.plant) or "; choose units in which masses and lengths are nearer to 1"
+        hint = _hint(equations.system) or "; choose units in which masses and lengths are nearer to 1"
         raise ComputationError(f"the accelerations at the start are not finite in double precision{hint}")
     return found
 
 
-def _hint(plant: Plant) -> str:
-    if plant.cart is None or plant.cart.mass:
+def _hint(system: System) -> str:
+    if system.cart is None or system.cart.mass:
         return ""
     return "; a massless cart has no equation of motion where all that pulls it hangs straight down: give it a mass"
 
 
 def _haste(scene: Scene, duration: float) -> str:
-    swing = timescales(scene).swing
+    swing = estimate_timescales(scene).swing
     if swing * duration < HASTE:
         return ""
     words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"

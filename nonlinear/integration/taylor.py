@@ -46,12 +46,12 @@ class TaylorStepper:
     compiling so many links would take longer than another method takes to run.
     """
 
-    def __init__(self, system: Minimal, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
+    def __init__(self, equations: Minimal, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
         begun = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
         with undisturbed():
             self.integrator = _heyoka().taylor_adaptive(
-                equations(system), begun, time=start, tol=uneven(tolerance), compact_mode=True
+                expressions(equations), begun, time=start, tol=uneven(tolerance), compact_mode=True
             )
         self._coefficients, self._from = begun[None], start
 
@@ -100,19 +100,19 @@ def uneven(tolerance: float) -> float:
     return wanted if order % 4 else 0.99 * exp(2 - 2 * order)
 
 
-def equations(system: Minimal) -> list[tuple[Any, Any]]:
+def expressions(equations: Minimal) -> list[tuple[Any, Any]]:
     """Every component of y beside its derivative, as heyoka's expressions."""
-    heyoka, plant = _admitted(system), system.plant
+    heyoka, system = _admitted(equations), equations.system
     sine, cosine = (np.frompyfunc(function, 1, 1) for function in (heyoka.sin, heyoka.cos))
-    written = Minimal(plant, tuple(Recursion(group, sine=sine, cosine=cosine) for group in plant.groups))
-    y = np.array([heyoka.expression(f"y{i}") for i in range(system.layout.size)], dtype=object)
+    written = Minimal(system, tuple(Recursion(group, sine=sine, cosine=cosine) for group in system.groups))
+    y = np.array([heyoka.expression(f"y{i}") for i in range(equations.layout.size)], dtype=object)
     return list(zip(y, written.derivative(0.0, y) + heyoka.expression(0.0), strict=True))
 
 
-def _admitted(system: Minimal) -> Any:
+def _admitted(equations: Minimal) -> Any:
     """heyoka, for a system that it can take."""
-    longest, links = max(group.n for group in system.plant.groups), system.plant.n_links
-    if system.load is not None:
+    longest, links = max(group.n for group in equations.system.groups), equations.system.n_links
+    if equations.load is not None:
         raise ComputationError("Taylor series cannot follow a load: choose another method")
     if longest > LONGEST_CHAIN or links > MOST_LINKS:
         limit = f"at most {LONGEST_CHAIN} links a chain and {MOST_LINKS} in all, not {longest} and {links}"

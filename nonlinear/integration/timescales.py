@@ -11,7 +11,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.modes.modes import natural_modes
 from modal.scene.model import Scene
-from nonlinear.system.plant import plant_of
+from nonlinear.system.system import system_of
 
 MOST_SURVEYED = 2000  # links of a scene whose modes are computed
 
@@ -29,7 +29,7 @@ class Timescales:
 
 
 @lru_cache(maxsize=4)
-def timescales(scene: Scene) -> Timescales:
+def estimate_timescales(scene: Scene) -> Timescales:
     """Of a scene's modes where these can be had quickly, else guessed."""
     if scene.n_links <= MOST_SURVEYED:
         try:
@@ -43,9 +43,9 @@ def timescales(scene: Scene) -> Timescales:
 
 
 def _guessed(scene: Scene) -> Timescales:
-    plant = plant_of(scene)
-    decay = max(float(np.max(group.block.damping / group.moment)) for group in plant.groups)
-    if plant.cart and plant.cart.mass:
-        decay = max(decay, plant.cart.damping / plant.cart.mass)
+    system = system_of(scene)
+    decay = max(float(np.max(group.block.damping / group.moment)) for group in system.groups)
+    if system.cart and system.cart.mass:
+        decay = max(decay, system.cart.damping / system.cart.mass)
     shortest = min(link.length for link in scene.links())
     return Timescales(sqrt(4 * scene.gravity / shortest), decay, False)

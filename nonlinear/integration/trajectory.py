@@ -12,9 +12,9 @@ import numpy as np
 from modal.scene.model import Scene
 from modal.types import Floats
 from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.system.events import NO_KICKS, Happening, Kicks
-from nonlinear.system.plant import Plant
-from nonlinear.system.state import Motion, State, System
+from nonlinear.system.events import NO_KICKS, EventRecord, Kicks
+from nonlinear.system.state import Equations, Motion, State
+from nonlinear.system.system import System
 
 NOISE = 1e-7
 CLOSED = "closed form"  # the method where nothing is integrated
@@ -22,7 +22,7 @@ TRUNCATED = "truncated"  # the form in a few mode shapes
 
 
 @dataclass(frozen=True)
-class Run:
+class SolverInfo:
     """How a trajectory was computed: the form of the equations, the method, and why these; counts; what ended it.
 
     `drift` is the largest violation of a constraint before it was mended, relative to the lengths of the scene;
@@ -47,24 +47,24 @@ class Run:
 class Trajectory:
     """A scene's motion at `times` (T,) in s, what happened on the way, and how it was computed.
 
-    `kicks` are those of escapements; `driven` says whether anything acted from outside, `system` holds the equations
+    `kicks` are those of escapements; `driven` says whether anything acted from outside, `equations` holds the equations
     of a run made in this process.
     """
 
     scene: Scene
-    plant: Plant
+    system: System
     times: Floats
     motion: Motion
-    run: Run
-    happenings: tuple[Happening, ...] = ()
+    run: SolverInfo
+    happenings: tuple[EventRecord, ...] = ()
     kicks: Kicks = NO_KICKS
     driven: bool = False
-    system: System | None = field(default=None, repr=False)
+    equations: Equations | None = field(default=None, repr=False)
 
     @cached_property
     def mechanics(self) -> Mechanics:
         """Positions, energies and momenta."""
-        return Mechanics(self.plant, self.motion)
+        return Mechanics(self.system, self.motion)
 
     def at(self, rows: Any) -> Trajectory:
         """The same at some of its times: a slice, indices or a mask."""
@@ -85,8 +85,8 @@ class Trajectory:
         """Seen from where nothing coasts: of the energy of a fast free cart the certificate would be all rounding."""
         if not self.keeps_momentum:
             return self.mechanics
-        coasting = self.mechanics.momentum / self.plant.total_mass
-        return Mechanics(self.plant, replace(self.motion, cart_rate=self.motion.cart_rate - coasting))
+        coasting = self.mechanics.momentum / self.system.total_mass
+        return Mechanics(self.system, replace(self.motion, cart_rate=self.motion.cart_rate - coasting))
 
     @cached_property
     def energy_scale(self) -> float:
@@ -113,20 +113,20 @@ class Trajectory:
     @property
     def keeps_momentum(self) -> bool:
         """Whether momentum along the rail is conserved: a cart that nothing holds, damps or drives."""
-        cart = self.plant.cart
+        cart = self.system.cart
         return cart is not None and not (cart.damping or cart.stiffness or self.driven)
 
     @property
     def keeps_spin(self) -> bool:
         """Whether angular momentum about the vertical is conserved: in space, each pendulum on a fixed support."""
-        return self.plant.spatial and self.plant.cart is None and not (self.plant.works or self.driven)
+        return self.system.spatial and self.system.cart is None and not (self.system.works or self.driven)
 
     def momentum_drift(self) -> float:
         """The largest change of a conserved momentum over Σ m |v|, coasting left out, or Σ m r |v|; else NaN."""
-        mechanics, mass = self.mechanics, self.plant.mass
+        mechanics, mass = self.mechanics, self.system.mass
         speed = np.linalg.norm(mechanics.speeds, axis=-1)
         if self.keeps_momentum:
-            along = mechanics.speeds[..., 0] - mechanics.momentum[:, None] / self.plant.total_mass
+            along = mechanics.speeds[..., 0] - mechanics.momentum[:, None] / self.system.total_mass
             kept, scale = mechanics.momentum, (np.hypot(along, mechanics.speeds[..., -1]) @ mass).max()
         elif self.keeps_spin:
             kept, scale = mechanics.spin, ((speed * np.linalg.norm(mechanics.centres, axis=-1)) @ mass).max()

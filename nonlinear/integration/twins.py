@@ -15,14 +15,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.errors import ComputationError
-from nonlinear.dynamics.equilibrium import rests_unstably
-from nonlinear.dynamics.symmetries import exactly_symmetric, symmetrized, synchronous
+from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
+from nonlinear.dynamics.symmetries import exactly_symmetric, symmetrize, synchronous
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.system.events import Event
-from nonlinear.system.plant import Plant
 from nonlinear.system.state import State, apart
+from nonlinear.system.system import System
 
 ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # of a twin's start; rad, far above the rounding of an angle
 LAST_DIGITS = 4 * float(np.finfo(float).eps)  # of an angle, and of the motion's size
@@ -42,14 +42,14 @@ class Departure(NamedTuple):
         return f"a small breach of it would grow {self.factor:.2g}-fold in {self.seconds:.3g} s"
 
 
-def aside(plant: Plant, start: State, by: Any) -> State:
+def aside(system: System, start: State, by: Any) -> State:
     """A start with the angles of every pendulum (of those that are one the first) up to `by` (rad) aside.
 
     In space every component of the unit vectors is.  `by` is a number or fits `start.links`.
     """
     shift = by * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
-    if one := synchronous(plant, start):
-        number = np.arange(float(plant.n_links))
+    if one := synchronous(system, start):
+        number = np.arange(float(system.n_links))
         shift[~np.isin(number, one.restrict(State(number, number)).links)] = 0.0
     links = start.links + shift
     if links.ndim == 2:
@@ -57,9 +57,9 @@ def aside(plant: Plant, start: State, by: Any) -> State:
     return replace(start, links=links)
 
 
-def slightly(plant: Plant, start: State) -> float:
+def slightly(system: System, start: State) -> float:
     """What a twin is put aside by (rad) to see how a difference grows."""
-    return max(ASIDE * extent(start, plant), LEAST)
+    return max(ASIDE * extent(start, system), LEAST)
 
 
 def rounded(request: Request) -> Request | None:
@@ -67,11 +67,11 @@ def rounded(request: Request) -> Request | None:
 
     Where no symmetry and no unstable rest holds digit by digit, runs at two tolerances know as much.
     """
-    plant, start = request.plant, request.start
-    if not (exactly_symmetric(plant, start) or rests_unstably(plant, start)):
+    system, start = request.system, request.start
+    if not (exactly_symmetric(system, start) or is_unstable_equilibrium(system, start)):
         return None
     by = np.maximum(LAST_DIGITS * request.size, 4 * np.spacing(np.abs(start.links)))
-    return replace(request, start=aside(plant, start, by))
+    return replace(request, start=aside(system, start, by))
 
 
 def departure(trajectory: Trajectory) -> Departure | None:
@@ -86,13 +86,13 @@ def departure(trajectory: Trajectory) -> Departure | None:
     steps = count(1)
 
     def distance(state: State) -> float:
-        return float(apart(*symmetrized(asked.smaller, state))[0])
+        return float(apart(*symmetrize(asked.smaller, state))[0])
 
     def patient(elapsed: float) -> None:
         if next(steps) > STEPS:
             raise ComputationError("the twin is followed no further")
 
-    begun = aside(asked.plant, start, slightly(asked.plant, start))
+    begun = aside(asked.system, start, slightly(asked.system, start))
     left = Event("a twin has left", lambda state: distance(state) - GONE, stop=True)
     twin = replace(asked, start=begun, events=(left,), report=patient)
     try:

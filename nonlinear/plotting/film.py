@@ -78,10 +78,10 @@ def _fit(text: Text, width: float) -> None:
 
 
 def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float) -> str:
-    plant = trajectory.plant
+    system = trajectory.system
     words = ["real time" if speed == 1 else f"{speed:.3g} seconds a second"]
-    words += [f"{drawn} of {plant.n_pendula} pendula drawn"] if drawn < plant.n_pendula else []
+    words += [f"{drawn} of {system.n_pendula} pendula drawn"] if drawn < system.n_pendula else []
     words += ["pivots set apart"] if drawn > 1 else []
-    words += ["seen obliquely, with the shadow on a floor"] if plant.spatial else []
+    words += ["seen obliquely, with the shadow on a floor"] if system.spatial else []
     words += ["the camera follows the cart"] if follows else []
     return "; ".join([*words, "energy above rest"])

@@ -17,7 +17,7 @@ from modal.plotting.palette import colour, dash, ink, muted, thickness
 from modal.plotting.style import WIDE, save, sheet
 from modal.types import Floats
 from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.resampling import resampled
+from nonlinear.postprocessing.resampling import resample
 from nonlinear.postprocessing.spectra import power_spectrum
 
 MOST_LINES, MOST_PORTRAITS, MOST_MARKS, FEWEST = 6, 3, 12, 32
@@ -34,7 +34,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     """The picture of a run; of many links it shows the first few, its caption saying so."""
     if len(trajectory.times) < 2:
         raise ComputationError("a run of a single instant has nothing to draw")
-    on_cart = trajectory.plant.cart is not None
+    on_cart = trajectory.system.cart is not None
     figure = sheet(WIDE, 8.6 if on_cart else 7.2)
     grid = figure.add_gridspec(6, 2, width_ratios=(3, 2))
     tall = 2 if on_cart else 3
@@ -56,32 +56,32 @@ def run_figure(trajectory: Trajectory) -> Figure:
 def _smooth(trajectory: Trajectory) -> Trajectory:
     """The same run with points between its samples, where these are few enough to show as corners."""
     times = trajectory.times
-    if len(times) * trajectory.plant.n_links > MOST_SMOOTHED:
+    if len(times) * trajectory.system.n_links > MOST_SMOOTHED:
         return trajectory
     fine = np.linspace(times[0], times[-1], POINTS)
     try:
-        return replace(trajectory, times=fine, motion=resampled(times, trajectory.motion, fine))
+        return replace(trajectory, times=fine, motion=resample(times, trajectory.motion, fine))
     except ComputationError:
         return trajectory
 
 
 def _shown(trajectory: Trajectory) -> list[int]:
     """The links that are drawn: of the first pendula all, as long as there is room."""
-    return list(range(min(trajectory.plant.n_links, MOST_LINES)))
+    return list(range(min(trajectory.system.n_links, MOST_LINES)))
 
 
 def _names(trajectory: Trajectory) -> list[str]:
     """Every link as pendulum.link, or by its own number where there is one pendulum."""
-    labels = [label for label in trajectory.plant.labels if label != "x"]
+    labels = [label for label in trajectory.system.labels if label != "x"]
     places = [label.removeprefix("theta[").removesuffix("]").split(",") for label in labels]
-    alone = trajectory.plant.n_pendula == 1
+    alone = trajectory.system.n_pendula == 1
     return [f"link {link}" if alone else f"{pendulum}.{link}" for pendulum, link in places]
 
 
 def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
     """Angles (deg) and rates (deg/s) of every link, (T, L); in space those of the angle from the vertical."""
     motion = trajectory.motion
-    if not trajectory.plant.spatial:
+    if not trajectory.system.spatial:
         return np.rad2deg(motion.links), np.rad2deg(motion.link_rates)
     down, rate = motion.links[..., 2], motion.link_rates[..., 2]
     side = np.linalg.norm(motion.links[..., :2], axis=-1)
@@ -98,7 +98,7 @@ def _angles(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
     values, names = degrees(trajectory)[0], _names(trajectory)
     for k, link in enumerate(shown):
         _draw(axis, trajectory.times, values[:, link], k, names[link])
-    from_what = "from the vertical" if trajectory.plant.spatial else "from the hanging rest"
+    from_what = "from the vertical" if trajectory.system.spatial else "from the hanging rest"
     framed(axis, "time (s)", "angle (°)", f"Angles {from_what}")
     legend(axis)
 
@@ -113,14 +113,14 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
     potential = mechanics.of_pendula(mechanics.potential)
-    if trajectory.plant.n_pendula == 1 and trajectory.plant.cart is None:
+    if trajectory.system.n_pendula == 1 and trajectory.system.cart is None:
         curves = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": (kinetic + potential)[:, 0]}
     else:
         each = (kinetic + potential).T[:MOST_LINES]
         curves = {f"pendulum {number}": energy for number, energy in enumerate(each, 1)}
     for k, (name, energy) in enumerate(curves.items()):
         _draw(axis, times, energy, k, name)
-    if trajectory.plant.cart is not None:
+    if trajectory.system.cart is not None:
         axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=ink(), lw=1.2, label="cart")
     framed(axis, "time (s)", "energy (J)", "Energy above rest")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
@@ -128,11 +128,11 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
 
 
 def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
-    if trajectory.plant.spatial:
+    if trajectory.system.spatial:
         _top_view(axis, trajectory)
         return
     angles, rates = degrees(trajectory)
-    names, rests = _names(trajectory), np.where(trajectory.plant.by_link("sigma") > 0, 0.0, 180.0)
+    names, rests = _names(trajectory), np.where(trajectory.system.by_link("sigma") > 0, 0.0, 180.0)
     for k, link in enumerate(shown):
         _draw(axis, *_around(angles[:, link], rates[:, link], rests[link]), k, names[link], 1.4)
     framed(axis, "angle (°)", "rate (°/s)", "Phase portrait")
@@ -147,7 +147,7 @@ def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]
 
 
 def _top_view(axis: Axes, trajectory: Trajectory) -> None:
-    tips = [int(group.index[-1, k]) for group in trajectory.plant.groups for k in range(group.index.shape[1])]
+    tips = [int(group.index[-1, k]) for group in trajectory.system.groups for k in range(group.index.shape[1])]
     for k, link in enumerate(sorted(tips)[:MOST_PORTRAITS]):
         x, y = trajectory.mechanics.joints[:, link, :2].T
         _draw(axis, x, y, k, f"pendulum {k + 1}", 1.4)
@@ -179,7 +179,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
     """Of a link's angle; in space of its lean along the rail and across it, together."""
-    if not trajectory.plant.spatial:
+    if not trajectory.system.spatial:
         return power_spectrum(trajectory.times, degrees(trajectory)[0][:, link])
     leans = np.rad2deg(trajectory.motion.links[:, link, :2]).T
     (omega, along), (_, across) = (power_spectrum(trajectory.times, lean) for lean in leans)
@@ -188,7 +188,7 @@ def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
 
 def _linear(trajectory: Trajectory, most: float) -> list[float]:
     """The natural frequencies (rad/s) within the picture, where the scene has few enough modes to mark."""
-    if trajectory.plant.n_links > 40 * MOST_MARKS:
+    if trajectory.system.n_links > 40 * MOST_MARKS:
         return []
     try:
         modes = natural_modes(trajectory.scene)
@@ -203,8 +203,8 @@ def _caption(trajectory: Trajectory, shown: Sequence[int]) -> str:
     words = [f"{run.method} at tolerance {run.tolerance:g}, {run.steps} steps"]
     words.append(f"energy drift {trajectory.energy_drift():.1e}")
     words += [f"momentum drift {momentum:.1e}"] if np.isfinite(momentum) else []
-    if len(shown) < trajectory.plant.n_links:
-        words.append(f"the first {len(shown)} of {trajectory.plant.n_links} links drawn")
+    if len(shown) < trajectory.system.n_links:
+        words.append(f"the first {len(shown)} of {trajectory.system.n_links} links drawn")
     if run.stopped:
         words.append(run.stopped)
     return "; ".join(words)

@@ -15,9 +15,9 @@ from modal.scene.model import Bob, Body, Rod
 from modal.types import Floats, Ints
 from nonlinear.dynamics.mechanics import Mechanics, vectors
 from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.resampling import picked, resampled
-from nonlinear.system.plant import Plant
+from nonlinear.postprocessing.resampling import picked, resample
 from nonlinear.system.state import Motion
+from nonlinear.system.system import System
 
 MOST_PENDULA, DETAIL, CLAUSE = 12, 3, 4_000_000
 OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
@@ -98,19 +98,19 @@ class Stage:
         return np.array([values.min() for values in ranges]), np.array([values.max() for values in ranges])
 
 
-def chosen(plant: Plant) -> Ints:
+def chosen(system: System) -> Ints:
     """The pendula, from 0, that are drawn: all or MOST_PENDULA of them evenly."""
-    count = plant.n_pendula
+    count = system.n_pendula
     return np.unique(np.linspace(0, count - 1, min(count, MOST_PENDULA)).astype(np.int64))
 
 
 def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     """The drawn pendula at evenly spaced times `at` (F,) in s."""
-    plant, pendula = trajectory.plant, chosen(trajectory.plant)
+    system, pendula = trajectory.system, chosen(trajectory.system)
     fine = np.interp(np.arange(DETAIL * (len(at) - 1) + 1) / DETAIL, np.arange(len(at)), at)
-    places = [np.flatnonzero(plant.pendulum == pendulum) for pendulum in pendula]
-    moved = [resampled(trajectory.times, picked(trajectory.motion, place), fine) for place in places]
-    length, centre = plant.by_link("length"), plant.by_link("centre")
+    places = [np.flatnonzero(system.pendulum == pendulum) for pendulum in pendula]
+    moved = [resample(trajectory.times, picked(trajectory.motion, place), fine) for place in places]
+    length, centre = system.by_link("length"), system.by_link("centre")
     depth = max(float(length[place].sum()) for place in places)
     spacing = depth * (0.95 if len(places) <= 4 else 0.5)
     pivots = np.asarray(spacing * (np.arange(len(places)) - (len(places) - 1) / 2))
@@ -118,12 +118,12 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         _shape(motion, length[place], centre[place], pivot)
         for motion, place, pivot in zip(moved, places, pivots, strict=True)
     ]
-    floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if plant.spatial else None
+    floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if system.spatial else None
     actors = tuple(
         _actor(_links(trajectory, pendulum), joints, centres, floor)
         for pendulum, (joints, centres) in zip(pendula, shapes, strict=True)
     )
-    return Stage(actors, moved[0].cart[::DETAIL], pivots, depth, plant.cart is not None, floor)
+    return Stage(actors, moved[0].cart[::DETAIL], pivots, depth, system.cart is not None, floor)
 
 
 def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float) -> tuple[Floats, Floats]:
@@ -152,17 +152,17 @@ def _links(trajectory: Trajectory, pendulum: int) -> tuple[Link, ...]:
 
 def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
     """The energies of the drawn pendula, of a cart after them, and of everything, at the times `at` (F,) in s."""
-    rows = max(1, CLAUSE // trajectory.plant.n_links)
+    rows = max(1, CLAUSE // trajectory.system.n_links)
     parts = [_energies(trajectory, at[first : first + rows]) for first in range(0, len(at), rows)]
     kinetic, potential = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
-    own, cart = chosen(trajectory.plant), trajectory.plant.cart is not None
-    bars = np.append(own, trajectory.plant.n_pendula) if cart else own
+    own, cart = chosen(trajectory.system), trajectory.system.cart is not None
+    bars = np.append(own, trajectory.system.n_pendula) if cart else own
     names = (*map(str, own + 1), *["cart"] * cart)
     return Energies(names, kinetic[:, bars], potential[:, bars], (kinetic.sum(1), potential.sum(1)))
 
 
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
     """Kinetic energy and potential energy above rest of every pendulum and, last, of the cart."""
-    found = Mechanics(trajectory.plant, resampled(trajectory.times, trajectory.motion, at))
+    found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at))
     kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
     return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

@@ -14,7 +14,7 @@ SECONDS = 20.0
 APART = 24  # frames that a swing seems to take
 
 
-def strobed(phases: Phases, form: str) -> dict[str, Any]:
+def strobe(phases: Phases, form: str) -> dict[str, Any]:
     """The arguments of `animate` for a film of at most SECONDS, every frame some whole swings and 1/APART later.
 
     Runs that are no longer than the film are shown at their own speed.

@@ -19,9 +19,9 @@ from modal.plotting.style import WIDE, save, sheet
 from modal.report.prose import counted
 from modal.types import Floats, Ints
 from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.averages import smoothed
-from nonlinear.postprocessing.resampling import picked, resampled
-from nonlinear.synchronization.modal_energy import Survival, survival
+from nonlinear.postprocessing.averages import smooth
+from nonlinear.postprocessing.resampling import picked, resample
+from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases
 
 MOST_LINES = HUES
@@ -44,7 +44,7 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
         raise ComputationError("a run of a single instant has nothing to draw")
     figure = sheet(WIDE, 9.8)
     grid = figure.add_gridspec(3, 2)
-    shown = _shown(trajectory.plant.n_pendula)
+    shown = _shown(trajectory.system.n_pendula)
     begin = figure.add_subplot(grid[0, 0])
     _swings(begin, figure.add_subplot(grid[0, 1], sharey=begin), trajectory, _period(phases), shown)
     order = figure.add_subplot(grid[1, 0])
@@ -90,8 +90,8 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown
 
 def _tops(trajectory: Trajectory) -> Ints:
     """The place of every pendulum's top link, (N,)."""
-    found = np.empty(trajectory.plant.n_pendula, dtype=np.int64)
-    for group in trajectory.plant.groups:
+    found = np.empty(trajectory.system.n_pendula, dtype=np.int64)
+    for group in trajectory.system.groups:
         found[group.pendula] = group.index[0]
     return found
 
@@ -100,7 +100,7 @@ def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> t
     """Times and angles (rad) of these links over a window, with points between the samples where these allow it."""
     motion, fine = picked(trajectory.motion, links), np.linspace(start, start + width, POINTS)
     try:
-        return fine, resampled(trajectory.times, motion, fine).links
+        return fine, resample(trajectory.times, motion, fine).links
     except ComputationError:
         within = (trajectory.times >= start) & (trajectory.times <= start + width)
         return trajectory.times[within], motion.links[within]
@@ -120,7 +120,7 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
     framed(axis, "time (s)", "share of the energy (–)", "Modes that hold the energy")
     axis.set(xlim=(trajectory.times[0], trajectory.times[-1]), ylim=(-0.03, 1.03))
     try:
-        found = survival(trajectory)
+        found = find_survival(trajectory)
     except ComputationError as error:
         style: dict[str, Any] = {"ha": "center", "fontsize": SMALL, "color": muted(), "wrap": True}
         axis.text(0.5, 0.5, str(error), transform=axis.transAxes, **style)
@@ -155,7 +155,7 @@ def mode_words(mode: Mode) -> str:
 
 def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
     """Means over a period: of each pendulum, or from least to most with the median between."""
-    times, energy = phases.times, smoothed(phases.times, phases.energy, _period(phases))
+    times, energy = phases.times, smooth(phases.times, phases.energy, _period(phases))
     if len(shown) == energy.shape[1]:
         for k, one in enumerate(energy.T):
             _line(axis, times, one, k)

@@ -12,8 +12,8 @@ from modal.errors import ComputationError
 from modal.plotting.layout import SMALL, headline, key
 from modal.plotting.palette import HUES, QUIET, colour, ink, paper, rest
 from modal.plotting.style import WIDTH, save, sheet
-from nonlinear.accuracy.candidates import Rung
-from nonlinear.accuracy.work_precision import Row, Tradeoff
+from nonlinear.accuracy.candidates import Candidate
+from nonlinear.accuracy.work_precision import Row, WorkPrecision
 from nonlinear.reduction.superposition import CORRECTED, LINEAR
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
@@ -22,12 +22,12 @@ MODAL = {LINEAR: "P", CORRECTED: "*"}
 BEYOND = 2.5  # how far the axes go on beside the outermost rung
 
 
-def draw_tradeoff(found: Tradeoff, stream: IO[bytes], form: str = "png") -> None:
+def draw_tradeoff(found: WorkPrecision, stream: IO[bytes], form: str = "png") -> None:
     """Write the picture as png, svg or pdf."""
     save(tradeoff_figure(found), stream, form)
 
 
-def tradeoff_figure(found: Tradeoff) -> Figure:
+def tradeoff_figure(found: WorkPrecision) -> Figure:
     """The largest error (rad) of every rung against its time (s) on logarithmic axes, one line a family.
 
     The broad line joins the rungs that none beats in both; in the shaded part the reference cannot tell errors apart,
@@ -46,7 +46,7 @@ def tradeoff_figure(found: Tradeoff) -> Figure:
     return figure
 
 
-def _bounds(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
+def _bounds(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
     times, errors = [row.seconds for row in rows], [found.judged(row) for row in rows]
     bottom, floor = min(errors) / BEYOND**2, found.reference.floor
     axis.set(xscale="log", yscale="log", xlim=(min(times) / BEYOND, max(times) * BEYOND))
@@ -58,13 +58,13 @@ def _bounds(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
         axis.text(*place, "too small for the reference to tell", transform=axis.get_yaxis_transform(), **style)
 
 
-def _front(axis: Axes, found: Tradeoff) -> None:
+def _front(axis: Axes, found: WorkPrecision) -> None:
     points = [(row.seconds, found.judged(row)) for row in found.pareto]
     look: dict[str, Any] = {"color": rest(), "lw": 8, "drawstyle": "steps-post", "gid": QUIET}
     axis.plot(*zip(*points, strict=True), zorder=1, label="none is better", **look)
 
 
-def _family(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
+def _family(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
     points, rung = zip(*((row.seconds, found.judged(row)) for row in rows), strict=True), rows[0].rung
     if rung.modal:
         axis.plot(*points, MODAL[rung.kind], color=ink(), ms=11, mec=paper(), label=rung.kind, zorder=5)
@@ -75,11 +75,11 @@ def _family(axis: Axes, found: Tradeoff, rows: list[Row]) -> None:
     axis.plot(*points, line, marker=marker, label=_named(rung), zorder=4, **look)
 
 
-def _named(rung: Rung) -> str:
+def _named(rung: Candidate) -> str:
     return rung.family.replace("taylor", "Taylor")
 
 
-def _dress(figure: Figure, axis: Axes, found: Tradeoff) -> None:
+def _dress(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
     horizon, tolerances = found.reference.horizon, [row.rung.tolerance for row in found.rows[1:] if not row.rung.modal]
     axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
     if tolerances:

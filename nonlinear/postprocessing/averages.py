@@ -15,7 +15,7 @@ def last(times: Floats, part: float) -> slice:
     return slice(max(0, min(begin, len(times) - 2)), None)
 
 
-def smoothed(times: Floats, values: Floats, span: float) -> Floats:
+def smooth(times: Floats, values: Floats, span: float) -> Floats:
     """Means of values (T, ...) over t ± span/2 (s), of the straight lines between samples, within the run.
 
     Nothing is subtracted: what decays by many orders of magnitude keeps its digits.

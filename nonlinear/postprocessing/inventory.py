@@ -16,8 +16,8 @@ from nonlinear.dynamics.dense import Small
 from nonlinear.dynamics.reduced import Reduced
 from nonlinear.dynamics.short import Dense
 from nonlinear.integration.steppers import EXPLICIT, SCIPY
-from nonlinear.integration.trajectory import CLOSED, TRUNCATED, Run, Trajectory
-from nonlinear.system.plant import Plant
+from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
+from nonlinear.system.system import System
 
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
@@ -57,28 +57,28 @@ class Inventory:
         return dict(vars(self)) | {"matrices": [{"order": n, "number": number} for n, number in self.matrices]}
 
 
-def inventory(trajectory: Trajectory) -> Inventory:
+def run_inventory(trajectory: Trajectory) -> Inventory:
     """Of a run made in this process; ComputationError for one that was read from a file."""
-    plant, system = trajectory.plant, trajectory.system
+    system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
-        return Inventory(_freedom(plant), 0, 0, (), ("no integration: the modes say it", *not_loaded()), loaded())
-    if system is None:
+        return Inventory(_freedom(system), 0, 0, (), ("no integration: the modes say it", *not_loaded()), loaded())
+    if equations is None:
         raise ComputationError("what a saved run was computed with is not saved with it")
-    inner: Any = system.inner if isinstance(system, Reduced) else system
+    inner: Any = equations.inner if isinstance(equations, Reduced) else equations
     form, numbers = trajectory.run.form, len(inner.scale)
     matrices = tuple(_matrices(inner, trajectory.run))
     integrated = (
-        numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.plant)
+        numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.system)
     )
     left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices), *not_loaded())
-    return Inventory(_freedom(plant), integrated, numbers, matrices, left_out, loaded())
+    return Inventory(_freedom(system), integrated, numbers, matrices, left_out, loaded())
 
 
-def _freedom(plant: Plant) -> int:
-    return plant.n_links * (2 if plant.spatial else 1) + (plant.cart is not None)
+def _freedom(system: System) -> int:
+    return system.n_links * (2 if system.spatial else 1) + (system.cart is not None)
 
 
-def _matrices(inner: Any, run: Run) -> Iterator[tuple[int, int]]:
+def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
     """The dense matrices of one derivative, and an implicit integrator's own; series have none."""
     if run.method in IMPLICIT:
         yield len(inner.scale), 1
@@ -90,14 +90,14 @@ def _matrices(inner: Any, run: Run) -> Iterator[tuple[int, int]]:
     elif isinstance(inner, Small) and run.method != "taylor":
         yield inner.layout.half, 1
     elif run.method != "taylor":
-        for group, body in zip(inner.plant.groups, getattr(inner, "bodies", ()), strict=False):
+        for group, body in zip(inner.system.groups, getattr(inner, "bodies", ()), strict=False):
             if isinstance(body, Dense):
                 yield group.n, group.index.shape[1]
 
 
 def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
     run = trajectory.run
-    if trajectory.plant.cart is None:
+    if trajectory.system.cart is None:
         yield "no cart coordinate: the support is fixed"
     if run.reduced:
         yield f"all but {run.reduced}"

@@ -19,7 +19,7 @@ WIDEST = 0.25
 """Largest h³ θ'''/12 (rad), the trapezoid's defect, that a cubic is trusted across: 1 rad swings true to 0.01 rad."""
 
 
-def resampled(times: Floats, motion: Motion, at: Floats) -> Motion:
+def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     """The motion at times `at` (F,) in s, within `times` (T,); unit vectors stay unit and square to their rates.
 
     Raises ComputationError where the samples are too far apart to tell what lies between.

@@ -8,7 +8,7 @@ from math import isfinite
 import numpy as np
 
 from modal.report.escaping import visible
-from nonlinear.dynamics.equilibrium import rests_unstably
+from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, Trajectory
 from nonlinear.integration.twins import departure
 from nonlinear.reduction.superposition import CORRECTED, LINEAR
@@ -42,9 +42,9 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if isfinite(run.error):
         yield "accuracy", f"no angle is off by more than {run.error:.2g} rad"
     yield from _ranges(trajectory)
-    if trajectory.plant.kicked:
+    if trajectory.system.kicked:
         yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
-    if run.method == CLOSED and trajectory.plant.works:
+    if run.method == CLOSED and trajectory.system.works:
         yield "energy", "what dampers take is not counted in closed form"
     else:
         yield "energy", f"drift {trajectory.energy_drift():.2g} of what its energies range over"
@@ -62,7 +62,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     run = trajectory.run
     yield "equations", FORMS[run.form]
-    if rests_unstably(trajectory.plant, trajectory.motion[0]):
+    if is_unstable_equilibrium(trajectory.system, trajectory.motion[0]):
         yield "start", "an unstable rest: what follows is rounding"
     if run.reduced:
         yield "integrated", run.reduced
@@ -77,8 +77,8 @@ def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     motion = trajectory.motion
-    down = np.clip(motion.links[..., -1], -1.0, 1.0) if trajectory.plant.spatial else None
+    down = np.clip(motion.links[..., -1], -1.0, 1.0) if trajectory.system.spatial else None
     angles = np.rad2deg(motion.links if down is None else np.arccos(down))
     yield "angles", f"{angles.min():.6g} to {angles.max():.6g} deg" + (" from the vertical" if down is not None else "")
-    if trajectory.plant.cart:
+    if trajectory.system.cart:
         yield "cart", f"{motion.cart.min():.6g} to {motion.cart.max():.6g} m"

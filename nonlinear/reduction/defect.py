@@ -21,9 +21,9 @@ import numpy as np
 from modal.assembly.matrices import Matrices, matrices
 from modal.eigen.dense import is_singular
 from modal.types import Floats
-from nonlinear.reduction.residual import residual
+from nonlinear.reduction.residual import residual_forces
 from nonlinear.reduction.superposition import Flat, Superposition, Swing
-from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.system import System, system_of
 
 PER_PERIOD = 16  # samples of the fastest swing that matters
 FEWEST, MOST = 64, 100_000
@@ -75,23 +75,23 @@ def defect_error(motion: Superposition, duration: float) -> Estimate | None:
 
 
 def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> Estimate:
-    plant, on = plant_of(motion.scene), int(motion.scene.support.kind == "cart")
+    system, on = system_of(motion.scene), int(motion.scene.support.kind == "cart")
     answers = [Answer.of(found, times[1]) for found in each]
     moved = [plane.deflections(times).transpose(0, 2, 1) for plane in motion.planes]
     missed = [np.array(plane.begun) - q[:2, :, 0] for plane, q in zip(motion.planes, moved, strict=True)]
     rounding = _rounding(motion, answers, times, _largest(moved, on)[-1])
-    first = _added(plant, moved, answers, missed)
+    first = _added(system, moved, answers, missed)
     corrected = [q + e for q, e in zip(moved, first, strict=True)]
-    second = _added(plant, corrected, answers, [0.0 * gap for gap in missed])
+    second = _added(system, corrected, answers, [0.0 * gap for gap in missed])
     both = [one + two for one, two in zip(first, second, strict=True)]
     one, two, at = (_largest(parts, on) for parts in (first, second, both))
     at = np.nan_to_num(np.maximum(at, two) + rounding, nan=np.inf)
     return Estimate(times, at, bool(two[-1] <= CONTRACTS * one[-1] + rounding[-1]))
 
 
-def _added(plant: Plant, moved: list[Floats], answers: list[Answer], missed: list[Floats]) -> list[Floats]:
+def _added(system: System, moved: list[Floats], answers: list[Answer], missed: list[Floats]) -> list[Floats]:
     """What the linear equations under −ρ would have added to the motion, its q, q' and q'' (3, n, T) in each plane."""
-    forces = residual(plant, moved)
+    forces = residual_forces(system, moved)
     return [answer.to(-force, gap) for answer, force, gap in zip(answers, forces, missed, strict=True)]
 
 

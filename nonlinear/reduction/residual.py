@@ -25,31 +25,31 @@ from modal.types import Floats
 from nonlinear.dynamics import joints
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.reduction.two_planes import factors
-from nonlinear.system.plant import Group, Plant
+from nonlinear.system.system import Group, System
 
 TINY = 0.02  # rad, below which a series takes the place of k
 
 
-def residual(plant: Plant, planes: list[Floats]) -> list[Floats]:
+def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     """The forces ρ (n, T) in each vertical plane, from its q, q' and q'' (3, n, T), deflections from the rest.
 
-    One plane, or of a plant in space the ones along the rail (with the cart, N; the links' in N m) and across it.
+    One plane, or of a system in space the ones along the rail (with the cart, N; the links' in N m) and across it.
     """
-    on = int(plant.cart is not None)
+    on = int(system.cart is not None)
     starts = [on, 0][: len(planes)]
     found = [np.zeros(plane.shape[1:]) for plane in planes]
     pull = np.zeros(planes[0].shape[-1])
-    felt = np.zeros((2 + plant.spatial, len(pull)))
-    felt[0], felt[-1] = (planes[0][2, 0] if on else 0.0), -plant.gravity
-    for group in plant.groups:
+    felt = np.zeros((2 + system.spatial, len(pull)))
+    felt[0], felt[-1] = (planes[0][2, 0] if on else 0.0), -system.gravity
+    for group in system.groups:
         own = np.array([plane[:, first:][:, group.index] for plane, first in zip(planes, starts, strict=True)])
-        second, forces = (_spatial if plant.spatial else _planar)(group, own, felt)
+        second, forces = (_spatial if system.spatial else _planar)(group, own, felt)
         pull += np.einsum("np,npt->t", group.block.b, second[0])
         for whole, first, force in zip(found, starts, forces, strict=True):
             whole[first:][group.index] = force
-    if plant.cart:
+    if system.cart:
         x, speed, acceleration = planes[0][:, 0]
-        found[0][0] = plant.total_mass * acceleration + plant.cart.damping * speed + plant.cart.stiffness * x + pull
+        found[0][0] = system.total_mass * acceleration + system.cart.damping * speed + system.cart.stiffness * x + pull
     return found
 
 

@@ -28,7 +28,7 @@ from modal.modes.modes import Modes, natural_modes
 from modal.scene.model import Fixed, Scene
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
-from nonlinear.reduction.two_planes import joined, split
+from nonlinear.reduction.two_planes import join, split
 from nonlinear.system.state import Motion, State
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
@@ -126,7 +126,7 @@ class Superposition:
         """The motion at these times."""
         with np.errstate(all="ignore"):
             parts = [plane.motion(times) for plane in self.planes]
-        return parts[0] if self.scene.space == "plane" else joined(self.scene, *parts)
+        return parts[0] if self.scene.space == "plane" else join(self.scene, *parts)
 
     @property
     def linear(self) -> Superposition:
@@ -136,7 +136,7 @@ class Superposition:
         return replace(self, planes=tuple(planes))
 
 
-def superposed(scene: Scene, start: State, *, corrected: bool) -> Superposition:
+def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
     Raises ComputationError where the modes do not add up to the start, as where eigenvalues of damped modes coincide.

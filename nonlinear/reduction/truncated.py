@@ -25,8 +25,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import efforts
-from nonlinear.system.plant import Group, Plant
-from nonlinear.system.state import Load, Motion, Push, State
+from nonlinear.system.state import AppliedForces, Load, Motion, State
+from nonlinear.system.system import Group, System
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ class Truncated:
     `dual` (half, R) with dualᵀΦ = 1 takes a start to its η.
     """
 
-    plant: Plant
+    system: System
     rest: Floats
     shapes: Floats
     dual: Floats
@@ -103,44 +103,44 @@ class Truncated:
     @cached_property
     def links(self) -> Floats:
         """The links' part of the shapes, (L, R)."""
-        return self.shapes[-self.plant.n_links :]
+        return self.shapes[-self.system.n_links :]
 
     @cached_property
     def cart(self) -> Floats:
         """The cart's part of the shapes, (R,), 0 on a fixed support."""
-        return self.shapes[0] if self.plant.cart else np.zeros(self.size)
+        return self.shapes[0] if self.system.cart else np.zeros(self.size)
 
     @cached_property
     def works(self) -> bool:
         """Whether the work comes last in y."""
-        return self.plant.works or self.load is not None
+        return self.system.works or self.load is not None
 
     @cached_property
     def turnings(self) -> tuple[Turning, ...]:
         """The groups with their shapes."""
         rows = self.links.T
-        return tuple(Turning(group, np.ascontiguousarray(rows[:, group.index.T])) for group in self.plant.groups)
+        return tuple(Turning(group, np.ascontiguousarray(rows[:, group.index.T])) for group in self.system.groups)
 
     @cached_property
     def _constant(self) -> Floats:
-        return self.plant.total_mass * np.outer(self.cart, self.cart)
+        return self.system.total_mass * np.outer(self.cart, self.cart)
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """Y' of shape (size,)."""
         state, R = self.state(y), self.size
-        push = self.load(time, state) if self.load else Push()
+        push = self.load(time, state) if self.load else AppliedForces()
         M = self._constant.copy()
-        force = efforts.on_links(self.plant, state, push) @ self.links
-        force += efforts.on_cart(self.plant, state, push) * self.cart
+        force = efforts.on_links(self.system, state, push) @ self.links
+        force += efforts.on_cart(self.system, state, push) * self.cart
         for one in self.turnings:
             place = one.group.index.T
-            mass, pull = one.equations(self.cart, state.links[place], state.link_rates[place], self.plant.gravity)
+            mass, pull = one.equations(self.cart, state.links[place], state.link_rates[place], self.system.gravity)
             M, force = M + mass, force + pull
         try:
             found = np.linalg.solve(M, force)
         except np.linalg.LinAlgError:
             raise ComputationError("the reduced mass matrix is singular: keep fewer modes") from None
-        work = [efforts.power(self.plant, state, push)] if self.works else []
+        work = [efforts.power(self.system, state, push)] if self.works else []
         return np.concatenate((y[R : 2 * R], found, work))
 
     def state(self, y: Floats) -> State:
@@ -149,7 +149,7 @@ class Truncated:
 
     def begin(self, state: State) -> Floats:
         """The vector y of the state nearest to this one in the sense of the masses, no work done yet."""
-        head, rate = ([state.cart], [state.cart_rate]) if self.plant.cart else ([], [])
+        head, rate = ([state.cart], [state.cart_rate]) if self.system.cart else ([], [])
         q, v = np.concatenate((head, state.links - self.rest)), np.concatenate((rate, state.link_rates))
         return np.concatenate((q @ self.dual, v @ self.dual, [0.0] * self.works))
 
@@ -168,9 +168,9 @@ class Truncated:
     @property
     def scale(self) -> Floats:
         """Natural units of y, (size,): those that turn a link by 1 rad, or move the cart by l where none turns."""
-        reach = np.maximum(np.abs(self.links).max(axis=0), np.abs(self.cart) / self.plant.length)
+        reach = np.maximum(np.abs(self.links).max(axis=0), np.abs(self.cart) / self.system.length)
         half = 1 / reach
-        return np.concatenate((half, half * self.plant.rate, [self.plant.energy] * self.works))
+        return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The shapes are the coordinates: there is nothing to mend."""

@@ -30,16 +30,16 @@ from modal.modes.all_shapes import all_shapes
 from modal.modes.modes import Modes, natural_modes
 from modal.scene.model import Scene
 from modal.types import Floats, Ints
-from nonlinear.integration.arguments import extent, gathered, insist_numbers, sampled
+from nonlinear.integration.arguments import extent, sample_times, validate, validate_numbers
 from nonlinear.integration.methods import Choice
-from nonlinear.integration.run import prepared
+from nonlinear.integration.run import prepare
 from nonlinear.integration.steppers import SCIPY, SMALLEST
 from nonlinear.integration.trajectory import TRUNCATED, Trajectory
 from nonlinear.reduction.modal_coordinates import rest_angles
 from nonlinear.reduction.truncated import Truncated
-from nonlinear.system.initial import checked, start_of
-from nonlinear.system.plant import Plant, plant_of
+from nonlinear.system.initial import initial_state, validate_state
 from nonlinear.system.state import State
+from nonlinear.system.system import System, system_of
 
 SAFETY = 2.0
 NEGLIGIBLE = 1e-8  # share of the start's energy that an automatic choice may leave out
@@ -87,7 +87,7 @@ class Survey:
     """A start seen in all C shapes of the undamped scene, φᵀMφ = 1: `shapes` and `dual` = MΦ are (half, C)."""
 
     scene: Scene
-    plant: Plant
+    system: System
     modes: Modes
     kept: tuple[Kept, ...]
     shapes: Floats
@@ -107,7 +107,7 @@ class Survey:
     @cached_property
     def amplitude(self) -> Floats:
         """(η² + (η'/ω)²)^½ of every shape, (C,); 0 of a translation, which is always kept."""
-        y, omega = self.system(np.arange(len(self.kept))).begin(self.start), self.swings
+        y, omega = self.equations(np.arange(len(self.kept))).begin(self.start), self.swings
         swings = omega > 0
         return np.where(swings, np.hypot(y[: len(omega)], y[len(omega) : 2 * len(omega)] / (omega + ~swings)), 0.0)
 
@@ -137,18 +137,18 @@ class Survey:
     def missed(self, judging: Ints, elapsed: Floats) -> Floats:
         """Largest angle (rad) to which the shapes beside these can add up in their linear motion so far, (T,)."""
         left = np.delete(np.arange(len(self.kept)), judging)
-        angles, rate = np.abs(self.shapes[-self.plant.n_links :, left]) * self.amplitude[left], self.value.real[left]
+        angles, rate = np.abs(self.shapes[-self.system.n_links :, left]) * self.amplitude[left], self.value.real[left]
         grows = rate > 0
         growth = np.exp(np.minimum(np.multiply.outer(elapsed, rate[grows]), FURTHEST))
         return np.asarray(angles[:, ~grows].sum(axis=1).max() + growth @ angles[:, grows].max(axis=0))
 
-    def system(self, chosen: Ints) -> Truncated:
+    def equations(self, chosen: Ints) -> Truncated:
         """The reduced equations in these shapes."""
         shapes, dual = (np.ascontiguousarray(part[:, chosen]) for part in (self.shapes, self.dual))
-        return Truncated(self.plant, rest_angles(self.scene), shapes, dual)
+        return Truncated(self.system, rest_angles(self.scene), shapes, dual)
 
 
-def truncated(
+def simulate_truncated(
     scene: Scene,
     duration: float,
     modes: int | None = None,
@@ -168,14 +168,14 @@ def truncated(
     Raises SceneError for a scene in space and for arguments that cannot be, ComputationError where the modes cannot be
     had, SimulationError where the integrator gives up.
     """
-    insist_numbers(duration, tolerance, 0.0)
+    validate_numbers(duration, tolerance, 0.0)
     _insist(scene, modes, method)
-    plant = plant_of(scene)
-    state, times = gathered(
-        lambda: checked(start if start is not None else start_of(scene), plant),
-        lambda: sampled(scene, duration, 0.0, output),
+    system = system_of(scene)
+    state, times = validate(
+        lambda: validate_state(start if start is not None else initial_state(scene), system),
+        lambda: sample_times(scene, duration, 0.0, output),
     )
-    survey = surveyed(scene, plant, state)
+    survey = survey_modes(scene, system, state)
     if modes is not None and modes > len(survey.modes):
         raise SceneError([f"modes {modes}: this scene has {len(survey.modes)}"])
     return in_modes(survey, modes or survey.automatic(), times, method=method, tolerance=tolerance, report=report)
@@ -228,7 +228,7 @@ def _insist(scene: Scene, modes: int | None, method: str) -> None:
         raise SceneError(problems)
 
 
-def surveyed(scene: Scene, plant: Plant, start: State) -> Survey:
+def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where a massless cart lacks one."""
     still = scene.conservative
     modes = natural_modes(still)
@@ -237,14 +237,14 @@ def surveyed(scene: Scene, plant: Plant, start: State) -> Survey:
     if len(each) < modes.on_cart + scene.n_links:
         raise SceneError(["support.mass = 0.0: the modes of this scene do not span its motion"])
     shapes = np.array([np.concatenate((x, one.angles.real)) for x, (_, one) in zip(head, each, strict=True)]).T
-    return Survey(scene, plant, modes, tuple(kept for kept, _ in each), shapes, matrices(still).M @ shapes, start)
+    return Survey(scene, system, modes, tuple(kept for kept, _ in each), shapes, matrices(still).M @ shapes, start)
 
 
 def _run(
     survey: Survey, chosen: Ints, times: Floats, method: str, tolerance: float, report: Callable[[float], object]
 ) -> Trajectory:
-    system, size = survey.system(chosen), extent(survey.start, survey.plant)
+    equations, size = survey.equations(chosen), extent(survey.start, survey.system)
     words = f"{len(chosen)} of {len(survey.kept)} shapes"
     choice = Choice(TRUNCATED, method, False, words, max(tolerance, SMALLEST))
-    ready = prepared(survey.scene, system, choice, survey.start, times, size)
+    ready = prepare(survey.scene, equations, choice, survey.start, times, size)
     return ready.go(report=report)

@@ -33,7 +33,7 @@ def split(scene: Scene, start: State) -> tuple[State, State]:
     )
 
 
-def joined(scene: Scene, along: Motion, across: Motion) -> Motion:
+def join(scene: Scene, along: Motion, across: Motion) -> Motion:
     """Unit vectors (T, L, 3) and their rates."""
     rest = rest_angles(scene)
     p = np.stack((along.links - rest, across.links - rest), axis=-1)

@@ -22,7 +22,7 @@ VERSION = 2
 KNOWN = b'{"multipendula_journal"'
 
 
-class Journal:
+class Checkpoint:
     """The rows that a file already held, and where new ones go; without a file it forgets them."""
 
     def __init__(self, stream: IO[bytes] | None = None, rows: Sequence[Row] = (), salt: str = "") -> None:
@@ -42,7 +42,7 @@ class Journal:
 
 
 @contextmanager
-def journal(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Journal]:
+def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Checkpoint]:
     """The journal at a path, begun or gone on with; `fresh` begins anew whatever sweep it is of.
 
     Rows of points that failed are left out, so that these are tried again.  Raises SceneError where the file is
@@ -61,7 +61,7 @@ def journal(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) 
         stream.truncate(len(whole))
         if not whole:
             stream.write(first)
-        kept = Journal(stream, [row for row in rows.values() if not row.reason], salt)
+        kept = Checkpoint(stream, [row for row in rows.values() if not row.reason], salt)
         try:
             yield kept
         finally:

@@ -6,14 +6,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from modal.errors import ComputationError, MissingExtraError
-from nonlinear.sweeps.executors import Crew
+from nonlinear.sweeps.executors import WorkerPool
 
 PATIENCE = 10.0
 """Seconds that a scheduler has to answer."""
 
 
 @contextmanager
-def cluster(address: str, patience: float = PATIENCE) -> Iterator[Crew]:
+def cluster(address: str, patience: float = PATIENCE) -> Iterator[WorkerPool]:
     """All workers that a scheduler such as tcp://192.168.0.2:8786 has; they need this package installed.
 
     Raises MissingExtraError without the package `distributed`, ComputationError where nobody answers or nobody works.
@@ -32,6 +32,6 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[Crew]:
             raise ComputationError(f"{address}: the scheduler has no workers")
         executor = client.get_executor()
         try:
-            yield Crew(executor, size)
+            yield WorkerPool(executor, size)
         finally:
             executor.shutdown(wait=False)

@@ -17,7 +17,7 @@ from nonlinear.dynamics.interrupts import deaf_children
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
-class Crew(NamedTuple):
+class WorkerPool(NamedTuple):
     """An executor and how many points it works on at a time."""
 
     executor: Executor
@@ -30,7 +30,7 @@ def cores() -> int:
 
 
 @contextmanager
-def processes(count: int) -> Iterator[Crew]:
+def processes(count: int) -> Iterator[WorkerPool]:
     """So many processes, each with one thread, started afresh on every platform and deaf to Ctrl-C.
 
     An error or Ctrl-C in the block ends them at once, and so does the end of this process, however it comes.  Raises
@@ -41,7 +41,7 @@ def processes(count: int) -> Iterator[Crew]:
         pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begun)
         try:
             _start(pool, count)
-            yield Crew(pool, count)
+            yield WorkerPool(pool, count)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for process in set(active_children()) - others:

@@ -33,7 +33,7 @@ class Measure:
 
 
 @dataclass(frozen=True)
-class Asked:
+class RequestedMeasure:
     """A measure with its number."""
 
     measure: Measure
@@ -43,7 +43,7 @@ class Asked:
         if self.number != self.measure.usual:
             self.insist()
 
-    def insist(self) -> Asked:
+    def insist(self) -> RequestedMeasure:
         """Itself; SceneError where its number is out of range."""
         kind = f"a {'whole ' * self.measure.whole}number above 0 and at most {self.measure.most:g}"
         fits = isfinite(self.number) and 0 < self.number <= self.measure.most

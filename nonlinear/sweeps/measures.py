@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from modal.errors import SceneError, meant
-from nonlinear.sweeps.measure import Asked, Measure
+from nonlinear.sweeps.measure import Measure, RequestedMeasure
 from nonlinear.sweeps.modal_measures import MODAL
 from nonlinear.sweeps.run_measures import RUNS
 from nonlinear.sweeps.sync_measures import SYNC
@@ -13,13 +13,13 @@ from nonlinear.sweeps.sync_measures import SYNC
 MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC)}
 
 
-def asked(texts: Sequence[str]) -> tuple[Asked, ...]:
+def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:
     """The measures in texts such as "frequencies" or "frequencies:6"; SceneError names every mistake.
 
     >>> [one.text for one in asked(["frequencies:6", "beat"])]
     ['frequencies:6', 'beat']
     """
-    found: dict[str, Asked] = {}
+    found: dict[str, RequestedMeasure] = {}
     problems: list[str] = []
     for text in texts:
         try:
@@ -35,14 +35,14 @@ def asked(texts: Sequence[str]) -> tuple[Asked, ...]:
     return tuple(found.values())
 
 
-def _asked(text: str) -> Asked:
+def _asked(text: str) -> RequestedMeasure:
     name, colon, number = text.partition(":")
     if name not in MEASURES:
         hint = meant(name, MEASURES) or f" (there are {', '.join(MEASURES)})"
         raise SceneError([f"{text}: no such measure{hint}"])
     measure = MEASURES[name]
     try:
-        return Asked(measure, float(number)).insist() if colon else Asked(measure, measure.usual)
+        return RequestedMeasure(measure, float(number)).insist() if colon else RequestedMeasure(measure, measure.usual)
     except ValueError as error:
         if isinstance(error, SceneError):
             raise

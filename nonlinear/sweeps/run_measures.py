@@ -34,7 +34,7 @@ def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
     """
     run = run_of(scene, seconds)
     times, motion = run.times, run.motion
-    if run.plant.spatial:
+    if run.system.spatial:
         height, _ = extremes(times, motion.links[..., 2], motion.link_rates[..., 2])
         largest = np.arccos(np.clip(height, -1.0, 1.0)).max()
     else:

@@ -15,9 +15,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.sweeps.checkpoint import Journal
-from nonlinear.sweeps.executors import Crew, cores, processes
-from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measured
+from nonlinear.sweeps.checkpoint import Checkpoint
+from nonlinear.sweeps.executors import WorkerPool, cores, processes
+from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_points
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
@@ -65,9 +65,9 @@ class Sweep:
 def sweep(
     study: Study,
     *,
-    journal: Journal | None = None,
+    journal: Checkpoint | None = None,
     workers: int | None = None,
-    crew: Crew | None = None,
+    crew: WorkerPool | None = None,
     report: Report = lambda done: None,
 ) -> Sweep:
     """All points of a study: those that a journal holds are taken from it, new ones are added to it.
@@ -76,7 +76,7 @@ def sweep(
     PATIENCE.  `crew` is for other executors, such as `nonlinear.sweeps.cluster`.  `report` hears how many points are
     done. On Ctrl-C what is known is returned.  Raises ComputationError where workers cannot be had.
     """
-    kept = journal or Journal()
+    kept = journal or Checkpoint()
     rows = {row.index: row for row in kept.rows}
     left = [index for index in range(study.size) if index not in rows]
     interrupted = False
@@ -92,13 +92,13 @@ def sweep(
     return Sweep(study, tuple(rows[index] for index in sorted(rows)), interrupted)
 
 
-def _found(study: Study, left: Sequence[int], workers: int | None, crew: Crew | None) -> Rows:
+def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerPool | None) -> Rows:
     task, count = Task(study.scene, study.measures), workers or cores()
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
         for point in points:
-            yield measured(task, [point])
+            yield measure_points(task, [point])
             remaining -= 1
             if count > 1 and monotonic() - begun > PATIENCE:
                 break
@@ -117,7 +117,7 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: Crew | 
         yield from _alone(task, lost)
 
 
-def _shared(task: Task, portions: Iterator[Points], crew: Crew) -> Generator[list[Row], None, list[Point]]:
+def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
     """The rows of all portions as they come, a few in flight at a time; points whose workers died are handed back."""
     flying: dict[Future[list[Row]], Points] = {}
     try:
@@ -144,9 +144,9 @@ def _shared(task: Task, portions: Iterator[Points], crew: Crew) -> Generator[lis
             future.cancel()
 
 
-def _handed(task: Task, portion: Points, crew: Crew) -> Future[list[Row]]:
+def _handed(task: Task, portion: Points, crew: WorkerPool) -> Future[list[Row]]:
     try:
-        return crew.executor.submit(measured, task, portion)
+        return crew.executor.submit(measure_points, task, portion)
     except BrokenExecutor as error:
         failed: Future[list[Row]] = Future()
         failed.set_exception(error)
@@ -162,7 +162,7 @@ def _alone(task: Task, points: Sequence[Point]) -> Rows:
             while left and not died:
                 point = left.popleft()
                 try:
-                    yield one.executor.submit(measured, task, [point]).result()
+                    yield one.executor.submit(measure_points, task, [point]).result()
                 except BrokenExecutor:
                     died = True
                     yield [Row(point[0], {}, DIED)]

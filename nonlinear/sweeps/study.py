@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.scene.model import Scene, described, scene_from
+from modal.scene.model import Scene, describe, scene_from
 from modal.scene.parameters import Variation
-from modal.scene.parameters import insist as insist_varied
-from modal.scene.places import varied
-from nonlinear.sweeps.measure import Asked
-from nonlinear.sweeps.measures import asked
+from modal.scene.parameters import validate_variations as insist_varied
+from modal.scene.places import vary
+from nonlinear.sweeps.measure import RequestedMeasure
+from nonlinear.sweeps.measures import parse_measures
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
@@ -29,7 +29,7 @@ class Study:
 
     scene: Scene
     variations: tuple[Variation, ...]
-    measures: tuple[Asked, ...]
+    measures: tuple[RequestedMeasure, ...]
 
     def __post_init__(self) -> None:
         problems = []
@@ -65,7 +65,7 @@ class Study:
         """Everything in it, for a file."""
         axes = [{"path": own.path, "values": own.values, "log": own.log} for own in self.variations]
         measures = [one.text for one in self.measures]
-        return {"version": VERSION, "scene": described(self.scene), "axes": axes, "measures": measures}
+        return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures}
 
     @property
     def fingerprint(self) -> str:
@@ -79,7 +79,7 @@ def study_from(header: dict[str, Any]) -> Study:
     if header["version"] != VERSION:
         raise ValueError
     axes = tuple(Variation(axis["path"], tuple(axis["values"]), bool(axis["log"])) for axis in header["axes"])
-    return Study(scene_from(header["scene"]), axes, asked(header["measures"]))
+    return Study(scene_from(header["scene"]), axes, parse_measures(header["measures"]))
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Task:
     """What a worker needs to know beside its points."""
 
     scene: Scene
-    measures: tuple[Asked, ...]
+    measures: tuple[RequestedMeasure, ...]
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ Point = tuple[int, dict[str, float]]
 Points = Sequence[Point]
 
 
-def measured(task: Task, points: Points) -> list[Row]:
+def measure_points(task: Task, points: Points) -> list[Row]:
     """The rows of some points; what goes wrong at one is its own reason and hurts no other."""
     return [_row(task, index, values) for index, values in points]
 
@@ -111,7 +111,7 @@ def measured(task: Task, points: Points) -> list[Row]:
 def _row(task: Task, index: int, values: dict[str, float]) -> Row:
     numbers: dict[str, float] = {}
     try:
-        scene = varied(task.scene, values)
+        scene = vary(task.scene, values)
         for one in task.measures:
             numbers |= {name: float(number) for name, number in one.of(scene, task.scene).items()}
     except MultipendulaError as error:

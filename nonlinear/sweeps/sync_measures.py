@@ -13,7 +13,7 @@ from nonlinear.postprocessing.averages import last
 from nonlinear.sweeps.measure import Measure
 from nonlinear.sweeps.modal_measures import numbers_in, swinging
 from nonlinear.sweeps.run_measures import run_of
-from nonlinear.synchronization.modal_energy import Survival, survival
+from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
 
 FEW = 4  # pendula whose energies are told one by one
@@ -27,7 +27,7 @@ def _phases(scene: Scene, seconds: float) -> Phases:
 
 @lru_cache(maxsize=1)
 def _survival(scene: Scene, seconds: float) -> Survival:
-    return survival(run_of(scene, seconds))
+    return find_survival(run_of(scene, seconds))
 
 
 def order(scene: Scene, seconds: float) -> dict[str, float]:

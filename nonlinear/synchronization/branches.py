@@ -16,9 +16,9 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.scene.model import Scene
-from modal.scene.parameters import Variation, insist
+from modal.scene.parameters import Variation, validate_variations
 from modal.types import Floats
-from nonlinear.averaging.equilibria import Configuration, configurations, same
+from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria, same
 from nonlinear.synchronization.continuation import Walk
 from nonlinear.synchronization.patterns import agreement
 
@@ -48,7 +48,7 @@ class Branch:
 
     variation: Variation
     values: Floats
-    states: tuple[Configuration, ...]
+    states: tuple[RelativeEquilibrium, ...]
 
     @cached_property
     def lasts(self) -> tuple[bool, ...]:
@@ -120,14 +120,14 @@ class Branches:
         return tuple(sorted(every, key=lambda pair: pair[0].value))
 
 
-def branches(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Branches:
+def follow_branches(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Branches:
     """The branches of a scene that excites itself, `report` hearing how many have been followed.
 
     Configurations are searched for at both ends of the range and, up to MOST_SEARCHES times, at the next value beyond
     the place where a branch is lost or no longer lasts.  Raises SceneError for a variation of fewer than two values or
     of a count, ComputationError where nothing excites the scene or `nonlinear.averaging.equations` cannot take it.
     """
-    insist(scene, [variation])
+    validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
         raise SceneError(
             [f"{variation.path}: branches are over two values or more of a parameter that varies smoothly"]
@@ -137,7 +137,7 @@ def branches(scene: Scene, variation: Variation, report: Report = lambda done: N
     walk = Walk(scene, variation)
     found: list[Branch] = []
     for value in _places(variation, found):
-        for state in configurations(walk.at(value)):
+        for state in relative_equilibria(walk.at(value)):
             if not any(same(state, other) for other in _known(found, value)):
                 values, states = zip(*walk.whole(value, state), strict=True)
                 found.append(Branch(variation, np.array(values), states))
@@ -146,7 +146,7 @@ def branches(scene: Scene, variation: Variation, report: Report = lambda done: N
     return Branches(scene, variation, tuple(order))
 
 
-def _known(found: Sequence[Branch], value: float) -> list[Configuration]:
+def _known(found: Sequence[Branch], value: float) -> list[RelativeEquilibrium]:
     return [state for one in found for at, state in zip(one.values, one.states, strict=True) if at == value]
 
 

@@ -16,16 +16,16 @@ import numpy as np
 
 from modal.scene.model import Scene
 from modal.scene.parameters import Variation
-from modal.scene.places import varied
+from modal.scene.places import vary
 from modal.types import Complexes
-from nonlinear.averaging.equations import Averaged, averaged
-from nonlinear.averaging.equilibria import Configuration, configuration, same, swinging
+from nonlinear.averaging.equations import AveragedEquations, average
+from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibrium, same, swinging
 
 RESOLUTION = 1e-4  # of the range, in logarithms where the variation is in equal ratios
 JUMP = 0.3  # largest change of the amplitudes from one value to the next, over them
 CLOSE = 1e-5  # relative: by how much the way back may miss
 
-Step = tuple[float, Configuration]
+Step = tuple[float, RelativeEquilibrium]
 
 
 class Walk:
@@ -33,22 +33,22 @@ class Walk:
 
     def __init__(self, scene: Scene, variation: Variation) -> None:
         self.scene, self.variation = scene, variation
-        self._made: dict[float, Averaged] = {}
+        self._made: dict[float, AveragedEquations] = {}
 
-    def at(self, value: float) -> Averaged:
+    def at(self, value: float) -> AveragedEquations:
         """The averaged equations there."""
         if value not in self._made:
-            self._made[value] = averaged(varied(self.scene, {self.variation.path: value}))
+            self._made[value] = average(vary(self.scene, {self.variation.path: value}))
         return self._made[value]
 
-    def whole(self, value: float, state: Configuration) -> list[Step]:
+    def whole(self, value: float, state: RelativeEquilibrium) -> list[Step]:
         """All that is reached from a configuration, to both sides, in ascending order."""
         up = [v for v in self.variation.values if v > value]
         down = [v for v in reversed(self.variation.values) if v < value]
         steps = [*reversed(self._followed(value, state, down)), (value, state), *self._followed(value, state, up)]
         return [steps[0], *(step for pair in pairwise(steps) for step in self._sharpened(*pair))]
 
-    def _followed(self, value: float, state: Configuration, further: Sequence[float]) -> list[Step]:
+    def _followed(self, value: float, state: RelativeEquilibrium, further: Sequence[float]) -> list[Step]:
         """To the last of these values, or to where it is lost."""
         found: list[Step] = []
         for target in further:
@@ -78,16 +78,16 @@ class Walk:
             return [after]
         return self._sharpened(before, (middle, state)) + self._sharpened((middle, state), after)
 
-    def _next(self, here: Step, value: float) -> Configuration | None:
+    def _next(self, here: Step, value: float) -> RelativeEquilibrium | None:
         """The same configuration there, None where the way back leads elsewhere: that is another branch."""
         found = self.moved(here[1], value)
         back = self.moved(found, here[0]) if found else None
         return found if back and same(back, here[1], CLOSE) else None
 
-    def moved(self, state: Configuration, value: float) -> Configuration | None:
+    def moved(self, state: RelativeEquilibrium, value: float) -> RelativeEquilibrium | None:
         """The same configuration at another value, None where there is none nearby."""
         z = _carried(state, self.at(value))
-        found = configuration(self.at(value), z)
+        found = relative_equilibrium(self.at(value), z)
         if found is None or len(swinging(found.averaged, found.z)) != len(swinging(found.averaged, z)):
             return None
         weight = found.averaged.omega
@@ -105,7 +105,7 @@ class Walk:
         return log(value) if self.variation.log else value
 
 
-def _carried(state: Configuration, new: Averaged) -> Complexes:
+def _carried(state: RelativeEquilibrium, new: AveragedEquations) -> Complexes:
     """The amplitudes of the same motion in other modes, in as many bands as swung before."""
     z = new.dual.T @ (state.averaged.shapes @ state.z)
     energy = np.bincount(new.band, weights=(new.omega * np.abs(z)) ** 2)

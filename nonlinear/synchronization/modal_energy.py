@@ -26,7 +26,7 @@ from modal.scene.model import Scene
 from modal.types import Floats, Ints
 from nonlinear.averaging.slow_flow import LOCKED
 from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.averages import smoothed
+from nonlinear.postprocessing.averages import smooth
 from nonlinear.reduction.modal_coordinates import deflection, rest_angles
 from nonlinear.synchronization.phases import from_rest
 
@@ -87,18 +87,18 @@ class Survival:
         return float(self.times[first]) if first < len(self.times) else None
 
 
-def survival(trajectory: Trajectory) -> Survival:
+def find_survival(trajectory: Trajectory) -> Survival:
     """The energies of a run in the plane by modes.
 
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode swings.
     """
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.support.kind == "cart")
-    if trajectory.plant.spatial:
+    if trajectory.system.spatial:
         raise ComputationError("energies by modes: only of motion in the plane")
     if size > MOST:
         raise ComputationError(f"energies by modes: this scene has {size} coordinates, at most {MOST} are told apart")
-    links = rest_angles(scene) + from_rest(trajectory.plant, trajectory.motion.links)
+    links = rest_angles(scene) + from_rest(trajectory.system, trajectory.motion.links)
     q, v = deflection(scene, replace(trajectory.motion, links=links))
     modes = natural_modes(scene)
     swinging = np.flatnonzero(modes.eigenvalue.imag)
@@ -107,7 +107,7 @@ def survival(trajectory: Trajectory) -> Survival:
     omega = modes.omega[swinging]
     energy = _energies(modes, swinging, q, v)
     period = 2 * pi / float(omega[np.argmax(energy.sum(0))])
-    return Survival(trajectory.scene, trajectory.times, modes, swinging + 1, smoothed(trajectory.times, energy, period))
+    return Survival(trajectory.scene, trajectory.times, modes, swinging + 1, smooth(trajectory.times, energy, period))
 
 
 def _energies(modes: Modes, rows: Ints, q: Floats, v: Floats) -> Floats:

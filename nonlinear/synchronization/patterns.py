@@ -12,22 +12,22 @@ from math import degrees
 import numpy as np
 
 from modal.types import Complexes, Floats
-from nonlinear.averaging.equilibria import Configuration, swinging
+from nonlinear.averaging.equilibria import RelativeEquilibrium, swinging
 from nonlinear.synchronization.phases import own_shapes
 
 STILL = 0.1  # of the largest amplitude: what a pendulum must reach to count as swinging
 NEAR = np.pi / 6  # what is still in phase, or in antiphase
 
 
-def own_amplitudes(state: Configuration) -> Complexes:
+def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
     """η (N,) in rad of every pendulum, in the own mode that holds most of the band that holds most."""
     found = state.averaged
     links = found.link_shapes @ np.where(found.band == state.band, state.z, 0.0)
-    count = min(group.n for group in found.plant.groups)
-    eta = np.empty((found.plant.n_pendula, count), dtype=complex)
+    count = min(group.n for group in found.system.groups)
+    eta = np.empty((found.system.n_pendula, count), dtype=complex)
     energy: Floats = np.zeros(count)
-    for group in found.plant.groups:
-        modes = own_shapes(group, found.plant.gravity, count)
+    for group in found.system.groups:
+        modes = own_shapes(group, found.system.gravity, count)
         eta[group.pendula] = np.einsum("np,pnb->pb", links[group.index], modes.dual)
         energy += np.sum(modes.mass * modes.omega**2 * np.abs(eta[group.pendula]) ** 2, axis=0)
     return np.asarray(eta[:, int(energy.argmax())])
@@ -39,7 +39,7 @@ def apart(eta: Complexes) -> Floats:
     return np.asarray(np.angle(eta[np.abs(eta) >= STILL * abs(most)] / most))
 
 
-def agreement(state: Configuration) -> str:
+def agreement(state: RelativeEquilibrium) -> str:
     """In phase, in antiphase, by how much apart, or which pendulum swings alone; and where several bands swing."""
     bands = len(swinging(state.averaged, state.z))
     return _phases(own_amplitudes(state)) + (f", {bands} frequencies" if bands > 1 else "")

@@ -25,7 +25,7 @@ from modal.errors import ComputationError
 from modal.types import Complexes, Floats
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.postprocessing.averages import last
-from nonlinear.system.plant import Group, Plant
+from nonlinear.system.system import Group, System
 
 ENDING, SETTLED = 0.1, 0.5  # parts of a run: what is "at the end", and over which frequencies are taken
 LEAST = 3.0  # samples a period from which phases are followed
@@ -150,24 +150,24 @@ def phases_of(trajectory: Trajectory) -> Phases:
     Raises ComputationError for a motion in space, for pendula that do not swing about their rest by themselves, and
     for chains too long for dense matrices.
     """
-    plant, motion = trajectory.plant, trajectory.motion
-    if plant.spatial:
+    system, motion = trajectory.system, trajectory.motion
+    if system.spatial:
         raise ComputationError("phases: only of motion in the plane")
-    count = min(group.n for group in plant.groups)
-    z = np.empty((len(trajectory.times), plant.n_pendula, count), dtype=np.complex128)
-    omega, mass = np.empty((2, plant.n_pendula, count))
-    turned = from_rest(plant, motion.links)
-    for group in plant.groups:
-        own = own_shapes(group, plant.gravity, count)
+    count = min(group.n for group in system.groups)
+    z = np.empty((len(trajectory.times), system.n_pendula, count), dtype=np.complex128)
+    omega, mass = np.empty((2, system.n_pendula, count))
+    turned = from_rest(system, motion.links)
+    for group in system.groups:
+        own = own_shapes(group, system.gravity, count)
         eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], own.dual) for part in (turned, motion.link_rates))
         z[:, group.pendula] = eta - 1j * rate / own.omega
         omega[group.pendula], mass[group.pendula] = own.omega, own.mass
     return Phases(trajectory, z, omega, mass)
 
 
-def from_rest(plant: Plant, links: Floats) -> Floats:
+def from_rest(system: System, links: Floats) -> Floats:
     """Angles (T, L) from rest (rad), whole turns left out."""
-    aside = links - np.where(plant.by_link("sigma") > 0, 0.0, pi)
+    aside = links - np.where(system.by_link("sigma") > 0, 0.0, pi)
     return np.asarray(aside - 2 * pi * np.round(aside / (2 * pi)))
 
 

@@ -12,14 +12,14 @@ from modal.errors import ComputationError
 from modal.report.escaping import visible
 from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short
 from modal.report.tables import grid
-from nonlinear.averaging.equilibria import Configuration
+from nonlinear.averaging.equilibria import RelativeEquilibrium
 from nonlinear.averaging.prediction import ASIDE, Prediction
 from nonlinear.postprocessing.averages import last
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
-from nonlinear.synchronization.study import Synchrony, Theory
-from nonlinear.system.plant import Plant
+from nonlinear.synchronization.study import SynchronizationStudy, Theory
+from nonlinear.system.system import System
 
 HEAD = ("mode", "family", "pendula", "largest angle (deg)", "frequency (rad/s)", "neighbours")
 NOT_COVERED = (
@@ -31,13 +31,13 @@ NUMBERED = "Modes have their numbers in the table; frequencies here are those wi
 MOST_FREQUENCIES = 6
 
 
-def sync_text(found: Synchrony) -> str:
+def sync_text(found: SynchronizationStudy) -> str:
     """For a terminal."""
     parts = [visible(found.scene.title) or "untitled scene", *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _sections(found: Synchrony) -> Iterator[str]:
+def _sections(found: SynchronizationStudy) -> Iterator[str]:
     if found.theory is None:
         yield f"No prediction: {found.silent}."
     else:
@@ -62,7 +62,7 @@ def _table(theory: Theory) -> str:
     return grid([_cells(one) for one in theory.configurations], HEAD, "text")
 
 
-def _cells(one: Configuration) -> list[str]:
+def _cells(one: RelativeEquilibrium) -> list[str]:
     modes = one.averaged.modes
     mode = modes[one.row]
     angle = degrees(float(np.abs(own_amplitudes(one)).max()))
@@ -76,7 +76,7 @@ def _cells(one: Configuration) -> list[str]:
     ]
 
 
-def _fate(one: Configuration) -> str:
+def _fate(one: RelativeEquilibrium) -> str:
     if one.lasts is None:
         return "stay beside it"
     return f"{'come back' if one.lasts else 'leave'} by e in {one.relaxation:.4g} s"
@@ -103,7 +103,7 @@ def _prediction(prediction: Prediction) -> Iterator[str]:
         yield f"That time is a guide: {'; '.join(doubts)}."
 
 
-def _unstable(kept: Configuration) -> Iterator[str]:
+def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
     """Of the configuration that only a start without any error keeps."""
     yield (
         f"Exactly this start keeps to mode {kept.number} ({agreement(kept)}), but that motion is unstable: the least "
@@ -112,7 +112,7 @@ def _unstable(kept: Configuration) -> Iterator[str]:
     )
 
 
-def _simulation(found: Synchrony) -> Iterator[str]:
+def _simulation(found: SynchronizationStudy) -> Iterator[str]:
     yield from _survivor(found.survival) if found.survival else [f"No energies by modes: {found.unmeasured}."]
     if found.agrees is not None:
         yield "As predicted." if found.agrees else "This is not what was predicted."
@@ -136,7 +136,7 @@ def _survivor(survival: Survival) -> Iterator[str]:
         yield f"All others hold less than 1 % after {short(time)} s."
 
 
-def _phases(found: Synchrony) -> Iterator[str]:
+def _phases(found: SynchronizationStudy) -> Iterator[str]:
     phases, late = found.phases, last(found.trajectory.times, ENDING)
     order = float(phases.order[late, phases.leading].mean())
     which = f"in fixed-base mode {phases.leading + 1}, mean of the last tenth"
@@ -161,24 +161,24 @@ def _phases(found: Synchrony) -> Iterator[str]:
         yield f"Mean frequencies {words} rad/s: {fate} within {phases.resolution:.2g} rad/s."
 
 
-def _energies(found: Synchrony) -> Iterator[str]:
+def _energies(found: SynchronizationStudy) -> Iterator[str]:
     trajectory = found.trajectory
     late = last(trajectory.times, ENDING)
     pendula, cart = found.phases.energy[late].sum(axis=1).mean(), trajectory.mechanics.cart_kinetic[late].mean()
-    yield f"Energy at the end: pendula {pendula:.4g} J" + (f", cart {cart:.3g} J." if trajectory.plant.cart else ".")
+    yield f"Energy at the end: pendula {pendula:.4g} J" + (f", cart {cart:.3g} J." if trajectory.system.cart else ".")
     kicks, work = trajectory.kicks, float(trajectory.motion.work[-1])
     if len(kicks.time):
         fed = float(kicks.energy.sum())
-        rest = _others(trajectory.plant, work - fed)
+        rest = _others(trajectory.system, work - fed)
         yield f"{counted(len(kicks.time), 'kick', 'kicks')} fed {fed:.6g} J{rest}."
-    elif trajectory.plant.works:
+    elif trajectory.system.works:
         yield f"Drives and dampers together did {work:.6g} J of work."
     if isfinite(drift := trajectory.energy_drift()):
         yield f"The books close to {drift:.1g} of what the energies range over."
 
 
-def _others(plant: Plant, work: float) -> str:
+def _others(system: System, work: float) -> str:
     """What else there is beside kicks, and its work (J)."""
-    if any(group.excitation and group.excitation.steady for group in plant.groups):
+    if any(group.excitation and group.excitation.steady for group in system.groups):
         return f", van der Pol drives and dampers together did {work:.6g} J of work"
-    return f", dampers took {-work:.6g} J" if plant.dissipates else ""
+    return f", dampers took {-work:.6g} J" if system.dissipates else ""

@@ -9,12 +9,12 @@ from typing import Any
 
 from modal.errors import ComputationError
 from modal.scene.model import Scene
-from nonlinear.averaging.equilibria import Configuration, configurations
-from nonlinear.averaging.prediction import Prediction, predicted
-from nonlinear.integration.timescales import timescales
+from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
+from nonlinear.averaging.prediction import Prediction, predict
+from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.modal_energy import Survival, survival
+from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.system.state import State
 
@@ -26,12 +26,12 @@ USUAL, MOST = 200, 5000  # periods
 class Theory:
     """What the averaged equations say: how the scene can keep swinging, and what becomes of its start."""
 
-    configurations: tuple[Configuration, ...]
+    configurations: tuple[RelativeEquilibrium, ...]
     prediction: Prediction
 
 
 @dataclass(frozen=True, eq=False)
-class Synchrony:
+class SynchronizationStudy:
     """Theory and simulation of a scene; where there is no theory or no modes, `silent` and `unmeasured` say why."""
 
     scene: Scene
@@ -50,45 +50,45 @@ class Synchrony:
         return self.theory.prediction.row + 1 == self.survival.survivor
 
 
-def theory_of(scene: Scene, start: State | None = None) -> Theory:
+def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:
     """Of a scene that excites itself; ComputationError where averaged equations cannot take it."""
-    prediction = predicted(scene, start)
-    return Theory(configurations(prediction.averaged), prediction)
+    prediction = predict(scene, start)
+    return Theory(relative_equilibria(prediction.averaged), prediction)
 
 
 def usual_duration(scene: Scene, theory: Theory | None) -> float:
     """Seconds after which what is predicted can be seen, at most MOST periods of the slowest mode."""
     if theory is None:
-        return USUAL * 2 * pi / (timescales(scene).swing or 1.0)
+        return USUAL * 2 * pi / (estimate_timescales(scene).swing or 1.0)
     period = 2 * pi / float(theory.prediction.averaged.omega.min())
     locking = theory.prediction.locking_time()
     wished = USUAL * period if locking is None else LONGER * locking + BEYOND * period
     return min(wished, MOST * period)
 
 
-def synchrony(
+def study_synchronization(
     scene: Scene,
     duration: float | None = None,
     *,
     start: State | None = None,
     report: Callable[[float, float], object] = lambda elapsed, duration: None,
     **options: Any,
-) -> Synchrony:
+) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
     `start` replaces the scene file's own, `options` are those of `simulate`; `report` hears of the seconds gone
     through and of all of them.  A start that ends unstably is judged by one beside it, in prediction and simulation.
     KeyboardInterrupt where Ctrl-C cuts the run short.
     """
-    theory, silent = _tried(lambda: theory_of(scene, start))
+    theory, silent = _tried(lambda: theory_of_scene(scene, start))
     length = duration or usual_duration(scene, theory)
     if theory is not None and theory.prediction.unstable:
         start = theory.prediction.start
     trajectory = simulate(scene, length, start=start, report=lambda elapsed: report(elapsed, length), **options)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
-    found, unmeasured = _tried(lambda: survival(trajectory))
-    return Synchrony(scene, theory, silent, trajectory, phases_of(trajectory), found, unmeasured)
+    found, unmeasured = _tried(lambda: find_survival(trajectory))
+    return SynchronizationStudy(scene, theory, silent, trajectory, phases_of(trajectory), found, unmeasured)
 
 
 def _tried(action: Callable[[], Any]) -> tuple[Any, str]:

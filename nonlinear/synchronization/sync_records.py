@@ -9,21 +9,21 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report.tables import finite
-from modal.scene.model import described
-from nonlinear.averaging.equilibria import Configuration
+from modal.scene.model import describe
+from nonlinear.averaging.equilibria import RelativeEquilibrium
 from nonlinear.averaging.prediction import Prediction
 from nonlinear.postprocessing.averages import last
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
-from nonlinear.synchronization.study import Synchrony
+from nonlinear.synchronization.study import SynchronizationStudy
 
 
-def records(found: Synchrony) -> dict[str, Any]:
+def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
     """What `json` writes: modes have their numbers in the table; null where there is no value."""
     theory = found.theory
     return {
-        "scene": described(found.scene),
+        "scene": describe(found.scene),
         "configurations": [_configuration(one) for one in theory.configurations] if theory else None,
         "prediction": _prediction(theory.prediction) if theory else None,
         "no_prediction": found.silent or None,
@@ -32,7 +32,7 @@ def records(found: Synchrony) -> dict[str, Any]:
     }
 
 
-def _configuration(one: Configuration) -> dict[str, Any]:
+def _configuration(one: RelativeEquilibrium) -> dict[str, Any]:
     eta = own_amplitudes(one)
     return {
         "mode": one.number,
@@ -60,7 +60,7 @@ def _prediction(prediction: Prediction) -> dict[str, Any]:
     }
 
 
-def _simulation(found: Synchrony) -> dict[str, Any]:
+def _simulation(found: SynchronizationStudy) -> dict[str, Any]:
     trajectory, phases = found.trajectory, found.phases
     late = last(trajectory.times, ENDING)
     return {
@@ -88,7 +88,7 @@ def _survival(survival: Survival) -> dict[str, Any]:
         return {"survivor": None, "no_survivor": str(error)}
 
 
-def _frequencies(found: Synchrony) -> dict[str, Any]:
+def _frequencies(found: SynchronizationStudy) -> dict[str, Any]:
     try:
         frequencies = found.phases.frequency.tolist()
     except ComputationError as error:

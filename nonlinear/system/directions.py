@@ -13,7 +13,7 @@ from modal.types import Floats
 from nonlinear.system.state import State
 
 
-def directions(angles: Any, azimuths: Any) -> Floats:
+def unit_vectors(angles: Any, azimuths: Any) -> Floats:
     """Unit vectors (..., 3) of θ and φ (rad)."""
     theta, phi = np.broadcast_arrays(angles, azimuths)
     return np.stack((np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)), axis=-1)
@@ -28,7 +28,7 @@ def velocities(angles: Any, azimuths: Any, rates: Any) -> Floats:
 
 def of_plane(state: State) -> State:
     """A state of angles (L,) as unit vectors (L, 3) in the vertical plane of the rail."""
-    u, w = directions(state.links, 0.0), velocities(state.links, 0.0, state.link_rates)
+    u, w = unit_vectors(state.links, 0.0), velocities(state.links, 0.0, state.link_rates)
     return State(u, w, state.cart, state.cart_rate)
 
 

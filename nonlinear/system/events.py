@@ -10,8 +10,8 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.types import Floats, Ints
-from nonlinear.system.plant import Plant
 from nonlinear.system.state import State
+from nonlinear.system.system import System
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Event:
             raise SceneError([f"event {self.name}: looks = {self.looks}: must be at least 1"])
 
 
-class Happening(NamedTuple):
+class EventRecord(NamedTuple):
     """An event, when it came about (s) and the state in which it did."""
 
     name: str
@@ -56,23 +56,25 @@ class Kicks(NamedTuple):
 NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
 
 
-def crossing(plant: Plant, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False) -> Event:
+def level_crossing(
+    system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
+) -> Event:
     """The angle (rad) or cart position (m) named as in `modal.assembly.matrices.coordinate_labels` passes a level."""
-    read = _reader(plant, coordinate, rate=False)
+    read = _reader(system, coordinate, rate=False)
     return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
 
 
-def turning(plant: Plant, coordinate: str, *, stop: bool = False) -> Event:
+def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Event:
     """An angle or the cart turns back."""
-    return Event(f"{coordinate} turns", _reader(plant, coordinate, rate=True), 0, stop)
+    return Event(f"{coordinate} turns", _reader(system, coordinate, rate=True), 0, stop)
 
 
-def _reader(plant: Plant, coordinate: str, *, rate: bool) -> Callable[[State], float]:
-    if coordinate not in plant.labels:
-        raise SceneError([f"event {coordinate}: must be one of {', '.join(plant.labels[:12])}"])
-    if plant.spatial and coordinate != "x":
+def _reader(system: System, coordinate: str, *, rate: bool) -> Callable[[State], float]:
+    if coordinate not in system.labels:
+        raise SceneError([f"event {coordinate}: must be one of {', '.join(system.labels[:12])}"])
+    if system.spatial and coordinate != "x":
         raise SceneError([f"event {coordinate}: links have no single angle in space; give an Event its own value"])
     if coordinate == "x":
         return (lambda state: state.cart_rate) if rate else (lambda state: state.cart)
-    at = plant.labels.index(coordinate) - (plant.labels[0] == "x")
+    at = system.labels.index(coordinate) - (system.labels[0] == "x")
     return (lambda state: float(state.link_rates[at])) if rate else (lambda state: float(state.links[at]))

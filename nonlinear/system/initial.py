@@ -9,9 +9,9 @@ import numpy as np
 from modal.errors import SceneError
 from modal.scene.model import Pendulum, Scene
 from modal.types import Floats
-from nonlinear.system.directions import directions, of_plane, velocities
-from nonlinear.system.plant import Plant
+from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.state import State
+from nonlinear.system.system import System
 
 NO_START = (
     "no pendulum has a start: add `start = { angles_deg = [...] }` with one angle a link to an entry of the file, "
@@ -19,7 +19,7 @@ NO_START = (
 )
 
 
-def start_of(scene: Scene) -> State:
+def initial_state(scene: Scene) -> State:
     """The state in which the file releases its pendula; those without a start hang (or stand) at rest.
 
     Raises SceneError where no pendulum has a start.
@@ -30,7 +30,7 @@ def start_of(scene: Scene) -> State:
     angles, rates, azimuths = np.deg2rad(rows).T
     if scene.space == "plane":
         return State(angles, rates)
-    return State(directions(angles, azimuths), velocities(angles, azimuths, rates))
+    return State(unit_vectors(angles, azimuths), velocities(angles, azimuths, rates))
 
 
 def _of(pendulum: Pendulum) -> Floats:
@@ -41,7 +41,7 @@ def _of(pendulum: Pendulum) -> Floats:
     return np.array([start.angles_deg, start.rates_deg or none, start.azimuths_deg or none]).T
 
 
-def released(scene: Scene, angles_deg: Sequence[float]) -> State:
+def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     """At rest with one angle (deg) for each link of the scene, or for each of one pendulum where all have as many.
 
     Raises SceneError for another number of angles or one that is not finite.
@@ -58,11 +58,11 @@ def released(scene: Scene, angles_deg: Sequence[float]) -> State:
     return state if scene.space == "plane" else of_plane(state)
 
 
-def checked(state: State, plant: Plant) -> State:
+def validate_state(state: State, system: System) -> State:
     """The state itself; SceneError names every part that does not fit the scene."""
     if not isinstance(state, State):
         raise SceneError([f"start: must be a State, not {type(state).__name__}"])
-    shape = (plant.n_links, 3) if plant.spatial else (plant.n_links,)
+    shape = (system.n_links, 3) if system.spatial else (system.n_links,)
     parts = {"links": state.links, "link_rates": state.link_rates}
     problems = [
         f"start.{name}: has shape {np.shape(values)}, this scene needs {shape}"
@@ -71,9 +71,9 @@ def checked(state: State, plant: Plant) -> State:
     ]
     parts |= {"cart": np.array(state.cart), "cart_rate": np.array(state.cart_rate)}
     problems += [f"start.{name}: must be finite" for name, values in parts.items() if not np.all(np.isfinite(values))]
-    if plant.cart is None and (state.cart or state.cart_rate):
+    if system.cart is None and (state.cart or state.cart_rate):
         problems.append("start.cart: the support of this scene is fixed")
-    if not problems and plant.spatial and np.any(abs(np.sum(state.links**2, axis=1) - 1) > 1e-9):
+    if not problems and system.spatial and np.any(abs(np.sum(state.links**2, axis=1) - 1) > 1e-9):
         problems.append("start.links: must be unit vectors")
     if problems:
         raise SceneError(problems)

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.system.plant import Plant
+from nonlinear.system.system import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,21 +59,21 @@ def apart(one: Motion, other: Motion) -> Floats:
     return np.asarray(np.abs(turned - 2 * np.pi * np.round(turned / (2 * np.pi))).max(axis=1))
 
 
-class Push(NamedTuple):
+class AppliedForces(NamedTuple):
     """What acts from outside: a force on the cart (N) and moments on links, (L,) or in space (L, 3) (N m)."""
 
     cart: float = 0.0
     moments: Floats | None = None
 
 
-Load = Callable[[float, State], Push]
+Load = Callable[[float, State], AppliedForces]
 
 
-class System(Protocol):
+class Equations(Protocol):
     """Equations of motion as an integrator wants them."""
 
     @property
-    def plant(self) -> Plant:
+    def system(self) -> System:
         """The scene as arrays."""
         ...
 
@@ -142,11 +142,11 @@ class Layout:
             work=rows[:, -1] if self.works else none,
         )
 
-    def natural(self, plant: Plant) -> Floats:
+    def natural(self, system: System) -> Floats:
         """Natural units of y, (size,): 1 of links, l of the cart, sqrt(g/l) and l sqrt(g/l) of rates, g Σ b of work."""
         half = np.ones(self.half)
-        half[: self.on_cart] = plant.length
-        return np.concatenate((half, half * plant.rate, [plant.energy] * self.works))
+        half[: self.on_cart] = system.length
+        return np.concatenate((half, half * system.rate, [system.energy] * self.works))
 
     def state(self, y: Floats) -> State:
         """The state in one vector."""

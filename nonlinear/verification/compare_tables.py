@@ -6,7 +6,7 @@ from math import degrees
 from typing import Any
 
 from modal.report.tables import as_csv, as_json, digits, finite, grid, titled
-from modal.scene.model import described
+from modal.scene.model import describe
 from nonlinear.verification.motion import Comparison, ModeInMotion
 
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
@@ -15,7 +15,7 @@ HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 def comparison_table(found: Comparison, form: str) -> str:
     """A comparison as text, markdown, csv (one line for each line of the motion) or json, the `form`."""
     if form == "json":
-        return as_json({"scene": described(found.modes.scene), "coordinates": [_record(found, r) for r in found.rows]})
+        return as_json({"scene": describe(found.modes.scene), "coordinates": [_record(found, r) for r in found.rows]})
     if form == "csv":
         return as_csv(
             [{"mode": r.mode.number, "copy": r.copy + 1, **line} for r in found.rows for line in _lines(found, r)]

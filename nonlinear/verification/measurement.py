@@ -55,7 +55,7 @@ class Measurement:
         return not self.error <= IRREGULAR
 
 
-def measured(
+def measure_mode(
     modes: Modes, number: int, amplitude: float, periods: float = PERIODS, method: str = "auto"
 ) -> Measurement:
     """One run from rest in the shape of the mode with this index (from 0), its largest angle `amplitude` rad."""

@@ -22,7 +22,7 @@ from modal.scene.model import Scene
 from modal.types import Floats
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS
 from nonlinear.reduction.modal_coordinates import along_rail
-from nonlinear.verification.measurement import PERIODS, Measurement, measured
+from nonlinear.verification.measurement import PERIODS, Measurement, measure_mode
 
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
 CERTAIN = 0.01  # error of a shift over the shift
@@ -87,7 +87,7 @@ def check(
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}
-    run = partial(measured, modes, method=method)
+    run = partial(measure_mode, modes, method=method)
     rows, left = [], list(chosen)
     try:
         for number in chosen:

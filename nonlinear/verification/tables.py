@@ -6,7 +6,7 @@ from math import degrees, isfinite, isinf
 from typing import Any
 
 from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
-from modal.scene.model import described
+from modal.scene.model import describe
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 
@@ -18,7 +18,7 @@ def check_table(found: Check, form: str) -> str:
     """A check as text, markdown, csv (one line a run) or json, the `form`."""
     if form == "json":
         whole = {
-            "scene": described(found.scene),
+            "scene": describe(found.scene),
             "modes": [_mode_record(row) for row in found.rows],
             "skipped": [{"mode": number, "reason": reason} for number, reason in found.skipped],
         }

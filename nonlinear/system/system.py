@@ -78,7 +78,7 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class System:
     """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units."""
 
     gravity: float
@@ -163,7 +163,7 @@ class Plant:
         return found
 
 
-def plant_of(scene: Scene) -> Plant:
+def system_of(scene: Scene) -> System:
     """The arrays of a scene, copies counted out."""
     rig = rig_of(scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
@@ -176,4 +176,4 @@ def plant_of(scene: Scene) -> Plant:
         index = first[pendula] + np.arange(block.n)[:, None]
         excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
-    return Plant(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig))
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig))
