@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from modal.symbolic.equations import of_scene
+from modal.symbolic.system import of_scene
 from motion_scenes import motion_scene, random_state
-from nonlinear.system.equations import system_of
+from nonlinear.system.system import system_of
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
