@@ -23,7 +23,9 @@ from nonlinear import load as load_run
 from nonlinear.accuracy.advice import RATIO, _beside, _difference
 from nonlinear.accuracy.advice_tables import advice_table
 from nonlinear.accuracy.attempts import Attempt, Found
-from nonlinear.integration.run import SimulationError
+from nonlinear.integration.methods import Choice
+from nonlinear.integration.run import Request, SimulationError
+from nonlinear.integration.trajectory import Trajectory
 from nonlinear.reduction.modal_coordinates import start_in_mode
 from nonlinear.simulation import advise
 from nonlinear.system.state import State, apart
@@ -335,3 +337,25 @@ def test_what_was_interrupted_is_not_called_a_limit_of_the_digits() -> None:
     told = advice_table(advise(load("paper-cart-3"), 10.0, 1e-6, report=report), "text")
     assert "nothing is promised" in told
     assert "digits" not in told
+
+
+def test_a_loose_run_that_gives_up_is_an_attempt_that_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stiff scene at the first tolerance ends in nonsense that a tighter run never meets."""
+    whole, given_up = Request.run, []
+
+    def loose(request: Request, choice: Choice) -> Trajectory:
+        found = whole(request, choice)
+        if choice.tolerance < least:
+            return found
+        given_up.append(choice.tolerance)
+        raise SimulationError("nonsense", found.at(found.times <= 0.5))
+
+    monkeypatch.setattr(Request, "run", loose)
+    start, least = state_at_rest(PAPER, [60.0, 0.0, 0.0, 0.0]), 1e-7
+    advice = advise(PAPER, 1.0, 1e-3, start=start)
+    assert advice.met
+    assert 0 < len(given_up) < len(advice.attempts)
+    assert all(one.error == inf for one in advice.attempts if one.tolerance in given_up)
+    least = 0.0
+    with pytest.raises(SimulationError, match="nonsense"):
+        advise(PAPER, 1.0, 1e-3, start=start)

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from modal import Bob, Cart, Pendulum, Scene, SceneError, load
+from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
 from modal.types import Floats
 from nonlinear import AppliedForces, Trajectory, resume, simulate, state_at_rest
 from nonlinear import files as recordings
-from nonlinear.integration.steppers import Pace
+from nonlinear.integration.steppers import Pace, SciPyStepper
 from nonlinear.integration.taylor import available
 from nonlinear.simulation import advise
 from nonlinear.system.state import Load, State
@@ -180,3 +180,22 @@ def test_the_stretch_between_two_breaks() -> None:
     assert [pace.stretch(time) for time in (0.5, 1.0, 1.5, 2.0)] == [(-inf, 1.0), (1.0, 2.0), (1.0, 2.0), (2.0, inf)]
     assert (pace.most(1.0, 2.0), Pace(share=0.5).most(1.0, 2.0)) == (inf, 0.5)
     assert Pace(longest=0.1, share=0.5).most(1.0, 2.0) == 0.05
+
+
+@pytest.mark.parametrize("method", ["Radau", "BDF"])
+def test_a_jacobian_that_overflows_ends_the_run_in_words(method: str) -> None:
+    """As that of a stiff scene does whose rates are about to; a mistake of the caller's own stays what it is."""
+    stepper = SciPyStepper(
+        method, lambda time, y: 1e200 * y**2, 0.0, np.array([1e60]), 1.0, 1e-6, np.array([1e-6]), Pace(first=1e-3)
+    )
+    with pytest.raises(ComputationError, match=rf"{method} stopped at 0 s: "), np.errstate(all="ignore"):
+        stepper.step()
+
+    def wrong(time: float, y: Floats) -> Floats:
+        if time > 0:
+            raise ValueError("the caller's own")
+        return -y
+
+    stepper = SciPyStepper(method, wrong, 0.0, np.array([1.0]), 1.0, 1e-6, np.array([1e-6]), Pace(first=1e-3))
+    with pytest.raises(ValueError, match="the caller's own"):
+        stepper.step()

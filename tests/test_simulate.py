@@ -7,9 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from modal.symbolic.system import of_scene
 from motion_scenes import motion_scene, random_state
-from nonlinear.system.system import system_of
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
@@ -17,6 +15,7 @@ import modal
 from modal import Bob, Cart, InitialCondition, Pendulum, Rod, Scene, SceneError
 from modal.assembly.matrices import matrices
 from modal.symbolic.lagrangian import derive_lagrangian
+from modal.symbolic.system import of_scene
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.minimal import Recursion
@@ -29,6 +28,7 @@ from nonlinear.simulation import resume, simulate
 from nonlinear.system.events import Event, level_crossing, turning_point
 from nonlinear.system.initial import initial_state, state_at_rest
 from nonlinear.system.state import AppliedForces, Equations, State
+from nonlinear.system.system import system_of
 
 MINIMAL = Choice("minimal", "DOP853", compiled=False, reason="")
 

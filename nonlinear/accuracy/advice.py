@@ -38,7 +38,7 @@ from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal
 from nonlinear.accuracy.shortcuts import in_closed_form, in_few_modes
 from nonlinear.integration.arguments import LOOSEST
 from nonlinear.integration.methods import Choice
-from nonlinear.integration.run import Request
+from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.steppers import SMALLEST
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.integration.twins import rounded
@@ -99,13 +99,15 @@ def seek_accuracy(goal: Goal) -> Advice:
     """The cheapest way to the wished accuracy, or the finest there is where none meets it.
 
     After Ctrl-C what was being computed is returned, judged where a looser run has been.  Raises SimulationError where
-    an integrator gives up.
+    the integrator gives up at the finest tolerance too: a loose run may end in nonsense that a tighter one never meets.
     """
     attempts: list[Attempt] = []
     for found in chain(in_closed_form(goal), in_few_modes(goal), _integrated(goal)):
         attempts.append(found.attempt)
         if found.errors[-1] <= goal.accuracy or found.trajectory.run.interrupted:
             break
+    if found.gave_up:
+        raise found.gave_up
     alone = found
     if not found.trajectory.run.interrupted and (beside := rounded(goal.looked_at)):
         found = _with_twin(found, beside)
@@ -136,12 +138,15 @@ def _integrated(goal: Goal) -> Iterator[Found]:
 
 
 def _run(asked: Request, choice: Choice) -> Found:
-    begun = perf_counter()
-    trajectory = asked.run(choice)
+    begun, gave_up = perf_counter(), None
+    try:
+        trajectory = asked.run(choice)
+    except SimulationError as error:
+        trajectory, gave_up = error.trajectory, error
     words = " ".join(part for part in (choice.form, choice.method, "compiled" * choice.compiled) if part)
     attempt = Attempt(words, choice.tolerance, perf_counter() - begun, trajectory.run.calls, inf)
     errors = np.full(len(trajectory.times), inf)
-    return Found(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)))
+    return Found(trajectory, errors, attempt, lambda other: other.run(other.choice(choice.tolerance)), gave_up)
 
 
 def _with_twin(found: Found, beside: Request) -> Found:
@@ -160,6 +165,8 @@ def _with_twin(found: Found, beside: Request) -> Found:
 def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
     """A run with its errors, as looser ones tell them, and what rounding (rad) adds where they differ at all."""
     before = runs[-1]
+    if found.gave_up:
+        return found
     difference = _difference(found.trajectory, before.trajectory)
     credit = np.full(len(difference), 1 / ALONE)
     if len(runs) > 1:

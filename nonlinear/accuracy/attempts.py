@@ -10,7 +10,7 @@ from math import ceil, pi
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.integration.run import Request
+from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import Trajectory
 
@@ -37,13 +37,15 @@ class Attempt:
 class Found:
     """A trajectory, what its angles may be off by until every of its times (T,) in rad, and what it cost.
 
-    `again` goes the same way from another start.
+    `again` goes the same way from another start; `gave_up` is the reason of an integrator that did,
+    of whose run nothing is known.
     """
 
     trajectory: Trajectory
     errors: Floats
     attempt: Attempt
     again: Callable[[Request], Trajectory]
+    gave_up: SimulationError | None = None
 
 
 @dataclass(frozen=True, eq=False)

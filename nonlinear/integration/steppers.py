@@ -173,8 +173,13 @@ class SciPyStepper:
             self._done += self._solver.nfev
             self._solver = self._begun(self.time, self.y, self.pace.first)
         self.before, self.y_before, self._within = self.time, self.y, None
-        message = self._solver.step()
-        if self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
+        try:
+            message = self._solver.step()
+        except ValueError:
+            if np.all(np.isfinite(getattr(self._solver, "J", 0.0))):
+                raise
+            message = "its Jacobian overflows"
+        if message or self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
             raise ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message or 'not finite'}")
 
     def inside(self, times: Floats) -> Floats:
