@@ -7,7 +7,7 @@
 """
 
 from modal._namesake import warn_about_namesake
-from modal.assembly.matrices import Matrices, matrices
+from modal.assembly.linearization import Matrices, matrices
 from modal.errors import ComputationError, MultipendulaError, SceneError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes, natural_modes

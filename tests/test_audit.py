@@ -30,11 +30,11 @@ from modal import (
     natural_modes,
 )
 from modal.assembly.arrays import rig_of
-from modal.assembly.matrices import assembled
+from modal.assembly.linearization import assembled
 from modal.eigen import chains as effective
 from modal.eigen import coupled as crowd
 from modal.eigen import dense, matrix_source, routes, sources
-from modal.modes.solution_report import PACKAGES, SolutionReport, solution_report
+from modal.modes.solution_report import PACKAGES, SolutionReport, report_solution
 
 
 def rods(n: int, count: int = 1, length: float = 1.0, **link: float) -> Pendulum:
@@ -71,7 +71,7 @@ def test_degrees_of_freedom(on_cart: bool, in_space: bool, pendula: tuple[tuple[
         space="space" if in_space else "plane",
     )
     modes = natural_modes(given)
-    found = solution_report(modes)
+    found = report_solution(modes)
     links = {EQUAL: 6, DIFFERENT: 7}[pendula]
     assert found.coordinates == (2 if in_space else 1) * links + on_cart == modes.multiplicity.sum()
     assert len(matrices(given).M) == links + on_cart
@@ -150,7 +150,7 @@ def test_lapack_gets_what_the_audit_tells(name: str, handed: list[tuple[str, int
     given, largest = ROUTES[name]
     modes = natural_modes(given)
     list(modes)
-    found = solution_report(modes)
+    found = report_solution(modes)
     asked = [matrix for matrix in found.matrices if matrix.name != "own shapes"]
     assert max((size for _, size, _ in handed), default=0) <= largest
     assert max((matrix.order for matrix in asked), default=0) == largest
@@ -177,7 +177,7 @@ def test_every_different_chain_is_searched_once(monkeypatch: pytest.MonkeyPatch)
 
     monkeypatch.setattr(sources, "fixed_squares", watched)
     modes = natural_modes(scene(rods(2, 2), rods(2, length=2.0), cart=CART))
-    found = solution_report(modes)
+    found = report_solution(modes)
     assert sum(searched) == 2 == found.parts[0].problems
     assert [part.modes for part in found.parts] == [2, 1, 4]
 
@@ -185,7 +185,7 @@ def test_every_different_chain_is_searched_once(monkeypatch: pytest.MonkeyPatch)
 def test_modes_that_nobody_takes_name_no_route() -> None:
     modes = natural_modes(load("thousand-pendula"))
     assert modes.route == "exact, secular equation"
-    assert [(part.modes, part.problems) for part in solution_report(modes).parts] == [(0, 1000), (1, 1), (1000, 1)]
+    assert [(part.modes, part.problems) for part in report_solution(modes).parts] == [(0, 1000), (1, 1), (1000, 1)]
 
 
 def peak(job: Callable[[], object]) -> int:
@@ -261,7 +261,7 @@ def test_no_damping_matrix_without_dampers(monkeypatch: pytest.MonkeyPatch) -> N
     monkeypatch.setattr(matrix_source, "dampers", built)
     modes = natural_modes(ROUTES["springs on a massless cart"][0])
     assert len(list(modes)) == 2
-    assert "no damping matrix: nothing damps" in solution_report(modes).left_out
+    assert "no damping matrix: nothing damps" in report_solution(modes).left_out
     with pytest.raises(AssertionError, match="D was built"):
         list(natural_modes(scene(rods(3, damping=1.0))))
 
@@ -314,7 +314,7 @@ WORDS = {
 
 
 def found_in(name: str) -> SolutionReport:
-    return solution_report(natural_modes(ROUTES[name][0]))
+    return report_solution(natural_modes(ROUTES[name][0]))
 
 
 @pytest.mark.parametrize("sentence", WORDS)
@@ -323,14 +323,14 @@ def test_only_what_applies_is_said(sentence: str) -> None:
 
 
 def test_one_plane_instead_of_two() -> None:
-    flat, deep = (solution_report(natural_modes(scene(rods(3), space=space))) for space in ("plane", "space"))
+    flat, deep = (report_solution(natural_modes(scene(rods(3), space=space))) for space in ("plane", "space"))
     assert (flat.unknowns, flat.coordinates, deep.unknowns, deep.coordinates) == (3, 3, 3, 6)
     assert set(deep.left_out) - set(flat.left_out) >= {"one vertical plane instead of two: about rest both swing alike"}
 
 
 def test_text_stays_short_and_holds_the_numbers() -> None:
     many = scene(*(rods(n, n % 3 + 1, damping=0.01) for n in range(1, 14)), space="space")
-    found = solution_report(natural_modes(many))
+    found = report_solution(natural_modes(many))
     lines = found.text().splitlines()
     assert len(lines) <= 25
     assert max(map(len, lines)) <= 110

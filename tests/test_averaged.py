@@ -12,7 +12,7 @@ import survivors
 from scipy.optimize import brentq
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.coupling.analysis import explain
 from modal.errors import ComputationError
 from modal.scene.drives import Drive, Escapement, VanDerPol

@@ -14,7 +14,7 @@ from scipy.optimize import brentq, fsolve, minimize_scalar
 
 import modal
 from modal import Bob, Body, Cart, Pendulum, Scene
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.errors import ComputationError, SceneError
 from modal.scene.drives import Escapement, VanDerPol
 from modal.scene.parameters import parse_variations

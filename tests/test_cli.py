@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 from modal import example_names, load, matrices, natural_modes
-from modal.modes import table as tables
+from modal.modes import tables
 from modal.scene.files import example_text, parse
 
 KEYS = {

@@ -12,10 +12,10 @@ import sympy as sp
 from test_cli import printed, refused
 
 from modal import load, natural_modes
-from modal.symbolic import line_breaks as displayed
+from modal.symbolic import line_breaks
 from modal.symbolic.lagrange import coordinate
 from modal.symbolic.papers import catalogue
-from modal.symbolic.typeset import plain, typeset
+from modal.symbolic.typesetting import plain, typeset
 
 
 def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:
@@ -64,7 +64,7 @@ def test_formulas_of_the_papers_fit_the_line(capsys: pytest.CaptureFixture[str],
     latex = printed(capsys, "derive", f"paper:{number}", "--format", "latex")
     displays = re.findall(r"\\begin\{(?:equation|align)\*\}\n(.*?)\n\\end", latex, flags=re.DOTALL)
     rows = [row for display in displays for row in display.split("\\\\\n")]
-    assert max(map(displayed.width, rows)) <= displayed.LINE
+    assert max(map(line_breaks.width, rows)) <= line_breaks.LINE
     assert len(rows) > len(displays) > 10
     if ENGINE:
         assert "Overfull" not in set_by_latex(latex, tmp_path)
@@ -74,16 +74,16 @@ def test_formulas_of_the_papers_fit_the_line(capsys: pytest.CaptureFixture[str],
 def test_a_broken_formula_has_all_its_parts(number: str) -> None:
     for equation in (line.formula for section in catalogue.paper(number)[1] for line in section.lines):
         whole = sp.latex(equation, long_frac_ratio=2)
-        parts = displayed.lines(whole, 20.0)
+        parts = line_breaks.lines(whole, 20.0)
         joined = "".join(parts).replace(r"\bigl", r"\left").replace(r"\bigr", r"\right")
         assert re.sub(r"\s", "", joined) == re.sub(r"\s", "", whole)
-        assert len(parts) > 1 or displayed.width(whole) <= 20.0 or "matrix" in whole
+        assert len(parts) > 1 or line_breaks.width(whole) <= 20.0 or "matrix" in whole
 
 
 def test_the_estimate_of_widths_bites() -> None:
-    assert not displayed.fits(" + ".join(["x"] * 40))
-    assert displayed.lines(r"a \left(b + c\right)", 3.0) == [r"a \bigl(b", r"+ c\bigr)"]
-    assert displayed.width(r"\frac{x + y}{z}") < displayed.width("x + y + z") < 2 * displayed.width("x + y")
+    assert not line_breaks.fits(" + ".join(["x"] * 40))
+    assert line_breaks.lines(r"a \left(b + c\right)", 3.0) == [r"a \bigl(b", r"+ c\bigr)"]
+    assert line_breaks.width(r"\frac{x + y}{z}") < line_breaks.width("x + y + z") < 2 * line_breaks.width("x + y")
 
 
 @pytest.mark.parametrize("title", LETTERS)

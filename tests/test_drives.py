@@ -14,7 +14,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from modal import load, natural_modes
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.errors import SceneError
 from modal.scene.drives import Drive, Escapement, VanDerPol
 from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene, describe, scene_from

@@ -24,7 +24,7 @@ from modal.coupling.coupling_words import coupling_report
 from modal.exports import format_named
 from modal.exports.fmu_description import description
 from modal.exports.json_ import read_json, write_json
-from modal.modes import table as tables
+from modal.modes import tables
 from modal.plotting.sliders import slide
 from modal.report import escaping
 from modal.scene.files import dumps
@@ -33,7 +33,7 @@ from modal.scene.parameters import parse_variations
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.sampling import sample
 from modal.statespace.signals import Signal
-from modal.symbolic.typeset import typeset
+from modal.symbolic.typesetting import typeset
 from multipendula.cli import main
 from nonlinear import files as recordings
 from nonlinear.simulation import simulate

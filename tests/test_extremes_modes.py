@@ -14,8 +14,8 @@ from modes_families import FAMILIES, Family, crowd, damped_cart, damped_joints, 
 from random_scenes import random_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
-from modal.modes.all_shapes import all_shapes
-from modal.modes.table import table
+from modal.modes.modal_matrix import all_shapes
+from modal.modes.tables import table
 
 NAMED = {family.name: family for family in FAMILIES}
 STRUCTURED = [f for f in FAMILIES if not f.splitting and f.name not in {"joint damper", "cart damper", "near buckling"}]

@@ -17,7 +17,7 @@ from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene
 from modal.coupling.analysis import explain
 from modal.coupling.coupling_words import coupling_report
 from modal.errors import MOST_TOLD, MissingExtraError, MultipendulaError
-from modal.modes.table import table
+from modal.modes.tables import table
 from modal.scene.files import DEEPEST, parse
 from modal.statespace.model import state_space
 from multipendula.cli import main

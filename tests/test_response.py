@@ -10,7 +10,7 @@ import pytest
 from control_scenes import DRIVES, SCENES, at, crane, hanging, mixed, of_control
 
 from modal import Bob, ComputationError, Pendulum, Scene, load, natural_modes
-from modal.modes.all_shapes import all_shapes
+from modal.modes.modal_matrix import all_shapes
 from modal.plotting.response import draw_bode, draw_impulse
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace, state_space

@@ -13,7 +13,7 @@ from scipy.special import ellipk
 
 import modal
 from modal import Bob, Cart, InitialCondition, Pendulum, Rod, Scene, SceneError
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.symbolic.lagrangian import derive_lagrangian
 from modal.symbolic.system import of_scene
 from nonlinear.dynamics.banded import Banded

@@ -50,7 +50,7 @@ def scene_of(seed: int, *, still: bool = False, odd: bool = False) -> Scene:
 
 def spatial_of(scene: Scene, load: Load | None = None, tail: int = 0) -> Spatial:
     system = system_of(scene)
-    return Spatial(system, tuple(spatial.Recursion(group, tail) for group in system.groups), load)
+    return Spatial(system, tuple(spatial.SpatialRecursion(group, tail) for group in system.groups), load)
 
 
 def flat_of(scene: Scene, load: Load | None = None) -> Minimal:

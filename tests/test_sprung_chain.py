@@ -16,12 +16,12 @@ from test_modes import whole_basis
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
 from modal.assembly.arrays import rig_of
-from modal.assembly.matrices import assembled
+from modal.assembly.linearization import assembled
 from modal.eigen import routes
 from modal.eigen.recursion import count_and_mass as unsprung
 from modal.eigen.sprung_chains import SprungProblem, count_and_mass
 from modal.modes.modes import Modes
-from modal.modes.solution_report import solution_report
+from modal.modes.solution_report import report_solution
 
 EVERY_DIGIT = 1e-15
 EXTREMES = (0.3, 3.0, 12.0)
@@ -154,7 +154,7 @@ def test_equal_pendula_stay_one_problem() -> None:
     links = [Rod(mass=1.0, length=1.0, stiffness=3.0), Bob(mass=0.5, length=0.7)]
     modes = natural_modes(Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=links, count=50)]))
     assert modes.multiplicity.tolist() == [1, 49, 1, 49, 1]
-    told = solution_report(modes)
+    told = report_solution(modes)
     assert [(part.route, part.unknowns, part.modes) for part in told.parts] == [
         ("mass and moment", 2, 98),
         ("exact", 0, 1),

@@ -22,7 +22,7 @@ from multipendula.cli import main
 from nonlinear.averaging.equations import average
 from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
 from nonlinear.averaging.prediction import predict
-from nonlinear.plotting.strobe import APART, SECONDS, strobe
+from nonlinear.plotting.stroboscope import APART, SECONDS, strobe
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import phases_of

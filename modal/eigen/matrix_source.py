@@ -19,9 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly.arrays import Block, CartNumbers
-from modal.assembly.matrices import Columns, assembled, dampers
-from modal.eigen import dense
-from modal.eigen import quadratic as damped
+from modal.assembly.linearization import Columns, assembled, dampers
+from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import bare_mass
 from modal.eigen.counts import Built, counted
@@ -97,7 +96,7 @@ class FromMatrices:
             raise ComputationError(dense.SINGULAR)
         M, K = self.matrices
         if self.is_damped:
-            return damped.damped(M, K, self._terms, self._dampers, free=self.is_free)
+            return quadratic.damped(M, K, self._terms, self._dampers, free=self.is_free)
         if self.stands:
             return dense.indefinite(M, K, free=self.is_free, terms=self._terms)
         return dense.undamped(M, K, free=self.is_free, singular=self.is_singular)
@@ -110,13 +109,13 @@ class FromMatrices:
         return terms
 
     @property
-    def _dampers(self) -> damped.Dampers:
+    def _dampers(self) -> quadratic.Dampers:
         """Cart to ground, link to the link above."""
         ground = [-1] if self.cart else []
         above = np.array(ground + [-1 if i == 0 else 0 for block, _ in self._columns for i in range(block.n)])
         above = np.where(above < 0, -1, np.arange(self.size) - 1)
         dashpot = [[self.cart.damping]] if self.cart else []
-        return damped.Dampers(np.concatenate([*dashpot, *(b.damping[:, p] for b, p in self._columns)]), above)
+        return quadratic.Dampers(np.concatenate([*dashpot, *(b.damping[:, p] for b, p in self._columns)]), above)
 
     @property
     def is_free(self) -> bool:

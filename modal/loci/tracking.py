@@ -14,9 +14,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.errors import ComputationError
-from modal.modes.all_shapes import all_shapes
+from modal.modes.modal_matrix import all_shapes
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import paired

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from modal.assembly.matrices import Matrices
+from modal.assembly.linearization import Matrices
 from modal.report.escaping import json_text
 from modal.scene.model import Scene, describe
 from modal.types import Floats

@@ -17,8 +17,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.matrices import matrices
-from modal.modes.all_shapes import all_shapes
+from modal.assembly.linearization import matrices
+from modal.modes.modal_matrix import all_shapes
 from modal.modes.modes import Modes, natural_modes
 from modal.scene.model import Scene
 from modal.types import Complexes, Floats, Ints

@@ -91,7 +91,7 @@ class SolutionReport:
         }
 
 
-def solution_report(modes: Modes) -> SolutionReport:
+def report_solution(modes: Modes) -> SolutionReport:
     """What was built for these modes."""
     return SolutionReport(
         coordinates=coordinates(modes.rig),

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.matrices import Matrices, matrices
+from modal.assembly.linearization import Matrices, matrices
 from modal.eigen.dense import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.scene.model import Scene, validate_scene

@@ -1,6 +1,6 @@
 """A derivation on paper: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
 
-Each section is a title and lines of (what it is, formula); `modal.symbolic.typeset` prints them.
+Each section is a title and lines of (what it is, formula); `modal.symbolic.typesetting` prints them.
 """
 
 from __future__ import annotations

@@ -41,7 +41,7 @@ def schema(options: argparse.Namespace) -> None:
 def table(options: argparse.Namespace) -> None:
     """Print the table of modes."""
     from modal.errors import SceneError
-    from modal.modes import table as tables
+    from modal.modes import tables
 
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
@@ -50,9 +50,9 @@ def table(options: argparse.Namespace) -> None:
     with _output(options.output) as write:
         write(tables.table(modes, rows, options.format, shapes=options.shapes))
     if options.explain:
-        from modal.modes.solution_report import solution_report
+        from modal.modes.solution_report import report_solution
 
-        sys.stderr.write(solution_report(modes).text())
+        sys.stderr.write(report_solution(modes).text())
 
 
 def shapes(options: argparse.Namespace) -> None:
@@ -72,7 +72,7 @@ def shapes(options: argparse.Namespace) -> None:
 
 def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
-    from modal.assembly.matrices import matrices as matrices_of
+    from modal.assembly.linearization import matrices as matrices_of
     from modal.modes.matrix_tables import matrices_table
     from modal.scene.files import load
 
@@ -84,7 +84,7 @@ def matrices(options: argparse.Namespace) -> None:
 def derive(options: argparse.Namespace) -> None:
     """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
     from modal.errors import SceneError
-    from modal.symbolic import derivation, targets, typeset
+    from modal.symbolic import derivation, targets, typesetting
     from modal.symbolic.papers import catalogue
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
@@ -99,7 +99,7 @@ def derive(options: argparse.Namespace) -> None:
         title = system.title
         sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and small_swings(scene)))
     with _output(options.output) as write:
-        write(typeset.typeset(title, sections, options.format))
+        write(typesetting.typeset(title, sections, options.format))
 
 
 def enclose(options: argparse.Namespace) -> None:

@@ -81,7 +81,7 @@ def _draw(found: SynchronizationStudy, name: str, theme: str) -> None:
 
 def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
     from nonlinear.plotting.animation import animate
-    from nonlinear.plotting.strobe import SECONDS, strobe
+    from nonlinear.plotting.stroboscope import SECONDS, strobe
 
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:

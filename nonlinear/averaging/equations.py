@@ -38,9 +38,9 @@ from itertools import product
 
 import numpy as np
 
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.errors import ComputationError
-from modal.modes.all_shapes import all_shapes
+from modal.modes.modal_matrix import all_shapes
 from modal.modes.modes import Modes, natural_modes
 from modal.scene.model import Scene
 from modal.types import Complexes, Floats, Ints

@@ -16,7 +16,7 @@ from nonlinear.dynamics.suspended import Suspended
 from nonlinear.system.system import Group
 
 
-class Recursion:
+class SpatialRecursion:
     """The plain body: one pass up and one down; u, u' and the torques on u are (3, n, P, ...)."""
 
     def __init__(self, group: Group, tail: int = 0) -> None:

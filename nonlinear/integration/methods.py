@@ -185,8 +185,8 @@ def equations_of(
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if choice.form == "spatial":
-        from nonlinear.dynamics.spatial import Recursion as InSpace
         from nonlinear.dynamics.spatial import Spatial
+        from nonlinear.dynamics.spatial import SpatialRecursion as InSpace
 
         return Spatial(system, tuple(InSpace(group) for group in system.groups), load)
     if choice.form == "maximal":

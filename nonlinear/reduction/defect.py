@@ -18,7 +18,7 @@ from math import ceil, frexp, inf, pi
 
 import numpy as np
 
-from modal.assembly.matrices import Matrices, matrices
+from modal.assembly.linearization import Matrices, matrices
 from modal.eigen.dense import is_singular
 from modal.types import Floats
 from nonlinear.reduction.residual import residual_forces

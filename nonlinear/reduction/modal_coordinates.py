@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly.matrices import Matrices, matrices
+from modal.assembly.linearization import Matrices, matrices
 from modal.errors import ComputationError
 from modal.modes.modes import Modes
 from modal.scene.model import Scene
@@ -83,7 +83,7 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     """Project a motion in the plane on the modes with these indices (from 0; left out, all), all copies of each.
 
     Of a scene in space the modes along the rail are taken, which lie in the plane.  Raises ComputationError for a
-    motion out of the plane and for more coordinates than `modal.assembly.matrices` writes out.
+    motion out of the plane and for more coordinates than `modal.assembly.linearization` writes out.
     """
     q, v = deflection(modes.scene, motion)
     found = matrices(modes.scene)

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.errors import ComputationError
 from modal.modes.modes import Modes, natural_modes
 from modal.scene.model import Fixed, Scene

@@ -24,9 +24,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.errors import SceneError
-from modal.modes.all_shapes import all_shapes
+from modal.modes.modal_matrix import all_shapes
 from modal.modes.modes import Modes, natural_modes
 from modal.scene.model import Scene
 from modal.types import Floats, Ints

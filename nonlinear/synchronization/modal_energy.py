@@ -16,9 +16,9 @@ from math import pi
 
 import numpy as np
 
-from modal.assembly.matrices import matrices
+from modal.assembly.linearization import matrices
 from modal.errors import ComputationError
-from modal.modes.all_shapes import all_shapes
+from modal.modes.modal_matrix import all_shapes
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import table_numbers

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.assembly.arrays import Block, CartNumbers, rig_of
-from modal.assembly.matrices import coordinate_labels
+from modal.assembly.linearization import coordinate_labels
 from modal.scene.model import Scene
 from modal.types import Floats, Ints
 from nonlinear.system.excitation import Excitation, excitation_of

@@ -1,4 +1,4 @@
-"""The papers' equations one after another, as printed and as they should read, for `modal.symbolic.typeset`."""
+"""The papers' equations one after another, as printed and as they should read, for `modal.symbolic.typesetting`."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from typing import Any
 import sympy as sp
 
 from modal.report.escaping import LETTERS, latex, markdown, visible
-from modal.symbolic import line_breaks as displayed
+from modal.symbolic import line_breaks
 from modal.symbolic.sections import Section
 
 GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ"}
@@ -84,16 +84,16 @@ def _markdown(title: str, sections: list[Section]) -> str:
 def _display(formula: Any) -> str:
     """A displayed formula, one that is too long for it broken into lines."""
     whole = _tex(formula)
-    if displayed.fits(whole):
+    if line_breaks.fits(whole):
         return f"\\begin{{equation*}}\n{whole}\n\\end{{equation*}}"
     left, right = "", formula
     if isinstance(formula, sp.Equality):
         sides = formula.args if formula.rhs != 0 else (formula.rhs, formula.lhs)
         left, right = f"{_tex(sides[0])} ={{}}", sides[1]
-    if displayed.width(left) > displayed.LINE / 3:
+    if line_breaks.width(left) > line_breaks.LINE / 3:
         left, right = "", formula
-    room = displayed.LINE - displayed.width(left)
-    body = " \\\\\n& ".join(displayed.lines(_tex(right, long_frac_ratio=2), room))
+    room = line_breaks.LINE - line_breaks.width(left)
+    body = " \\\\\n& ".join(line_breaks.lines(_tex(right, long_frac_ratio=2), room))
     return f"\\begin{{align*}}\n{left}& {body}\n\\end{{align*}}"
 
 
