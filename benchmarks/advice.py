@@ -35,17 +35,12 @@ from typing import Any
 import numpy as np
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene
-from modal.scene.drives import VanDerPol
-from nonlinear.accuracy.advice import Advice
-from nonlinear.accuracy.candidates import Candidate, Question
-from nonlinear.accuracy.references import choose_references
-from nonlinear.integration.arguments import extent, sample_times
-from nonlinear.integration.steppers import SMALLEST
-from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.reduction.superposition import CORRECTED, LINEAR
+from modal.scene import VanDerPol
+from nonlinear.accuracy import Advice, Candidate, Question, choose_references
+from nonlinear.integration import SMALLEST, estimate_timescales, extent, sample_times
+from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.simulation import advise
-from nonlinear.system.state import Motion, State, apart
-from nonlinear.system.system import system_of
+from nonlinear.system import Motion, State, apart, system_of
 
 DOCS = Path(__file__).parent.parent / "docs"
 FINER, SHARE = 1e-4, 0.05  # of the accuracy: the judge's tolerance, and how far it and a looser one may differ

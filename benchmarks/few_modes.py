@@ -20,10 +20,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
-from nonlinear.reduction.modal_coordinates import start_in_mode
-from nonlinear.reduction.truncation import simulate_truncated
+from nonlinear.reduction import simulate_truncated, start_in_mode
 from nonlinear.simulation import simulate
-from nonlinear.system.state import State
+from nonlinear.system import State
 
 TUNED = (None, 2.0, 3.0)  # ratio of the frequencies of a mode left out and of the one that swings
 BESIDE = 0.03  # of that ratio, at most

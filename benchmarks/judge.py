@@ -17,7 +17,7 @@ from routes import forget
 
 from modal import Scene
 from nonlinear import simulate, simulation
-from nonlinear.integration.methods import Choice
+from nonlinear.integration import Choice
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS
 
 FORCED = {

@@ -244,7 +244,7 @@ All frequencies, each scene in a process of its own; memory is what the computat
 
 
 def figure(lengths: Sequence[Row], ratios: Sequence[Row], path: Path) -> None:
-    from modal.plotting.style import Picture, in_both_themes, sheet
+    from modal.plotting import Picture, in_both_themes, sheet
 
     def draw() -> Picture:
         made = sheet(12, 3.9)
@@ -263,7 +263,7 @@ def _panels(axes: Sequence[Axes], lengths: Sequence[Row], ratios: Sequence[Row])
 
 
 def _curves(axis: Axes, rows: Sequence[Row], what: str, across: str, up: str) -> None:
-    from modal.plotting.palette import colour
+    from modal.plotting import colour
 
     for name, solver, k, mark in (
         ("multipendula", "ours", 0, "o"),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import Bob, Cart, Pendulum, Rod, Scene
-from nonlinear.system.state import State
+from nonlinear.system import State
 
 CART_A_PENDULUM = 50.0
 

@@ -20,11 +20,8 @@ import numpy as np
 import scipy
 
 from modal import Cart, Pendulum, Rod, Scene, matrices
-from nonlinear.dynamics import compiled
-from nonlinear.dynamics.banded import Banded
-from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.dynamics.short import Dense
-from nonlinear.system.system import system_of
+from nonlinear.dynamics import Banded, Dense, Minimal, Recursion, compiled
+from nonlinear.system import system_of
 
 NUMBERS, CHAINS = (1, 2, 10, 100), (10, 100, 1000)
 QUICK_NUMBERS, QUICK_CHAINS = (1, 10), (10, 100)

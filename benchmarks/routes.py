@@ -16,17 +16,12 @@ from problems import Problem
 from scipy.integrate import solve_ivp
 
 from modal import Scene, matrices
-from modal.plotting.palette import colour, ink, muted
+from modal.plotting import colour, ink, muted
 from nonlinear.dynamics.compiled import Compiled
+from nonlinear.integration import Choice, Drive, Pace, SciPyStepper, Stepper, equations_of, estimate_timescales
 from nonlinear.integration import taylor as series
-from nonlinear.integration.driver import Drive
-from nonlinear.integration.methods import Choice, equations_of
-from nonlinear.integration.steppers import Pace, SciPyStepper, Stepper
 from nonlinear.integration.taylor import TaylorStepper, first_step
-from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.system.directions import of_plane
-from nonlinear.system.state import Equations, State
-from nonlinear.system.system import System, system_of
+from nonlinear.system import Equations, State, System, of_plane, system_of
 
 Task = Callable[[], np.ndarray]
 Maker = Callable[[Problem, float], Task]

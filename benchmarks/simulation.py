@@ -31,9 +31,8 @@ from routes import DEFAULT, ROUTES, Maker, driven, forget, numba_body, numpy_bod
 from simulation_figure import figure
 
 from nonlinear.dynamics.compiled import Compiled
-from nonlinear.integration.methods import Choice, equations_of
-from nonlinear.integration.steppers import SciPyStepper
-from nonlinear.system.system import system_of
+from nonlinear.integration import Choice, SciPyStepper, equations_of
+from nonlinear.system import system_of
 
 DOCS = Path(__file__).parent.parent / "docs"
 REPEATS, LONG, TOO_LONG = 3, 0.7, 1.5  # runs; one run where it takes so many seconds; none finer after so many

@@ -10,8 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from routes import ROUTES
 
-from modal.plotting.palette import paper, rest
-from modal.plotting.style import in_both_themes, sheet
+from modal.plotting import in_both_themes, paper, rest, sheet
 
 if TYPE_CHECKING:
     from simulation import Panel

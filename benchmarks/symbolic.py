@@ -26,7 +26,7 @@ import numpy as np
 import sympy as sp
 
 from modal import pair
-from modal.symbolic.roots import symbolic
+from modal.symbolic import symbolic
 
 DOCS = Path(__file__).parent.parent / "docs"
 S, X = sp.symbols("s x")

@@ -123,14 +123,14 @@ def _documented(directive: str, name: str) -> str:
 
 def shipped() -> str:
     """The scenes that come with the package."""
-    from modal.scene.files import load, shipped
+    from modal.scene import example_names, load
 
-    return _table("name | what hangs there", [f"`{name}` | {_escaped(load(name).title)}" for name in shipped()])
+    return _table("name | what hangs there", [f"`{name}` | {_escaped(load(name).title)}" for name in example_names()])
 
 
 def measures() -> str:
     """What a sweep can ask of every scene, and what its number means."""
-    from nonlinear.sweeps.measures import MEASURES
+    from nonlinear.sweeps import MEASURES
 
     usual = {one: f"{one.usual:g}" if one.usual else "" for one in MEASURES.values()}
     rows = [f"`{one.name}` | {_escaped(one.words)} | {number}" for one, number in usual.items()]

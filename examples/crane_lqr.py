@@ -10,8 +10,7 @@ import control
 import numpy as np
 
 from modal import load, natural_modes
-from modal.statespace.gains import modal_gains, unreached, unseen
-from modal.statespace.model import StateSpace, state_space
+from modal.statespace import StateSpace, modal_gains, state_space, unreached, unseen
 
 SETTLING = 60.0  # s
 REST = 0.02  # of the largest deviation at the start

@@ -7,13 +7,10 @@
 """
 
 from modal._namesake import warn_about_namesake
-from modal.assembly.linearization import Matrices, matrices
+from modal.assembly import Matrices, matrices
 from modal.errors import ComputationError, MultipendulaError, SceneError
-from modal.modes.mode import Mode
-from modal.modes.modes import Modes, natural_modes
-from modal.modes.shapes import Shape
-from modal.scene.files import dump, dumps, example_names, load
-from modal.scene.model import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
+from modal.modes import Mode, Modes, Shape, natural_modes
+from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, dump, dumps, example_names, load
 
 __all__ = [
     "Bob",

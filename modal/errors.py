@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from itertools import islice
 
-from modal.report.escaping import visible
+from modal.report import visible
 
 MOST_TOLD = 50
 """Mistakes that a message names before it counts the rest."""

@@ -121,7 +121,7 @@ def _left(leaving: SystemExit) -> int:
 def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
     """The exit code of what a command raises, once it is told; what nobody has foreseen is raised again."""
     from modal.errors import MultipendulaError, SceneError
-    from modal.report.escaping import visible
+    from modal.report import visible
 
     if isinstance(error, SceneError):
         return _refuse(_in_its_file(error, options), 2, options.page.name if options else "")
@@ -143,7 +143,7 @@ def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
 
 def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
     """Places in a scene with the file that they are in, where nothing else gave them their values."""
-    from modal.report.escaping import visible
+    from modal.report import visible
 
     scene = getattr(options, "scene", None) if not hasattr(options, "vary") else None
     lines = str(error).splitlines()
@@ -154,7 +154,7 @@ def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
 def _words_aside(options: argparse.Namespace) -> Iterator[None]:
     """Standard output is kept for the file that is written to it, if one is: words go to standard error then."""
     from modal.errors import SceneError
-    from modal.scene.files import STANDARD
+    from modal.scene import STANDARD
 
     files = [action for action in options.page._actions if action.metavar == "FILE"]
     to_output = [max(action.option_strings, key=len) for action in files if vars(options)[action.dest] == STANDARD]
@@ -194,7 +194,7 @@ def _refuse(problem: object, code: int, command: str = "") -> int:
 
 
 def _parser() -> Page:
-    from multipendula.commands.arguments import GROUPS
+    from multipendula.commands import GROUPS
     from multipendula.parser import Page, Version
     from multipendula.topics import ABOUT, TELLS
 

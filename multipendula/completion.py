@@ -153,7 +153,7 @@ def _modes(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
 def _places(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
     """The places of a scene's numbers, ready for values."""
     from modal import load
-    from modal.scene.model import describe
+    from modal.scene import describe
 
     return [f"{place}=" for place in _numbers(describe(load(parsed_args.scene)))]
 

@@ -80,7 +80,7 @@ class Page(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Say what is wrong, which options there are not, and where help is; leave with 2."""
         self.print_usage(sys.stderr)
-        from modal.report.escaping import visible
+        from modal.report import visible
 
         lines = map(visible, [f"error: {message}", *self._strangers(), pointer(self.name)])
         self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))

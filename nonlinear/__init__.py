@@ -8,13 +8,21 @@
 """
 
 from nonlinear.files import load, save
-from nonlinear.integration.run import SimulationError
-from nonlinear.integration.trajectory import SolverInfo, Trajectory
+from nonlinear.integration import SimulationError, SolverInfo, Trajectory
 from nonlinear.simulation import resume, simulate
-from nonlinear.system.events import Event, EventRecord, level_crossing, turning_point
-from nonlinear.system.initial import initial_state, state_at_rest
-from nonlinear.system.state import AppliedForces, Motion, State
-from nonlinear.system.system import System, system_of
+from nonlinear.system import (
+    AppliedForces,
+    Event,
+    EventRecord,
+    Motion,
+    State,
+    System,
+    initial_state,
+    level_crossing,
+    state_at_rest,
+    system_of,
+    turning_point,
+)
 
 __all__ = [
     "AppliedForces",

@@ -18,18 +18,13 @@ from typing import Any
 
 import numpy as np
 
-from modal.report.escaping import csv_comment
-from modal.scene import sealed
-from modal.scene.files import kind_of, whole_file
-from modal.scene.model import Scene, describe, scene_from
+from modal.report import csv_comment
+from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite, index, insist_keys, reading
 from modal.types import Floats
-from nonlinear.integration.methods import FORMS, choose
-from nonlinear.integration.trajectory import TRUNCATED, SolverInfo, Trajectory
-from nonlinear.reduction.superposition import CORRECTED, LINEAR
-from nonlinear.system.events import NO_KICKS, EventRecord, Kicks
-from nonlinear.system.state import Motion, State
-from nonlinear.system.system import System, system_of
+from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
+from nonlinear.reduction import CORRECTED, LINEAR
+from nonlinear.system import NO_KICKS, EventRecord, Kicks, Motion, State, System, system_of
 
 KINDS = ("npz", "csv")
 HEADER = "header"

@@ -6,11 +6,16 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from modal.errors import SceneError
-from modal.scene.model import Scene, validate_scene
+from modal.scene import Scene, validate_scene
 from modal.types import Floats
-from nonlinear.accuracy.advice import Advice, seek_accuracy
-from nonlinear.accuracy.attempts import Goal
-from nonlinear.integration.arguments import (
+from nonlinear.accuracy import Advice, Goal, seek_accuracy
+from nonlinear.integration import (
+    ASKED,
+    FORMS,
+    Request,
+    SimulationError,
+    Trajectory,
+    choose,
     paced,
     sample_times,
     validate,
@@ -19,13 +24,7 @@ from nonlinear.integration.arguments import (
     validate_numbers,
     validate_observable,
 )
-from nonlinear.integration.methods import ASKED, FORMS, choose
-from nonlinear.integration.run import Request, SimulationError
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.system.events import NO_KICKS, Event, Kicks
-from nonlinear.system.initial import initial_state, validate_state
-from nonlinear.system.state import Load, State
-from nonlinear.system.system import system_of
+from nonlinear.system import NO_KICKS, Event, Kicks, Load, State, initial_state, system_of, validate_state
 
 USUAL = 1e-9  # tolerance
 

@@ -6,7 +6,7 @@ import mpmath as mp
 import numpy as np
 from oracle import Dense, dense
 
-from modal.modes.modes import Modes
+from modal.modes import Modes
 
 
 def flat_omega(modes: Modes) -> list[float]:

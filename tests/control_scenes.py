@@ -8,7 +8,7 @@ import control
 import numpy as np
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
-from modal.statespace.model import StateSpace
+from modal.statespace import StateSpace
 
 
 def crane(l1: float = 20.0, l2: float = 10.0, *, damping: float = 0.0) -> Scene:

@@ -32,8 +32,7 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
-from modal.scene.files import parse
-from modal.scene.model import scene_from
+from modal.scene import parse, scene_from
 from multipendula.cli import _parser, main
 
 ROOT = Path(__file__).parent.parent

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal import Scene, load, natural_modes
-from modal.statespace.model import StateSpace, state_space
+from modal.statespace import StateSpace, state_space
 from modal.statespace.sampling import sample
 
 SCENES = ("crane-hook", "crane-two-loads", "paper-cart-2", "metronomes", "cart-upright", "chain-3")

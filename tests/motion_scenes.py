@@ -6,9 +6,8 @@ import random
 
 import numpy as np
 
-from modal.scene.model import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
-from nonlinear.system.state import State
-from nonlinear.system.system import system_of
+from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
+from nonlinear.system import State, system_of
 
 
 def motion_scene(

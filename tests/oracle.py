@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import mpmath as mp
 
-from modal.scene.model import Cart, Scene
+from modal.scene import Cart, Scene
 
 BITS = 1200
 Matrix = list[list[mp.mpf]]

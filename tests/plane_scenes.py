@@ -6,10 +6,9 @@ from math import sin
 
 import numpy as np
 
-from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.system.state import AppliedForces, Load, State
-from nonlinear.system.system import System
+from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear.dynamics import Minimal, Recursion
+from nonlinear.system import AppliedForces, Load, State, System
 
 Generator = np.random.Generator
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 
-from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
 
 
 def random_link(rng: random.Random, spread: float) -> Bob | Rod | Body:

@@ -20,7 +20,7 @@ from matplotlib.text import Text
 from matplotlib.ticker import FixedFormatter, FuncFormatter
 from matplotlib.transforms import Bbox
 
-from modal.plotting.palette import QUIET
+from modal.plotting import QUIET
 
 LEAST = 3.0
 """Contrast of words and lines with what is behind them, as the Web Content Accessibility Guidelines count it."""

@@ -6,7 +6,7 @@ import os
 import time
 from pathlib import Path
 
-from modal.scene.model import Cart, Scene
+from modal.scene import Cart, Scene
 from nonlinear.sweeps.measure import Measure
 
 

@@ -20,15 +20,13 @@ from multipendula.cli import main
 from nonlinear import AppliedForces, initial_state, level_crossing, resume, simulate, state_at_rest, system_of
 from nonlinear import files as recordings
 from nonlinear import load as load_run
+from nonlinear.accuracy import advice_table
 from nonlinear.accuracy.advice import RATIO, _beside, _difference
-from nonlinear.accuracy.advice_tables import advice_table
 from nonlinear.accuracy.attempts import Attempt, Found
-from nonlinear.integration.methods import Choice
-from nonlinear.integration.run import Request, SimulationError
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.reduction.modal_coordinates import start_in_mode
+from nonlinear.integration import Choice, Request, SimulationError, Trajectory
+from nonlinear.reduction import start_in_mode
 from nonlinear.simulation import advise
-from nonlinear.system.state import State, apart
+from nonlinear.system import State, apart
 
 PAPER = load("paper-cart-2")
 

@@ -9,7 +9,7 @@ from test_identities import chains
 from test_modes import mild
 
 from modal import Cart, Scene, natural_modes
-from modal.eigen.amplitude import one_percent_amplitude
+from modal.eigen import one_percent_amplitude
 
 
 def lagrangian(scene: Scene, q: list[mp.mpf], rate: list[mp.mpf]) -> mp.mpf:

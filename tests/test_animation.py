@@ -14,15 +14,16 @@ from PIL import Image
 
 import modal
 from modal.errors import ComputationError, SceneError
-from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Scene
-from nonlinear.dynamics.mechanics import vectors
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.plotting.animation import Shown, animate
+from modal.scene import Bob, Body, Cart, InitialCondition, Pendulum, Scene
+from nonlinear.dynamics import vectors
+from nonlinear.integration import Trajectory
+from nonlinear.plotting import animate
+from nonlinear.plotting.animation import Shown
 from nonlinear.plotting.film import Film
 from nonlinear.plotting.scene import MOST_PENDULA, energies_of, stage_of
-from nonlinear.postprocessing.resampling import picked, resample
+from nonlinear.postprocessing import picked, resample
 from nonlinear.simulation import simulate
-from nonlinear.system.state import State
+from nonlinear.system import State
 
 
 def run(name: str, duration: float = 1.0, **options: Any) -> Trajectory:

@@ -29,8 +29,7 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.assembly.arrays import rig_of
-from modal.assembly.linearization import assembled
+from modal.assembly import assembled, rig_of
 from modal.eigen import chains as effective
 from modal.eigen import coupled as crowd
 from modal.eigen import dense, matrix_source, routes, sources

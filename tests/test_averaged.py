@@ -12,20 +12,20 @@ import survivors
 from scipy.optimize import brentq
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
-from modal.assembly.linearization import matrices
-from modal.coupling.analysis import explain
+from modal.assembly import matrices
+from modal.coupling import explain
 from modal.errors import ComputationError
-from modal.scene.drives import Drive, Escapement, VanDerPol
-from modal.scene.model import InitialCondition
+from modal.scene import Escapement, InitialCondition, VanDerPol
+from modal.scene.drives import Drive
 from modal.scene.places import vary
-from nonlinear.averaging.equations import MOST_BANDS, ORDER, average, derivative, lattice
-from nonlinear.averaging.equilibria import FIRST, relative_equilibria, relative_equilibrium
-from nonlinear.averaging.prediction import predict, resonant
-from nonlinear.averaging.slow_flow import below_for_good, runs_away, settle
+from nonlinear.averaging import average, predict, relative_equilibria, relative_equilibrium, settle
+from nonlinear.averaging.equations import MOST_BANDS, ORDER, derivative, lattice
+from nonlinear.averaging.equilibria import FIRST
+from nonlinear.averaging.prediction import resonant
+from nonlinear.averaging.slow_flow import below_for_good, runs_away
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.modal_energy import find_survival
-from nonlinear.system.initial import initial_state
-from nonlinear.system.state import State
+from nonlinear.synchronization import find_survival
+from nonlinear.system import State, initial_state
 
 G = 9.81
 

@@ -18,19 +18,13 @@ from scipy.integrate import solve_ivp
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, natural_modes, pair
 from modal.errors import MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics import banded, compiled, joints
-from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics import Banded, Dense, Minimal, Recursion, Small, banded, compiled, joints
 from nonlinear.dynamics.compiled import Compiled
-from nonlinear.dynamics.dense import Small
-from nonlinear.dynamics.minimal import Minimal, Recursion
 from nonlinear.dynamics.recursion import Link, downward, upward
-from nonlinear.dynamics.short import Dense
-from nonlinear.integration import taylor
-from nonlinear.integration.steppers import Pace
+from nonlinear.integration import Pace, taylor
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
-from nonlinear.system.state import AppliedForces, State
-from nonlinear.system.system import system_of
+from nonlinear.system import AppliedForces, State, system_of
 
 fast = pytest.mark.skipif(not compiled.available(), reason="numba is not installed")
 series = pytest.mark.skipif(not taylor.available(), reason="heyoka is not installed")

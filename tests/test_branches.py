@@ -14,21 +14,28 @@ from scipy.optimize import brentq, fsolve, minimize_scalar
 
 import modal
 from modal import Bob, Body, Cart, Pendulum, Scene
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
-from modal.scene.drives import Escapement, VanDerPol
+from modal.scene import Escapement, VanDerPol
 from modal.scene.parameters import parse_variations
 from modal.scene.places import vary
-from nonlinear.averaging.equilibria import RelativeEquilibrium
-from nonlinear.plotting.branches import branches_figure, draw_branches
+from nonlinear.averaging import RelativeEquilibrium
+from nonlinear.plotting import branches_figure, draw_branches
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.branch_tables import branches_csv, branches_text
-from nonlinear.synchronization.branches import Branch, Branches, follow_branches
+from nonlinear.synchronization import (
+    Branch,
+    Branches,
+    Phases,
+    agreement,
+    branches_csv,
+    branches_text,
+    find_survival,
+    follow_branches,
+    phases_of,
+)
 from nonlinear.synchronization.continuation import RESOLUTION, Walk
-from nonlinear.synchronization.modal_energy import find_survival
-from nonlinear.synchronization.patterns import agreement, own_amplitudes
-from nonlinear.synchronization.phases import Phases, phases_of
-from nonlinear.system.state import State
+from nonlinear.synchronization.patterns import own_amplitudes
+from nonlinear.system import State
 
 GRAVITY, ANGLE = 9.81, 5.0
 GENTLE = 0.01  # N m s/rad: a drive that leaves no trace of e/ω in what first order says

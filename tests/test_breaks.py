@@ -15,10 +15,10 @@ from modal import Bob, Cart, ComputationError, Pendulum, Scene, SceneError, load
 from modal.types import Floats
 from nonlinear import AppliedForces, Trajectory, resume, simulate, state_at_rest
 from nonlinear import files as recordings
-from nonlinear.integration.steppers import Pace, SciPyStepper
+from nonlinear.integration import Pace, SciPyStepper
 from nonlinear.integration.taylor import available
 from nonlinear.simulation import advise
-from nonlinear.system.state import Load, State
+from nonlinear.system import Load, State
 
 BOB = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
 IMPULSE, BEGINS = 0.5, 3.3  # N m s, s

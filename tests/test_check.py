@@ -13,17 +13,14 @@ import pytest
 from scipy.special import ellipk
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
-from modal.report.tables import digits
-from nonlinear.plotting.verification import draw_check, draw_spectrum
-from nonlinear.reduction.modal_coordinates import modal_motion, rest_angles, start_in_mode
+from modal.report import digits
+from nonlinear.plotting import draw_check, draw_spectrum
+from nonlinear.reduction import modal_motion, rest_angles, start_in_mode
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import state_at_rest
-from nonlinear.system.state import Motion
-from nonlinear.verification.compare_tables import comparison_table
+from nonlinear.system import Motion, state_at_rest
+from nonlinear.verification import AMPLITUDES_DEG, Check, check, check_table, compare, comparison_table
 from nonlinear.verification.measurement import Measurement, measure_mode, sampled
-from nonlinear.verification.modes import AMPLITUDES_DEG, Check, check, limit, one_percent
-from nonlinear.verification.motion import compare
-from nonlinear.verification.tables import check_table
+from nonlinear.verification.modes import limit, one_percent
 
 PAPER = load("paper-cart-2")
 KAPPA = {1: -0.038802, 2: -0.042729, 3: -0.857142, 4: -0.867200}

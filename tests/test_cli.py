@@ -21,7 +21,8 @@ import pytest
 
 from modal import example_names, load, matrices, natural_modes
 from modal.modes import tables
-from modal.scene.files import example_text, parse
+from modal.scene import parse
+from modal.scene.files import example_text
 
 KEYS = {
     *("omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "multiplicity", "family", "cart_participation"),
@@ -248,7 +249,7 @@ def test_no_panel_is_empty_and_nothing_touches_the_edge(
     from matplotlib.colors import to_rgb
     from matplotlib.image import imread
 
-    from modal.plotting.palette import colour
+    from modal.plotting import colour
     from modal.plotting.style import theme
 
     with theme("light"):

@@ -14,9 +14,8 @@ from scipy.special import jn_zeros
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
 from modal.exact import characteristic as polynomials
-from modal.modes import closed_forms
-from modal.modes.modes import Modes
-from modal.symbolic.roots import symbolic
+from modal.modes import Modes, closed_forms
+from modal.symbolic import symbolic
 
 G = 9.81
 LONG = np.array([50, 100, 200, 400, 800])

@@ -17,11 +17,11 @@ from oracle import Dense, dense
 from random_scenes import random_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
-from modal.coupling.analysis import Coupling, explain
-from modal.coupling.coupling_words import coupling_report, sections
+from modal.coupling import Coupling, coupling_report, explain
+from modal.coupling.coupling_words import sections
+from modal.plotting import draw_coupling
 from modal.plotting.coupling import draw_mass
-from modal.plotting.coupling_figures import draw_coupling
-from modal.scene.drives import VanDerPol
+from modal.scene import VanDerPol
 
 
 def bob(m: float, l: float, count: int = 1, **link: Any) -> Pendulum:

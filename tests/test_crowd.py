@@ -7,14 +7,12 @@ import numpy as np
 import pytest
 
 from modal import Bob, Body, Cart, Pendulum, Scene, load, natural_modes
-from modal.assembly.arrays import rig_of
-from modal.eigen import secular
+from modal.assembly import rig_of
+from modal.eigen import Poles, degenerate_modes, secular, solve
 from modal.eigen.chains import CartProblem, fixed_squares
 from modal.eigen.coupled import CoupledPendula
-from modal.eigen.degenerate import degenerate_modes
-from modal.eigen.secular import Poles, solve
 from modal.errors import ComputationError
-from modal.modes.modes import Modes
+from modal.modes import Modes
 
 
 def random_crowd(seed: int, size: int = 40) -> Scene:

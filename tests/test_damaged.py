@@ -18,20 +18,16 @@ import sweep_measures as own
 from forged import forged
 
 from modal import SceneError, load
-from modal.exports.json_ import read_json, write_json
-from modal.exports.npz import read_npz, write_npz
+from modal.exports import read_json, read_npz, write_json, write_npz
 from modal.scene import sealed
 from modal.scene.parameters import parse_variations
-from modal.statespace.model import state_space
+from modal.statespace import state_space
 from multipendula.cli import main
 from nonlinear import files as recordings
 from nonlinear.simulation import simulate
+from nonlinear.sweeps import Study, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.checkpoint import open_checkpoint
 from nonlinear.sweeps.measure import RequestedMeasure
-from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.running import sweep
-from nonlinear.sweeps.study import Study
 
 Reader = Callable[[Path], object]
 Files = dict[str, tuple[Path, Reader]]

@@ -12,16 +12,12 @@ from scipy.signal import cont2discrete
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
 from nonlinear.accuracy.references import apart
-from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.reduction.defect import SAFETY, Answer, defect_error, running
-from nonlinear.reduction.modal_coordinates import rest_angles, start_in_mode
-from nonlinear.reduction.residual import residual_forces
-from nonlinear.reduction.superposition import superpose
+from nonlinear.dynamics import Mechanics
+from nonlinear.reduction import defect_error, residual_forces, rest_angles, start_in_mode, superpose
+from nonlinear.reduction.defect import SAFETY, Answer, running
 from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
-from nonlinear.system.directions import of_plane, unit_vectors
-from nonlinear.system.state import Motion, State
-from nonlinear.system.system import system_of
+from nonlinear.system import Motion, State, of_plane, system_of, unit_vectors
 
 SIMPLE = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=0.7),)),))
 PAPER = load("paper-cart-2")

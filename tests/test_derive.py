@@ -12,10 +12,8 @@ import sympy as sp
 from test_cli import printed, refused
 
 from modal import load, natural_modes
-from modal.symbolic import line_breaks
-from modal.symbolic.lagrange import coordinate
+from modal.symbolic import coordinate, line_breaks, plain, typeset
 from modal.symbolic.papers import catalogue
-from modal.symbolic.typesetting import plain, typeset
 
 
 def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,15 +7,12 @@ import pytest
 from test_bodies import apart, exact, minimal
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError
-from nonlinear.dynamics.dense import Small
-from nonlinear.dynamics.minimal import Recursion
-from nonlinear.dynamics.short import Dense
-from nonlinear.integration.methods import Choice, body_of, equations_of
+from nonlinear.dynamics import Dense, Recursion, Small
+from nonlinear.integration import Choice, Trajectory, equations_of
+from nonlinear.integration.methods import body_of
 from nonlinear.integration.steppers import sharpened
-from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.system.state import AppliedForces, State
-from nonlinear.system.system import system_of
+from nonlinear.system import AppliedForces, State, system_of
 
 MINIMAL = Choice("minimal", "", compiled=False, reason="")
 

@@ -14,31 +14,35 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from modal import load, natural_modes
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import SceneError
-from modal.scene.drives import Drive, Escapement, VanDerPol
-from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene, describe, scene_from
+from modal.scene import (
+    Bob,
+    Body,
+    Cart,
+    Escapement,
+    InitialCondition,
+    Pendulum,
+    Rod,
+    Scene,
+    VanDerPol,
+    describe,
+    scene_from,
+)
+from modal.scene.drives import Drive
 from modal.types import Floats
 from nonlinear import files as recordings
-from nonlinear.accuracy.work_precision import measure_work_precision
-from nonlinear.chaos.lyapunov import lyapunov_exponent
-from nonlinear.dynamics.banded import Banded
+from nonlinear.accuracy import measure_work_precision
+from nonlinear.chaos import lyapunov_exponent
+from nonlinear.dynamics import Banded, Dense, Mechanics, Minimal, Recursion, Small
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.compiled import available as numba_here
-from nonlinear.dynamics.dense import Small
-from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.dynamics.short import Dense
-from nonlinear.integration.escapements import escaping
-from nonlinear.integration.trajectory import Trajectory
+from nonlinear.integration import Trajectory, escaping
 from nonlinear.postprocessing import summary
-from nonlinear.reduction.truncation import simulate_truncated
+from nonlinear.reduction import simulate_truncated
 from nonlinear.simulation import resume, simulate
-from nonlinear.system.events import Event, level_crossing, turning_point
-from nonlinear.system.state import Motion, State
-from nonlinear.system.system import system_of
-from nonlinear.verification.modes import check
-from nonlinear.verification.tables import check_table
+from nonlinear.system import Event, Motion, State, level_crossing, system_of, turning_point
+from nonlinear.verification import check, check_table
 from tests.motion_scenes import motion_scene, random_state
 
 TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="needs the extra `taylor`")

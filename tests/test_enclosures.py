@@ -12,8 +12,9 @@ from random_scenes import random_scene
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load, natural_modes
 from modal.errors import MissingExtraError
+from modal.exact import enclose
 from modal.exact.balls import flint
-from modal.exact.enclosures import Enclosure, _decimal, _problems, enclose
+from modal.exact.enclosures import Enclosure, _decimal, _problems
 
 pytest.importorskip("flint")
 

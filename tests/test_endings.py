@@ -17,15 +17,14 @@ import sweep_measures as own
 from test_sweeps import SCRIPT
 
 from modal import SceneError, load
-from modal.scene.files import whole_file
+from modal.scene import whole_file
 from modal.scene.parameters import parse_variations
 from multipendula.cli import main
-from nonlinear.dynamics.interrupts import undisturbed
-from nonlinear.plotting.animation import animate
+from nonlinear.dynamics import undisturbed
+from nonlinear.plotting import animate
 from nonlinear.simulation import simulate
-from nonlinear.sweeps.checkpoint import open_checkpoint
+from nonlinear.sweeps import Study, open_checkpoint
 from nonlinear.sweeps.measure import RequestedMeasure
-from nonlinear.sweeps.study import Study
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 COMMAND = [sys.executable, "-m", "multipendula"]

@@ -19,29 +19,23 @@ import pytest
 from matplotlib.figure import Figure
 
 from modal import SceneError, load, natural_modes
-from modal.coupling.analysis import explain
-from modal.coupling.coupling_words import coupling_report
-from modal.exports import format_named
+from modal.coupling import coupling_report, explain
+from modal.exports import format_named, read_json, write_json
 from modal.exports.fmu_description import description
-from modal.exports.json_ import read_json, write_json
 from modal.modes import tables
-from modal.plotting.sliders import slide
+from modal.plotting import slide
 from modal.report import escaping
-from modal.scene.files import dumps
-from modal.scene.model import Scene, describe, scene_from
+from modal.scene import Scene, describe, dumps, scene_from
 from modal.scene.parameters import parse_variations
-from modal.statespace.model import StateSpace, state_space
+from modal.statespace import Signal, StateSpace, state_space
 from modal.statespace.sampling import sample
-from modal.statespace.signals import Signal
-from modal.symbolic.typesetting import typeset
+from modal.symbolic import typeset
 from multipendula.cli import main
 from nonlinear import files as recordings
 from nonlinear.simulation import simulate
+from nonlinear.sweeps import Study, Sweep, parse_measures, sweep_text
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.running import Sweep
-from nonlinear.sweeps.study import Row, Study
-from nonlinear.sweeps.sweep_tables import sweep_text
+from nonlinear.sweeps.study import Row
 from nonlinear.verification import tables as check_tables
 
 PWNED = 'coding: unicode_escape \\u000aimport os;os.system("touch PWNED") # x'

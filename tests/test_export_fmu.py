@@ -20,11 +20,10 @@ from exported import DT, SCENES, assert_close, assert_matrices, assert_poles, he
 from numpy.typing import NDArray
 
 from modal import SceneError, load, natural_modes
-from modal.exports import FORMATS, fmu
-from modal.exports.control_ import to_control
+from modal.exports import FORMATS, fmu, to_control
 from modal.exports.fmu_description import variables
 from modal.exports.identifiers import identifier
-from modal.statespace.model import StateSpace, state_space
+from modal.statespace import StateSpace, state_space
 from modal.statespace.sampling import reach, sample
 
 fmpy = pytest.importorskip("fmpy", reason="FMPy is not installed")
@@ -329,7 +328,7 @@ def test_matrices_in_the_source_are_the_models(monkeypatch: pytest.MonkeyPatch) 
 def test_units_outside_the_grammar_are_left_out() -> None:
     """Modal coordinates have units with roots, which neither Modelica nor FMI can write."""
     from modal.exports.modelica import write_modelica
-    from modal.statespace.reduction import truncate
+    from modal.statespace import truncate
 
     scene = load("crane-hook")
     model = truncate(natural_modes(scene), state_space(scene), 1)

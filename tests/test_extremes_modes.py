@@ -14,7 +14,7 @@ from modes_families import FAMILIES, Family, crowd, damped_cart, damped_joints, 
 from random_scenes import random_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
-from modal.modes.modal_matrix import all_shapes
+from modal.modes import all_shapes
 from modal.modes.tables import table
 
 NAMED = {family.name: family for family in FAMILIES}

@@ -10,12 +10,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from nonlinear.averaging.equations import average
-from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
+from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.modal_energy import find_survival
-from nonlinear.synchronization.patterns import agreement
-from nonlinear.system.state import State
+from nonlinear.synchronization import agreement, find_survival
+from nonlinear.system import State
 
 WITHIN = 6e-4  # 1/s
 

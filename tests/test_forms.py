@@ -9,9 +9,9 @@ import pytest
 from motion_scenes import motion_scene
 
 from modal import Scene
-from nonlinear.integration.trajectory import Trajectory
+from nonlinear.integration import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import state_at_rest
+from nonlinear.system import state_at_rest
 
 TIMES = np.linspace(0, 10, 21)
 

@@ -8,9 +8,8 @@ import scipy.linalg
 from control_scenes import DRIVES, SCENES, crane, mixed, rank
 
 from modal import Bob, Cart, Pendulum, Scene, load, matrices, natural_modes
-from modal.statespace.gains import BARELY, Side, modal_gains, unreached, unseen
-from modal.statespace.model import state_space
-from modal.statespace.signals import Signal
+from modal.statespace import Signal, modal_gains, state_space, unreached, unseen
+from modal.statespace.gains import BARELY, Side
 
 
 def test_two_loads_are_reached_and_two_equal_ones_are_not() -> None:

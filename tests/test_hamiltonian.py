@@ -8,10 +8,10 @@ from plane_scenes import blowing, minimal, plane_scene, random_state
 from test_identities import centres
 from test_maximal import final
 
-from modal.scene.model import Cart, Scene
-from nonlinear.dynamics.hamiltonian import Hamiltonian, hamiltonian, momenta, velocities
-from nonlinear.system.state import State
-from nonlinear.system.system import System, system_of
+from modal.scene import Cart, Scene
+from nonlinear.dynamics import Hamiltonian
+from nonlinear.dynamics.hamiltonian import hamiltonian, momenta, velocities
+from nonlinear.system import State, System, system_of
 
 SEEDS = range(60)
 STEP = 1e-30

@@ -180,8 +180,9 @@ def test_the_words_are_those_of_the_packages() -> None:
     from modal.statespace.signals import INPUTS, OUTPUTS
     from modal.symbolic.derivation import SECTIONS
     from modal.symbolic.system import SYMBOLIC
-    from nonlinear.integration.methods import FORMS, METHODS
-    from nonlinear.sweeps.measures import MEASURES
+    from nonlinear.integration import FORMS
+    from nonlinear.integration.methods import METHODS
+    from nonlinear.sweeps import MEASURES
 
     lists, words = completion.LISTS, completion.WORDS
     assert completion.shipped() == example_names()

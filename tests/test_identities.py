@@ -11,8 +11,8 @@ from oracle import dense
 from random_scenes import random_scene
 
 from modal import Cart, Pendulum, Rod, Scene, matrices, pair
-from modal.assembly.arrays import rig_of
-from modal.scene.model import Body
+from modal.assembly import rig_of
+from modal.scene import Body
 
 SEEDS = range(60)
 

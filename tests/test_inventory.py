@@ -15,10 +15,9 @@ from modal.errors import ComputationError
 from multipendula.cli import main
 from nonlinear import AppliedForces, simulate, state_at_rest
 from nonlinear import files as recordings
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.inventory import run_inventory
-from nonlinear.reduction.modal_coordinates import start_in_mode
-from nonlinear.reduction.truncation import simulate_truncated
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import run_inventory
+from nonlinear.reduction import simulate_truncated, start_in_mode
 from nonlinear.simulation import advise
 
 

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from modal.errors import ComputationError
-from nonlinear.postprocessing.frequencies import attention, line, lines
+from nonlinear.postprocessing import attention, line, lines
 
 
 def several(rng: np.random.Generator, noise: float) -> tuple[np.ndarray, np.ndarray, list[float], list[float]]:

@@ -24,9 +24,10 @@ from modal import (
     matrices,
     natural_modes,
 )
-from modal.loci.following import Loci, follow_loci
+from modal.loci import Loci, follow_loci
 from modal.loci.tracking import follow, overlaps, solve_at
-from modal.plotting.loci import draw_loci, encounter_words
+from modal.plotting import draw_loci
+from modal.plotting.loci import encounter_words
 from modal.scene.parameters import parse_variations
 from modal.scene.places import vary
 

@@ -12,18 +12,15 @@ from random_scenes import random_scene
 from scipy.integrate import solve_ivp
 
 from modal.errors import SceneError
-from modal.modes.modes import natural_modes
-from modal.scene.model import Bob, Cart, InitialCondition, Pendulum, Rod, Scene
-from nonlinear.chaos.claims import study, text, verdicts
-from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
-from nonlinear.chaos.studies import Case, Finding, Study, level_starts, measure
+from modal.modes import natural_modes
+from modal.scene import Bob, Cart, InitialCondition, Pendulum, Rod, Scene
+from nonlinear.chaos import Case, Exponent, Finding, lyapunov_exponent, measure, study, text
+from nonlinear.chaos.claims import verdicts
+from nonlinear.chaos.studies import Study, level_starts
 from nonlinear.chaos.tangent import Tangent
-from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.short import Dense
-from nonlinear.plotting.chaos import draw_finding, draw_running
-from nonlinear.system.state import State
-from nonlinear.system.system import system_of
+from nonlinear.dynamics import Dense, Mechanics, Minimal
+from nonlinear.plotting import draw_finding, draw_running
+from nonlinear.system import State, system_of
 
 G = 9.81
 

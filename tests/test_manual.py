@@ -16,8 +16,7 @@ import pytest
 
 import modal
 import nonlinear
-from modal.scene.drives import Escapement, VanDerPol
-from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene
+from modal.scene import Bob, Body, Cart, Escapement, InitialCondition, Pendulum, Rod, Scene, VanDerPol
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"

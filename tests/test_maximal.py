@@ -12,13 +12,11 @@ from scipy.integrate import solve_ivp
 from test_identities import centres
 
 from modal.errors import ComputationError
-from modal.scene.model import Bob, Cart, Pendulum, Rod, Scene
+from modal.scene import Bob, Cart, Pendulum, Rod, Scene
 from modal.symbolic.papers import cart_dae as dae
 from modal.symbolic.papers.cart import Y, g, links, m_c
-from nonlinear.dynamics import saddle
-from nonlinear.dynamics.maximal import Maximal
-from nonlinear.system.state import Equations, State
-from nonlinear.system.system import System, system_of
+from nonlinear.dynamics import Maximal, saddle
+from nonlinear.system import Equations, State, System, system_of
 
 SEEDS = range(60)
 

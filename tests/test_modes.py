@@ -25,8 +25,8 @@ from modal import (
     natural_modes,
 )
 from modal.eigen.quadratic import Dampers, damped
-from modal.modes.modes import Modes
-from modal.statespace.model import state_space
+from modal.modes import Modes
+from modal.statespace import state_space
 from nonlinear import simulate
 
 

@@ -9,19 +9,13 @@ import pytest
 from numpy.typing import NDArray
 
 from modal import Bob, Cart, Pendulum, Scene, example_names, load, matrices, natural_modes
-from modal.coupling.analysis import explain
-from modal.coupling.coupling_words import coupling_report
-from modal.loci.following import follow_loci
-from modal.loci.loci_tables import loci_csv, loci_text
-from modal.modes.numbering import lettered, table_numbers
+from modal.coupling import coupling_report, explain
+from modal.loci import follow_loci, loci_csv, loci_text
+from modal.modes import lettered, table_numbers
 from modal.scene.parameters import parse_variations
-from modal.statespace.gains import modal_gains
-from modal.statespace.model import state_space
-from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.running import sweep
-from nonlinear.sweeps.study import Study
-from nonlinear.sweeps.sweep_tables import sweep_text
-from nonlinear.verification.modes import check
+from modal.statespace import modal_gains, state_space
+from nonlinear.sweeps import Study, parse_measures, sweep, sweep_text
+from nonlinear.verification import check
 
 STEPS = 400
 DRIVEN = ("huygens", "metronomes", "clocks-double")

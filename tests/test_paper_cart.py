@@ -10,7 +10,7 @@ import sympy as sp
 from sympy.calculus.euler import euler_equations
 from sympy.polys.matrices import DomainMatrix
 
-from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
+from modal.symbolic import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.papers import Equation, residual
 from modal.symbolic.papers import cart as paper
 from modal.symbolic.papers import cart_dae as dae

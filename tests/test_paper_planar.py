@@ -10,7 +10,7 @@ import sympy as sp
 from test_paper_cart import at, rational, rational_state
 
 from modal.pair import first_moments, inertia_matrix
-from modal.symbolic.lagrange import lagrange_equations, time_derivative
+from modal.symbolic import lagrange_equations, time_derivative
 from modal.symbolic.papers import catalogue, planar, residual
 
 LITERAL = {

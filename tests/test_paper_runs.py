@@ -12,8 +12,7 @@ import modal
 from modal import natural_modes
 from modal.types import Floats
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import state_at_rest
-from nonlinear.system.state import State
+from nonlinear.system import State, state_at_rest
 
 TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="an hour needs the extra `taylor`")
 

@@ -10,7 +10,7 @@ import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 from test_paper_cart import at, rational_state
 
-from modal.symbolic.lagrange import lagrange_equations, time_derivative
+from modal.symbolic import lagrange_equations, time_derivative
 from modal.symbolic.papers import Equation
 from modal.symbolic.papers import spatial as paper
 from modal.symbolic.papers import spatial_azimuth as azimuth

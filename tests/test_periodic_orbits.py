@@ -17,7 +17,7 @@ from scipy.optimize import root
 from test_amplitude import chains
 
 from modal import Bob, Body, Cart, Pendulum, Rod, Scene, natural_modes
-from modal.modes.mode import Mode
+from modal.modes import Mode
 from modal.types import Floats
 
 KEPT, STEP = 0.03, 0.07

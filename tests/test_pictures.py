@@ -19,43 +19,47 @@ from seen import LEAST, contrast, flaws
 
 import modal
 from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
-from modal.coupling.analysis import Coupling, explain
-from modal.loci.following import Loci, follow_loci
-from modal.modes.modes import Modes
-from modal.plotting.coupling_figures import coupling_figure
-from modal.plotting.layout import headline, key
+from modal.coupling import Coupling, explain
+from modal.loci import Loci, follow_loci
+from modal.modes import Modes
+from modal.plotting import (
+    HUES,
+    QUIET,
+    bode_figure,
+    colour,
+    coupling_figure,
+    headline,
+    in_both_themes,
+    ink,
+    key,
+    muted,
+    paper,
+    save,
+    shade,
+    shapes_figure,
+    sheet,
+    thickness,
+)
 from modal.plotting.loci import loci_figure
-from modal.plotting.palette import HUES, QUIET, colour, ink, muted, paper, shade, thickness
-from modal.plotting.response import bode_figure, impulse_figure
-from modal.plotting.shapes import shapes_figure
-from modal.plotting.style import in_both_themes, save, sheet, theme
-from modal.scene.drives import VanDerPol
-from modal.scene.model import InitialCondition
+from modal.plotting.response import impulse_figure
+from modal.plotting.style import theme
+from modal.scene import InitialCondition, VanDerPol
 from modal.scene.parameters import parse_variations
-from modal.statespace.modal_form import ModalForm, to_modal_form
-from modal.statespace.model import state_space
+from modal.statespace import ModalForm, state_space, to_modal_form
 from multipendula.cli import main
-from nonlinear.accuracy.candidates import list_candidates
-from nonlinear.accuracy.work_precision import measure_work_precision
-from nonlinear.chaos.claims import study
-from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
-from nonlinear.chaos.studies import Finding
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.plotting.branches import branches_figure
+from nonlinear.accuracy import list_candidates, measure_work_precision
+from nonlinear.chaos import Exponent, Finding, lyapunov_exponent, study
+from nonlinear.integration import Trajectory
+from nonlinear.plotting import branches_figure, check_figure, sync_figure, tradeoff_figure
 from nonlinear.plotting.chaos import exponent_figure, finding_figure
 from nonlinear.plotting.film import Film
 from nonlinear.plotting.run import run_figure
 from nonlinear.plotting.sweeps import sweep_figure
-from nonlinear.plotting.synchronization import sync_figure
-from nonlinear.plotting.verification import check_figure, spectrum_figure
-from nonlinear.plotting.work_precision import tradeoff_figure
+from nonlinear.plotting.verification import spectrum_figure
 from nonlinear.simulation import simulate
-from nonlinear.sweeps.running import Sweep, sweep
-from nonlinear.sweeps.study import Study
-from nonlinear.synchronization.branches import follow_branches
-from nonlinear.synchronization.phases import phases_of
-from nonlinear.verification.modes import check
-from nonlinear.verification.motion import Comparison, compare
+from nonlinear.sweeps import Study, Sweep, sweep
+from nonlinear.synchronization import follow_branches, phases_of
+from nonlinear.verification import Comparison, check, compare
 
 THEMES = ("light", "dark")
 LONG = "A crane of the northern harbour, its trolley on worn rails, two hooks of unequal weight and loads that lean $x_"
@@ -102,7 +106,7 @@ def form(scene: str | Scene, outputs: tuple[str, ...] = ()) -> ModalForm:
 
 @cache
 def swept(*vary: str, measures: tuple[str, ...] = ("frequencies", "beat")) -> Sweep:
-    from nonlinear.sweeps.measures import parse_measures
+    from nonlinear.sweeps import parse_measures
 
     return sweep(
         Study(modal.load("paper-cart-2"), parse_variations(list(vary)), parse_measures(list(measures))), workers=1

@@ -14,9 +14,11 @@ import pytest
 import sympy as sp
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes, pair
-from modal.exact.characteristic import Factor, Polynomial, equal_bobs, exact, exact_links, of_scene
-from modal.exact.roots import above, isolate
-from modal.symbolic.roots import closed_forms, polynomial_roots, symbolic
+from modal.exact import Polynomial, equal_bobs, exact, exact_links, isolate, of_scene
+from modal.exact.characteristic import Factor
+from modal.exact.roots import above
+from modal.symbolic import polynomial_roots, symbolic
+from modal.symbolic.roots import closed_forms
 
 X = sp.Symbol("x")
 PAPER = {

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from modal import SceneError, natural_modes
-from modal.scene.files import parse
+from modal.scene import parse
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 

@@ -15,13 +15,10 @@ from modal import Scene, SceneError
 from modal.errors import ComputationError
 from modal.scene.sealed import archive
 from nonlinear import files as recordings
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing import summary
-from nonlinear.postprocessing.reaction_forces import reaction_forces_of
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import reaction_forces_of, summary
 from nonlinear.simulation import resume, simulate
-from nonlinear.system.events import level_crossing
-from nonlinear.system.state import AppliedForces
-from nonlinear.system.system import system_of
+from nonlinear.system import AppliedForces, level_crossing, system_of
 
 
 def short_run(name: str, **options: Any) -> Trajectory:

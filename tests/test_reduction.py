@@ -11,9 +11,9 @@ import scipy.linalg
 from control_scenes import DRIVES, SCENES, at, crane, hanging, mixed, of_control, rank
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load, natural_modes
+from modal.statespace import StateSpace, minimal, state_space, truncate
 from modal.statespace.balancing import balance
-from modal.statespace.model import StateSpace, state_space
-from modal.statespace.reduction import fold_equals, minimal, truncate
+from modal.statespace.reduction import fold_equals
 
 OMEGA = np.array([0.05, 0.31, 0.9, 1.7, 3.3, 8.0, 25.0])
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ellipk, jn_zeros
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_modes
-from modal.modes.modes import Modes
+from modal.modes import Modes
 
 LAGUERRE = {  # zeros of L_n (Abramowitz & Stegun, table 25.9)
     1: [1.0],

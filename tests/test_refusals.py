@@ -14,12 +14,12 @@ import numpy as np
 import pytest
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, natural_modes
-from modal.coupling.analysis import explain
-from modal.coupling.coupling_words import coupling_report
+from modal.coupling import coupling_report, explain
 from modal.errors import MOST_TOLD, MissingExtraError, MultipendulaError
 from modal.modes.tables import table
-from modal.scene.files import DEEPEST, parse
-from modal.statespace.model import state_space
+from modal.scene import parse
+from modal.scene.files import DEEPEST
+from modal.statespace import state_space
 from multipendula.cli import main
 
 GOOD = 'gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1.0, length = 1.0 }]\n'

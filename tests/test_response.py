@@ -10,11 +10,10 @@ import pytest
 from control_scenes import DRIVES, SCENES, at, crane, hanging, mixed, of_control
 
 from modal import Bob, ComputationError, Pendulum, Scene, load, natural_modes
-from modal.modes.modal_matrix import all_shapes
-from modal.plotting.response import draw_bode, draw_impulse
-from modal.statespace.modal_form import ModalForm, to_modal_form
-from modal.statespace.model import StateSpace, state_space
-from modal.statespace.response import frequency_response, impulse_response, terms
+from modal.modes import all_shapes
+from modal.plotting import draw_bode, draw_impulse
+from modal.statespace import ModalForm, StateSpace, frequency_response, impulse_response, state_space, to_modal_form
+from modal.statespace.response import terms
 
 OMEGA = np.array([0.05, 0.31, 0.9, 1.7, 3.3, 8.0, 25.0])
 

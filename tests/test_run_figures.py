@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 import modal
 from modal import Bob, Cart, Pendulum, Scene
 from modal.errors import ComputationError
-from modal.plotting.layout import headline
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.plotting.run import draw_run, run_figure
-from nonlinear.postprocessing.spectra import power_spectrum
+from modal.plotting import headline
+from nonlinear.integration import Trajectory
+from nonlinear.plotting import draw_run
+from nonlinear.plotting.run import run_figure
+from nonlinear.postprocessing import power_spectrum
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import state_at_rest
+from nonlinear.system import state_at_rest
 
 
 def run(name: str, seconds: float = 8.0, **options: Any) -> Trajectory:

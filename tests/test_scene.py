@@ -31,7 +31,8 @@ from modal import (
     example_names,
     load,
 )
-from modal.scene.files import example_text, parse, schema, whole_file
+from modal.scene import parse, whole_file
+from modal.scene.files import example_text, schema
 
 GOOD = {"gravity": 9.81, "pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
 

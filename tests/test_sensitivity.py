@@ -9,9 +9,9 @@ import pytest
 import sympy as sp
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
-from modal.modes.modes import Modes
+from modal.modes import Modes
 from modal.modes.sensitivity import Sensitivities, sensitivities
-from modal.symbolic.roots import symbolic
+from modal.symbolic import symbolic
 
 STEP = 2e-5
 OF_A_LINK = ("mass", "length", "centre", "inertia", "stiffness")

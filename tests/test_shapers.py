@@ -11,19 +11,16 @@ import pytest
 from control_scenes import crane, mixed, of_control
 
 from modal import Cart, ComputationError, Pendulum, Rod, Scene, SceneError, load, natural_modes
-from modal.statespace.model import state_space
-from modal.statespace.shapers import (
-    Shaper,
-    Swing,
-    insensitivity,
+from modal.statespace import (
     over_length,
     residual_vibration,
     robustness,
-    shaper,
     shaper_for,
+    state_space,
     swing_words,
     swings_of,
 )
+from modal.statespace.shapers import Shaper, Swing, insensitivity, shaper
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 

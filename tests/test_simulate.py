@@ -13,22 +13,25 @@ from scipy.special import ellipk
 
 import modal
 from modal import Bob, Cart, InitialCondition, Pendulum, Rod, Scene, SceneError
-from modal.assembly.linearization import matrices
-from modal.symbolic.lagrangian import derive_lagrangian
+from modal.assembly import matrices
+from modal.symbolic import derive_lagrangian
 from modal.symbolic.system import of_scene
-from nonlinear.dynamics.banded import Banded
-from nonlinear.dynamics.maximal import Maximal
-from nonlinear.dynamics.minimal import Recursion
-from nonlinear.dynamics.short import Dense
-from nonlinear.integration.methods import Choice, body_of, choose, equations_of
-from nonlinear.integration.run import SimulationError
-from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.postprocessing.reaction_forces import reaction_forces_of
+from nonlinear.dynamics import Banded, Dense, Maximal, Recursion
+from nonlinear.integration import Choice, SimulationError, choose, equations_of, estimate_timescales
+from nonlinear.integration.methods import body_of
+from nonlinear.postprocessing import reaction_forces_of
 from nonlinear.simulation import resume, simulate
-from nonlinear.system.events import Event, level_crossing, turning_point
-from nonlinear.system.initial import initial_state, state_at_rest
-from nonlinear.system.state import AppliedForces, Equations, State
-from nonlinear.system.system import system_of
+from nonlinear.system import (
+    AppliedForces,
+    Equations,
+    Event,
+    State,
+    initial_state,
+    level_crossing,
+    state_at_rest,
+    system_of,
+    turning_point,
+)
 
 MINIMAL = Choice("minimal", "DOP853", compiled=False, reason="")
 

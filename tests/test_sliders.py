@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 from PIL import Image
 
-from modal.plotting.sliders import slide
+from modal.plotting import slide
 
 
 def line(slope: float) -> Figure:

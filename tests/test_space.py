@@ -12,16 +12,13 @@ from random_scenes import random_link
 from scipy.integrate import solve_ivp
 
 from modal import pair
-from modal.scene.model import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
-from nonlinear.dynamics import joints, minimal, spatial
+from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
+from nonlinear.dynamics import Minimal, Spatial, joints, minimal, spatial
 from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.spatial import Spatial
 from nonlinear.dynamics.spatial_recursion import facing
 from nonlinear.simulation import simulate
-from nonlinear.system.directions import angles_of, of_plane, unit_vectors, velocities
-from nonlinear.system.state import AppliedForces, Load, State
-from nonlinear.system.system import system_of
+from nonlinear.system import AppliedForces, Load, State, of_plane, system_of, unit_vectors, velocities
+from nonlinear.system.directions import angles_of
 
 EZ = np.array([0.0, 0.0, 1.0])
 

@@ -15,12 +15,11 @@ from scipy.linalg import eigh
 from test_modes import whole_basis
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
-from modal.assembly.arrays import rig_of
-from modal.assembly.linearization import assembled
+from modal.assembly import assembled, rig_of
 from modal.eigen import routes
 from modal.eigen.recursion import count_and_mass as unsprung
 from modal.eigen.sprung_chains import SprungProblem, count_and_mass
-from modal.modes.modes import Modes
+from modal.modes import Modes
 from modal.modes.solution_report import report_solution
 
 EVERY_DIGIT = 1e-15

@@ -7,7 +7,7 @@ import pytest
 from test_symbolic import random_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, matrices, natural_modes
-from modal.statespace.model import StateSpace, state_space
+from modal.statespace import StateSpace, state_space
 from modal.statespace.signals import INPUTS, OUTPUTS, geometry_of
 
 SHIPPED = ["crane-hook", "crane-two-loads", "paper-cart-2", "metronomes", "cart-upright", "chain-3", "chain-spatial"]

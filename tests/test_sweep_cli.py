@@ -12,8 +12,8 @@ import sweep_measures as own
 
 from modal import ComputationError, SceneError
 from multipendula.commands.sweeps import sweep
+from nonlinear.sweeps import MEASURES
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measures import MEASURES
 
 
 def options(*places: str, **given: Any) -> Namespace:

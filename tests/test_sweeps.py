@@ -21,18 +21,18 @@ from forged import forged
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneError, load, matrices, natural_modes
 from modal.errors import MissingExtraError
-from modal.scene.model import InitialCondition
+from modal.scene import InitialCondition
 from modal.scene.parameters import MOST_VALUES, Variation, parse_variations, validate_variations
 from modal.scene.places import find_places, vary, with_numbers
-from nonlinear.plotting.sweeps import draw_sweep, label, sweep_figure
+from nonlinear.plotting import draw_sweep
+from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
+from nonlinear.sweeps import MEASURES, Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.checkpoint import open_checkpoint
 from nonlinear.sweeps.cluster import cluster
 from nonlinear.sweeps.measure import Measure, RequestedMeasure
-from nonlinear.sweeps.measures import MEASURES, parse_measures
-from nonlinear.sweeps.running import DIED, Sweep, sweep
-from nonlinear.sweeps.study import MOST_POINTS, Row, Study
+from nonlinear.sweeps.running import DIED
+from nonlinear.sweeps.study import MOST_POINTS, Row
 
 PAPER = load("paper-cart-2")
 G = 9.81
@@ -412,8 +412,8 @@ from modal import load
 from modal.scene.parameters import parsed
 from nonlinear.sweeps.checkpoint import journal
 from nonlinear.sweeps.measure import Asked
-from nonlinear.sweeps.study import Study
-from nonlinear.sweeps.running import sweep
+from nonlinear.sweeps import Study
+from nonlinear.sweeps import sweep
 
 if __name__ == "__main__":
     study = Study(load("paper-cart-2"), parsed(["support.mass=1:400:400"]), (Asked(own.SLOW, 0.05),))

@@ -10,13 +10,11 @@ import scipy.linalg
 import sympy as sp
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
-from modal.exact.characteristic import of_scene
+from modal.exact import of_scene
+from modal.symbolic import chain, coordinate, derive, derive_lagrangian, vanishes
+from modal.symbolic import symbolic as symbolic_polynomial
 from modal.symbolic import system as symbolic
-from modal.symbolic.derivation import derive
-from modal.symbolic.lagrange import coordinate
-from modal.symbolic.lagrangian import derive_lagrangian, vanishes
-from modal.symbolic.roots import symbolic as symbolic_polynomial
-from modal.symbolic.system import SymbolicSystem, cart, chain
+from modal.symbolic.system import SymbolicSystem, cart
 
 
 def decimal(rng: random.Random) -> float:
@@ -101,7 +99,7 @@ def symbols_of(system: SymbolicSystem) -> list[tuple[sp.Symbol, sp.Symbol]]:
 
 def accelerated(vector: sp.Matrix, coordinates: tuple) -> sp.Matrix:
     """u'' by the chain rule."""
-    from modal.symbolic.lagrange import time_derivative
+    from modal.symbolic import time_derivative
 
     rate = vector.applyfunc(lambda f: time_derivative(f, coordinates))
     return rate.applyfunc(lambda f: time_derivative(f, coordinates))

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from motion_scenes import motion_scene
 
-from modal.scene.model import Bob, Cart, InitialCondition, Pendulum, Scene
+from modal.scene import Bob, Cart, InitialCondition, Pendulum, Scene
 from nonlinear import AppliedForces, State, level_crossing, load, resume, save, simulate, state_at_rest
-from nonlinear.dynamics.symmetries import find_symmetries
-from nonlinear.integration.methods import Choice, equations_of
-from nonlinear.postprocessing.reaction_forces import reaction_forces_of
-from nonlinear.system.initial import initial_state
-from nonlinear.system.system import system_of
+from nonlinear.dynamics import find_symmetries
+from nonlinear.integration import Choice, equations_of
+from nonlinear.postprocessing import reaction_forces_of
+from nonlinear.system import initial_state, system_of
 
 
 def doubled(seed: int) -> Scene:

@@ -15,21 +15,25 @@ from PIL import Image
 
 from modal import load
 from modal.errors import ComputationError
-from modal.modes.numbering import table_numbers
-from modal.scene.model import Scene, scene_from
+from modal.modes import table_numbers
+from modal.scene import Scene, scene_from
 from modal.scene.places import vary
 from multipendula.cli import main
-from nonlinear.averaging.equations import average
-from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
-from nonlinear.averaging.prediction import predict
-from nonlinear.plotting.stroboscope import APART, SECONDS, strobe
+from nonlinear.averaging import RelativeEquilibrium, average, predict, relative_equilibria
+from nonlinear.plotting import SECONDS, strobe
+from nonlinear.plotting.stroboscope import APART
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.patterns import agreement, own_amplitudes
-from nonlinear.synchronization.phases import phases_of
-from nonlinear.synchronization.report import sync_text
-from nonlinear.synchronization.study import MOST, SynchronizationStudy, study_synchronization, usual_duration
-from nonlinear.synchronization.sync_records import sync_record
-from nonlinear.system.initial import state_at_rest
+from nonlinear.synchronization import (
+    SynchronizationStudy,
+    agreement,
+    phases_of,
+    study_synchronization,
+    sync_record,
+    sync_text,
+)
+from nonlinear.synchronization.patterns import own_amplitudes
+from nonlinear.synchronization.study import MOST, usual_duration
+from nonlinear.system import state_at_rest
 
 VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
 ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}

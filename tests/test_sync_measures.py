@@ -16,26 +16,22 @@ from motion_scenes import motion_scene, random_state
 
 import modal
 from modal import Bob, Cart, Fixed, Pendulum, Scene
-from modal.assembly.arrays import rig_of
+from modal.assembly import rig_of
 from modal.coupling.fixed_base import fixed_base_modes
 from modal.errors import ComputationError
-from modal.scene.drives import VanDerPol
-from modal.scene.model import InitialCondition
-from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.integration.trajectory import SolverInfo, Trajectory
+from modal.scene import InitialCondition, VanDerPol
+from nonlinear.dynamics import Mechanics
+from nonlinear.integration import SolverInfo, Trajectory
+from nonlinear.plotting import draw_sync, sync_figure
 from nonlinear.plotting import synchronization as sync_figures
-from nonlinear.plotting.synchronization import draw_sync, sync_figure
-from nonlinear.postprocessing.averages import last, smooth
-from nonlinear.reduction.modal_coordinates import modal_motion, start_in_mode
+from nonlinear.postprocessing import last, smooth
+from nonlinear.reduction import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import run_measures
 from nonlinear.sweeps.measure import RequestedMeasure
 from nonlinear.sweeps.sync_measures import SYNC, locking, order, pendulum_energy, survivor
-from nonlinear.synchronization.modal_energy import find_survival
-from nonlinear.synchronization.phases import Phases, phases_of
-from nonlinear.system.initial import state_at_rest
-from nonlinear.system.state import Motion
-from nonlinear.system.system import system_of
+from nonlinear.synchronization import Phases, find_survival, phases_of
+from nonlinear.system import Motion, state_at_rest, system_of
 
 PAPER = modal.load("paper-cart-2")
 DRIVE = VanDerPol(strength=0.05, angle_deg=5.0)

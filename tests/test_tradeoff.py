@@ -15,21 +15,25 @@ from motion_scenes import motion_scene
 from scipy.linalg import expm
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
+from nonlinear.accuracy import (
+    Candidate,
+    Question,
+    Row,
+    WorkPrecision,
+    list_candidates,
+    measure_work_precision,
+    tradeoff_table,
+)
 from nonlinear.accuracy import work_precision as module
-from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
+from nonlinear.accuracy.candidates import GivenUpError
 from nonlinear.accuracy.references import Reference, reference_of
-from nonlinear.accuracy.tables import tradeoff_table
-from nonlinear.accuracy.work_precision import Row, WorkPrecision, late, measure_work_precision
-from nonlinear.integration.twins import aside, slightly
-from nonlinear.plotting.work_precision import draw_tradeoff
-from nonlinear.reduction.modal_coordinates import deflection, rest_angles, start_in_mode
-from nonlinear.reduction.superposition import CORRECTED, LINEAR, superpose
+from nonlinear.accuracy.work_precision import late
+from nonlinear.integration import aside, slightly
+from nonlinear.plotting import draw_tradeoff
+from nonlinear.reduction import CORRECTED, LINEAR, deflection, rest_angles, start_in_mode, superpose
 from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
-from nonlinear.system.directions import of_plane
-from nonlinear.system.initial import initial_state
-from nonlinear.system.state import Motion, State, apart
-from nonlinear.system.system import system_of
+from nonlinear.system import Motion, State, apart, initial_state, of_plane, system_of
 
 PAPER = load("paper-cart-2")
 MODES = natural_modes(PAPER)

@@ -11,14 +11,13 @@ from plane_scenes import blowing, minimal, plane_scene, random_state
 from test_hamiltonian import dense_M, vectors
 
 from modal.errors import SceneError
-from modal.modes.modes import natural_modes
-from modal.scene.model import Bob, Cart, Fixed, Pendulum, Rod, Scene
-from nonlinear.reduction.modal_coordinates import start_in_mode
+from modal.modes import natural_modes
+from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear.reduction import simulate_truncated, start_in_mode, survey_modes
 from nonlinear.reduction.truncated import Truncated
-from nonlinear.reduction.truncation import Kept, Survey, simulate_truncated, survey_modes
+from nonlinear.reduction.truncation import Kept, Survey
 from nonlinear.simulation import simulate
-from nonlinear.system.state import State
-from nonlinear.system.system import system_of
+from nonlinear.system import State, system_of
 
 
 def chain(seed: int, links: int, support: Fixed | Cart | None = None) -> Scene:

@@ -10,15 +10,13 @@ import pytest
 from modal import Bob, Cart, Pendulum, Rod, Scene, load
 from multipendula.cli import main
 from nonlinear import AppliedForces, SimulationError, State, simulate, state_at_rest, system_of
-from nonlinear.accuracy.advice_tables import advice_table
-from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
-from nonlinear.dynamics.symmetries import exactly_symmetric
-from nonlinear.integration.run import Request
-from nonlinear.integration.twins import ASIDE, GONE, aside, departure, rounded
+from nonlinear.accuracy import advice_table
+from nonlinear.dynamics import exactly_symmetric, is_unstable_equilibrium
+from nonlinear.integration import Request, aside, departure, rounded
+from nonlinear.integration.twins import ASIDE, GONE
 from nonlinear.postprocessing.summary import text
 from nonlinear.simulation import advise, certain
-from nonlinear.system.directions import of_plane
-from nonlinear.system.state import apart
+from nonlinear.system import apart, of_plane
 
 ROD = Rod(mass=1.0, length=1.0)
 PAIR = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=[Pendulum(links=[ROD, ROD], count=2)])

@@ -14,8 +14,8 @@ import numpy as np
 from mpmath import mp, mpf
 
 from modal import pair
-from modal.scene.model import Cart, Scene
-from nonlinear.system.state import State
+from modal.scene import Cart, Scene
+from nonlinear.system import State
 
 COLUMNS = 12
 SAFETY, GROW, SHRINK = 0.9, 3.0, 0.2

@@ -12,7 +12,7 @@ import numpy as np
 
 from modal import Bob, Cart, Pendulum, Rod, Scene
 from nonlinear import simulate
-from nonlinear.system.state import State
+from nonlinear.system import State
 
 G, SAMPLES = 9.81, 5
 Reference = Callable[[], np.ndarray]

@@ -24,8 +24,7 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, LinAlgWarning, eig, eigh
 
 from modal import ComputationError, Scene, matrices, natural_modes
-from modal.modes.mode import UNCERTAIN
-from modal.modes.modes import Modes
+from modal.modes import UNCERTAIN, Modes
 
 DOCS = Path(__file__).parents[2] / "docs"
 SMALL, LARGEST_RIVAL, SAMPLED = 20, 1000, 6

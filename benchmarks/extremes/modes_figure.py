@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from modes_families import FAMILIES, SHOWN
 
-from modal.plotting.palette import colour, muted
-from modal.plotting.style import in_both_themes, sheet
+from modal.plotting import colour, in_both_themes, muted, sheet
 
 SOLVERS = {
     "ours": ("multipendula", 0, "o"),

@@ -10,8 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from modal.plotting.palette import colour, muted, paper
-from modal.plotting.style import in_both_themes, sheet
+from modal.plotting import colour, in_both_themes, muted, paper, sheet
 
 PANELS = {
     "links of a chain": "links of a chain",

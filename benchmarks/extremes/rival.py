@@ -11,8 +11,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from modal import pair
-from modal.scene.model import Cart, Scene
-from nonlinear.system.state import State
+from modal.scene import Cart, Scene
+from nonlinear.system import State
 
 MOST = 1000  # links of a dense matrix
 

@@ -25,7 +25,7 @@ import units
 
 from modal.errors import ComputationError
 from nonlinear import simulate
-from nonlinear.integration.trajectory import Trajectory
+from nonlinear.integration import Trajectory
 from nonlinear.simulation import SimulationError
 
 DOCS = Path(__file__).parent.parent.parent / "docs"

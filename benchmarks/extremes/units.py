@@ -14,7 +14,7 @@ import numpy as np
 
 from modal import Bob, Cart, Pendulum, Rod, Scene
 from nonlinear import simulate
-from nonlinear.system.state import State
+from nonlinear.system import State
 
 FACTORS = {
     "masses by 2^40": (2.0**40, 1.0, 1.0),

@@ -12,17 +12,13 @@ from tempfile import TemporaryDirectory
 
 from modal import load as load_scene
 from modal.errors import MultipendulaError
-from modal.exports.json_ import read_json, write_json
-from modal.exports.npz import read_npz, write_npz
+from modal.exports import read_json, read_npz, write_json, write_npz
 from modal.scene.parameters import parse_variations
-from modal.statespace.model import state_space
+from modal.statespace import state_space
 from nonlinear import files as recordings
 from nonlinear import simulate
+from nonlinear.sweeps import Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.checkpoint import open_checkpoint
-from nonlinear.sweeps.measures import parse_measures
-from nonlinear.sweeps.running import Sweep, sweep
-from nonlinear.sweeps.study import Study
 
 DURATION, SAMPLES = 0.5, 20
 REFUSED, SAME = "refused", "same"

@@ -19,10 +19,10 @@ import numpy as np
 
 from modal import Fixed, load, matrices, natural_modes
 from modal.types import Floats
+from nonlinear.integration import Trajectory
 from nonlinear.integration.taylor import available
-from nonlinear.integration.trajectory import Trajectory
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import state_at_rest
+from nonlinear.system import state_at_rest
 
 FAMILIES = ("slow", "fast")
 WINDOW_S = 6.0  # over which shares are averaged: some swings of the slow family, little of an exchange

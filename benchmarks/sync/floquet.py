@@ -23,11 +23,10 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from modal import Bob, Body, Cart, Pendulum, Scene
-from modal.scene.drives import Escapement, VanDerPol
+from modal.scene import Escapement, VanDerPol
 from modal.types import Complexes, Floats
-from nonlinear.averaging.equations import average
-from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
-from nonlinear.synchronization.patterns import agreement
+from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
+from nonlinear.synchronization import agreement
 
 G = 9.81
 TOLERANCE, DONE, NEWTON = 1e-12, 1e-11, 12

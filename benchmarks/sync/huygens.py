@@ -28,9 +28,9 @@ from typing import Literal
 import numpy as np
 
 from modal import Cart, Scene, load
-from modal.scene.drives import Escapement
+from modal.scene import Escapement
 from nonlinear.simulation import simulate
-from nonlinear.system.initial import state_at_rest
+from nonlinear.system import state_at_rest
 
 Outcome = Literal["antiphase", "in phase", "one stops", "both stop", "unsettled"]
 SECONDS, LATE = 300.0, 30.0

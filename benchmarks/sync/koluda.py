@@ -24,12 +24,10 @@ from scipy.linalg import eigh
 from modal import Cart, Scene, load, matrices
 from modal.scene.parameters import parse_variations
 from modal.types import Floats
-from nonlinear.averaging.equations import average
-from nonlinear.averaging.equilibria import relative_equilibria
+from nonlinear.averaging import average, relative_equilibria
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.branch_tables import branches_text
-from nonlinear.synchronization.branches import follow_branches
-from nonlinear.system.state import State
+from nonlinear.synchronization import branches_text, follow_branches
+from nonlinear.system import State
 
 NAMES = ("slow, beam still", "slow, beam moves", "fast, beam still", "fast, beam moves")
 SECONDS, LATE, TOP_DEG, ASIDE = 400.0, 20.0, 8.0, 0.05

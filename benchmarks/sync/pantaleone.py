@@ -33,12 +33,10 @@ import numpy as np
 from scipy.optimize import brentq
 
 from modal import Body, Cart, InitialCondition, Pendulum, Scene
-from modal.scene.drives import VanDerPol
+from modal.scene import VanDerPol
 from modal.types import Floats
 from nonlinear.simulation import simulate
-from nonlinear.system.events import level_crossing
-from nonlinear.system.state import State
-from nonlinear.system.system import system_of
+from nonlinear.system import State, level_crossing, system_of
 
 G, MASS, CENTRE, INERTIA = 9.81, 0.022, 0.012, 4.5e-6
 MOMENT = INERTIA + MASS * CENTRE**2

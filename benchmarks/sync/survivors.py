@@ -25,10 +25,10 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene.model import Scene, scene_from
-from nonlinear.averaging.prediction import Prediction, predict
+from modal.scene import Scene, scene_from
+from nonlinear.averaging import Prediction, predict
 from nonlinear.simulation import simulate
-from nonlinear.synchronization.modal_energy import Survival, find_survival
+from nonlinear.synchronization import Survival, find_survival
 
 SCENES, QUICK, FIRST = 150, 6, 900_000
 TOLERANCE, LONGER, MORE, LONGEST, SAMPLES = 1e-8, 1.5, 50, 1200, 12  # the last three in periods, samples a period

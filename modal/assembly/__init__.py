@@ -7,3 +7,21 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
 Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `matrices` is the dense
 form for printing, for small problems and for tests.
 """
+
+from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, rig_of
+from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices
+
+__all__ = [
+    "ARRAYS",
+    "Block",
+    "CartNumbers",
+    "Columns",
+    "Matrices",
+    "Rig",
+    "Units",
+    "assembled",
+    "coordinate_labels",
+    "dampers",
+    "matrices",
+    "rig_of",
+]

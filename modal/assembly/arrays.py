@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
-from modal.scene.model import Cart, Pendulum, Scene, validate_scene
+from modal.scene import Cart, Pendulum, Scene, validate_scene
 from modal.types import Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")

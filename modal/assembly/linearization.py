@@ -18,7 +18,7 @@ import numpy as np
 from modal import pair
 from modal.assembly.arrays import Block, CartNumbers, Rig, rig_of
 from modal.errors import ComputationError
-from modal.scene.model import Scene, validate_scene
+from modal.scene import Scene, validate_scene
 from modal.types import Floats
 
 LARGEST_DENSE = 4000

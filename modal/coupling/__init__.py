@@ -8,3 +8,10 @@ which pendula exchange energy, and what dampers and drives do to each mode; in w
 is the dynamic mass that a force on the cart feels: its poles are the fixed-base modes, its zeros the modes that move
 the cart.  Start with `analysis`.
 """
+
+from modal.coupling.analysis import Coupling, Family, explain, family_name
+from modal.coupling.coupling_words import coupling_report
+from modal.coupling.damping import damped_modes
+from modal.coupling.feeding import negative_damping
+
+__all__ = ["Coupling", "Family", "coupling_report", "damped_modes", "explain", "family_name", "negative_damping"]

@@ -19,18 +19,16 @@ from math import inf, sqrt
 
 import numpy as np
 
-from modal.assembly.arrays import Rig, rig_of
+from modal.assembly import Rig, rig_of
 from modal.coupling.damping import Damped, damped_modes
 from modal.coupling.dynamic_mass import DynamicMass
 from modal.coupling.exchange import STRONG, EnergyExchange, Transfer, energy_exchanges, transfer
 from modal.coupling.feeding import negative_damping
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
-from modal.eigen.degenerate import degenerate_modes
-from modal.eigen.recursion import at_infinity
+from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
-from modal.modes.modes import natural_modes
-from modal.modes.numbering import MOST_COMPARED, lettered, table_numbers
-from modal.scene.model import Scene
+from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
+from modal.scene import Scene
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000

@@ -8,7 +8,7 @@ from typing import Any
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import EnergyExchange
-from modal.scene.model import describe
+from modal.scene import describe
 
 
 def coupling_record(coupling: Coupling) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from modal.coupling.coupling_records import coupling_record
 from modal.coupling.damping_words import damping
 from modal.coupling.report import families, limits, numbered, shown
 from modal.coupling.talk_words import exchanges
-from modal.report.escaping import json_text, markdown, visible
-from modal.report.prose import WIDTH, counted, listed, rad, short
+from modal.report import WIDTH, counted, json_text, listed, markdown, rad, short, visible
 
 FORMS = ("text", "markdown", "json")
 

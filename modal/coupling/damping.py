@@ -21,10 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.arrays import Rig
+from modal.assembly import Rig
 from modal.coupling.fixed_base import without_damping
-from modal.eigen.routes import Part
-from modal.eigen.spectrum import Spectrum, find_spectrum
+from modal.eigen import Part, Spectrum, find_spectrum
 from modal.errors import ComputationError
 from modal.types import Floats
 

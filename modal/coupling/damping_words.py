@@ -7,7 +7,7 @@ from math import isfinite
 
 from modal.coupling.analysis import Coupling
 from modal.coupling.damping import Damped
-from modal.report.prose import capital, rad, short
+from modal.report import capital, rad, short
 
 MOST_LISTED = 12
 NEGLIGIBLE = 1e-12

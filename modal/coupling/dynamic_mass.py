@@ -16,8 +16,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.eigen.coupled import LIGHTEST
-from modal.eigen.secular import Poles, solve
+from modal.eigen import LIGHTEST, Poles, solve
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.assembly.arrays import Rig
-from modal.scene.drives import VanDerPol
-from modal.scene.model import Pendulum, Scene
+from modal.assembly import Rig
+from modal.scene import Pendulum, Scene, VanDerPol
 from modal.types import Floats
 
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.assembly.arrays import Rig
-from modal.eigen.spectrum import find_spectrum
+from modal.assembly import Rig
+from modal.eigen import find_spectrum
 from modal.types import Floats, Ints
 
 

@@ -7,7 +7,7 @@ from math import isinf
 
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.exchange import MOST_MODES, STRONG, Transfer
-from modal.report.prose import counted, listed, percent, rad, short
+from modal.report import counted, listed, percent, rad, short
 
 MOST_LISTED, FEW = 8, 3
 ROUGH = 0.1

@@ -9,7 +9,7 @@ import numpy as np
 from modal.coupling.analysis import Coupling
 from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange
 from modal.coupling.report import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered
-from modal.report.prose import capital, listed, percent, rad, short
+from modal.report import capital, listed, percent, rad, short
 
 HALF = 0.5
 

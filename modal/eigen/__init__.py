@@ -8,3 +8,39 @@ A chain takes the effective-mass recursion and bisection (`chains`), with joint 
 `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic problem
 (`quadratic`). Start with `routes`, which chooses.
 """
+
+from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
+from modal.eigen.bisection import smallest_where
+from modal.eigen.counts import counted
+from modal.eigen.coupled import LIGHTEST
+from modal.eigen.degenerate import TOLERANCE, degenerate_modes
+from modal.eigen.dense import is_singular
+from modal.eigen.matrix_source import LIGHT
+from modal.eigen.recursion import at_infinity
+from modal.eigen.routes import Part, notes
+from modal.eigen.secular import Poles, solve
+from modal.eigen.sources import Details, Rigid, largest_angle
+from modal.eigen.spectrum import Spectrum, find_spectrum
+
+__all__ = [
+    "LIGHT",
+    "LIGHTEST",
+    "TOLERANCE",
+    "Details",
+    "Part",
+    "Poles",
+    "Rigid",
+    "Spectrum",
+    "Swing",
+    "at_infinity",
+    "counted",
+    "degenerate_modes",
+    "distortion",
+    "find_spectrum",
+    "is_singular",
+    "largest_angle",
+    "notes",
+    "one_percent_amplitude",
+    "smallest_where",
+    "solve",
+]

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Block
+from modal.assembly import Block
 from modal.types import Floats
 
 QUARTER = pi / 16 * np.array([1.0, 3.0, 5.0, 7.0])

@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.assembly.arrays import Block, CartNumbers
+from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import above_all, smallest_where
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import Swept, at_infinity, count_and_mass, from_above, from_below, joint_masses, kinetic

@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.assembly.arrays import Block, CartNumbers
+from modal.assembly import Block, CartNumbers
 from modal.eigen.chains import CartProblem, Motion, bare_mass, fixed_shapes
 from modal.eigen.counts import Built, counted
 from modal.eigen.degenerate import DegenerateModes

@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.assembly.arrays import Block
+from modal.assembly import Block
 from modal.eigen.chains import Motion, fixed_shapes
 from modal.eigen.counts import Built
 from modal.types import Floats, Ints

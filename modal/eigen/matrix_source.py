@@ -18,8 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.arrays import Block, CartNumbers
-from modal.assembly.linearization import Columns, assembled, dampers
+from modal.assembly import Block, CartNumbers, Columns, assembled, dampers
 from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import bare_mass

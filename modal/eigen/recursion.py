@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Block
+from modal.assembly import Block
 from modal.pair import Constants
 from modal.types import Floats, Ints
 

@@ -14,7 +14,7 @@ from itertools import repeat
 
 import numpy as np
 
-from modal.assembly.arrays import Block, CartNumbers, Rig
+from modal.assembly import Block, CartNumbers, Rig
 from modal.eigen.chains import CartProblem, bare_mass
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes

@@ -17,7 +17,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.arrays import Block, CartNumbers
+from modal.assembly import Block, CartNumbers
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import Motion, fixed_shapes, fixed_squares
 from modal.eigen.counts import Built, counted

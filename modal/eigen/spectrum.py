@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.arrays import Rig
+from modal.assembly import Rig
 from modal.eigen.routes import Part, batches
 from modal.eigen.sources import Details, Source
 from modal.errors import ComputationError

@@ -31,7 +31,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import Block, CartNumbers
+from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import above_all, smallest_where
 from modal.eigen.chains import Motion, lowest_possible
 from modal.eigen.counts import Built, counted

@@ -7,3 +7,23 @@ intervals that provably hold their roots, and enclosures of every natural freque
 
 Start with `characteristic` for polynomials and with `enclosures` for proofs (extra `certified`).
 """
+
+from modal.exact.characteristic import Polynomial, Variable, eliminated, equal_bobs, exact, exact_links, of_scene
+from modal.exact.enclosures import enclose
+from modal.exact.polynomials import product, scaled, total
+from modal.exact.roots import isolate
+
+__all__ = [
+    "Polynomial",
+    "Variable",
+    "eliminated",
+    "enclose",
+    "equal_bobs",
+    "exact",
+    "exact_links",
+    "isolate",
+    "of_scene",
+    "product",
+    "scaled",
+    "total",
+]

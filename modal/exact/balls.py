@@ -15,7 +15,7 @@ from typing import Any
 
 from modal import pair
 from modal.errors import ComputationError, MissingExtraError
-from modal.scene.model import Bob, Body, Cart, Fixed, Rod
+from modal.scene import Bob, Body, Cart, Fixed, Rod
 
 Ball = Any
 Links = tuple[Bob | Rod | Body, ...]

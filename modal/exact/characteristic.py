@@ -24,7 +24,7 @@ from modal.errors import ComputationError
 from modal.exact.polynomials import integers, primitive, product, scaled, total
 from modal.exact.roots import Interval, isolate
 from modal.exact.sprung import sample_at_integers
-from modal.scene.model import Cart, Pendulum, Scene
+from modal.scene import Cart, Pendulum, Scene
 
 Variable = Literal["x", "lambda"]
 Clear = Callable[[list[Any]], list[Any]]

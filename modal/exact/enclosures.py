@@ -17,8 +17,8 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.exact.balls import Ball, Hung, Links, flint
-from modal.modes.modes import natural_modes
-from modal.scene.model import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+from modal.modes import natural_modes
+from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
 
 GUARD_BITS = 64
 FIRST_WIDTH = 2.0**-48

@@ -8,9 +8,8 @@ from modal.errors import SceneError
 from modal.exports.c_text import c_matrix
 from modal.exports.identifiers import identifier, identifiers
 from modal.exports.text import heading, joined, matrices, meaning, preamble
-from modal.report.escaping import c_comment
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import Signal
+from modal.report import c_comment
+from modal.statespace import Signal, StateSpace
 
 STEP = """\
 /* y from the present z and u, then z one step on; y is none of z and u */

@@ -6,7 +6,7 @@ import control  # type: ignore[import-untyped]
 
 from modal.exports.identifiers import identifier
 from modal.exports.text import heading
-from modal.statespace.model import StateSpace
+from modal.statespace import StateSpace
 
 
 def to_control(model: StateSpace) -> control.StateSpace:

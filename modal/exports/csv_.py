@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from modal.exports.text import matrices
-from modal.report.escaping import csv_rows
-from modal.statespace.model import StateSpace
+from modal.report import csv_rows
+from modal.statespace import StateSpace
 
 HEADER = ("matrix", "row", "row_name", "row_unit", "column", "column_name", "column_unit", "value")
 

@@ -22,8 +22,8 @@ from modal.exports.c_text import c_matrix, hexadecimal
 from modal.exports.fmu_description import description
 from modal.exports.identifiers import identifier
 from modal.exports.text import heading, joined
-from modal.report.escaping import c_comment
-from modal.statespace.model import StateSpace
+from modal.report import c_comment
+from modal.statespace import StateSpace
 from modal.statespace.sampling import reach, sample
 
 DEFAULT_STEP = 0.01

@@ -9,9 +9,8 @@ from xml.etree import ElementTree as ET
 from modal.exports.identifiers import identifier, identifiers
 from modal.exports.modelica import unit
 from modal.exports.text import heading, law, rest
-from modal.report.escaping import one_line
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import Signal
+from modal.report import one_line
+from modal.statespace import Signal, StateSpace
 
 UNITS = {
     "m": {"m": 1},

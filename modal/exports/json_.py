@@ -11,8 +11,7 @@ import numpy as np
 
 from modal.exports.text import digits, matrices
 from modal.scene.sealed import Source, content, finite, insist_keys, insist_sealed_text, reading, sealed_text
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import Signal
+from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 KINDS = ("states", "inputs", "outputs")

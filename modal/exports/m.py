@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from modal.exports.text import digits, joined, matrices, meaning, preamble
-from modal.report.escaping import matlab_text
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import Signal
+from modal.report import matlab_text
+from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 BUILD = """\

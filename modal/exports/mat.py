@@ -11,7 +11,7 @@ import numpy as np
 from scipy.io import savemat
 
 from modal.exports.text import matrices
-from modal.statespace.model import StateSpace
+from modal.statespace import StateSpace
 
 LABEL = b"MATLAB 5.0 MAT-file, a linear state-space model in SI units".ljust(116)
 

@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 
 from modal.exports.identifiers import identifier, identifiers
 from modal.exports.text import digits, heading, joined, matrices, rest
-from modal.report.escaping import modelica_text
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import Signal
+from modal.report import modelica_text
+from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 KEYWORDS = """

@@ -7,7 +7,7 @@ import numpy as np
 from modal.exports.json_ import KINDS, SHAPES, assembled
 from modal.exports.text import matrices
 from modal.scene.sealed import Source, archive, content, reading, unpacked
-from modal.statespace.model import StateSpace
+from modal.statespace import StateSpace
 
 NAMES = ("dt", "title", "operating_names", "operating_values", *KINDS, *SHAPES)
 

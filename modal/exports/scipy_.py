@@ -7,7 +7,7 @@ from typing import Any
 from scipy.signal import StateSpace as Continuous
 from scipy.signal import dlti
 
-from modal.statespace.model import StateSpace
+from modal.statespace import StateSpace
 
 
 def to_scipy(model: StateSpace) -> Any:

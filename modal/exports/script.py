@@ -6,9 +6,8 @@ from collections.abc import Iterator
 
 from modal.exports.identifiers import identifier
 from modal.exports.text import digits, heading, joined, matrices, meaning, rest
-from modal.report.escaping import python_text
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import Signal
+from modal.report import python_text
+from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 FIRST = (

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from modal.report.escaping import one_line
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import Signal
+from modal.report import one_line
+from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
 UNTITLED = "Pendula"

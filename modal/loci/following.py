@@ -16,8 +16,8 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
-from modal.modes.numbering import labelled
-from modal.scene.model import Scene
+from modal.modes import labelled
+from modal.scene import Scene
 from modal.scene.parameters import Variation, validate_variations
 from modal.scene.places import find_places, number_at
 from modal.types import Floats, Ints

@@ -5,7 +5,7 @@ from __future__ import annotations
 from tabulate import tabulate
 
 from modal.loci.following import Loci
-from modal.report.escaping import csv_rows
+from modal.report import csv_rows
 
 
 def loci_text(found: Loci) -> str:

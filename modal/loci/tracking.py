@@ -14,13 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes.modal_matrix import all_shapes
-from modal.modes.mode import UNCERTAIN
-from modal.modes.modes import Modes, natural_modes
-from modal.modes.numbering import paired
-from modal.scene.model import Scene
+from modal.modes import UNCERTAIN, Modes, all_shapes, natural_modes, paired
+from modal.scene import Scene
 from modal.scene.places import vary
 from modal.types import Floats, Ints
 

@@ -8,3 +8,25 @@ effective mass, the amplitude at which the small-angle frequency is off by 1 %, 
 Start with `modes`.  `numbering` gives a mode one number everywhere, `tables` prints, `closed_forms` are what must come
 out.
 """
+
+from modal.modes.modal_matrix import all_shapes
+from modal.modes.mode import UNCERTAIN, Mode
+from modal.modes.modes import UNDRIVEN, Modes, natural_modes
+from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
+from modal.modes.shapes import Shape
+
+__all__ = [
+    "MOST_COMPARED",
+    "UNCERTAIN",
+    "UNDRIVEN",
+    "Mode",
+    "Modes",
+    "Shape",
+    "all_shapes",
+    "counterparts",
+    "labelled",
+    "lettered",
+    "natural_modes",
+    "paired",
+    "table_numbers",
+]

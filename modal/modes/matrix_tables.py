@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from modal.assembly.linearization import Matrices
-from modal.report.escaping import json_text
-from modal.scene.model import Scene, describe
+from modal.assembly import Matrices
+from modal.report import json_text
+from modal.scene import Scene, describe
 from modal.types import Floats
 
 

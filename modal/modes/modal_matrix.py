@@ -5,8 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 from typing import Any
 
-from modal.eigen.routes import Part
-from modal.eigen.sources import Details
+from modal.eigen import Details, Part
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape, expand

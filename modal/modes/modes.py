@@ -12,17 +12,24 @@ from typing import Any, NamedTuple, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.arrays import Block, Rig, Units, rig_of
-from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
-from modal.eigen.matrix_source import LIGHT
-from modal.eigen.routes import Part, notes
-from modal.eigen.sources import Details, largest_angle
-from modal.eigen.spectrum import Spectrum, find_spectrum
+from modal.assembly import Block, Rig, Units, rig_of
+from modal.eigen import (
+    LIGHT,
+    Details,
+    Part,
+    Spectrum,
+    Swing,
+    distortion,
+    find_spectrum,
+    largest_angle,
+    notes,
+    one_percent_amplitude,
+)
 from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.resonances import MOST_DISTORTED, answering, resonances
 from modal.modes.shapes import Shape, expand, validate_normalisation
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats, Ints
 
 UNDRIVEN = "Self-excitation is left out: drives feed small swings, they do not shape them."

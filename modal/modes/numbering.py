@@ -17,10 +17,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.modes.modal_matrix import all_shapes
 from modal.modes.modes import Modes, natural_modes
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
 
 DIGITS = 9

@@ -25,7 +25,7 @@ from modal.errors import ComputationError
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
-from modal.scene.model import Pendulum
+from modal.scene import Pendulum
 from modal.types import Floats
 
 

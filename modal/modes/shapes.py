@@ -8,9 +8,8 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.arrays import Rig, Units
-from modal.eigen.routes import Part
-from modal.eigen.sources import Details
+from modal.assembly import Rig, Units
+from modal.eigen import Details, Part
 from modal.errors import ComputationError
 from modal.types import Floats
 

@@ -12,10 +12,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from modal.assembly.arrays import Rig
-from modal.eigen.counts import counted
-from modal.eigen.sources import Rigid
-from modal.eigen.spectrum import Spectrum
+from modal.assembly import Rig
+from modal.eigen import Rigid, Spectrum, counted
 from modal.modes.modes import Modes
 
 PACKAGES = ("numpy", "scipy", "sympy", "control", "matplotlib", "numba", "heyoka", "flint", "distributed")

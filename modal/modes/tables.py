@@ -10,9 +10,8 @@ from typing import Any
 from modal.errors import ComputationError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
-from modal.report.escaping import csv_rows, html, json_text, markdown, one_line, visible
-from modal.report.tables import NOTHING
-from modal.scene.model import describe
+from modal.report import NOTHING, csv_rows, html, json_text, markdown, one_line, visible
+from modal.scene import describe
 
 MOST_SHAPE_NUMBERS = 5_000_000
 Value = float | int | str | bool | None

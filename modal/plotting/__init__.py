@@ -4,3 +4,68 @@ In: the results of other rooms.  Out: a `Figure` from a `…_figure` function, o
 figure has a light and a dark form, axes with units, and colours that colour-blind readers tell apart. Start with
 `style` and `layout`; the other modules are one kind of figure each.
 """
+
+from modal.plotting.coupling_figures import coupling_figure, draw_coupling
+from modal.plotting.layout import NUMBER, SMALL, caption, framed, headline, key, legend, log_ticks, mark_modes
+from modal.plotting.loci import axis_words, draw_loci, scale
+from modal.plotting.palette import (
+    DASHES,
+    HUES,
+    MOST_CURVES,
+    QUIET,
+    colour,
+    dash,
+    ink,
+    muted,
+    paper,
+    rest,
+    shade,
+    thickness,
+)
+from modal.plotting.response import bode_figure, draw_bode, draw_impulse
+from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
+from modal.plotting.sliders import slide
+from modal.plotting.style import WIDE, WIDTH, Picture, any_letters, in_both_themes, save, sheet
+
+__all__ = [
+    "DASHES",
+    "HUES",
+    "MOST_CURVES",
+    "MOST_PANELS",
+    "NUMBER",
+    "QUIET",
+    "SMALL",
+    "WIDE",
+    "WIDTH",
+    "Picture",
+    "any_letters",
+    "axis_words",
+    "bode_figure",
+    "caption",
+    "colour",
+    "coupling_figure",
+    "dash",
+    "draw_bode",
+    "draw_coupling",
+    "draw_impulse",
+    "draw_loci",
+    "draw_shapes",
+    "framed",
+    "headline",
+    "in_both_themes",
+    "ink",
+    "key",
+    "legend",
+    "log_ticks",
+    "mark_modes",
+    "muted",
+    "paper",
+    "rest",
+    "save",
+    "scale",
+    "shade",
+    "shapes_figure",
+    "sheet",
+    "slide",
+    "thickness",
+]

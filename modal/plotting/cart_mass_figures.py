@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 
-from modal.coupling.analysis import Coupling
+from modal.coupling import Coupling
 from modal.plotting.coupling import crowded, name, plain, pole, span, zero
 from modal.plotting.layout import SMALL
 from modal.plotting.palette import ink, paper

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from modal.coupling.analysis import Coupling, Family, family_name
+from modal.coupling import Coupling, Family, family_name
 from modal.plotting.layout import SMALL
 from modal.plotting.palette import colour, ink, muted, paper
 from modal.types import Floats

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.lines import Line2D
 
-from modal.coupling.analysis import Coupling
+from modal.coupling import Coupling
 from modal.plotting.cart_mass_figures import draw_limits
 from modal.plotting.coupling import close_families, curve, draw_close, draw_mass, pole, zero
 from modal.plotting.layout import headline, key

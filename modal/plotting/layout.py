@@ -15,7 +15,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from modal.plotting.palette import muted
 from modal.plotting.style import any_letters
-from modal.report.escaping import visible
+from modal.report import visible
 
 SMALL = "small"
 """The size of words inside axes, relative to the style's."""

@@ -11,8 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.loci.crossings import CloseApproach
-from modal.loci.following import Loci
+from modal.loci import CloseApproach, Loci
 from modal.plotting.layout import NUMBER, headline, key, log_ticks
 from modal.plotting.palette import MOST_CURVES, colour, dash, ink, paper
 from modal.plotting.style import WIDTH, save, sheet

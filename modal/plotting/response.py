@@ -12,13 +12,11 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MultipleLocator
 
 from modal.errors import ComputationError
-from modal.modes.mode import UNCERTAIN
+from modal.modes import UNCERTAIN
 from modal.plotting.layout import headline, key, log_ticks, mark_modes
 from modal.plotting.palette import MOST_CURVES, colour, dash, muted
 from modal.plotting.style import WIDTH, save, sheet
-from modal.statespace.modal_form import ModalForm
-from modal.statespace.response import frequency_response, impulse_response
-from modal.statespace.signals import Signal
+from modal.statespace import ModalForm, Signal, frequency_response, impulse_response
 from modal.types import Complexes, Floats
 
 POINTS, LONGEST = 2000, 20_000

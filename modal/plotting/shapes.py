@@ -13,13 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 
 from modal.errors import ComputationError
-from modal.modes.mode import Mode
-from modal.modes.modes import Modes
-from modal.modes.shapes import Shape
+from modal.modes import Mode, Modes, Shape
 from modal.plotting.layout import caption, headline
 from modal.plotting.palette import QUIET, colour, ink, muted, paper, rest
 from modal.plotting.style import WIDE, save, sheet
-from modal.scene.model import Bob, Body, Rod
+from modal.scene import Bob, Body, Rod
 from modal.types import Floats
 
 FARTHEST = 0.3  # of the picture's depth

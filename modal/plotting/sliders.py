@@ -11,7 +11,7 @@ from matplotlib import pyplot
 from matplotlib.figure import Figure
 
 from modal.plotting.style import save
-from modal.report.escaping import html
+from modal.report import html
 
 PAGE = """<figure style="margin:0">
 <label>{label} <output>{first}</output>

@@ -4,3 +4,53 @@ In: titles, columns, rows and bytes.  Out: text, Markdown, LaTeX, CSV, HTML or J
 taken for markup or code, and files that tell whether they are damaged.  This room knows nothing of pendula. Start with
 `escaping`.
 """
+
+from modal.report.escaping import (
+    LETTERS,
+    c_comment,
+    csv_cell,
+    csv_comment,
+    csv_rows,
+    html,
+    json_text,
+    latex,
+    markdown,
+    matlab_text,
+    modelica_text,
+    one_line,
+    python_text,
+    visible,
+)
+from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short
+from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
+
+__all__ = [
+    "LETTERS",
+    "NOTHING",
+    "WIDTH",
+    "as_csv",
+    "as_json",
+    "c_comment",
+    "capital",
+    "counted",
+    "csv_cell",
+    "csv_comment",
+    "csv_rows",
+    "digits",
+    "finite",
+    "grid",
+    "html",
+    "json_text",
+    "latex",
+    "listed",
+    "markdown",
+    "matlab_text",
+    "modelica_text",
+    "one_line",
+    "percent",
+    "python_text",
+    "rad",
+    "short",
+    "titled",
+    "visible",
+]

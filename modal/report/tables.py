@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from math import isfinite, log10
 from typing import Any
 
-from tabulate import tabulate
-
 from modal.report.escaping import csv_rows, json_text, markdown, visible
 
 FORMATS = {"text": "simple", "markdown": "github"}
@@ -26,6 +24,8 @@ def titled(scene: str, what: str, parts: Sequence[str], form: str) -> str:
 
 def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str) -> str:
     """Cells under headings, words to the left and numbers to the right; nothing where there are no cells."""
+    from tabulate import tabulate
+
     align = ["left" if heading in LEFT else "right" for heading in headings]
     return tabulate(cells, headings, tablefmt=FORMATS[form], colalign=align, disable_numparse=True) if cells else ""
 

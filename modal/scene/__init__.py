@@ -6,3 +6,43 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked o
 
 Start with `model`; `files` reads and writes, `validation` words every mistake, `parameters` varies numbers by path.
 """
+
+from modal.scene.drives import Escapement, VanDerPol
+from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
+from modal.scene.model import (
+    Bob,
+    Body,
+    Cart,
+    Fixed,
+    InitialCondition,
+    Pendulum,
+    Rod,
+    Scene,
+    describe,
+    scene_from,
+    validate_scene,
+)
+
+__all__ = [
+    "STANDARD",
+    "Bob",
+    "Body",
+    "Cart",
+    "Escapement",
+    "Fixed",
+    "InitialCondition",
+    "Pendulum",
+    "Rod",
+    "Scene",
+    "VanDerPol",
+    "describe",
+    "dump",
+    "dumps",
+    "example_names",
+    "kind_of",
+    "load",
+    "parse",
+    "scene_from",
+    "validate_scene",
+    "whole_file",
+]

@@ -7,3 +7,32 @@ frequency and impulse responses, smaller models, sampled models, input shapers.
 
 Start with `model` and `signals`.  `sampling` needs SciPy and is imported by its own path.
 """
+
+from modal.statespace.gains import modal_gains, unreached, unseen
+from modal.statespace.modal_form import ModalForm, to_modal_form
+from modal.statespace.model import StateSpace, state_space
+from modal.statespace.reduction import minimal, truncate
+from modal.statespace.response import frequency_response, impulse_response
+from modal.statespace.shapers import over_length, residual_vibration, robustness, shaper_for, swing_words, swings_of
+from modal.statespace.signals import Signal
+
+__all__ = [
+    "ModalForm",
+    "Signal",
+    "StateSpace",
+    "frequency_response",
+    "impulse_response",
+    "minimal",
+    "modal_gains",
+    "over_length",
+    "residual_vibration",
+    "robustness",
+    "shaper_for",
+    "state_space",
+    "swing_words",
+    "swings_of",
+    "to_modal_form",
+    "truncate",
+    "unreached",
+    "unseen",
+]

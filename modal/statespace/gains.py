@@ -19,8 +19,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.modes.mode import UNCERTAIN
-from modal.modes.modes import Modes
+from modal.modes import UNCERTAIN, Modes
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal

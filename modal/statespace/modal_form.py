@@ -21,11 +21,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes.modal_matrix import all_shapes
-from modal.modes.modes import Modes, natural_modes
-from modal.scene.model import Fixed, Scene
+from modal.modes import Modes, all_shapes, natural_modes
+from modal.scene import Fixed, Scene
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import DRIVES, Signal
 from modal.types import Complexes, Floats

@@ -22,10 +22,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.linearization import Matrices, matrices
-from modal.eigen.dense import is_singular
+from modal.assembly import Matrices, matrices
+from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.scene.model import Scene, validate_scene
+from modal.scene import Scene, validate_scene
 from modal.statespace.signals import (
     DRIVES,
     INPUTS,

@@ -17,11 +17,11 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from modal.assembly.arrays import rig_of
-from modal.eigen.degenerate import TOLERANCE
+from modal.assembly import rig_of
+from modal.eigen import TOLERANCE
 from modal.errors import SceneError
-from modal.modes.modes import Modes, natural_modes
-from modal.scene.model import Body, Pendulum, Scene
+from modal.modes import Modes, natural_modes
+from modal.scene import Body, Pendulum, Scene
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space

@@ -29,11 +29,10 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modal.eigen.bisection import smallest_where
+from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
-from modal.modes.modes import Modes, natural_modes
-from modal.modes.numbering import MOST_COMPARED, counterparts
-from modal.scene.model import Scene
+from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
+from modal.scene import Scene
 from modal.statespace.modal_form import fixed
 from modal.types import Booleans, Floats
 

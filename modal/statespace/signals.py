@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.assembly.arrays import rig_of
+from modal.assembly import rig_of
 from modal.errors import SceneError, meant
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
 
 

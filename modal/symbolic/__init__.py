@@ -7,3 +7,28 @@ as text, LaTeX or Markdown.  SymPy is imported in this room alone.
 
 Start with `system`, then `derivation`; `papers` holds each numbered equation as printed and as it should read.
 """
+
+from modal.symbolic.derivation import derive
+from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
+from modal.symbolic.lagrangian import derive_lagrangian, vanishes
+from modal.symbolic.roots import polynomial_roots, symbolic
+from modal.symbolic.sections import Line, Section
+from modal.symbolic.system import chain
+from modal.symbolic.typesetting import plain, typeset
+
+__all__ = [
+    "Coordinate",
+    "Line",
+    "Section",
+    "chain",
+    "coordinate",
+    "derive",
+    "derive_lagrangian",
+    "lagrange_equations",
+    "plain",
+    "polynomial_roots",
+    "symbolic",
+    "time_derivative",
+    "typeset",
+    "vanishes",
+]

@@ -11,7 +11,7 @@ from dataclasses import replace
 import sympy as sp
 
 from modal.errors import SceneError
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.symbolic.eigen import modes_section, polynomial_section
 from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes

@@ -8,8 +8,8 @@ from typing import Any
 
 import sympy as sp
 
-from modal.exact.characteristic import Polynomial
-from modal.scene.model import Scene
+from modal.exact import Polynomial
+from modal.scene import Scene
 from modal.symbolic.eigen_polynomials import Eigen, eigen_polynomials
 from modal.symbolic.papers import equal
 from modal.symbolic.roots import Root, polynomial_roots

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 import sympy as sp
 from sympy.polys.matrices import DomainMatrix
 
-from modal.exact.characteristic import Polynomial, equal_bobs, of_scene
-from modal.scene.model import Scene
+from modal.exact import Polynomial, equal_bobs, of_scene
+from modal.scene import Scene
 from modal.symbolic.roots import Kind, of_kinds
 from modal.symbolic.system import Chain, SymbolicSystem
 

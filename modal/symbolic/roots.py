@@ -16,9 +16,7 @@ import sympy as sp
 from sympy.polys.fields import FracField
 
 from modal import pair
-from modal.exact.characteristic import Polynomial, Variable, eliminated
-from modal.exact.polynomials import product, scaled, total
-from modal.exact.roots import isolate
+from modal.exact import Polynomial, Variable, eliminated, isolate, product, scaled, total
 
 FACTORED_UP_TO = 12
 """Polynomials of a higher degree are not searched for rational factors."""

@@ -24,8 +24,8 @@ import sympy as sp
 
 from modal import pair
 from modal.errors import SceneError
-from modal.exact.characteristic import exact, exact_links
-from modal.scene.model import Cart, Pendulum, Scene
+from modal.exact import exact, exact_links
+from modal.scene import Cart, Pendulum, Scene
 from modal.symbolic.lagrange import Coordinate, coordinate
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 
 from modal.errors import SceneError
-from modal.scene.files import load
-from modal.scene.model import Scene
+from modal.scene import Scene, load
 from modal.symbolic import system as symbolic
 from modal.symbolic.system import SYMBOLIC, SymbolicSystem
 

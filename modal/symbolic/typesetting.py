@@ -8,7 +8,7 @@ from typing import Any
 
 import sympy as sp
 
-from modal.report.escaping import LETTERS, latex, markdown, visible
+from modal.report import LETTERS, latex, markdown, visible
 from modal.symbolic import line_breaks
 from modal.symbolic.sections import Section
 

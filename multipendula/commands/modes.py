@@ -9,9 +9,8 @@ from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from modal.modes.mode import Mode
-    from modal.modes.modes import Modes
-    from modal.scene.model import Scene
+    from modal.modes import Mode, Modes
+    from modal.scene import Scene
 
 LONG_TABLE = 2000
 
@@ -59,7 +58,7 @@ def shapes(options: argparse.Namespace) -> None:
     """Draw the mode shapes."""
     form = picture(options.output)
     modes, numbers = _modes(options)
-    from modal.plotting.shapes import MOST_PANELS, draw_shapes
+    from modal.plotting import MOST_PANELS, draw_shapes
 
     chosen = numbers[:MOST_PANELS] if options.modes is None else numbers
     with drawn(options.output, options.theme) as stream:
@@ -72,9 +71,9 @@ def shapes(options: argparse.Namespace) -> None:
 
 def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
-    from modal.assembly.linearization import matrices as matrices_of
+    from modal.assembly import matrices as matrices_of
     from modal.modes.matrix_tables import matrices_table
-    from modal.scene.files import load
+    from modal.scene import load
 
     scene = small_swings(load(options.scene))
     with _output(options.output) as write:
@@ -104,8 +103,8 @@ def derive(options: argparse.Namespace) -> None:
 
 def enclose(options: argparse.Namespace) -> None:
     """Print every natural frequency in a proved enclosure, to as many digits as asked for."""
-    from modal.exact.enclosures import enclose
-    from modal.scene.files import load
+    from modal.exact import enclose
+    from modal.scene import load
 
     with _output(options.output) as write, bar(1.0, "scene") as report:
         for row in enclose(small_swings(load(options.scene)), options.digits, report):
@@ -115,14 +114,13 @@ def enclose(options: argparse.Namespace) -> None:
 
 def explain(options: argparse.Namespace) -> None:
     """Say in words, and draw, how the cart couples the pendula."""
-    from modal.coupling.analysis import explain
-    from modal.coupling.coupling_words import coupling_report
-    from modal.scene.files import load
+    from modal.coupling import coupling_report, explain
+    from modal.scene import load
 
     kind = picture(options.output) if options.output else ""
     coupling = explain(load(options.scene))
     if kind:
-        from modal.plotting.coupling_figures import draw_coupling
+        from modal.plotting import draw_coupling
 
         with drawn(options.output, options.theme) as stream:
             draw_coupling(coupling, stream, kind)
@@ -134,7 +132,7 @@ def explain(options: argparse.Namespace) -> None:
 
 def small_swings(scene: Scene) -> Scene:
     """The scene itself, with a word on what its small swings leave out."""
-    from modal.modes.modes import UNDRIVEN
+    from modal.modes import UNDRIVEN
 
     if scene.is_driven:
         print(f"multipendula: {UNDRIVEN}", file=sys.stderr)
@@ -158,14 +156,14 @@ def listed(text: str | None) -> tuple[str, ...]:
 
 def picture(name: str, option: str = "-o") -> str:
     """The kind of picture that a file name asks for."""
-    from modal.scene.files import kind_of
+    from modal.scene import kind_of
 
     return kind_of(name, ("png", "svg", "pdf"), f"{option} ")
 
 
 def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
-    from modal.modes.modes import natural_modes
-    from modal.scene.files import load
+    from modal.modes import natural_modes
+    from modal.scene import load
 
     found = natural_modes(load(options.scene))
     return found, chosen(options.modes, len(found))
@@ -216,7 +214,7 @@ def _output(path: str | None) -> Iterator[Callable[[str], object]]:
     if path is None:
         yield sys.stdout.write
         return
-    from modal.scene.files import whole_file
+    from modal.scene import whole_file
 
     with whole_file(path) as stream:
         yield lambda text: stream.write(text.encode())

@@ -14,11 +14,11 @@ FILMS = ("gif", "mp4", "html")
 
 def simulate(options: argparse.Namespace) -> None:
     """Simulate the motion at large angles, with its certificates."""
-    from modal.report.escaping import visible
-    from modal.scene.files import STANDARD
+    from modal.report import visible
+    from modal.scene import STANDARD
     from nonlinear import files as recordings
     from nonlinear.files import checked_kind
-    from nonlinear.integration.run import SimulationError
+    from nonlinear.integration import SimulationError
     from nonlinear.postprocessing import summary
 
     begun, run = perf_counter(), in_few_modes if options.keep_modes else run_of
@@ -35,7 +35,7 @@ def simulate(options: argparse.Namespace) -> None:
     print(summary.text(trajectory))
     print(f"computed in {spent:.3g} s" + (f", kept in {visible(target)}" if options.output else ""))
     if options.explain:
-        from nonlinear.postprocessing.inventory import run_inventory
+        from nonlinear.postprocessing import run_inventory
 
         sys.stderr.write(run_inventory(trajectory).text())
     whole(trajectory)
@@ -43,7 +43,7 @@ def simulate(options: argparse.Namespace) -> None:
 
 def plot(options: argparse.Namespace) -> None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
-    from nonlinear.plotting.run import draw_run
+    from nonlinear.plotting import draw_run
 
     trajectory = shown_of(options, lambda: picture(options.output))
     with drawn(options.output, options.theme) as stream:
@@ -52,7 +52,7 @@ def plot(options: argparse.Namespace) -> None:
 
 def animate(options: argparse.Namespace) -> None:
     """Make a film of a run: the pendula, their trails and their energies."""
-    from nonlinear.plotting.animation import animate as film
+    from nonlinear.plotting import animate as film
 
     trajectory, form = shown_of(options, lambda: film_form(options.output)), film_form(options.output)
     with drawn(options.output, options.theme) as stream, bar(options.seconds or 20.0) as report:
@@ -66,6 +66,6 @@ def animate(options: argparse.Namespace) -> None:
 
 def film_form(name: str, option: str = "-o") -> str:
     """The kind of film that a file name asks for."""
-    from modal.scene.files import kind_of
+    from modal.scene import kind_of
 
     return kind_of(name, FILMS, f"{option} ")

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from multipendula.commands.modes import bar
 
 if TYPE_CHECKING:
-    from modal.scene.model import Scene
-    from nonlinear.integration.trajectory import Trajectory
-    from nonlinear.system.state import State
+    from modal.scene import Scene
+    from nonlinear.integration import Trajectory
+    from nonlinear.system import State
 
 RECORDINGS = (".npz", ".csv")
 HOW = ("method", "form", "tolerance", "accuracy")
@@ -34,10 +34,9 @@ def in_a_folder(path: str | None) -> None:
 
 def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
     """A new run of a scene, or the continuation of a saved one, once `target` has accepted the file to write."""
-    from modal.scene.files import load
+    from modal.scene import load
     from nonlinear import files as recordings
-    from nonlinear.integration.arguments import validate
-    from nonlinear.integration.methods import choose
+    from nonlinear.integration import choose, validate
     from nonlinear.simulation import USUAL, resume
     from nonlinear.simulation import simulate as run
 
@@ -67,9 +66,9 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
 def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
     """A new run of a scene that keeps to its lowest modes, as --keep-modes says."""
     from modal.errors import SceneError
-    from modal.scene.files import load
-    from nonlinear.integration.arguments import validate
-    from nonlinear.reduction.truncation import simulate_truncated
+    from modal.scene import load
+    from nonlinear.integration import validate
+    from nonlinear.reduction import simulate_truncated
 
     def fitting() -> None:
         problems = [f"--{name}: goes without --keep-modes" for name in ("form", "accuracy") if getattr(options, name)]
@@ -129,10 +128,9 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
     import numpy as np
 
     from modal.errors import SceneError
-    from modal.modes.modes import natural_modes
-    from modal.modes.numbering import table_numbers
-    from nonlinear.reduction.modal_coordinates import start_in_mode
-    from nonlinear.system.directions import of_plane
+    from modal.modes import natural_modes, table_numbers
+    from nonlinear.reduction import start_in_mode
+    from nonlinear.system import of_plane
 
     modes = natural_modes(scene)
     if not 1 <= number <= len(modes):
@@ -156,7 +154,7 @@ def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Traje
     """A saved run as it is, or a new one of a scene, whole."""
     from modal.errors import SceneError
     from nonlinear import files as recordings
-    from nonlinear.integration.arguments import validate
+    from nonlinear.integration import validate
 
     if not recorded(options.scene):
         return whole(run_of(options, target))

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 from multipendula.commands.modes import drawn, listed, picture, small_swings
 
 if TYPE_CHECKING:
-    from modal.scene.model import Scene
-    from modal.statespace.model import StateSpace
+    from modal.scene import Scene
+    from modal.statespace import StateSpace
 
 
 def export(options: argparse.Namespace) -> None:
     """Write a named state-space model for a control program, a simulator or a controller."""
     from modal.exports import format_named
-    from modal.scene.files import whole_file
+    from modal.scene import whole_file
 
     target = format_named(options.to)
     model = _model(_scene(options), options)
@@ -33,8 +33,8 @@ def export(options: argparse.Namespace) -> None:
 
 def gains(options: argparse.Namespace) -> None:
     """Say how well each mode is reached by every input and seen by every output."""
-    from modal.modes.modes import natural_modes
-    from modal.statespace.gains import modal_gains
+    from modal.modes import natural_modes
+    from modal.statespace import modal_gains
 
     scene = _scene(options)
     print(modal_gains(natural_modes(scene), _model(scene, options)).text())
@@ -43,9 +43,9 @@ def gains(options: argparse.Namespace) -> None:
 def response(options: argparse.Namespace) -> None:
     """Draw a Bode plot or an impulse response, with the modes marked."""
     from modal.errors import SceneError
-    from modal.modes.modes import natural_modes
-    from modal.plotting.response import draw_bode, draw_impulse
-    from modal.statespace.modal_form import to_modal_form
+    from modal.modes import natural_modes
+    from modal.plotting import draw_bode, draw_impulse
+    from modal.statespace import to_modal_form
 
     kind, scene = picture(options.file), _scene(options)
     model = _model(scene, options)
@@ -63,8 +63,8 @@ def response(options: argparse.Namespace) -> None:
 
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that leaves the slowest modes of a crane at rest."""
-    from modal.scene.files import load
-    from modal.statespace.shapers import shaper_for, swing_words
+    from modal.scene import load
+    from modal.statespace import shaper_for, swing_words
 
     scene = small_swings(load(options.scene))
     found = shaper_for(scene, options.count, options.kind, options.drive)
@@ -76,21 +76,21 @@ def shaper(options: argparse.Namespace) -> None:
 
 
 def _scene(options: argparse.Namespace) -> Scene:
-    from modal.scene.files import load
+    from modal.scene import load
 
     return small_swings(load(options.scene))
 
 
 def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
     """The model that --input, --output, --minimal and --modes ask for."""
-    from modal.statespace.model import state_space
+    from modal.statespace import state_space
 
     inputs, outputs = listed(options.input), listed(options.output)
     count = getattr(options, "modes", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
-    from modal.modes.modes import natural_modes
-    from modal.statespace.reduction import minimal, truncate
+    from modal.modes import natural_modes
+    from modal.statespace import minimal, truncate
 
     if count is None:
         return minimal(scene, inputs, outputs)

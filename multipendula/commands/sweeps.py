@@ -12,9 +12,7 @@ from multipendula.commands.modes import bar, drawn, picture
 from multipendula.commands.runs import in_a_folder
 
 if TYPE_CHECKING:
-    from nonlinear.sweeps.checkpoint import Checkpoint
-    from nonlinear.sweeps.executors import WorkerPool
-    from nonlinear.sweeps.study import Study
+    from nonlinear.sweeps import Checkpoint, Study, WorkerPool
 
 
 def sweep(options: argparse.Namespace) -> None:
@@ -27,16 +25,13 @@ def sweep(options: argparse.Namespace) -> None:
 
 def _map(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import ComputationError
-    from modal.report.escaping import visible
-    from modal.scene.files import load
+    from modal.report import visible
+    from modal.scene import load
     from modal.scene.parameters import parse_variations
     from nonlinear.files import checked_kind
-    from nonlinear.integration.arguments import validate
-    from nonlinear.sweeps.files import save
-    from nonlinear.sweeps.measures import parse_measures
-    from nonlinear.sweeps.running import sweep as swept
-    from nonlinear.sweeps.study import Study
-    from nonlinear.sweeps.sweep_tables import reasons, sweep_text
+    from nonlinear.integration import validate
+    from nonlinear.sweeps import Study, parse_measures, reasons, save, sweep_text
+    from nonlinear.sweeps import sweep as swept
 
     _, scene, axes, measures = validate(
         lambda: checked_kind(options.output) if options.output else "",
@@ -46,7 +41,7 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     )
     study = Study(scene, axes, measures)
     if options.picture:
-        from nonlinear.plotting.sweeps import draw_sweep, insist
+        from nonlinear.plotting import draw_sweep, insist
 
         insist(axes)
     with _journal(options, study) as kept:
@@ -70,14 +65,14 @@ def _map(options: argparse.Namespace, kind: str) -> None:
 
 def _has_journal(options: argparse.Namespace) -> bool:
     """Whether what is done is kept beside the file to come: not beside standard output."""
-    from modal.scene.files import STANDARD
+    from modal.scene import STANDARD
 
     return bool(options.output) and options.output != STANDARD
 
 
 @contextmanager
 def _journal(options: argparse.Namespace, study: Study) -> Iterator[Checkpoint]:
-    from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
+    from nonlinear.sweeps import Checkpoint, open_checkpoint
 
     if not _has_journal(options):
         yield Checkpoint()
@@ -99,9 +94,8 @@ def _crew(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
 
 def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.errors import SceneError
-    from modal.loci.following import follow_loci
-    from modal.loci.loci_tables import loci_csv, loci_text
-    from modal.scene.files import STANDARD, load, whole_file
+    from modal.loci import follow_loci, loci_csv, loci_text
+    from modal.scene import STANDARD, load, whole_file
     from modal.scene.parameters import parse_variations
 
     asked = [name for name in ("measure", "workers", "scheduler", "fresh") if getattr(options, name)]
@@ -120,7 +114,7 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
         with whole_file(options.output) as stream:
             stream.write(loci_csv(found).encode())
     if options.picture:
-        from modal.plotting.loci import draw_loci
+        from modal.plotting import draw_loci
 
         with drawn(options.picture, options.theme) as stream:
             draw_loci(found, stream, kind)

@@ -12,15 +12,15 @@ from multipendula.commands.motion import film_form
 from multipendula.commands.runs import in_a_folder, start_of
 
 if TYPE_CHECKING:
-    from modal.scene.model import Scene
-    from nonlinear.synchronization.study import SynchronizationStudy
+    from modal.scene import Scene
+    from nonlinear.synchronization import SynchronizationStudy
 
 
 def sync(options: argparse.Namespace) -> None:
     """Predict which mode survives in a scene that excites itself, simulate it, and measure who keeps time with whom."""
-    from modal.scene.files import load
+    from modal.scene import load
     from modal.scene.parameters import parse_variations
-    from nonlinear.integration.arguments import validate
+    from nonlinear.integration import validate
 
     scene, *_ = validate(
         lambda: load(options.scene),
@@ -52,7 +52,7 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 
 
 def _run(scene: Scene, options: argparse.Namespace) -> None:
-    from nonlinear.synchronization.study import study_synchronization
+    from nonlinear.synchronization import study_synchronization
 
     start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
@@ -65,23 +65,21 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
 
 
 def _told(found: SynchronizationStudy, form: str) -> str:
-    from modal.report.tables import as_json
-    from nonlinear.synchronization.report import sync_text
-    from nonlinear.synchronization.sync_records import sync_record
+    from modal.report import as_json
+    from nonlinear.synchronization import sync_record, sync_text
 
     return as_json(sync_record(found)) if form == "json" else sync_text(found)
 
 
 def _draw(found: SynchronizationStudy, name: str, theme: str) -> None:
-    from nonlinear.plotting.synchronization import draw_sync
+    from nonlinear.plotting import draw_sync
 
     with drawn(name, theme) as stream:
         draw_sync(found.trajectory, found.phases, stream, picture(name))
 
 
 def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
-    from nonlinear.plotting.animation import animate
-    from nonlinear.plotting.stroboscope import SECONDS, strobe
+    from nonlinear.plotting import SECONDS, animate, strobe
 
     form = film_form(name)
     with drawn(name, theme) as stream, bar(SECONDS) as report:
@@ -91,15 +89,14 @@ def _film(found: SynchronizationStudy, name: str, theme: str) -> None:
 
 def _branches(scene: Scene, options: argparse.Namespace) -> None:
     from modal.scene.parameters import parse_variations
-    from nonlinear.synchronization.branch_tables import branches_csv, branches_text
-    from nonlinear.synchronization.branches import follow_branches
+    from nonlinear.synchronization import branches_csv, branches_text, follow_branches
 
     (variation,) = parse_variations([options.vary])
     with bar(0, "branch") as report:
         found = follow_branches(scene, variation, report)
     sys.stdout.write(branches_csv(found) if options.format == "csv" else branches_text(found))
     if options.picture:
-        from nonlinear.plotting.branches import draw_branches
+        from nonlinear.plotting import draw_branches
 
         with drawn(options.picture, options.theme) as stream:
             draw_branches(found, stream, picture(options.picture))

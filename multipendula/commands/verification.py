@@ -11,7 +11,7 @@ from multipendula.commands.modes import bar, chosen, drawn, picture
 from multipendula.commands.runs import in_a_folder, recorded, start_of, whole
 
 if TYPE_CHECKING:
-    from modal.scene.model import Scene
+    from modal.scene import Scene
 
 USUAL = 120.0
 """Seconds of a general motion where nobody says how many."""
@@ -19,7 +19,7 @@ USUAL = 120.0
 
 def check(options: argparse.Namespace) -> None:
     """Measure how far the table of modes holds: frequencies at several amplitudes beside its own."""
-    from modal.scene.files import load
+    from modal.scene import load
 
     kind, scene = _kind(options), load(_scene(options))
     found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
@@ -32,16 +32,15 @@ def check(options: argparse.Namespace) -> None:
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
-    from modal.modes.modes import natural_modes
-    from nonlinear.verification.modes import AMPLITUDES_DEG
-    from nonlinear.verification.modes import check as checked
-    from nonlinear.verification.tables import check_table
+    from modal.modes import natural_modes
+    from nonlinear.verification import AMPLITUDES_DEG, check_table
+    from nonlinear.verification import check as checked
 
     _refuse(options, "needs", ("start", "duration"))
     numbers = chosen(options.mode, len(natural_modes(scene)), "--mode")
     with bar(len(numbers), "mode") as report:
         found = checked(scene, list(numbers), options.amplitude or AMPLITUDES_DEG, report=report)
-    from nonlinear.plotting.verification import draw_check
+    from nonlinear.plotting import draw_check
 
     return found, check_table, draw_check
 
@@ -49,8 +48,7 @@ def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, 
 def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     from modal.errors import SceneError
     from nonlinear.simulation import simulate as run
-    from nonlinear.verification.compare_tables import comparison_table
-    from nonlinear.verification.motion import compare
+    from nonlinear.verification import compare, comparison_table
 
     _refuse(options, "goes without", ("mode", "amplitude"))
     if scene.space == "space":
@@ -58,7 +56,7 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     duration = options.duration or USUAL
     with bar(duration) as report:
         trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))
-    from nonlinear.plotting.verification import draw_spectrum
+    from nonlinear.plotting import draw_spectrum
 
     return compare(trajectory), comparison_table, draw_spectrum
 
@@ -98,8 +96,8 @@ Drawn = tuple[str, Callable[[IO[bytes], str], None]]
 
 def _exponent(options: argparse.Namespace) -> Drawn:
     from modal.errors import SceneError
-    from modal.scene.files import load
-    from nonlinear.chaos.lyapunov import TRANSIENT, lyapunov_exponent, usual_duration
+    from modal.scene import load
+    from nonlinear.chaos import TRANSIENT, lyapunov_exponent, usual_duration
 
     if options.quick:
         raise SceneError(["--quick: is for paper:000 and paper:001"])
@@ -109,7 +107,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
         found = lyapunov_exponent(scene, duration, ensemble=options.ensemble or 16, report=report)
 
     def draw(stream: IO[bytes], kind: str) -> None:
-        from nonlinear.plotting.chaos import draw_running
+        from nonlinear.plotting import draw_running
 
         draw_running(found, stream, kind=kind)
 
@@ -121,8 +119,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
 
 def _claims(options: argparse.Namespace) -> Drawn:
     from modal.errors import SceneError
-    from nonlinear.chaos.claims import study, text
-    from nonlinear.chaos.studies import measure
+    from nonlinear.chaos import measure, study, text
 
     if options.duration or options.ensemble:
         raise SceneError([f"{options.scene}: has its own --duration and --ensemble; --quick makes it short"])
@@ -131,7 +128,7 @@ def _claims(options: argparse.Namespace) -> Drawn:
         finding = measure(chosen, report)
 
     def draw(stream: IO[bytes], kind: str) -> None:
-        from nonlinear.plotting.chaos import draw_finding
+        from nonlinear.plotting import draw_finding
 
         draw_finding(finding, stream, kind=kind)
 
@@ -140,10 +137,9 @@ def _claims(options: argparse.Namespace) -> Drawn:
 
 def tradeoff(options: argparse.Namespace) -> None:
     """Measure time and error of every way to a motion, from linear modes to the finest integration."""
-    from modal.scene.files import load
-    from nonlinear.accuracy.candidates import list_candidates
-    from nonlinear.accuracy.tables import tradeoff_table
-    from nonlinear.accuracy.work_precision import measure_work_precision as compared
+    from modal.scene import load
+    from nonlinear.accuracy import list_candidates, tradeoff_table
+    from nonlinear.accuracy import measure_work_precision as compared
 
     kind, scene = _kind(options), load(_scene(options))
     start = start_of(scene, options.start)
@@ -153,7 +149,7 @@ def tradeoff(options: argparse.Namespace) -> None:
     if found.interrupted:
         raise KeyboardInterrupt
     if options.output:
-        from nonlinear.plotting.work_precision import draw_tradeoff
+        from nonlinear.plotting import draw_tradeoff
 
         with drawn(options.output, options.theme) as stream:
             draw_tradeoff(found, stream, kind)
@@ -161,11 +157,11 @@ def tradeoff(options: argparse.Namespace) -> None:
 
 def advise(options: argparse.Namespace) -> None:
     """Find the cheapest way to a motion of an accuracy, and say what shows that it is met."""
-    from modal.scene.files import load
+    from modal.scene import load
     from nonlinear import files as recordings
-    from nonlinear.accuracy.advice_tables import advice_table
+    from nonlinear.accuracy import advice_table
     from nonlinear.files import checked_kind
-    from nonlinear.integration.arguments import validate
+    from nonlinear.integration import validate
     from nonlinear.simulation import advise as advised
     from nonlinear.simulation import certain
 

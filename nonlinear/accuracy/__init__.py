@@ -7,3 +7,26 @@ its time and its error beside a reference, up to the horizon
 
 beyond which nobody can know more.  Start with `advice`; `candidates` lists the ways, `references` judges them.
 """
+
+from nonlinear.accuracy.advice import Advice, seek_accuracy
+from nonlinear.accuracy.advice_tables import advice_table
+from nonlinear.accuracy.attempts import Goal
+from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
+from nonlinear.accuracy.references import choose_references
+from nonlinear.accuracy.tables import tradeoff_table
+from nonlinear.accuracy.work_precision import Row, WorkPrecision, measure_work_precision
+
+__all__ = [
+    "Advice",
+    "Candidate",
+    "Goal",
+    "Question",
+    "Row",
+    "WorkPrecision",
+    "advice_table",
+    "choose_references",
+    "list_candidates",
+    "measure_work_precision",
+    "seek_accuracy",
+    "tradeoff_table",
+]

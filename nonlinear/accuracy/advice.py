@@ -36,13 +36,8 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal
 from nonlinear.accuracy.shortcuts import in_closed_form, in_few_modes
-from nonlinear.integration.arguments import LOOSEST
-from nonlinear.integration.methods import Choice
-from nonlinear.integration.run import Request, SimulationError
-from nonlinear.integration.steppers import SMALLEST
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.integration.twins import rounded
-from nonlinear.system.state import apart
+from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
+from nonlinear.system import apart
 
 RATIO, CLIMB = 10.0, 16.0  # of the first two tolerances, and of the next ones at least
 ALONE, SAFETY = 2.0, 16.0  # what is promised over what two runs differ by, and over what three let expect

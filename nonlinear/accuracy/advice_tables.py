@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from modal.report.tables import NOTHING, as_csv, as_json, finite, grid, titled
-from modal.scene.model import describe
+from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.scene import describe
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
 

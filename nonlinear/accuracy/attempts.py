@@ -10,9 +10,7 @@ from math import ceil, pi
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.integration.run import Request, SimulationError
-from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.integration.trajectory import Trajectory
+from nonlinear.integration import Request, SimulationError, Trajectory, estimate_timescales
 
 AIM = 35.0  # accuracy wished for over the error that is aimed at
 SOME, A_PERIOD = 3.0, 0.15  # of C over the motion's size: always, and for every period of the fastest swing

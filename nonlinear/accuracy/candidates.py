@@ -19,15 +19,11 @@ from time import perf_counter
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.integration import taylor
-from nonlinear.integration.methods import Choice
-from nonlinear.integration.run import Request
-from nonlinear.integration.trajectory import CLOSED, SolverInfo, Trajectory
-from nonlinear.reduction.superposition import CORRECTED, LINEAR, superpose
-from nonlinear.system.state import State
-from nonlinear.system.system import system_of
+from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, taylor
+from nonlinear.reduction import CORRECTED, LINEAR, superpose
+from nonlinear.system import State, system_of
 
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")

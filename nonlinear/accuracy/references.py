@@ -21,16 +21,11 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, Question
-from nonlinear.integration import taylor
-from nonlinear.integration.arguments import extent
-from nonlinear.integration.steppers import SMALLEST
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.integration.twins import aside, slightly
-from nonlinear.system.state import apart
-from nonlinear.system.system import system_of
+from nonlinear.integration import SMALLEST, Trajectory, aside, extent, slightly, taylor
+from nonlinear.system import apart, system_of
 
 SHARE = 1e-2  # of an error, what the references may differ by
 JUDGED = 1e-6  # error (rad at angles of order 1) that must still be certain at the horizon

@@ -11,12 +11,17 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from nonlinear.accuracy.attempts import Attempt, Found, Goal
-from nonlinear.integration.arguments import LOOSEST
-from nonlinear.integration.run import Request
-from nonlinear.integration.trajectory import CLOSED, SolverInfo, Trajectory
-from nonlinear.reduction.defect import LARGEST, defect_error
-from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superpose
-from nonlinear.reduction.truncation import in_modes, survey_modes
+from nonlinear.integration import CLOSED, LOOSEST, Request, SolverInfo, Trajectory
+from nonlinear.reduction import (
+    CORRECTED,
+    LARGEST,
+    LINEAR,
+    Superposition,
+    defect_error,
+    in_modes,
+    superpose,
+    survey_modes,
+)
 
 MODAL = "the motion is small enough"
 CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size

@@ -23,16 +23,12 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
-from nonlinear.integration.arguments import validate_numbers
-from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.system.initial import initial_state, validate_state
-from nonlinear.system.state import Motion, State, apart
-from nonlinear.system.system import System, system_of
+from nonlinear.integration import Trajectory, estimate_timescales, validate_numbers
+from nonlinear.system import Motion, State, System, apart, initial_state, system_of, validate_state
 
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples that are compared
 REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after so many seconds

@@ -7,3 +7,29 @@ In: a scene with drives.  Out: what survives, when it has locked, and whether it
 (Krylov and Bogoliubov; Sanders, Verhulst & Murdock, 2007, ch. 2).  Start with `equations`; `equilibria` finds the
 configurations, `slow_flow` follows the amplitudes in time, `prediction` says what a start leads to.
 """
+
+from nonlinear.averaging.equations import AveragedEquations, average
+from nonlinear.averaging.equilibria import (
+    RelativeEquilibrium,
+    relative_equilibria,
+    relative_equilibrium,
+    same,
+    swinging,
+)
+from nonlinear.averaging.prediction import ASIDE, Prediction, predict
+from nonlinear.averaging.slow_flow import LOCKED, settle
+
+__all__ = [
+    "ASIDE",
+    "LOCKED",
+    "AveragedEquations",
+    "Prediction",
+    "RelativeEquilibrium",
+    "average",
+    "predict",
+    "relative_equilibria",
+    "relative_equilibrium",
+    "same",
+    "settle",
+    "swinging",
+]

@@ -38,18 +38,15 @@ from itertools import product
 
 import numpy as np
 
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes.modal_matrix import all_shapes
-from modal.modes.modes import Modes, natural_modes
-from modal.scene.model import Scene
+from modal.modes import Modes, all_shapes, natural_modes
+from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls
-from nonlinear.integration.escapements import Escaping, escaping
-from nonlinear.reduction.modal_coordinates import rest_angles
-from nonlinear.reduction.residual import residual_forces
-from nonlinear.system.state import State
-from nonlinear.system.system import System, system_of
+from nonlinear.integration import Escaping, escaping
+from nonlinear.reduction import residual_forces, rest_angles
+from nonlinear.system import State, System, system_of
 
 BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
 ORDER = 6

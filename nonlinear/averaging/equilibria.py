@@ -17,7 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.modes.numbering import table_numbers
+from modal.modes import table_numbers
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations, derivative
 from nonlinear.averaging.slow_flow import settle

@@ -11,15 +11,13 @@ from math import degrees, pi
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modes.numbering import table_numbers
-from modal.scene.model import Scene
+from modal.modes import table_numbers
+from modal.scene import Scene
 from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, average
 from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibrium
 from nonlinear.averaging.slow_flow import SlowFlow, runs_away, settle
-from nonlinear.system.initial import initial_state, validate_state
-from nonlinear.system.state import State
-from nonlinear.system.system import system_of
+from nonlinear.system import State, initial_state, system_of, validate_state
 
 WEAK = 0.2  # largest rate of growth or decay over the frequency
 WIDE = 0.7  # largest angle (rad)

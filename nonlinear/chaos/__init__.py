@@ -6,3 +6,19 @@ In: a scene in the plane and a start, or an energy.  Out: `Lyapunov` with λ and
 
 Start with `lyapunov`.
 """
+
+from nonlinear.chaos.claims import study, text
+from nonlinear.chaos.lyapunov import TRANSIENT, Exponent, lyapunov_exponent, usual_duration
+from nonlinear.chaos.studies import Case, Finding, measure
+
+__all__ = [
+    "TRANSIENT",
+    "Case",
+    "Exponent",
+    "Finding",
+    "lyapunov_exponent",
+    "measure",
+    "study",
+    "text",
+    "usual_duration",
+]

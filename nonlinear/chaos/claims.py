@@ -17,7 +17,7 @@ from math import sqrt
 from tabulate import tabulate
 
 from modal.errors import SceneError
-from modal.scene.model import Bob, Cart, Fixed, Pendulum, Rod, Scene
+from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
 from nonlinear.chaos.studies import DECISIVE, Case, Finding, Study, compare_starts, scaled
 
 Kind = type[Bob] | type[Rod]

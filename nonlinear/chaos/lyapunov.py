@@ -19,16 +19,13 @@ import numpy as np
 from scipy.special import stdtrit
 
 from modal.errors import SceneError
-from modal.report.escaping import visible
-from modal.scene.drives import Escapement
-from modal.scene.model import Scene
+from modal.report import visible
+from modal.scene import Escapement, Scene
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
-from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.integration.steppers import SciPyStepper
-from nonlinear.system.initial import initial_state, validate_state
-from nonlinear.system.state import State
-from nonlinear.system.system import system_of
+from nonlinear.dynamics import Mechanics
+from nonlinear.integration import SciPyStepper
+from nonlinear.system import State, initial_state, system_of, validate_state
 
 TRANSIENT = 0.5
 """Share of the duration that is run beforehand, for v to turn into the direction that grows fastest."""

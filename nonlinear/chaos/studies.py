@@ -12,11 +12,10 @@ from math import hypot
 
 import numpy as np
 
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
-from nonlinear.system.state import State
-from nonlinear.system.system import Group, system_of
+from nonlinear.system import Group, State, system_of
 
 DECISIVE = 3.0
 """Standard uncertainties that a difference must exceed: a table holds many pairs, and one in twenty exceeds two."""

@@ -15,9 +15,8 @@ from functools import cached_property
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.system.state import Layout
-from nonlinear.system.system import System
+from nonlinear.dynamics import Minimal, Recursion
+from nonlinear.system import Layout, System
 
 STEP = 1e-30
 

@@ -8,3 +8,43 @@ solved without M by one pass up each chain and one down (`recursion`), densely f
 ones, or compiled (`compiled`, extra `fast`).  Start with `minimal`; `symmetries` replaces a scene by a smaller one that
 moves alike.
 """
+
+from nonlinear.dynamics.banded import Banded
+from nonlinear.dynamics.dense import Small
+from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
+from nonlinear.dynamics.forces import Reactions
+from nonlinear.dynamics.hamiltonian import Hamiltonian
+from nonlinear.dynamics.interrupts import deaf_children, undisturbed
+from nonlinear.dynamics.maximal import Maximal
+from nonlinear.dynamics.mechanics import Mechanics, vectors
+from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.reduced import Reduced
+from nonlinear.dynamics.short import Dense
+from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
+from nonlinear.dynamics.suspended import Body
+from nonlinear.dynamics.symmetries import Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
+
+__all__ = [
+    "Banded",
+    "Body",
+    "Dense",
+    "Hamiltonian",
+    "Maximal",
+    "Mechanics",
+    "Minimal",
+    "Reactions",
+    "Recursion",
+    "Reduced",
+    "Small",
+    "Spatial",
+    "SpatialRecursion",
+    "Symmetry",
+    "deaf_children",
+    "exactly_symmetric",
+    "find_symmetries",
+    "is_unstable_equilibrium",
+    "symmetrize",
+    "synchronous",
+    "undisturbed",
+    "vectors",
+]

@@ -23,7 +23,7 @@ from scipy.linalg import lapack
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.system.system import Group
+from nonlinear.system import Group
 
 REACH = 3
 MIDDLE = 2 * REACH

@@ -17,7 +17,7 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics.minimal import Minimal
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.suspended import NOTHING
-from nonlinear.system.system import System
+from nonlinear.system import System
 
 njit: Any
 try:

@@ -18,8 +18,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.system.state import State
-from nonlinear.system.system import System
+from nonlinear.system import State, System
 
 
 @dataclass(frozen=True, eq=False)

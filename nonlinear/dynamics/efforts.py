@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from modal.types import Floats
 from nonlinear.dynamics import joints
-from nonlinear.system.state import AppliedForces, State
-from nonlinear.system.system import System
+from nonlinear.system import AppliedForces, State, System
 
 
 def on_links(system: System, state: State, push: AppliedForces) -> Floats:

@@ -9,8 +9,7 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics import efforts
-from nonlinear.system.state import AppliedForces, State
-from nonlinear.system.system import Group, System
+from nonlinear.system import AppliedForces, Group, State, System
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of moments that are in balance, relative to their parts
 TINY = float(np.finfo(float).tiny)

@@ -22,8 +22,7 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics import efforts, joints
 from nonlinear.dynamics.minimal import Recursion
-from nonlinear.system.state import AppliedForces, Layout, Load, Motion, State
-from nonlinear.system.system import Group, System
+from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
 
 
 class Carried(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.system.system import Group
+from nonlinear.system import Group
 
 
 def relative(values: Any) -> Any:

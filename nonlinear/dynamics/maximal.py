@@ -27,8 +27,7 @@ from nonlinear.dynamics import efforts
 from nonlinear.dynamics.constraints import Pivots
 from nonlinear.dynamics.forces import Reactions
 from nonlinear.dynamics.saddle import Saddle
-from nonlinear.system.state import AppliedForces, Load, Motion, State
-from nonlinear.system.system import System
+from nonlinear.system import AppliedForces, Load, Motion, State, System
 
 NEWTON = 6
 CLOSED, OPEN = 4 * float(np.finfo(float).eps), 1e-9

@@ -15,8 +15,7 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics import joints
 from nonlinear.dynamics import spatial_joints as ball_joints
-from nonlinear.system.state import Motion
-from nonlinear.system.system import Group, System
+from nonlinear.system import Group, Motion, System
 
 
 def vectors(motion: Motion) -> tuple[Floats, Floats]:

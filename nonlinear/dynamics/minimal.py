@@ -11,7 +11,7 @@ from modal.types import Ints
 from nonlinear.dynamics import joints
 from nonlinear.dynamics.recursion import downward, links_of, upward
 from nonlinear.dynamics.suspended import Suspended
-from nonlinear.system.system import Group
+from nonlinear.system import Group
 
 
 class Recursion:

@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from nonlinear.system.system import Group
+from nonlinear.system import Group
 
 
 class Link(NamedTuple):

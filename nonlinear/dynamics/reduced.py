@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 from modal.types import Floats
 from nonlinear.dynamics.symmetries import Symmetry
-from nonlinear.system.state import Equations, Load, Motion, State
-from nonlinear.system.system import System
+from nonlinear.system import Equations, Load, Motion, State, System
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from nonlinear.dynamics.dense import SINGULAR
-from nonlinear.system.system import Group
+from nonlinear.system import Group
 
 
 class Dense:

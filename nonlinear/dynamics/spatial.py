@@ -13,7 +13,7 @@ from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.spatial_joints import generalized
 from nonlinear.dynamics.spatial_recursion import cross, dot, downward, facing, upward
 from nonlinear.dynamics.suspended import Suspended
-from nonlinear.system.system import Group
+from nonlinear.system import Group
 
 
 class SpatialRecursion:

@@ -20,7 +20,7 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.spatial_recursion import DOWN, cross, dot
-from nonlinear.system.system import Group
+from nonlinear.system import Group
 
 
 def generalized(moments: Any, u: Any) -> Any:

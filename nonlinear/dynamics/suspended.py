@@ -17,8 +17,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.system.state import AppliedForces, Layout, Load, Motion, State
-from nonlinear.system.system import Group, System
+from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
 
 NOTHING = AppliedForces()
 

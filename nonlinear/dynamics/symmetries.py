@@ -23,11 +23,9 @@ from math import frexp
 
 import numpy as np
 
-from modal.assembly.arrays import ARRAYS, CartNumbers
+from modal.assembly import ARRAYS, CartNumbers
 from modal.types import Floats, Ints
-from nonlinear.system.directions import unit_vectors, velocities
-from nonlinear.system.state import Motion, State
-from nonlinear.system.system import Group, System
+from nonlinear.system import Group, Motion, State, System, unit_vectors, velocities
 
 FAR = 10.0  # radians, or lengths of the longest link
 WIDE = 200  # powers of two of m l² (kg m²)

@@ -5,3 +5,61 @@ certificates of energy, momentum and constraints.  `methods` chooses equations a
 takes the steps of `steppers`, `escapements` kick in between, `twins` tell how fast a small difference grows.  Start
 with `run`.
 """
+
+from nonlinear.integration.arguments import (
+    LOOSEST,
+    extent,
+    paced,
+    sample_times,
+    validate,
+    validate_accuracy,
+    validate_forces,
+    validate_numbers,
+    validate_observable,
+)
+from nonlinear.integration.driver import Drive
+from nonlinear.integration.escapements import Escaping, escaping
+from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of
+from nonlinear.integration.run import Request, SimulationError, prepare
+from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciPyStepper, Stepper
+from nonlinear.integration.timescales import estimate_timescales
+from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
+from nonlinear.integration.twins import aside, departure, rounded, slightly
+
+__all__ = [
+    "ASKED",
+    "CLOSED",
+    "EXPLICIT",
+    "FORMS",
+    "LOOSEST",
+    "SCIPY",
+    "SMALLEST",
+    "TRUNCATED",
+    "Choice",
+    "Drive",
+    "Escaping",
+    "Pace",
+    "Request",
+    "SciPyStepper",
+    "SimulationError",
+    "SolverInfo",
+    "Stepper",
+    "Trajectory",
+    "aside",
+    "choose",
+    "departure",
+    "equations_of",
+    "escaping",
+    "estimate_timescales",
+    "extent",
+    "paced",
+    "prepare",
+    "rounded",
+    "sample_times",
+    "slightly",
+    "validate",
+    "validate_accuracy",
+    "validate_forces",
+    "validate_numbers",
+    "validate_observable",
+]

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.system.state import AppliedForces, Load, State
-from nonlinear.system.system import System
+from nonlinear.system import AppliedForces, Load, State, System
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)

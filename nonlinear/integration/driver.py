@@ -15,8 +15,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.integration.escapements import Escapements
 from nonlinear.integration.steppers import Stepper
-from nonlinear.system.events import NO_KICKS, Event, EventRecord, Kicks
-from nonlinear.system.state import Equations, State
+from nonlinear.system import NO_KICKS, Equations, Event, EventRecord, Kicks, State
 
 SILENT = 1e-9
 """Share of what an event's value becomes within the first step below which it begins at zero: that is no crossing."""

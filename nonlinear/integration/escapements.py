@@ -19,13 +19,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq
 
-from modal.assembly.arrays import CartNumbers
+from modal.assembly import CartNumbers
 from modal.types import Booleans, Floats, Ints
-from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics import Minimal, Recursion
 from nonlinear.integration.steppers import Stepper
-from nonlinear.system.events import NO_KICKS, Kicks
-from nonlinear.system.state import AppliedForces, Layout
-from nonlinear.system.system import Group, System
+from nonlinear.system import NO_KICKS, AppliedForces, Group, Kicks, Layout, System
 
 LOOKS = 6  # within every step
 TOGETHER = 1e-12  # rad by which a kick may come early to come with another

@@ -10,19 +10,12 @@ from math import inf, pi
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene.model import Scene
-from nonlinear.dynamics.dense import Small
-from nonlinear.dynamics.interrupts import undisturbed
-from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.dynamics.reduced import Reduced
-from nonlinear.dynamics.short import Dense
-from nonlinear.dynamics.suspended import Body
-from nonlinear.dynamics.symmetries import Symmetry
+from modal.scene import Scene
+from nonlinear.dynamics import Body, Dense, Minimal, Recursion, Reduced, Small, Symmetry, undisturbed
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
 from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.system.state import Equations, Load
-from nonlinear.system.system import Group, System, system_of
+from nonlinear.system import Equations, Group, Load, System, system_of
 
 ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
@@ -147,7 +140,7 @@ def body_of(group: Group, system: System) -> Body:
         return Dense(group)
     if group.n < SHORT or group.index.shape[1] > FEW:
         return Recursion(group)
-    from nonlinear.dynamics.banded import Banded
+    from nonlinear.dynamics import Banded
 
     return Banded(group)
 
@@ -185,16 +178,16 @@ def equations_of(
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if choice.form == "spatial":
-        from nonlinear.dynamics.spatial import Spatial
-        from nonlinear.dynamics.spatial import SpatialRecursion as InSpace
+        from nonlinear.dynamics import Spatial
+        from nonlinear.dynamics import SpatialRecursion as InSpace
 
         return Spatial(system, tuple(InSpace(group) for group in system.groups), load)
     if choice.form == "maximal":
-        from nonlinear.dynamics.maximal import Maximal
+        from nonlinear.dynamics import Maximal
 
         return Maximal(system, load)
     if choice.form == "hamiltonian":
-        from nonlinear.dynamics.hamiltonian import Hamiltonian
+        from nonlinear.dynamics import Hamiltonian
 
         return Hamiltonian(system, load)
     if choice.compiled:

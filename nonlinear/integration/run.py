@@ -10,11 +10,9 @@ from typing import cast
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.reduced import Reduced
-from nonlinear.dynamics.symmetries import Symmetry, find_symmetries
+from nonlinear.dynamics import Minimal, Reduced, Symmetry, find_symmetries
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.driver import Drive, Record
 from nonlinear.integration.escapements import escapements
@@ -22,9 +20,7 @@ from nonlinear.integration.methods import Choice, choose, equations_of, validate
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
-from nonlinear.system.events import NO_KICKS, Event, Kicks
-from nonlinear.system.state import Equations, Load, State
-from nonlinear.system.system import System, system_of
+from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, System, system_of
 
 FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
 HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much

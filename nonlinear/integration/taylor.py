@@ -18,8 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics.interrupts import undisturbed
-from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics import Minimal, Recursion, undisturbed
 from nonlinear.integration.steppers import Pace
 
 FIRST = 0.05

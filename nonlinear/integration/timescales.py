@@ -9,9 +9,9 @@ from math import sqrt
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modes.modes import natural_modes
-from modal.scene.model import Scene
-from nonlinear.system.system import system_of
+from modal.modes import natural_modes
+from modal.scene import Scene
+from nonlinear.system import system_of
 
 MOST_SURVEYED = 2000  # links of a scene whose modes are computed
 

@@ -9,12 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics.mechanics import Mechanics
-from nonlinear.system.events import NO_KICKS, EventRecord, Kicks
-from nonlinear.system.state import Equations, Motion, State
-from nonlinear.system.system import System
+from nonlinear.dynamics import Mechanics
+from nonlinear.system import NO_KICKS, Equations, EventRecord, Kicks, Motion, State, System
 
 NOISE = 1e-7
 CLOSED = "closed form"  # the method where nothing is integrated

@@ -15,14 +15,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.errors import ComputationError
-from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
-from nonlinear.dynamics.symmetries import exactly_symmetric, symmetrize, synchronous
+from nonlinear.dynamics import exactly_symmetric, is_unstable_equilibrium, symmetrize, synchronous
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.trajectory import Trajectory
-from nonlinear.system.events import Event
-from nonlinear.system.state import State, apart
-from nonlinear.system.system import System
+from nonlinear.system import Event, State, System, apart
 
 ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # of a twin's start; rad, far above the rounding of an angle
 LAST_DIGITS = 4 * float(np.finfo(float).eps)  # of an angle, and of the motion's size

@@ -3,3 +3,33 @@
 In: trajectories, studies, sweeps.  Out: a `Figure`, an image, or a GIF, MP4 or HTML film.  Start with `run` for one run
 and with `animation` for films.
 """
+
+from nonlinear.plotting.animation import animate
+from nonlinear.plotting.branches import branches_figure, draw_branches
+from nonlinear.plotting.chaos import draw_finding, draw_running
+from nonlinear.plotting.run import draw_run
+from nonlinear.plotting.stroboscope import SECONDS, strobe
+from nonlinear.plotting.sweeps import draw_sweep, insist
+from nonlinear.plotting.synchronization import draw_sync, sync_figure
+from nonlinear.plotting.verification import check_figure, draw_check, draw_spectrum
+from nonlinear.plotting.work_precision import draw_tradeoff, tradeoff_figure
+
+__all__ = [
+    "SECONDS",
+    "animate",
+    "branches_figure",
+    "check_figure",
+    "draw_branches",
+    "draw_check",
+    "draw_finding",
+    "draw_run",
+    "draw_running",
+    "draw_spectrum",
+    "draw_sweep",
+    "draw_sync",
+    "draw_tradeoff",
+    "insist",
+    "strobe",
+    "sync_figure",
+    "tradeoff_figure",
+]

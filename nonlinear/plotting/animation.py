@@ -20,11 +20,10 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 from modal.errors import ComputationError, SceneError
-from modal.plotting.palette import colour, ink, paper
-from modal.plotting.style import any_letters
-from modal.report.escaping import html
-from nonlinear.dynamics.interrupts import deaf_children
-from nonlinear.integration.trajectory import Trajectory
+from modal.plotting import any_letters, colour, ink, paper
+from modal.report import html
+from nonlinear.dynamics import deaf_children
+from nonlinear.integration import Trajectory
 from nonlinear.plotting.film import Film
 
 FORMS = ("gif", "mp4", "html")

@@ -13,9 +13,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, FancyBboxPatch, Polygon
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import SMALL
-from modal.plotting.palette import QUIET, colour, ink, muted, paper, shade
-from modal.scene.model import Bob, Body, Rod
+from modal.plotting import QUIET, SMALL, colour, ink, muted, paper, shade
+from modal.scene import Bob, Body, Rod
 from modal.types import Floats
 from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, Stage
 

@@ -11,12 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting.layout import headline, key
-from modal.plotting.loci import axis_words, scale
-from modal.plotting.palette import HUES, colour, ink, paper, thickness
-from modal.plotting.style import WIDTH, save, sheet
+from modal.plotting import HUES, WIDTH, axis_words, colour, headline, ink, key, paper, save, scale, sheet, thickness
 from modal.types import Floats
-from nonlinear.synchronization.branches import Branch, Branches
+from nonlinear.synchronization import Branch, Branches
 
 MOST_CURVES = HUES
 LASTING, PASSING = "-", (0, (3, 2))

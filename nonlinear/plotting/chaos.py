@@ -10,12 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import headline
-from modal.plotting.palette import QUIET, colour, muted
-from modal.plotting.style import WIDE, WIDTH, save, sheet
-from modal.scene.model import Scene
-from nonlinear.chaos.lyapunov import Exponent
-from nonlinear.chaos.studies import Case, Finding
+from modal.plotting import QUIET, WIDE, WIDTH, colour, headline, muted, save, sheet
+from modal.scene import Scene
+from nonlinear.chaos import Case, Exponent, Finding
 
 MARKERS = ("o", "s", "D", "^")
 MOST_LINES = 24

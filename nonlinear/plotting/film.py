@@ -9,12 +9,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.text import Text
 from PIL import Image
 
-from modal.plotting.layout import SMALL
-from modal.plotting.palette import muted
-from modal.plotting.style import sheet
-from modal.report.escaping import visible
+from modal.plotting import SMALL, muted, sheet
+from modal.report import visible
 from modal.types import Floats
-from nonlinear.integration.trajectory import Trajectory
+from nonlinear.integration import Trajectory
 from nonlinear.plotting.artists import Scenery
 from nonlinear.plotting.gauges import Gauges
 from nonlinear.plotting.scene import energies_of, stage_of

@@ -7,8 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import SMALL
-from modal.plotting.palette import ink, shade
+from modal.plotting import SMALL, ink, shade
 from modal.types import Floats
 from nonlinear.plotting.scene import Energies
 

@@ -11,14 +11,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, MultipendulaError
-from modal.modes.modes import natural_modes
-from modal.plotting.layout import caption, framed, headline, legend
-from modal.plotting.palette import colour, dash, ink, muted, thickness
-from modal.plotting.style import WIDE, save, sheet
+from modal.modes import natural_modes
+from modal.plotting import WIDE, caption, colour, dash, framed, headline, ink, legend, muted, save, sheet, thickness
 from modal.types import Floats
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.resampling import resample
-from nonlinear.postprocessing.spectra import power_spectrum
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import power_spectrum, resample
 
 MOST_LINES, MOST_PORTRAITS, MOST_MARKS, FEWEST = 6, 3, 12, 32
 MOST_SMOOTHED, POINTS = 20_000, 6000  # numbers of a run that is drawn through points between its samples

@@ -11,13 +11,12 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.scene.model import Bob, Body, Rod
+from modal.scene import Bob, Body, Rod
 from modal.types import Floats, Ints
-from nonlinear.dynamics.mechanics import Mechanics, vectors
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.resampling import picked, resample
-from nonlinear.system.state import Motion
-from nonlinear.system.system import System
+from nonlinear.dynamics import Mechanics, vectors
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import picked, resample
+from nonlinear.system import Motion, System
 
 MOST_PENDULA, DETAIL, CLAUSE = 12, 3, 4_000_000
 OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])

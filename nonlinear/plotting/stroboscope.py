@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from nonlinear.synchronization.phases import Phases
+from nonlinear.synchronization import Phases
 
 FPS = {"gif": 20.0, "mp4": 30.0, "html": 20.0}
 SECONDS = 20.0

@@ -12,13 +12,24 @@ from matplotlib.colors import LogNorm, Normalize
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
-from modal.plotting.layout import NUMBER, headline, log_ticks
-from modal.plotting.loci import axis_words, scale
-from modal.plotting.palette import MOST_CURVES, colour, dash, rest
-from modal.plotting.style import WIDE, WIDTH, save, sheet
+from modal.plotting import (
+    MOST_CURVES,
+    NUMBER,
+    WIDE,
+    WIDTH,
+    axis_words,
+    colour,
+    dash,
+    headline,
+    log_ticks,
+    rest,
+    save,
+    scale,
+    sheet,
+)
 from modal.scene.parameters import Variation
 from modal.types import Floats
-from nonlinear.sweeps.running import Sweep
+from nonlinear.sweeps import Sweep
 
 MOST_MAPS = 6
 MOST_TICKS = 12  # of a map whose values are whole numbers

@@ -12,17 +12,30 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from modal.errors import ComputationError
-from modal.modes.mode import Mode
-from modal.plotting.layout import SMALL, framed, headline, key, legend
-from modal.plotting.palette import HUES, QUIET, colour, ink, muted, paper, rest, thickness
-from modal.plotting.style import WIDE, save, sheet
-from modal.report.prose import counted
+from modal.modes import Mode
+from modal.plotting import (
+    HUES,
+    QUIET,
+    SMALL,
+    WIDE,
+    colour,
+    framed,
+    headline,
+    ink,
+    key,
+    legend,
+    muted,
+    paper,
+    rest,
+    save,
+    sheet,
+    thickness,
+)
+from modal.report import counted
 from modal.types import Floats, Ints
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.averages import smooth
-from nonlinear.postprocessing.resampling import picked, resample
-from nonlinear.synchronization.modal_energy import Survival, find_survival
-from nonlinear.synchronization.phases import Phases
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import picked, resample, smooth
+from nonlinear.synchronization import Phases, Survival, find_survival
 
 MOST_LINES = HUES
 PERIODS, POINTS = 4, 600  # of each window of swings, and points drawn in it

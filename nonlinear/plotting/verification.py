@@ -12,13 +12,25 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting.layout import SMALL, headline, key, log_ticks, mark_modes
-from modal.plotting.palette import DASHES, HUES, colour, dash, muted, paper
-from modal.plotting.style import WIDTH, save, sheet
+from modal.plotting import (
+    DASHES,
+    HUES,
+    SMALL,
+    WIDTH,
+    colour,
+    dash,
+    headline,
+    key,
+    log_ticks,
+    mark_modes,
+    muted,
+    paper,
+    save,
+    sheet,
+)
 from modal.types import Floats
-from nonlinear.postprocessing.frequencies import ORDER
-from nonlinear.verification.modes import ONE_PERCENT, Check, ModeCheck
-from nonlinear.verification.motion import Comparison, ModeInMotion
+from nonlinear.postprocessing import ORDER
+from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, ModeInMotion
 
 MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
 MOST_CURVES, POINTS = HUES * len(MARKERS), 200

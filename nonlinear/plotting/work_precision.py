@@ -9,12 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
-from modal.plotting.layout import SMALL, headline, key
-from modal.plotting.palette import HUES, QUIET, colour, ink, paper, rest
-from modal.plotting.style import WIDTH, save, sheet
-from nonlinear.accuracy.candidates import Candidate
-from nonlinear.accuracy.work_precision import Row, WorkPrecision
-from nonlinear.reduction.superposition import CORRECTED, LINEAR
+from modal.plotting import HUES, QUIET, SMALL, WIDTH, colour, headline, ink, key, paper, rest, save, sheet
+from nonlinear.accuracy import Candidate, Row, WorkPrecision
+from nonlinear.reduction import CORRECTED, LINEAR
 
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}

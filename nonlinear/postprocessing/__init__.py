@@ -3,3 +3,27 @@
 In: a `Trajectory`.  Out: signals at other times, line frequencies far finer than 2π/T, pivot forces, words.
 Start with `summary`.
 """
+
+from nonlinear.postprocessing.averages import last, smooth
+from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
+from nonlinear.postprocessing.inventory import run_inventory
+from nonlinear.postprocessing.reaction_forces import reaction_forces_of
+from nonlinear.postprocessing.resampling import extremes, picked, resample
+from nonlinear.postprocessing.spectra import power_spectrum
+
+__all__ = [
+    "LEAST_PERIODS",
+    "ORDER",
+    "Line",
+    "attention",
+    "extremes",
+    "last",
+    "line",
+    "lines",
+    "picked",
+    "power_spectrum",
+    "reaction_forces_of",
+    "resample",
+    "run_inventory",
+    "smooth",
+]

@@ -9,15 +9,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
-from modal.eigen.counts import counted
+from modal.eigen import counted
 from modal.errors import ComputationError
 from modal.modes.solution_report import loaded, not_loaded
-from nonlinear.dynamics.dense import Small
-from nonlinear.dynamics.reduced import Reduced
-from nonlinear.dynamics.short import Dense
-from nonlinear.integration.steppers import EXPLICIT, SCIPY
-from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
-from nonlinear.system.system import System
+from nonlinear.dynamics import Dense, Reduced, Small
+from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory
+from nonlinear.system import System
 
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 

@@ -6,11 +6,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics.forces import Reactions
-from nonlinear.dynamics.mechanics import vectors
-from nonlinear.integration.methods import Choice, equations_of
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.system.state import Motion
+from nonlinear.dynamics import Reactions, vectors
+from nonlinear.integration import Choice, Trajectory, equations_of
+from nonlinear.system import Motion
 
 
 def reaction_forces_of(trajectory: Trajectory) -> Reactions:

@@ -13,7 +13,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
-from nonlinear.system.state import Motion
+from nonlinear.system import Motion
 
 WIDEST = 0.25
 """Largest h³ θ'''/12 (rad), the trapezoid's defect, that a cubic is trusted across: 1 rad swings true to 0.01 rad."""

@@ -7,11 +7,10 @@ from math import isfinite
 
 import numpy as np
 
-from modal.report.escaping import visible
-from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
-from nonlinear.integration.trajectory import CLOSED, TRUNCATED, Trajectory
-from nonlinear.integration.twins import departure
-from nonlinear.reduction.superposition import CORRECTED, LINEAR
+from modal.report import visible
+from nonlinear.dynamics import is_unstable_equilibrium
+from nonlinear.integration import CLOSED, TRUNCATED, Trajectory, departure
+from nonlinear.reduction import CORRECTED, LINEAR
 
 FORMS = {
     "minimal": "minimal coordinates",

@@ -7,3 +7,35 @@ In: a scene, its modes and a start.  Out: a motion in closed form or in a few mo
 where ρ is what the motion leaves of the full equations (`residual`) and e its error (`defect`).  Start with
 `modal_coordinates`.
 """
+
+from nonlinear.reduction.defect import LARGEST, defect_error
+from nonlinear.reduction.modal_coordinates import (
+    ModalMotion,
+    along_rail,
+    deflection,
+    modal_motion,
+    rest_angles,
+    start_in_mode,
+)
+from nonlinear.reduction.residual import residual_forces
+from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superpose
+from nonlinear.reduction.truncation import in_modes, simulate_truncated, survey_modes
+
+__all__ = [
+    "CORRECTED",
+    "LARGEST",
+    "LINEAR",
+    "ModalMotion",
+    "Superposition",
+    "along_rail",
+    "defect_error",
+    "deflection",
+    "in_modes",
+    "modal_motion",
+    "residual_forces",
+    "rest_angles",
+    "simulate_truncated",
+    "start_in_mode",
+    "superpose",
+    "survey_modes",
+]

@@ -18,12 +18,12 @@ from math import ceil, frexp, inf, pi
 
 import numpy as np
 
-from modal.assembly.linearization import Matrices, matrices
-from modal.eigen.dense import is_singular
+from modal.assembly import Matrices, matrices
+from modal.eigen import is_singular
 from modal.types import Floats
 from nonlinear.reduction.residual import residual_forces
 from nonlinear.reduction.superposition import Flat, Superposition, Swing
-from nonlinear.system.system import System, system_of
+from nonlinear.system import System, system_of
 
 PER_PERIOD = 16  # samples of the fastest swing that matters
 FEWEST, MOST = 64, 100_000

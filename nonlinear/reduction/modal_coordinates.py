@@ -22,12 +22,12 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly.linearization import Matrices, matrices
+from modal.assembly import Matrices, matrices
 from modal.errors import ComputationError
-from modal.modes.modes import Modes
-from modal.scene.model import Scene
+from modal.modes import Modes
+from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
-from nonlinear.system.state import Motion, State
+from nonlinear.system import Motion, State
 
 
 @dataclass(frozen=True, eq=False)

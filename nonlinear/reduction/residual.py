@@ -25,7 +25,7 @@ from modal.types import Floats
 from nonlinear.dynamics import joints
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.reduction.two_planes import factors
-from nonlinear.system.system import Group, System
+from nonlinear.system import Group, System
 
 TINY = 0.02  # rad, below which a series takes the place of k
 

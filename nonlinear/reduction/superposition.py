@@ -22,14 +22,14 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes.modes import Modes, natural_modes
-from modal.scene.model import Fixed, Scene
+from modal.modes import Modes, natural_modes
+from modal.scene import Fixed, Scene
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
-from nonlinear.system.state import Motion, State
+from nonlinear.system import Motion, State
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is no correction any more

@@ -25,8 +25,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import efforts
-from nonlinear.system.state import AppliedForces, Load, Motion, State
-from nonlinear.system.system import Group, System
+from nonlinear.system import AppliedForces, Group, Load, Motion, State, System
 
 
 @dataclass(frozen=True, eq=False)

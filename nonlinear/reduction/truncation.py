@@ -24,22 +24,26 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import SceneError
-from modal.modes.modal_matrix import all_shapes
-from modal.modes.modes import Modes, natural_modes
-from modal.scene.model import Scene
+from modal.modes import Modes, all_shapes, natural_modes
+from modal.scene import Scene
 from modal.types import Floats, Ints
-from nonlinear.integration.arguments import extent, sample_times, validate, validate_numbers
-from nonlinear.integration.methods import Choice
-from nonlinear.integration.run import prepare
-from nonlinear.integration.steppers import SCIPY, SMALLEST
-from nonlinear.integration.trajectory import TRUNCATED, Trajectory
+from nonlinear.integration import (
+    SCIPY,
+    SMALLEST,
+    TRUNCATED,
+    Choice,
+    Trajectory,
+    extent,
+    prepare,
+    sample_times,
+    validate,
+    validate_numbers,
+)
 from nonlinear.reduction.modal_coordinates import rest_angles
 from nonlinear.reduction.truncated import Truncated
-from nonlinear.system.initial import initial_state, validate_state
-from nonlinear.system.state import State
-from nonlinear.system.system import System, system_of
+from nonlinear.system import State, System, initial_state, system_of, validate_state
 
 SAFETY = 2.0
 NEGLIGIBLE = 1e-8  # share of the start's energy that an automatic choice may leave out

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.reduction.modal_coordinates import rest_angles
-from nonlinear.system.state import Motion, State
+from nonlinear.system import Motion, State
 
 TINY = 1e-4  # rad, below which series take the place of quotients
 

@@ -4,3 +4,26 @@ In: a `Study`: a scene, what varies in it, what is measured.  Out: a `Sweep`, ke
 an interrupted one goes on where it was.  Start with `measures` and `study`; `executors` do the work, `files` keep the
 result.
 """
+
+from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
+from nonlinear.sweeps.executors import WorkerPool
+from nonlinear.sweeps.files import load, save
+from nonlinear.sweeps.measures import MEASURES, parse_measures
+from nonlinear.sweeps.running import Sweep, sweep
+from nonlinear.sweeps.study import Study
+from nonlinear.sweeps.sweep_tables import reasons, sweep_text
+
+__all__ = [
+    "MEASURES",
+    "Checkpoint",
+    "Study",
+    "Sweep",
+    "WorkerPool",
+    "load",
+    "open_checkpoint",
+    "parse_measures",
+    "reasons",
+    "save",
+    "sweep",
+    "sweep_text",
+]

@@ -12,7 +12,7 @@ from threading import Thread
 from typing import NamedTuple
 
 from modal.errors import ComputationError
-from nonlinear.dynamics.interrupts import deaf_children
+from nonlinear.dynamics import deaf_children
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report.escaping import csv_cell, csv_rows
-from modal.scene.files import whole_file
+from modal.report import csv_cell, csv_rows
+from modal.scene import whole_file
 from modal.scene.sealed import index, insist_keys, reading
 from modal.types import Floats
 from nonlinear.files import as_csv, as_npz, checked_kind, from_csv, from_npz

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from modal.errors import SceneError
-from modal.scene.model import Scene
+from modal.scene import Scene
 
 
 @dataclass(frozen=True)

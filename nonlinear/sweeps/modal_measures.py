@@ -17,11 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.errors import ComputationError
-from modal.modes.mode import UNCERTAIN
-from modal.modes.modes import natural_modes
-from modal.modes.numbering import labelled
-from modal.report.prose import counted
-from modal.scene.model import Scene
+from modal.modes import UNCERTAIN, labelled, natural_modes
+from modal.report import counted
+from modal.scene import Scene
 from nonlinear.sweeps.measure import Measure
 
 Values = NDArray[np.complex128]

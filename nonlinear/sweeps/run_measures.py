@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from modal.scene.model import Scene
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.resampling import extremes
+from modal.scene import Scene
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import extremes
 from nonlinear.simulation import simulate
 from nonlinear.sweeps.measure import Measure
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
-from modal.scene.model import Scene, describe, scene_from
+from modal.scene import Scene, describe, scene_from
 from modal.scene.parameters import Variation
 from modal.scene.parameters import validate_variations as insist_varied
 from modal.scene.places import vary

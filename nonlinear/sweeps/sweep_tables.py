@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 from tabulate import tabulate
 
-from modal.report.escaping import visible
+from modal.report import visible
 from nonlinear.sweeps.running import Sweep
 
 MOST_REASONS = 5

@@ -7,14 +7,13 @@ from math import nan
 
 import numpy as np
 
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.postprocessing.averages import last
+from nonlinear.postprocessing import last
 from nonlinear.sweeps.measure import Measure
 from nonlinear.sweeps.modal_measures import numbers_in, swinging
 from nonlinear.sweeps.run_measures import run_of
-from nonlinear.synchronization.modal_energy import Survival, find_survival
-from nonlinear.synchronization.phases import ENDING, Phases, phases_of
+from nonlinear.synchronization import ENDING, Phases, Survival, find_survival, phases_of
 
 FEW = 4  # pendula whose energies are told one by one
 USUAL, MOST = 100.0, 1e6  # seconds

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from tabulate import tabulate
 
-from modal.report.escaping import csv_rows
+from modal.report import csv_rows
 from modal.types import Floats
 from nonlinear.synchronization.branches import Branch, Branches, Change
 from nonlinear.synchronization.patterns import agreement

@@ -15,10 +15,10 @@ from itertools import pairwise
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.scene.parameters import Variation, validate_variations
 from modal.types import Floats
-from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria, same
+from nonlinear.averaging import RelativeEquilibrium, relative_equilibria, same
 from nonlinear.synchronization.continuation import Walk
 from nonlinear.synchronization.patterns import agreement
 

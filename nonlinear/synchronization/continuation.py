@@ -14,12 +14,11 @@ from math import exp, log
 
 import numpy as np
 
-from modal.scene.model import Scene
+from modal.scene import Scene
 from modal.scene.parameters import Variation
 from modal.scene.places import vary
 from modal.types import Complexes
-from nonlinear.averaging.equations import AveragedEquations, average
-from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibrium, same, swinging
+from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, relative_equilibrium, same, swinging
 
 RESOLUTION = 1e-4  # of the range, in logarithms where the variation is in equal ratios
 JUMP = 0.3  # largest change of the amplitudes from one value to the next, over them

@@ -16,18 +16,15 @@ from math import pi
 
 import numpy as np
 
-from modal.assembly.linearization import matrices
+from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes.modal_matrix import all_shapes
-from modal.modes.mode import Mode
-from modal.modes.modes import Modes, natural_modes
-from modal.modes.numbering import table_numbers
-from modal.scene.model import Scene
+from modal.modes import Mode, Modes, all_shapes, natural_modes, table_numbers
+from modal.scene import Scene
 from modal.types import Floats, Ints
-from nonlinear.averaging.slow_flow import LOCKED
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.averages import smooth
-from nonlinear.reduction.modal_coordinates import deflection, rest_angles
+from nonlinear.averaging import LOCKED
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import smooth
+from nonlinear.reduction import deflection, rest_angles
 from nonlinear.synchronization.phases import from_rest
 
 MOST = 2000  # coordinates of a scene whose modes are told apart

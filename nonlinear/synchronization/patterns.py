@@ -12,7 +12,7 @@ from math import degrees
 import numpy as np
 
 from modal.types import Complexes, Floats
-from nonlinear.averaging.equilibria import RelativeEquilibrium, swinging
+from nonlinear.averaging import RelativeEquilibrium, swinging
 from nonlinear.synchronization.phases import own_shapes
 
 STILL = 0.1  # of the largest amplitude: what a pendulum must reach to count as swinging

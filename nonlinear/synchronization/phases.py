@@ -23,9 +23,9 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from modal.types import Complexes, Floats
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.averages import last
-from nonlinear.system.system import Group, System
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import last
+from nonlinear.system import Group, System
 
 ENDING, SETTLED = 0.1, 0.5  # parts of a run: what is "at the end", and over which frequencies are taken
 LEAST = 3.0  # samples a period from which phases are followed

@@ -9,17 +9,14 @@ from textwrap import TextWrapper, fill
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report.escaping import visible
-from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short
-from modal.report.tables import grid
-from nonlinear.averaging.equilibria import RelativeEquilibrium
-from nonlinear.averaging.prediction import ASIDE, Prediction
-from nonlinear.postprocessing.averages import last
+from modal.report import WIDTH, capital, counted, grid, listed, percent, rad, short, visible
+from nonlinear.averaging import ASIDE, Prediction, RelativeEquilibrium
+from nonlinear.postprocessing import last
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
-from nonlinear.system.system import System
+from nonlinear.system import System
 
 HEAD = ("mode", "family", "pendula", "largest angle (deg)", "frequency (rad/s)", "neighbours")
 NOT_COVERED = (

@@ -8,15 +8,13 @@ from math import pi
 from typing import Any
 
 from modal.errors import ComputationError
-from modal.scene.model import Scene
-from nonlinear.averaging.equilibria import RelativeEquilibrium, relative_equilibria
-from nonlinear.averaging.prediction import Prediction, predict
-from nonlinear.integration.timescales import estimate_timescales
-from nonlinear.integration.trajectory import Trajectory
+from modal.scene import Scene
+from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
+from nonlinear.integration import Trajectory, estimate_timescales
 from nonlinear.simulation import simulate
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
-from nonlinear.system.state import State
+from nonlinear.system import State
 
 LONGER, BEYOND = 1.5, 30  # of the predicted locking time, and periods beyond it
 USUAL, MOST = 200, 5000  # periods

@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report.tables import finite
-from modal.scene.model import describe
-from nonlinear.averaging.equilibria import RelativeEquilibrium
-from nonlinear.averaging.prediction import Prediction
-from nonlinear.postprocessing.averages import last
+from modal.report import finite
+from modal.scene import describe
+from nonlinear.averaging import Prediction, RelativeEquilibrium
+from nonlinear.postprocessing import last
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING

@@ -3,3 +3,34 @@
 In: a `Scene` and a start.  Out: a `Plant`, a `State` (where everything is and how fast it moves), initial conditions
 and events.  Start with `system`.
 """
+
+from nonlinear.system.directions import of_plane, unit_vectors, velocities
+from nonlinear.system.events import NO_KICKS, Event, EventRecord, Kicks, level_crossing, turning_point
+from nonlinear.system.initial import initial_state, state_at_rest, validate_state
+from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
+from nonlinear.system.system import Group, System, system_of
+
+__all__ = [
+    "NO_KICKS",
+    "AppliedForces",
+    "Equations",
+    "Event",
+    "EventRecord",
+    "Group",
+    "Kicks",
+    "Layout",
+    "Load",
+    "Motion",
+    "State",
+    "System",
+    "apart",
+    "initial_state",
+    "level_crossing",
+    "of_plane",
+    "state_at_rest",
+    "system_of",
+    "turning_point",
+    "unit_vectors",
+    "validate_state",
+    "velocities",
+]

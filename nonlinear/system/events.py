@@ -59,7 +59,7 @@ NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros
 def level_crossing(
     system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
 ) -> Event:
-    """The angle (rad) or cart position (m) named as in `modal.assembly.linearization.coordinate_labels` passes a level."""
+    """The angle (rad) or cart position (m) named as in `modal.assembly.coordinate_labels` passes a level."""
     read = _reader(system, coordinate, rate=False)
     return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
 

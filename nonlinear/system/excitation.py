@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.scene.drives import Escapement, VanDerPol
-from modal.scene.model import Pendulum
+from modal.scene import Escapement, Pendulum, VanDerPol
 from modal.types import Floats, Ints
 
 NONE = (0.0, 0.0, 0.0, 0.0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene.model import Pendulum, Scene
+from modal.scene import Pendulum, Scene
 from modal.types import Floats
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.state import State

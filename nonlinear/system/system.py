@@ -11,9 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.assembly.arrays import Block, CartNumbers, rig_of
-from modal.assembly.linearization import coordinate_labels
-from modal.scene.model import Scene
+from modal.assembly import Block, CartNumbers, coordinate_labels, rig_of
+from modal.scene import Scene
 from modal.types import Floats, Ints
 from nonlinear.system.excitation import Excitation, excitation_of
 

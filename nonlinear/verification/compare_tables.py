@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import degrees
 from typing import Any
 
-from modal.report.tables import as_csv, as_json, digits, finite, grid, titled
-from modal.scene.model import describe
+from modal.report import as_csv, as_json, digits, finite, grid, titled
+from modal.scene import describe
 from nonlinear.verification.motion import Comparison, ModeInMotion
 
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")

@@ -19,10 +19,10 @@ from math import inf, nan, pi, sqrt
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modes.modes import Modes
+from modal.modes import Modes
 from modal.types import Floats
-from nonlinear.postprocessing.frequencies import attention, line
-from nonlinear.reduction.modal_coordinates import along_rail, modal_motion, start_in_mode
+from nonlinear.postprocessing import attention, line
+from nonlinear.reduction import along_rail, modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 
 PERIODS = 40

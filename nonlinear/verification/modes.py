@@ -16,12 +16,11 @@ from math import degrees, inf, isfinite, nan, pi, radians, sqrt
 
 import numpy as np
 
-from modal.modes.mode import Mode
-from modal.modes.modes import Modes, natural_modes
-from modal.scene.model import Scene
+from modal.modes import Mode, Modes, natural_modes
+from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.postprocessing.frequencies import LEAST_PERIODS
-from nonlinear.reduction.modal_coordinates import along_rail
+from nonlinear.postprocessing import LEAST_PERIODS
+from nonlinear.reduction import along_rail
 from nonlinear.verification.measurement import PERIODS, Measurement, measure_mode
 
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)

@@ -13,12 +13,11 @@ from functools import cached_property
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modes.mode import Mode
-from modal.modes.modes import Modes, natural_modes
+from modal.modes import Mode, Modes, natural_modes
 from modal.types import Floats
-from nonlinear.integration.trajectory import Trajectory
-from nonlinear.postprocessing.frequencies import Line, lines
-from nonlinear.reduction.modal_coordinates import ModalMotion, modal_motion
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import Line, lines
+from nonlinear.reduction import ModalMotion, modal_motion
 
 MOST_LINES = 3
 STEADY = 1e-2  # relative error beyond which a line has no digits

@@ -5,8 +5,8 @@ from __future__ import annotations
 from math import degrees, isfinite, isinf
 from typing import Any
 
-from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
-from modal.scene.model import describe
+from modal.report import NOTHING, as_csv, as_json, digits, finite, grid, titled
+from modal.scene import describe
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 

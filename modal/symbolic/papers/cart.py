@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations
+from modal.symbolic import Coordinate, coordinate, lagrange_equations
 from modal.symbolic.papers import Equation, correct, equal
 
 PAPER = "000"

@@ -13,7 +13,7 @@ from typing import Any
 
 import sympy as sp
 
-from modal.symbolic.lagrange import Coordinate
+from modal.symbolic import Coordinate
 from modal.symbolic.papers import Equation, correct, equal, residual
 from modal.symbolic.papers.cart import PAPER, X, Y, double_pendulum, g, links, m_c, minimal_coordinates
 

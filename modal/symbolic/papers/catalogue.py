@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from modal.errors import SceneError
+from modal.symbolic import Line, Section
 from modal.symbolic.papers import Equation, cart, cart_dae, planar, spatial, spatial_azimuth
-from modal.symbolic.sections import Line, Section
 
 LINKS, THREE = 2, 3
 """Spatial equations are written out for two links, those of an inner link for three."""

@@ -16,7 +16,7 @@ from typing import Any
 import sympy as sp
 
 from modal.pair import first_moments, inertia_matrix, proportions
-from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations
+from modal.symbolic import Coordinate, coordinate, lagrange_equations
 from modal.symbolic.papers import Equation, correct, equal
 
 PAPER = "001"

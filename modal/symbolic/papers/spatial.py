@@ -19,7 +19,7 @@ from typing import Any
 import sympy as sp
 
 from modal.pair import inertia_matrix
-from modal.symbolic.lagrange import Coordinate, coordinate
+from modal.symbolic import Coordinate, coordinate
 from modal.symbolic.papers import Equation, correct, equal
 
 PAPER = "002"

@@ -15,7 +15,7 @@ from typing import Any
 
 import sympy as sp
 
-from modal.symbolic.lagrange import time_derivative
+from modal.symbolic import time_derivative
 from modal.symbolic.papers import Equation, equal
 from modal.symbolic.papers.spatial import (
     PAPER,
