@@ -6,7 +6,9 @@
 2.7175491179815823
 """
 
-from modal._namesake import warn_about_namesake
+from typing import TYPE_CHECKING
+
+from modal._compatibility import exported, warn_about_namesake
 from modal.assembly import Matrices, matrices
 from modal.errors import ComputationError, MultipendulaError, SceneError
 from modal.modes import Mode, Modes, Shape, natural_modes
@@ -37,3 +39,6 @@ __all__ = [
 ]
 
 warn_about_namesake()
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(__name__, {"Start": "InitialCondition", "shipped": "example_names"})

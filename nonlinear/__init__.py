@@ -7,6 +7,9 @@
 (True, True)
 """
 
+from typing import TYPE_CHECKING
+
+from modal._compatibility import exported
 from nonlinear.files import load, save
 from nonlinear.integration import SimulationError, SolverInfo, Trajectory
 from nonlinear.simulation import resume, simulate
@@ -44,3 +47,20 @@ __all__ = [
     "system_of",
     "turning_point",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(
+        __name__,
+        {
+            "Happening": "EventRecord",
+            "Plant": "System",
+            "Push": "AppliedForces",
+            "Run": "SolverInfo",
+            "crossing": "level_crossing",
+            "plant_of": "system_of",
+            "released": "state_at_rest",
+            "resumed": "resume",
+            "start_of": "initial_state",
+            "turning": "turning_point",
+        },
+    )

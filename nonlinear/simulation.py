@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from modal._compatibility import exported
 from modal.errors import SceneError
 from modal.scene import Scene, validate_scene
 from modal.types import Floats
@@ -162,3 +163,7 @@ def resume(
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)
     return simulate(trajectory.scene, duration, start=trajectory.final, start_time=last, **options)
+
+
+if not TYPE_CHECKING:
+    __getattr__ = exported(__name__, {"resumed": "resume"})

@@ -9,9 +9,15 @@ is the dynamic mass that a force on the cart feels: its poles are the fixed-base
 the cart.  Start with `analysis`.
 """
 
+from typing import TYPE_CHECKING
+
+from modal._compatibility import renamed
 from modal.coupling.analysis import Coupling, Family, explain, family_name
 from modal.coupling.coupling_words import coupling_report
 from modal.coupling.damping import damped_modes
 from modal.coupling.feeding import negative_damping
 
 __all__ = ["Coupling", "Family", "coupling_report", "damped_modes", "explain", "family_name", "negative_damping"]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, "modal.coupling.analysis")

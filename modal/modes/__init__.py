@@ -9,6 +9,9 @@ Start with `modes`.  `numbering` gives a mode one number everywhere, `tables` pr
 out.
 """
 
+from typing import TYPE_CHECKING
+
+from modal._compatibility import renamed
 from modal.modes.modal_matrix import all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import UNDRIVEN, Modes, natural_modes
@@ -30,3 +33,6 @@ __all__ = [
     "paired",
     "table_numbers",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, "modal.modes.modes")

@@ -7,6 +7,9 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked o
 Start with `model`; `files` reads and writes, `validation` words every mistake, `parameters` varies numbers by path.
 """
 
+from typing import TYPE_CHECKING
+
+from modal._compatibility import renamed
 from modal.scene.drives import Escapement, VanDerPol
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.model import (
@@ -46,3 +49,6 @@ __all__ = [
     "validate_scene",
     "whole_file",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, "modal.scene.model")

@@ -8,6 +8,9 @@ frequency and impulse responses, smaller models, sampled models, input shapers.
 Start with `model` and `signals`.  `sampling` needs SciPy and is imported by its own path.
 """
 
+from typing import TYPE_CHECKING
+
+from modal._compatibility import renamed
 from modal.statespace.gains import modal_gains, unreached, unseen
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace, state_space
@@ -36,3 +39,6 @@ __all__ = [
     "unreached",
     "unseen",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, "modal.statespace.model")

@@ -8,6 +8,9 @@ as text, LaTeX or Markdown.  SymPy is imported in this room alone.
 Start with `system`, then `derivation`; `papers` holds each numbered equation as printed and as it should read.
 """
 
+from typing import TYPE_CHECKING
+
+from modal._compatibility import renamed
 from modal.symbolic.derivation import derive
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
@@ -32,3 +35,6 @@ __all__ = [
     "typeset",
     "vanishes",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, "modal.symbolic.system")

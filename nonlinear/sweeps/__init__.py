@@ -5,6 +5,9 @@ an interrupted one goes on where it was.  Start with `measures` and `study`; `ex
 result.
 """
 
+from typing import TYPE_CHECKING
+
+from modal._compatibility import renamed
 from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
 from nonlinear.sweeps.executors import WorkerPool
 from nonlinear.sweeps.files import load, save
@@ -27,3 +30,6 @@ __all__ = [
     "sweep",
     "sweep_text",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = renamed(__name__, "nonlinear.sweeps.running")

@@ -1,0 +1,121 @@
+"""Others that bear the import names: another distribution, and what version 0.1.0 called things."""
+
+import warnings
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from modal import _compatibility
+from modal._compatibility import warn_about_namesake
+
+
+def test_the_other_distribution_is_named(tmp_path: Path) -> None:
+    (tmp_path / "modal-1.2.dist-info").mkdir()
+    with pytest.warns(UserWarning, match="the Modal cloud client"):
+        warn_about_namesake(["", str(tmp_path)])
+
+
+@pytest.mark.parametrize("folder", ["modal_client-1.2.dist-info", "multimodal-1.dist-info", "modal"])
+def test_others_are_not(tmp_path: Path, folder: str) -> None:
+    (tmp_path / folder).mkdir()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_about_namesake([str(tmp_path), str(tmp_path / "nowhere")])
+
+
+DOCUMENTED = """
+modal Bob Body Cart Fixed Pendulum Rod Scene SceneError Start dump dumps load matrices natural_modes pair shipped
+modal.certified enclosures
+modal.closed_forms hanging_rope rope_error_of_bobs rope_error_of_rods
+modal.coupling explained
+modal.coupling_figures coupling_figure
+modal.decay damped_modes
+modal.derivation derivation
+modal.drives VanDerPol
+modal.exports.control_ to_control
+modal.feeding strengths
+modal.figures shapes_figure
+modal.files parse
+modal.gains modal_gains unreached
+modal.lagrange lagrange_equations time_derivative
+modal.lagrangian lagrangian vanishes
+modal.loci loci
+modal.modal_form modal_form
+modal.papers cart cart_dae planar residual spatial
+modal.polynomial_roots roots
+modal.polynomials equal_bobs of_scene
+modal.reduction minimal
+modal.response_figures bode_figure
+modal.rig rig_of
+modal.sensitivity sensitivities
+modal.shapers over_length residual_vibration robustness shaper_for swings_of
+modal.sliders slide
+modal.statespace state_space
+modal.symbolic chain
+modal.tables table
+modal.typeset plain typeset
+modal.variations parsed
+nonlinear Push State crossing load plant_of released resumed save simulate start_of turning
+nonlinear.advice advised
+nonlinear.animation animate
+nonlinear.averaged averaged
+nonlinear.branch_figures branches_figure
+nonlinear.branches branches
+nonlinear.check check
+nonlinear.check_figures check_figure
+nonlinear.ladder ladder
+nonlinear.lines lines
+nonlinear.lyapunov lyapunov_exponent
+nonlinear.maximal Maximal
+nonlinear.modal_coordinates modal_motion start_in_mode
+nonlinear.phases phases_of
+nonlinear.reactions reactions
+nonlinear.simulation advise resumed
+nonlinear.slow_motion settled
+nonlinear.state State apart
+nonlinear.sweep_files load
+nonlinear.sweeps sweep
+nonlinear.sync_figures sync_figure
+nonlinear.synchrony synchrony theory_of
+nonlinear.tradeoff tradeoff
+nonlinear.tradeoff_figures tradeoff_figure
+nonlinear.tradeoff_tables tradeoff_table
+nonlinear.truncation truncated
+"""
+"""What the manual of version 0.1.0 imported, a module a line."""
+PATHS = [(module, name) for module, *names in map(str.split, DOCUMENTED.strip().splitlines()) for name in names]
+
+
+@pytest.mark.parametrize(("module", "name"), PATHS)
+def test_what_the_first_version_imported_is_still_there(module: str, name: str) -> None:
+    """Under its own name, or with a warning that names the new one."""
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        found = getattr(__import__(module, fromlist=[name]), name)
+    for warning in heard:
+        assert issubclass(warning.category, DeprecationWarning)
+        home, _, new = str(warning.message).partition(" is ")[2].split(" now;")[0].rpartition(".")
+        assert getattr(import_module(home), new) is found
+
+
+def test_old_modules_lead_to_new_ones() -> None:
+    for old, new in _compatibility._moved().items():
+        assert find_spec(old), old
+        assert import_module(new).__name__ == new
+
+
+def test_renamed_things_are_there() -> None:
+    for home, pairs in _compatibility.RENAMED.items():
+        for old, new in (pair.split("=") for pair in pairs.split()):
+            assert hasattr(import_module(home), new), (home, new)
+            assert old not in vars(import_module(home)), (home, old)
+
+
+def test_what_never_was_there_is_not() -> None:
+    for module in ("modal", "nonlinear", "modal.scene", "modal.tables", "nonlinear.simulation"):
+        with pytest.raises(AttributeError, match="has no attribute 'nothing'"):
+            import_module(module).nothing  # noqa: B018
+    assert find_spec("modal.nothing") is None
+    assert find_spec("nonlinear.nothing") is None
