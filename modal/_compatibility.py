@@ -188,7 +188,7 @@ def renamed(old: str, home: str) -> Callable[[str], Any]:
     def find(name: str) -> Any:
         new = dict(pair.split("=") for pair in RENAMED.get(home, "").split()).get(name, name)
         if not name.startswith("__") and hasattr(found := import_module(home), new):
-            _warn(f"{old}.{name}", f"{home}.{new}")
+            warn_of_old_name(f"{old}.{name}", f"{home}.{new}")
             return getattr(found, new)
         raise AttributeError(f"module {old!r} has no attribute {name!r}", name=name, obj=sys.modules.get(old))
 
@@ -201,13 +201,14 @@ def exported(package: str, names: dict[str, str]) -> Callable[[str], Any]:
     def find(name: str) -> Any:
         if name not in names:
             raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=sys.modules[package])
-        _warn(f"{package}.{name}", f"{package}.{names[name]}")
+        warn_of_old_name(f"{package}.{name}", f"{package}.{names[name]}")
         return getattr(sys.modules[package], names[name])
 
     return find
 
 
-def _warn(old: str, new: str) -> None:
+def warn_of_old_name(old: str, new: str) -> None:
+    """Where what called the caller stands."""
     warnings.warn(f"{old} is {new} now; the old name goes with the next version", DeprecationWarning, stacklevel=3)
 
 

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from modal import _compatibility
+from modal import _compatibility, load
 from modal._compatibility import warn_about_namesake
+from nonlinear import simulate
 
 
 def test_the_other_distribution_is_named(tmp_path: Path) -> None:
@@ -119,3 +120,9 @@ def test_what_never_was_there_is_not() -> None:
             import_module(module).nothing  # noqa: B018
     assert find_spec("modal.nothing") is None
     assert find_spec("nonlinear.nothing") is None
+
+
+def test_a_trajectory_has_a_system() -> None:
+    run = simulate(load("chain-1"), 0.1)
+    with pytest.warns(DeprecationWarning, match=r"Trajectory\.plant is Trajectory\.system now"):
+        assert run.plant is run.system

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from modal._compatibility import warn_of_old_name
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
@@ -58,6 +59,12 @@ class Trajectory:
     kicks: Kicks = NO_KICKS
     driven: bool = False
     equations: Equations | None = field(default=None, repr=False)
+
+    @property
+    def plant(self) -> System:
+        """The old name of `system`."""
+        warn_of_old_name("Trajectory.plant", "Trajectory.system")
+        return self.system
 
     @cached_property
     def mechanics(self) -> Mechanics:
