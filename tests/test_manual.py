@@ -19,6 +19,8 @@ import nonlinear
 from modal.scene.drives import Escapement, VanDerPol
 from modal.scene.model import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene
 
+pytestmark = pytest.mark.site
+
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PICTURES = DOCS / "pictures"
