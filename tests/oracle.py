@@ -2,18 +2,22 @@
 
 M and K come from the horizontal and vertical positions of the centres of mass, frequencies are certified by the
 inertia of K − x M (Sylvester), shapes by inverse iteration.  Coordinates: x (if there is a cart), then angles.
+Eliminations are done in balls (python-flint), so that the sign of a pivot is proved or the count refused.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import mpmath as mp
+from flint import arb, arb_mat, ctx
 
 from modal.scene import Cart, Scene
 
 BITS = 1200
 Matrix = list[list[mp.mpf]]
+Balls = list[list[arb]]
 
 
 @dataclass
@@ -28,20 +32,36 @@ class Dense:
     def size(self) -> int:
         return len(self.M)
 
+    @cached_property
+    def balls(self) -> tuple[Balls, Balls]:
+        """K and M as balls, from the last coordinate to the first: a cart that joins all pendula comes last."""
+        with ctx.workprec(BITS):
+            K, M = ([[arb(value) for value in reversed(row)] for row in reversed(A)] for A in (self.K, self.M))
+        return K, M
+
     def below(self, x: mp.mpf) -> int:
         """Number of eigenvalues ω² < x, the zero of a free cart left out."""
-        negative = sum(pivot < 0 for pivot in _pivots(_shifted(self, x)))
-        return negative - self.free
+        with ctx.workprec(BITS):
+            pivots = _pivots(_shifted(*self.balls, arb(x)))
+        if not all(pivot < 0 or pivot > 0 for pivot in pivots):
+            raise ArithmeticError(f"{BITS} bits do not tell the sign of every pivot at {x}")
+        return sum(pivot < 0 for pivot in pivots) - self.free
 
     def shape(self, x: mp.mpf, steps: int = 3) -> tuple[mp.mpf, list[mp.mpf]]:
         """Eigenvalue and eigenvector next to x, by Rayleigh quotient iteration."""
-        v = [mp.mpf(1) / (3 + i) for i in range(self.size)]
-        for _ in range(2):
-            v = _solved(self, x, v)
-        for _ in range(steps):
-            x = _quadratic(self.K, v) / _quadratic(self.M, v)
-            v = _solved(self, x * (1 + mp.mpf(2) ** -(BITS // 2)), v)
-        return x, v
+        with ctx.workprec(BITS):
+            K, M = self.balls
+            stiffness, mass, square = arb_mat(K), arb_mat(M), arb(x)
+            v = arb_mat([[arb(1) / (3 + i)] for i in reversed(range(self.size))])
+            tiny = arb(2) ** -(BITS // 2)
+            for step in range(2 + steps):
+                if step >= 2:
+                    square = _middle(_quadratic(stiffness, v) / _quadratic(mass, v))
+                near = square * (1 + tiny) if step >= 2 else square
+                solved = arb_mat(_shifted(K, M, near)).solve(mass * v).entries()
+                largest = max((_middle(value) for value in solved), key=abs)
+                v = arb_mat([[_middle(value / largest)] for value in solved])
+        return mp.mpf(square), [mp.mpf(value) for value in reversed(v.entries())]
 
 
 def dense(scene: Scene) -> Dense:
@@ -97,36 +117,25 @@ def _add(A: Matrix, weight: mp.mpf, v: dict[int, mp.mpf]) -> None:
             A[i][j] += weight * a * b
 
 
-def _shifted(dense: Dense, x: mp.mpf) -> Matrix:
-    return [[k - x * m for k, m in zip(*rows, strict=True)] for rows in zip(dense.K, dense.M, strict=True)]
+def _shifted(K: Balls, M: Balls, x: arb) -> Balls:
+    return [[k - x * m for k, m in zip(*rows, strict=True)] for rows in zip(K, M, strict=True)]
 
 
-def _pivots(A: Matrix) -> list[mp.mpf]:
+def _pivots(A: Balls) -> list[arb]:
+    """Of a symmetric matrix, by its upper half; what is exactly zero stays so."""
     n = len(A)
-    for k in range(n):
-        for i in range(k + 1, n):
-            factor = A[i][k] / A[k][k]
-            for j in range(i, n):
-                A[i][j] -= factor * A[k][j]
-                A[j][i] = A[i][j]
+    for k, row in enumerate(A):
+        filled = [j for j in range(k + 1, n) if not row[j].is_zero()]
+        for at, i in enumerate(filled):
+            factor, below = row[i] / row[k], A[i]
+            for j in filled[at:]:
+                below[j] -= factor * row[j]
     return [A[k][k] for k in range(n)]
 
 
-def _solved(dense: Dense, x: mp.mpf, v: list[mp.mpf]) -> list[mp.mpf]:
-    """(K − x M)⁻¹ M v, scaled to a largest entry of 1."""
-    n = dense.size
-    A = [[*row, mp.fdot(m, v)] for row, m in zip(_shifted(dense, x), dense.M, strict=True)]
-    for k in range(n):
-        for i in range(k + 1, n):
-            factor = A[i][k] / A[k][k]
-            for j in range(k + 1, n + 1):
-                A[i][j] -= factor * A[k][j]
-    found = [mp.mpf(0)] * n
-    for i in reversed(range(n)):
-        found[i] = (A[i][n] - mp.fdot(A[i][i + 1 : n], found[i + 1 :])) / A[i][i]
-    largest = max(found, key=abs)
-    return [value / largest for value in found]
+def _middle(value: arb) -> arb:
+    return value.mid()
 
 
-def _quadratic(A: Matrix, v: list[mp.mpf]) -> mp.mpf:
-    return mp.fdot(v, [mp.fdot(row, v) for row in A])
+def _quadratic(A: arb_mat, v: arb_mat) -> arb:
+    return (v.transpose() * A * v)[0, 0]

@@ -206,6 +206,7 @@ def test_a_thousand_equal_pendula_take_the_memory_of_two() -> None:
     assert peak(lambda: natural_modes(different)) > 10 * peak(lambda: natural_modes(two))
 
 
+@pytest.mark.slow
 def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch) -> None:
     """One step of the search for all frequencies is as large as any; an n × n array would be 800 MB."""
 

@@ -11,6 +11,8 @@ from pathlib import Path
 import browser
 import pytest
 
+pytestmark = pytest.mark.site
+
 NOTEBOOKS = Path(browser.__file__).parent.parent / "notebooks"
 IN_PYODIDE = {"numpy", "scipy", "sympy", "matplotlib", "pillow", "pydantic", "tqdm", "tomli-w"}
 """What this project needs and Pyodide 314.0 brings compiled or whole (its pyodide-lock.json)."""

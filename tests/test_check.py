@@ -56,6 +56,7 @@ def test_the_slope_is_the_published_kappa(number: int) -> None:
     assert modes[number].kappa == pytest.approx(KAPPA[number], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_kappa_and_one_percent_are_extrapolated(paper: Check) -> None:
     assert paper.skipped == ((1, "a rigid translation: nothing swings"),)
     for row in paper.rows:

@@ -157,6 +157,7 @@ def _head(shape: str) -> bytes:
     return b"\x93NUMPY\x01\x00" + len(words).to_bytes(2, "little") + words.encode()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("head", "size"),
     [

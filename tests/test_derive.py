@@ -184,6 +184,7 @@ def test_a_scene_in_symbols(capsys: pytest.CaptureFixture[str]) -> None:
     assert "m_1 + m_2 + m_c" in text
 
 
+@pytest.mark.slow
 def test_a_thousand_bobs(capsys: pytest.CaptureFixture[str]) -> None:
     text = printed(capsys, "derive", "chain:1000", "--show", "polynomial,modes")
     assert "1000000 λ + 1 = 0" in text

@@ -20,7 +20,10 @@ SECTIONS = {"modes", "coupling", "motion", "accuracy", "synchronization", "contr
 MEASURED = {"benchmark", "simulation-benchmark", "extremes-modes", "extremes-simulation"}
 """Made by the benchmarks, in the light theme only."""
 
-pytestmark = pytest.mark.skipif(not PICTURES.is_dir(), reason="a source distribution is without them")
+pytestmark = [
+    pytest.mark.site,
+    pytest.mark.skipif(not PICTURES.is_dir(), reason="a source distribution is without them"),
+]
 
 
 def files(name: str) -> list[Path]:

@@ -10,6 +10,8 @@ from documents import KNOWN, ROOT, Page, WrongPageError, agrees, blocks, divided
 
 from multipendula.examples import EXAMPLES, FIRST
 
+pytestmark = pytest.mark.site
+
 
 def lesson(text: str) -> bool:
     """Whether a page is a notebook's twin, which is executed as a notebook."""

@@ -62,6 +62,7 @@ def is_there(process: int) -> bool:
     return bool(state.strip()) and not state.startswith("Z")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_workers_end_with_who_started_them(number: int, tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT)
@@ -91,6 +92,7 @@ def test_a_journal_has_one_sweep_at_a_time(tmp_path: Path) -> None:
     assert path.exists()
 
 
+@pytest.mark.slow
 def test_a_killed_sweep_leaves_no_lock(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT)
     path = tmp_path / "j"
@@ -108,6 +110,7 @@ def test_a_killed_sweep_leaves_no_lock(tmp_path: Path) -> None:
         assert kept.rows
 
 
+@pytest.mark.slow
 def test_two_sweeps_to_one_file_end_with_one_whole_result(tmp_path: Path) -> None:
     words = ["sweep", "paper-cart-2", "--vary", "support.mass=1:100:40", "--measure", "energy_drift:2"]
     command = [*COMMAND, *words, "--workers", "1", "-o", str(tmp_path / "m.csv")]
@@ -119,6 +122,7 @@ def test_two_sweeps_to_one_file_end_with_one_whole_result(tmp_path: Path) -> Non
     assert [path.name for path in tmp_path.iterdir()] == ["m.csv"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.05, 0.2, 0.5, 1.0, 3.0])
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_command_that_is_ended_says_so_in_one_line(delay: float, number: int, tmp_path: Path) -> None:
@@ -143,6 +147,7 @@ def ffmpeg() -> None:
     pytest.importorskip("imageio_ffmpeg")
 
 
+@pytest.mark.slow
 def test_ctrl_c_during_an_mp4_is_ctrl_c(tmp_path: Path) -> None:
     ffmpeg()
     words = ["animate", "chain-3", "--duration", "600", "--seconds", "600", "-o", str(tmp_path / "f.mp4")]

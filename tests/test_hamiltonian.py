@@ -106,6 +106,7 @@ def dampers(system: System, state: State) -> np.ndarray:
     return np.concatenate(([-system.cart.damping * state.cart_rate], found)) if system.cart else found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 9, 10])
 def test_motion_is_lagranges(seed: int) -> None:
     system = system_of(plane_scene(seed))

@@ -13,6 +13,7 @@ from hostility import damage, interruptions, judge, options, scene_files
 MANY, CALLS, STOPPED = 40, 60, 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", range(5))
 def test_scene_files(block: int, tmp_path: Path) -> None:
     for number in range(100_000 + block * MANY, 100_000 + (block + 1) * MANY):
@@ -42,6 +43,7 @@ def test_damaged_files(name: str) -> None:
     assert damage.REFUSED in {became for became, _ in found}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
 @pytest.mark.parametrize("number", range(100_000, 100_000 + STOPPED))
 def test_interruptions(number: int, tmp_path: Path) -> None:

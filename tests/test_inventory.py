@@ -127,6 +127,7 @@ def test_packages_are_those_of_the_process() -> None:
     assert not {"sympy", "control", "matplotlib", "numba", "heyoka", "flint"} & set(names)
 
 
+@pytest.mark.slow
 def test_the_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "chain-3", "--duration", "1", "--explain"]) == 0
     told = capsys.readouterr()

@@ -10,6 +10,8 @@ import nbformat
 import pytest
 import twins
 
+pytestmark = pytest.mark.site
+
 LESSONS = twins.lessons()
 NUMBERED = pytest.mark.parametrize("twin", LESSONS, ids=lambda twin: twin.stem)
 PACKAGES = {"modal", "nonlinear", "numpy", "scipy", "sympy", "mpmath", "matplotlib", "control", "IPython"}

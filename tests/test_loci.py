@@ -106,6 +106,7 @@ def test_the_smallest_gap_is_that_of_a_dense_scan() -> None:
     assert meeting.value == pytest.approx(9.9 + 0.001 * int(np.argmin(scan)), abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_loci_hold_all_frequencies_and_shapes_go_on(seed: int) -> None:
     scene = motion_scene(seed, damped=False, standing=False)

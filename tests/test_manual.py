@@ -18,6 +18,8 @@ import modal
 import nonlinear
 from modal.scene import Bob, Body, Cart, Escapement, InitialCondition, Pendulum, Rod, Scene, VanDerPol
 
+pytestmark = pytest.mark.site
+
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
 PICTURES = DOCS / "pictures"

@@ -129,6 +129,7 @@ def test_every_mistake_is_named_at_once(capsys: pytest.CaptureFixture[str]) -> N
         assert words in printed
 
 
+@pytest.mark.slow
 def test_check_and_chaos_print_tables_and_draw(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told = {
         "check chain-2 --mode 1 --amplitude 5": "the table of modes against the full motion",
@@ -153,6 +154,7 @@ def interrupting(total: float, unit: str = "s") -> Iterator[Callable[[float], ob
     yield report
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "left", "printed"),
     [

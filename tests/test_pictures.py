@@ -240,6 +240,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", FIGURES)
 @pytest.mark.parametrize("name", THEMES)
 def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:

@@ -10,6 +10,8 @@ import pytest
 from modal import SceneError, natural_modes
 from modal.scene import parse
 
+pytestmark = pytest.mark.site
+
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 
 

@@ -287,6 +287,7 @@ def test_a_point_that_fails_hurts_no_other() -> None:
     assert "angles_deg: has 2 values for 1 links" in crossed.failures[0]
 
 
+@pytest.mark.slow
 def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> None:
     frequencies = parse_measures(["frequencies:2"])
     asking = study(measure=own.DYING, number=3.0)
@@ -423,6 +424,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="SIGINT is sent otherwise there")
 @pytest.mark.parametrize("done", [0, 60])
 def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None:
@@ -449,6 +451,7 @@ def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None
     assert kept > 0 or not done
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT.replace('if __name__ == "__main__":', "if True:"))
     command = [sys.executable, str(tmp_path / "script.py"), str(tmp_path / "j")]
@@ -560,6 +563,7 @@ def test_without_distributed_the_extra_is_named(monkeypatch: pytest.MonkeyPatch)
         pass
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed")

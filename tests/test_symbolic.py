@@ -67,6 +67,7 @@ def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: Symbolic
         assert sp.simplify(derived - found) == sp.zeros(*found.shape)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     """∂u_i/∂θ_i·F_i and ∂u_i/∂φ_i·F_i are Lagrange's equations of θ_i and φ_i, at random states in 30 digits."""

@@ -83,6 +83,7 @@ def spatial(scene: Scene, azimuth: float) -> Scene:
     return scene.model_copy(update={"space": "space", "pendulum": tuple(pendula)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_a_start_in_the_plane_of_the_rail_is_integrated_there(seed: int) -> None:
     scene = spatial(motion_scene(seed, sprung=False), 0.0)

@@ -142,6 +142,7 @@ def short() -> WorkPrecision:
     return measure_work_precision(PAPER, 1.5, rungs=rungs)
 
 
+@pytest.mark.slow
 def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> None:
     families: dict[str, list[Row]] = {}
     for row in short.rows[1:]:
@@ -168,6 +169,7 @@ def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
     assert replace(short, rows=tuple(equal)).pareto == (equal[0],)
 
 
+@pytest.mark.slow
 def test_a_chaotic_run_is_compared_up_to_its_horizon_only() -> None:
     found = measure_work_precision(PAPER, 60.0, rungs=(Candidate("minimal", "DOP853", 1e-9),))
     reference = found.reference
@@ -220,6 +222,7 @@ def test_what_no_shift_explains_is_not_late(short: WorkPrecision) -> None:
     assert any(np.isfinite(row.shift) for row in short.rows)
 
 
+@pytest.mark.slow
 def test_a_long_chaotic_run_is_not_computed_beyond_its_horizon(monkeypatch: pytest.MonkeyPatch) -> None:
     asked, original = [], module.reference_of
 

@@ -75,6 +75,7 @@ def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
         assert found[-1] == pytest.approx(theirs[-1], rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 2, 3, 5, 7, 9])
 def test_all_modes_are_the_whole_scene(seed: int) -> None:
     """With springs, dampers, standing links and a cart, far from rest."""
@@ -136,6 +137,7 @@ def test_the_backbone_is_right_with_any_number_of_modes(count: int, number: int)
     assert (omega / modes.omega[number] - 1) / a**2 == pytest.approx(kappa, rel=0.03)
 
 
+@pytest.mark.slow
 def test_the_stated_error_is_honest() -> None:
     ratios = []
     for seed in range(30):
