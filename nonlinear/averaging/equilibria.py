@@ -12,7 +12,7 @@ clock.  A state lasts if all others lie to the left.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -20,7 +20,7 @@ import numpy as np
 from modal.modes.numbering import table_numbers
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations, derivative
-from nonlinear.averaging.slow_flow import settle
+from nonlinear.averaging.slow_flow import settle_apart
 
 FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
 LEAP = 0.1  # of the largest amplitude, in one of Newton's steps: families that hardly move throw it far
@@ -139,22 +139,22 @@ def relative_equilibrium(averaged: AveragedEquations, z: Complexes) -> RelativeE
 
 def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
     """Amplitudes at the end of the slow motion that begins in a row, and keeps to it, or in a pattern of pendula."""
+    every = [*_rows(averaged), *_patterns(averaged)]
+    starts = np.array([FIRST * z / averaged.largest(z) for z, _ in every]).T
+    for motion in settle_apart(averaged, starts, np.array([kept for _, kept in every]).T, EFFORT):
+        yield motion.z[:, -1]
+
+
+def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
+    """Any swing in the modes of one row, and these modes."""
     random = np.random.default_rng(SEED)
     for row in np.unique(averaged.row):
         own = averaged.row == row
-        z: Complexes = np.where(own, random.standard_normal(len(own)) + 1j * random.standard_normal(len(own)), 0.0)
-        yield _end(_only(averaged, own), z)
-    for z in _patterns(averaged):
-        yield _end(averaged, z)
+        yield np.where(own, random.standard_normal(len(own)) + 1j * random.standard_normal(len(own)), 0.0), own
 
 
-def _end(averaged: AveragedEquations, z: Complexes) -> Complexes:
-    (motion,) = settle(averaged, (FIRST * z / averaged.largest(z))[:, None], EFFORT)
-    return motion.z[:, -1]
-
-
-def _patterns(averaged: AveragedEquations) -> Iterator[Complexes]:
-    """All pendula in phase and every other one in antiphase, in every band by itself."""
+def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
+    """All pendula in phase and every other one in antiphase, in every band by itself, and all modes."""
     pendulum = averaged.system.pendulum
     first = int(averaged.system.cart is not None)
     for band in range(len(averaged.centre)):
@@ -163,12 +163,7 @@ def _patterns(averaged: AveragedEquations) -> Iterator[Complexes]:
         for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
             z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
             if np.any(z):
-                yield z
-
-
-def _only(averaged: AveragedEquations, own: Booleans) -> AveragedEquations:
-    """The same as if there were no other modes than these."""
-    return replace(averaged, shapes=averaged.shapes * own, dual=averaged.dual * own)
+                yield z, np.ones_like(own)
 
 
 def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:
@@ -205,9 +200,9 @@ def _step(
 def _faster(averaged: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> Floats:
     """∂F/∂Ω by these bands, (2C, len(bands)), by central differences."""
     ways = STEP * turning[:, None] * (np.arange(len(turning))[:, None] == bands)
-    wide = np.repeat(z[:, None], len(bands), axis=1)
-    ends = [averaged.flow(wide, turning[:, None] + sign * ways) for sign in (1, -1)]
-    slope = (ends[0] - ends[1]) / (2 * STEP * turning[bands])
+    wide = np.repeat(z[:, None], 2 * len(bands), axis=1)
+    above, below = np.hsplit(averaged.flow(wide, turning[:, None] + np.hstack((ways, -ways))), 2)
+    slope = (above - below) / (2 * STEP * turning[bands])
     return np.vstack((slope.real, slope.imag))
 
 

@@ -44,7 +44,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     for group in system.groups:
         own = np.array([plane[:, first:][:, group.index] for plane, first in zip(planes, starts, strict=True)])
         second, forces = (_spatial if system.spatial else _planar)(group, own, felt)
-        pull += np.einsum("np,npt->t", group.block.b, second[0])
+        pull += group.block.b.ravel() @ second[0].reshape(group.block.b.size, -1)
         for whole, first, force in zip(found, starts, forces, strict=True):
             whole[first:][group.index] = force
     if system.cart:
@@ -56,7 +56,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
 def _planar(group: Group, own: Floats, felt: Floats) -> tuple[Floats, Any]:
     """U'' (2, n, P, T) and ρ (1, n, P, T)."""
     q, rate, turn = own[0]
-    theta = q + np.where(group.block.sigma > 0, 0.0, np.pi)[..., None]
+    theta = q + group.rest[..., None]
     sine, cosine = np.sin(theta), np.cos(theta)
     u, tangent = np.array([sine, cosine]), np.array([cosine, -sine])
     second = turn * tangent - rate**2 * u
