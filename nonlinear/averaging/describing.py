@@ -10,8 +10,8 @@ corner in the swing.  With κ = Σ γ_r², one over the mass that the joint feel
 beyond a.  Of several bands of frequencies the one that swings the joint most has this Γ; the others shift a, and with
 it α, and add their speed to Ω|Γ| sin α.
 
-Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse`,
-`angle` and the `corner` Pκ/2π (J,).
+Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse`
+and `angle` (J,), the `corner` Pκ/2π (J, S).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def pulls(
     turn = phases[:, None, None]
     rest = np.where(first, 0.0, swing)
     aside, speeding = (np.sum(v[..., None] * turn, axis=0).real for v in (rest, 1j * turning[:, None] * rest))
-    within = np.minimum((corner[:, None] / rate)[..., None], BLUNT * size)
+    within = np.minimum((corner / rate)[..., None], BLUNT * size)
     cosine = (angle[:, None, None] + within - aside) / size
     sine = np.sqrt(np.maximum(1 - cosine**2, GRAZING**2))
     often = np.where(np.abs(cosine) < 1, np.maximum(rate[..., None] + speeding / (size * sine), 0.0), 0.0)

@@ -31,7 +31,7 @@ Escapements act by harmonics of their kicks (`nonlinear.averaging.describing`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import count as counted
 from itertools import product
@@ -42,7 +42,7 @@ from modal.assembly import matrices
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.scene import Scene
-from modal.types import Complexes, Floats, Ints
+from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls
 from nonlinear.integration import Escaping, escaping
 from nonlinear.reduction import residual_forces, rest_angles
@@ -55,6 +55,7 @@ CHUNK = 2_000_000
 STEP = 1e-6
 TURNS, FAR = 3, 4.0  # steps to the turning rate of a band, and how far from its mean frequency that may be
 NEAR = 0.05  # of 9Ω²: a resonance nearer than this is rounded off
+TINY = np.finfo(float).tiny
 SMALL = 0.2  # of the first harmonic: a third that would be larger is none that follows, and is held to this
 
 
@@ -113,7 +114,7 @@ class AveragedEquations:
 
     def turned(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
         """A better Ω_b (B, ...), by these rates z' (C, ...) in bands that turn at another."""
-        largest = np.maximum(np.abs(z).max(axis=0), np.finfo(float).tiny)
+        largest = np.maximum(np.abs(z).max(axis=0), TINY)
         unit = z / largest
         spin, sizes = self._by_band(np.imag(flow / largest * unit.conj())), self._by_band(np.abs(unit) ** 2)
         middle = self.centre.reshape(-1, *[1] * (z.ndim - 1))
@@ -122,9 +123,7 @@ class AveragedEquations:
 
     def _by_band(self, values: Floats) -> Floats:
         """Sums (B, ...) of what modes (C, ...) have."""
-        found = np.zeros((len(self.centre), *values.shape[1:]))
-        np.add.at(found, self.band, values)
-        return found
+        return np.asarray((self._member @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:]))
 
     def detuning(self, turning: Floats) -> Floats:
         """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude turns in its band."""
@@ -135,63 +134,71 @@ class AveragedEquations:
         """The rates z' (C, ...) of amplitudes (C, ...) in bands that turn at Ω (B, ...)."""
         return self.forced(z, turning) + 1j * self.detuning(turning) * z
 
-    def forced(self, z: Complexes, turning: Floats) -> Complexes:
-        """The same rates without the detuning."""
-        return self._moved(z, turning, kicked=True)
+    def forced(self, z: Complexes, turning: Floats, kept: Booleans | None = None) -> Complexes:
+        """The same rates without the detuning, as if `only` the modes kept (C, ...) of each motion were there."""
+        return self._moved(z, turning, kept)
 
     def smooth(self, z: Complexes, turning: Floats) -> Complexes:
         """Those without the kicks of escapements as well."""
         return self._moved(z, turning, kicked=False)
 
-    def _moved(self, z: Complexes, turning: Floats, kicked: bool) -> Complexes:
+    def only(self, own: Booleans) -> AveragedEquations:
+        """The same as if there were no other modes than these (C,)."""
+        return replace(self, shapes=self.shapes * own, dual=self.dual * own)
+
+    def _moved(self, z: Complexes, turning: Floats, kept: Booleans | None = None, kicked: bool = True) -> Complexes:
         wide = z.reshape(len(z), -1)
         pace = np.broadcast_to(turning.reshape(len(turning), -1), (len(turning), wide.shape[1]))
+        every = np.ones(wide.shape, dtype=bool) if kept is None else kept.reshape(wide.shape)
         step = max(1, CHUNK // (self._phases.shape[1] * len(self.shapes)))
         chunks = [slice(start, start + step) for start in range(0, wide.shape[1], step)]
-        parts = [self._rates(wide[:, part], pace[:, part], kicked) for part in chunks]
+        parts = [self._rates(wide[:, part], pace[:, part], every[:, part], kicked) for part in chunks]
         return np.asarray(np.hstack(parts).reshape(z.shape))
 
-    def _rates(self, z: Complexes, turning: Floats, kicked: bool) -> Complexes:
+    def _rates(self, z: Complexes, turning: Floats, kept: Booleans, kicked: bool) -> Complexes:
         """What all forces but those of the detuning do to z (C, S)."""
         first = self._split(z)
         waves = self._waves(first, turning, 1)
-        pull, third = self._kicks(first, turning) if kicked and self._joints else (0.0, 0.0)
+        pull, third = self._kicks(first, turning, kept) if kicked and self._joints else (0.0, 0.0)
         fast = 9 * turning[:, None] ** 2
         gap = (self.omega[:, None] ** 2 - fast) / fast
         soft = gap / (gap**2 + NEAR**2) / fast
-        slaved = soft * (third - self._along(waves, turning, 3))
-        share = np.abs(slaved).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), np.finfo(float).tiny)
+        slaved = kept * soft * (third - self._along(waves, turning, 3))
+        share = np.abs(slaved).max(axis=(0, 1)) / np.maximum(np.abs(z).max(axis=0), TINY)
         waves = waves + self._waves(slaved / np.hypot(1, share / SMALL), turning, 3)
-        force = (pull - self._along(waves, turning, 1))[self.band, np.arange(len(z))]
+        force = kept * (pull - self._along(waves, turning, 1))[self.band, np.arange(len(z))]
         return np.asarray(-0.5j / turning[self.band] * force - 1j * self.detuning(turning) * z)
 
     def _split(self, z: Complexes) -> Complexes:
         """Amplitudes (C, S) by bands, (B, C, S)."""
-        return np.where((self.band == np.arange(len(self.centre))[:, None])[..., None], z, 0.0).astype(complex)
+        return np.where(self._member[..., None], z, 0j)
 
     def _waves(self, amplitudes: Complexes, turning: Floats, harmonic: int) -> Floats:
-        """Of amplitudes (B, C, S) in this harmonic of every band: q, q' and q'', (3, half, S, K)."""
-        rate = 1j * harmonic * turning
-        moving = np.moveaxis(np.tensordot(self.shapes, amplitudes, axes=(1, 1)), 1, -1)
+        """Of amplitudes (B, C, S) in this harmonic of every band: q, q' and q'', (3, half, S K)."""
+        rate = 1j * harmonic * turning.T
+        moving = (self.shapes @ amplitudes).transpose(1, 2, 0)
         if self._brake:
-            moving[0] /= (1 + self._brake / rate).T
-        each = np.array([moving, rate.T * moving, rate.T**2 * moving])
-        return (each @ self._phases**harmonic).real
+            moving[0] /= 1 + self._brake / rate
+        speed = rate * moving
+        each = np.array([moving, speed, rate * speed])
+        return (each.reshape(-1, each.shape[-1]) @ self._harmonics[harmonic]).real.reshape(3, len(moving), -1)
 
     def _along(self, waves: Floats, turning: Floats, harmonic: int) -> Complexes:
-        """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S, K)."""
-        left = residual_forces(self.system, [waves.reshape(*waves.shape[:2], -1)])[0].reshape(waves.shape[1:])
-        points = self._phases.shape[1]
-        found = 2 / points * np.moveaxis(left @ (self._phases.conj() ** harmonic).T, -1, 0)
+        """2⟨φ_rᵀρ e^{−ihχ_b}⟩ (B, C, S) of a motion (3, half, S K)."""
+        left, phases = residual_forces(self.system, [waves])[0], self._harmonics[harmonic]
+        bands, points = phases.shape
+        means = (left.reshape(-1, points) @ phases.conj().T).reshape(len(left), -1, bands)
+        found = 2 / points * means.transpose(2, 0, 1)
         if self._brake:
             found[:, 0] /= 1 + self._brake / (1j * harmonic * turning)
         return np.asarray(self.shapes.T @ found)
 
-    def _kicks(self, first: Complexes, turning: Floats) -> tuple[Complexes, Complexes]:
+    def _kicks(self, first: Complexes, turning: Floats, kept: Booleans) -> tuple[Complexes, Complexes]:
         """What escapements pull in the first and the third harmonic of every band (B, C, S)."""
         joints = self._joints
         assert joints is not None
-        corner = joints.impulse * np.sum(self._turns**2, axis=0) / (2 * np.pi)
+        felt = self._turns.T**2 @ kept
+        corner = joints.impulse[:, None] * felt / (2 * np.pi)
         torques = pulls(joints.impulse, joints.angle, corner, self._turns.T @ first, turning, self._phases)
         one, three = (self._turns @ torque for torque in torques)
         return one, three
@@ -213,6 +220,16 @@ class AveragedEquations:
         return np.asarray(np.exp(2j * np.pi * np.outer(steps, np.arange(points)) / points))
 
     @cached_property
+    def _harmonics(self) -> dict[int, Complexes]:
+        """e^{ihχ_b} (B, K) there, by h."""
+        return {harmonic: self._phases**harmonic for harmonic in (1, 3)}
+
+    @cached_property
+    def _member(self) -> Booleans:
+        """Which modes a band has, (B, C)."""
+        return np.asarray(self.band == np.arange(len(self.centre))[:, None])
+
+    @cached_property
     def _joints(self) -> Escaping | None:
         return escaping(self.system) if self.system.kicked else None
 
@@ -227,7 +244,8 @@ def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, tur
     """Of a rate by the real and the imaginary parts of z (C,), (2C, 2C), by central differences."""
     width = STEP * (float(np.abs(z).max()) or 1.0)
     ways = width * np.hstack((np.eye(len(z)), 1j * np.eye(len(z))))
-    slope = (rate(z[:, None] + ways, turning[:, None]) - rate(z[:, None] - ways, turning[:, None])) / (2 * width)
+    above, below = np.hsplit(rate(z[:, None] + np.hstack((ways, -ways)), turning[:, None]), 2)
+    slope = (above - below) / (2 * width)
     return np.vstack((slope.real, slope.imag))
 
 

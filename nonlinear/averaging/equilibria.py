@@ -12,15 +12,15 @@ clock.  A state lasts if all others lie to the left.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from modal.modes import table_numbers
 from modal.types import Booleans, Complexes, Floats, Ints
-from nonlinear.averaging.equations import STEP, AveragedEquations, derivative
-from nonlinear.averaging.slow_flow import settle
+from nonlinear.averaging.equations import STEP, AveragedEquations
+from nonlinear.averaging.slow_flow import settle_apart
 
 FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
 LEAP = 0.1  # of the largest amplitude, in one of Newton's steps: families that hardly move throw it far
@@ -122,12 +122,13 @@ def relative_equilibrium(averaged: AveragedEquations, z: Complexes) -> RelativeE
     z = np.where(active, z, 0.0)
     turning, least = averaged.turning(z), GONE * np.abs(z).max()
     for _ in range(NEWTON):
-        left = np.where(active, averaged.flow(z, turning), 0.0)
+        flow, slope = _expanded(averaged, z, turning, bands)
+        left = np.where(active, flow, 0.0)
         if not np.all(np.isfinite(left)):
             return None
         if np.abs(left).max() <= DONE * np.abs(averaged.omega * z).max():
-            return RelativeEquilibrium(averaged, z, turning, *_rates(averaged, z, turning, len(bands)))
-        step, change = _step(averaged, z, turning, left, bands)
+            return RelativeEquilibrium(averaged, z, turning, *_rates(averaged, z, slope[:, : 2 * len(z)], len(bands)))
+        step, change = _step(averaged, z, left, slope, bands)
         part = min(1.0, LEAP * np.abs(z).max() / np.abs(step).max()) if np.any(step) else 1.0
         z, turning = z + part * step, turning + part * change
         if not np.all(np.isfinite(z)) or not np.all(turning > 0):
@@ -139,22 +140,22 @@ def relative_equilibrium(averaged: AveragedEquations, z: Complexes) -> RelativeE
 
 def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
     """Amplitudes at the end of the slow motion that begins in a row, and keeps to it, or in a pattern of pendula."""
+    every = [*_rows(averaged), *_patterns(averaged)]
+    starts = np.array([FIRST * z / averaged.largest(z) for z, _ in every]).T
+    for motion in settle_apart(averaged, starts, np.array([kept for _, kept in every]).T, EFFORT):
+        yield motion.z[:, -1]
+
+
+def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
+    """Any swing in the modes of one row, and these modes."""
     random = np.random.default_rng(SEED)
     for row in np.unique(averaged.row):
         own = averaged.row == row
-        z: Complexes = np.where(own, random.standard_normal(len(own)) + 1j * random.standard_normal(len(own)), 0.0)
-        yield _end(_only(averaged, own), z)
-    for z in _patterns(averaged):
-        yield _end(averaged, z)
+        yield np.where(own, random.standard_normal(len(own)) + 1j * random.standard_normal(len(own)), 0.0), own
 
 
-def _end(averaged: AveragedEquations, z: Complexes) -> Complexes:
-    (motion,) = settle(averaged, (FIRST * z / averaged.largest(z))[:, None], EFFORT)
-    return motion.z[:, -1]
-
-
-def _patterns(averaged: AveragedEquations) -> Iterator[Complexes]:
-    """All pendula in phase and every other one in antiphase, in every band by itself."""
+def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
+    """All pendula in phase and every other one in antiphase, in every band by itself, and all modes."""
     pendulum = averaged.system.pendulum
     first = int(averaged.system.cart is not None)
     for band in range(len(averaged.centre)):
@@ -163,12 +164,7 @@ def _patterns(averaged: AveragedEquations) -> Iterator[Complexes]:
         for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
             z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
             if np.any(z):
-                yield z
-
-
-def _only(averaged: AveragedEquations, own: Booleans) -> AveragedEquations:
-    """The same as if there were no other modes than these."""
-    return replace(averaged, shapes=averaged.shapes * own, dual=averaged.dual * own)
+                yield z, np.ones_like(own)
 
 
 def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:
@@ -184,36 +180,41 @@ def _sizes(averaged: AveragedEquations, z: Complexes) -> Floats:
 
 
 def _step(
-    averaged: AveragedEquations, z: Complexes, turning: Floats, left: Complexes, bands: Ints
+    averaged: AveragedEquations, z: Complexes, left: Complexes, slope: Floats, bands: Ints
 ) -> tuple[Complexes, Floats]:
     """Newton's step of z and Ω, the shortest one that leaves the phase of every band where it is."""
     count, size, scale = len(z), np.abs(z).max(), averaged.omega.max()
     turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in bands]).T
     turns /= np.linalg.norm(turns, axis=0)
     columns = np.vstack((turns.real, turns.imag))
-    slope, faster = derivative(averaged.flow, z, turning) / scale, _faster(averaged, z, turning, bands) / size
-    equations = np.block([[slope, faster], [columns.T, np.zeros((len(bands), len(bands)))]])
+    scaled = slope / np.repeat((scale, size), (2 * count, len(bands)))
+    equations = np.block([[scaled], [columns.T, np.zeros((len(bands), len(bands)))]])
     active = np.isin(averaged.band, bands)
     kept = np.concatenate((active, active, np.ones(len(bands), dtype=bool)))
     right = -np.concatenate((left.real, left.imag, np.zeros(len(bands)))) / (scale * size)
-    step, change = np.zeros(len(kept)), np.zeros(len(turning))
+    step, change = np.zeros(len(kept)), np.zeros(len(averaged.centre))
     step[kept] = np.linalg.lstsq(equations[np.ix_(kept, kept)], right[kept], rcond=FREE)[0]
     change[bands] = scale * step[2 * count :]
     return np.asarray(size * (step[:count] + 1j * step[count : 2 * count])), change
 
 
-def _faster(averaged: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> Floats:
-    """∂F/∂Ω by these bands, (2C, len(bands)), by central differences."""
-    ways = STEP * turning[:, None] * (np.arange(len(turning))[:, None] == bands)
-    wide = np.repeat(z[:, None], len(bands), axis=1)
-    ends = [averaged.flow(wide, turning[:, None] + sign * ways) for sign in (1, -1)]
-    slope = (ends[0] - ends[1]) / (2 * STEP * turning[bands])
-    return np.vstack((slope.real, slope.imag))
+def _expanded(averaged: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> tuple[Complexes, Floats]:
+    """F (C,), and by central differences ∂F by the parts of z and the Ω of these bands, (2C, 2C + len(bands))."""
+    unit, none = np.eye(len(z)), np.zeros((len(turning), 2 * len(z)))
+    h = STEP * np.concatenate((np.full(2 * len(z), np.abs(z).max()), turning[bands]))
+    ways = h * np.hstack((unit, 1j * unit, np.zeros((len(z), len(bands)))))
+    faster = h * np.hstack((none, np.arange(len(turning))[:, None] == bands))
+    places = (base[:, None] + np.hstack((0 * way[:, :1], way, -way)) for base, way in ((z, ways), (turning, faster)))
+    here, above, below = np.split(averaged.flow(*places), (1, 1 + len(h)), axis=1)
+    slope = (above - below) / (2 * h)
+    return here[:, 0], np.vstack((slope.real, slope.imag))
 
 
-def _rates(averaged: AveragedEquations, z: Complexes, turning: Floats, neutral: int) -> tuple[Complexes, Floats, float]:
+def _rates(
+    averaged: AveragedEquations, z: Complexes, jacobian: Floats, neutral: int
+) -> tuple[Complexes, Floats, float]:
     """All μ but the `neutral` ones next to 0, the slowest first, how much of each leaves the row of z, the recovery."""
-    jacobian, parts = derivative(averaged.flow, z, turning), np.concatenate((z.real, z.imag))
+    parts = np.concatenate((z.real, z.imag))
     values, vectors = np.linalg.eig(jacobian)
     energy = np.sum([averaged.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
     leaving = 1 - energy[int(averaged.energies(z).argmax())] / energy.sum(axis=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import ceil, pi
@@ -16,6 +17,7 @@ GAIN, TURN = 0.4, 1.0  # largest growth and turn (rad) within a step
 PERIODS = 64  # fast periods of the first part
 MOST_STEPS = 6000
 PER_PART = 50
+TOGETHER = 16  # motions followed at once, each at its own pace
 ALIKE, HASTE = 0.1, 1.5  # change of sizes that leaves the pace, and of the pace that leaves the steps
 FAR = 20.0  # rad: amplitudes beyond it come of steps that are too long
 CALM = 1e-3  # share of the energy that changes rows within half of the time where the motion has settled
@@ -68,7 +70,19 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
     return float(times[last] + (times[last + 1] - times[last]) * (high - threshold) / (high - low))
 
 
-@np.errstate(all="ignore")
+@dataclass
+class _Stretch:
+    """Amplitudes z (C, S) with some steps of h (s) to go, and the rates (B, S) at which their bands turn."""
+
+    z: Complexes
+    turning: Floats
+    h: float
+    steps: int
+
+
+Settling = Generator[_Stretch, None, tuple[SlowFlow, ...]]  # hands over a stretch, and goes on from its end
+
+
 def settle(
     averaged: AveragedEquations, starts: Complexes, most: int = MOST_STEPS, least: float = 0.0
 ) -> tuple[SlowFlow, ...]:
@@ -77,15 +91,50 @@ def settle(
     Each is followed for `least` seconds, however little changes: motions leave an unstable one slowly.  Pendula that
     drift past each other never settle; what drives make wider than AWAY is not followed any further.
     """
+    return _followed(averaged, [_settling(averaged, starts, most, least)])[0]
+
+
+def settle_apart(
+    averaged: AveragedEquations, starts: Complexes, kept: Booleans, most: int = MOST_STEPS
+) -> tuple[SlowFlow, ...]:
+    """The same from each start at its own pace, as if there were no other modes than those kept of it (C, S)."""
+    found: list[SlowFlow] = []
+    for part in (slice(start, start + TOGETHER) for start in range(0, starts.shape[1], TOGETHER)):
+        every = [averaged if own.all() else averaged.only(own) for own in kept[:, part].T]
+        pairs = zip(every, starts[:, part].T, strict=True)
+        motions = [_settling(own, start[:, None], most, 0.0) for own, start in pairs]
+        found += [motion for (motion,) in _followed(averaged, motions, kept[:, part])]
+    return tuple(found)
+
+
+@np.errstate(all="ignore")
+def _followed(
+    averaged: AveragedEquations, motions: Sequence[Settling], kept: Booleans | None = None
+) -> list[tuple[SlowFlow, ...]]:
+    """What becomes of each, all of them moved at once: equations of a few pendula cost no less than of many."""
+    found: dict[int, tuple[SlowFlow, ...]] = {}
+    going = dict(enumerate(map(next, motions)))
+    while going:
+        _advance(averaged, list(going.values()), None if kept is None else kept[:, list(going)])
+        for number in [number for number, stretch in going.items() if not stretch.steps]:
+            try:
+                going[number] = next(motions[number])
+            except StopIteration as ended:
+                found[number] = ended.value
+                del going[number]
+    return [found[number] for number in range(len(motions))]
+
+
+def _settling(averaged: AveragedEquations, starts: Complexes, most: int, least: float) -> Settling:
     period = 2 * pi / float(averaged.omega.min())
-    times, z = _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
+    times, z = yield from _part(averaged, starts, 0.0, min(PERIODS * period, most / _pace(averaged, starts)))
     going = _going(averaged, z, starts)
     while (
         (going.any() or times[-1] < least)
         and not runs_away(averaged, z[..., -1])
         and times[-1] * _pace(averaged, z[..., -1]) < most / 2
     ):
-        more, further = _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
+        more, further = yield from _part(averaged, z[..., -1], float(times[-1]), float(times[-1]))
         going = _going(averaged, further, starts)
         times, z = np.append(times, more[1:]), np.concatenate((z, further[..., 1:]), axis=-1)
     return tuple(SlowFlow(averaged, times, z[:, k], not going[k]) for k in range(starts.shape[1]))
@@ -96,12 +145,16 @@ def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
     return not averaged.largest(z) <= AWAY
 
 
-def _part(averaged: AveragedEquations, starts: Complexes, begin: float, duration: float) -> tuple[Floats, Complexes]:
+def _part(
+    averaged: AveragedEquations, starts: Complexes, begin: float, duration: float
+) -> Generator[_Stretch, None, tuple[Floats, Complexes]]:
     """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every stretch between."""
     span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
     turning = averaged.turning(starts)
     while len(found) <= PER_PART:
-        z, turned = _moved(averaged, found[-1], turning, span, ceil(span * pace))
+        steps = max(1, ceil(span * pace))
+        yield (stretch := _Stretch(found[-1], turning, span / steps, steps))
+        z, turned = stretch.z, stretch.turning
         if _alike(found[-1], z):
             found, turning = [*found, z], turned
             continue
@@ -120,23 +173,26 @@ def _alike(one: Complexes, other: Complexes) -> bool:
     return bool(np.abs(np.abs(one) - np.abs(other)).max() <= ALIKE * np.abs(one).max())
 
 
-def _moved(
-    averaged: AveragedEquations, z: Complexes, turning: Floats, duration: float, steps: int
-) -> tuple[Complexes, Floats]:
-    """Amplitudes, and the rates at which their bands turn, after steps of Lawson's form of the Runge–Kutta method."""
-    h = duration / max(1, steps)
-    for _ in range(max(1, steps)):
-        a, spin = averaged.forced(z, turning), 1j * averaged.detuning(turning)
+def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: Booleans | None) -> None:
+    """To where the first of them ends, by Lawson's form of the Runge–Kutta method."""
+    z, turning = (np.hstack(parts) for parts in zip(*((one.z, one.turning) for one in stretches), strict=True))
+    h = np.concatenate([np.full(one.z.shape[1], one.h) for one in stretches])
+    steps = min(one.steps for one in stretches)
+    for _ in range(steps):
+        a, spin = averaged.forced(z, turning, kept), 1j * averaged.detuning(turning)
         turn = np.exp(h / 2 * spin)
         half = turn * z
-        b = averaged.forced(half + h / 2 * turn * a, turning)
-        c = averaged.forced(half + h / 2 * b, turning)
-        d = averaged.forced(turn * half + h * turn * c, turning)
+        b = averaged.forced(half + h / 2 * turn * a, turning, kept)
+        c = averaged.forced(half + h / 2 * b, turning, kept)
+        d = averaged.forced(turn * half + h * turn * c, turning, kept)
         turning, z = (
             averaged.turned(turning, z, a + spin * z),
             turn * half + h / 6 * (turn**2 * a + 2 * turn * (b + c) + d),
         )
-    return z, turning
+    ends = np.cumsum([one.z.shape[1] for one in stretches])[:-1]
+    for one, *moved in zip(stretches, np.hsplit(z, ends), np.hsplit(turning, ends), strict=True):
+        one.z, one.turning = moved
+        one.steps -= steps
 
 
 def _pace(averaged: AveragedEquations, z: Complexes) -> float:

@@ -16,7 +16,9 @@ from nonlinear.system import Group
 
 def relative(values: Any) -> Any:
     """Of every link to the one above, the support's being zero."""
-    return np.diff(values, axis=0, prepend=0.0)
+    found = values.copy()
+    found[1:] -= values[:-1]
+    return found
 
 
 def bend(group: Group, angles: Any) -> Any:
@@ -29,9 +31,7 @@ def moments(group: Group, angles: Any, rates: Any) -> Any:
     hinge = np.zeros_like(angles)
     if group.sprung:
         hinge -= _spread(group.block.stiffness, angles) * bend(group, angles)
-    if group.damped:
-        hinge -= _spread(group.block.damping, rates) * relative(rates)
-    if group.excited:
+    if group.damped or group.excited:
         hinge += _gain(group, angles) * relative(rates)
     hinge[:-1] -= hinge[1:].copy()
     return hinge
@@ -39,10 +39,7 @@ def moments(group: Group, angles: Any, rates: Any) -> Any:
 
 def power(group: Group, angles: Any, rates: Any) -> Any:
     """Power (W) of the joint dampers, never positive, and of the van der Pol torques, (...)."""
-    gain = -_spread(group.block.damping, rates)
-    if group.excited:
-        gain = gain + _gain(group, angles)
-    return np.sum(gain * relative(rates) ** 2, axis=(0, 1))
+    return np.sum(_gain(group, angles) * relative(rates) ** 2, axis=(0, 1))
 
 
 def spring_energy(group: Group, angles: Floats) -> Floats:
@@ -51,10 +48,12 @@ def spring_energy(group: Group, angles: Floats) -> Floats:
 
 
 def _gain(group: Group, angles: Any) -> Any:
-    """What the van der Pol torques multiply γ' by (N m s/rad)."""
-    excitation = group.excitation
-    assert excitation is not None
-    return _spread(excitation.strength, angles) - _spread(excitation.curb, angles) * bend(group, angles) ** 2
+    """What dampers and van der Pol torques multiply γ' by (N m s/rad)."""
+    if not group.excited:
+        return -_spread(group.block.damping, angles)
+    assert group.excitation is not None
+    spare = group.excitation.strength - group.block.damping
+    return _spread(spare, angles) - _spread(group.excitation.curb, angles) * bend(group, angles) ** 2
 
 
 def _spread(constant: Floats, like: Any) -> Floats:

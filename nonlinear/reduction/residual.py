@@ -42,9 +42,9 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     felt = np.zeros((2 + system.spatial, len(pull)))
     felt[0], felt[-1] = (planes[0][2, 0] if on else 0.0), -system.gravity
     for group in system.groups:
-        own = np.array([plane[:, first:][:, group.index] for plane, first in zip(planes, starts, strict=True)])
+        own = [plane.take(first + group.index, axis=1) for plane, first in zip(planes, starts, strict=True)]
         second, forces = (_spatial if system.spatial else _planar)(group, own, felt)
-        pull += np.einsum("np,npt->t", group.block.b, second[0])
+        pull += group.block.b.ravel() @ second[0].reshape(group.block.b.size, -1)
         for whole, first, force in zip(found, starts, forces, strict=True):
             whole[first:][group.index] = force
     if system.cart:
@@ -53,22 +53,23 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     return found
 
 
-def _planar(group: Group, own: Floats, felt: Floats) -> tuple[Floats, Any]:
+def _planar(group: Group, own: list[Floats], felt: Floats) -> tuple[Floats, Any]:
     """U'' (2, n, P, T) and ρ (1, n, P, T)."""
     q, rate, turn = own[0]
-    theta = q + np.where(group.block.sigma > 0, 0.0, np.pi)[..., None]
+    theta = q + group.rest[..., None]
     sine, cosine = np.sin(theta), np.cos(theta)
-    u, tangent = np.array([sine, cosine]), np.array([cosine, -sine])
-    second = turn * tangent - rate**2 * u
-    forces = _along(tangent, _inertial(group, second, felt))
+    inward = rate**2
+    second = np.array([turn * cosine - inward * sine, -turn * sine - inward * cosine])
+    along, up = _inertial(group, second, felt)
+    forces = cosine * along - sine * up
     if group.hinged:
         forces -= joints.moments(group, theta, rate)
     return second, forces[None]
 
 
-def _spatial(group: Group, own: Floats, felt: Floats) -> tuple[Floats, Any]:
+def _spatial(group: Group, own: list[Floats], felt: Floats) -> tuple[Floats, Any]:
     """U'' (3, n, P, T) and ρ (2, n, P, T)."""
-    p, rate, turn = np.moveaxis(own, 1, 0)
+    p, rate, turn = np.stack(own, axis=1)
     theta, sigma = np.hypot(*p), group.block.sigma[..., None]
     s, r = factors(theta)
     k = np.where(theta < TINY, 1 / 15 - theta**2 / 210, -(s + 3 * r) / np.maximum(theta, TINY) ** 2)

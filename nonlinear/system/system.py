@@ -45,22 +45,26 @@ class Group:
         return self.block.mass * self.block.centre
 
     @cached_property
+    def rest(self) -> Floats:
+        """Angle (rad) at which every link stands, (n, P)."""
+        return np.where(self.block.sigma > 0, 0.0, np.pi)
+
+    @cached_property
     def bent(self) -> Floats:
         """Angle (rad) of every link to the one above at which its joint spring is relaxed, (n, P)."""
-        rest = np.where(self.block.sigma > 0, 0.0, np.pi)
-        return np.diff(rest, axis=0, prepend=0.0)
+        return np.diff(self.rest, axis=0, prepend=0.0)
 
-    @property
+    @cached_property
     def sprung(self) -> bool:
         """Whether any joint has a spring."""
         return bool(self.block.stiffness.any())
 
-    @property
+    @cached_property
     def damped(self) -> bool:
         """Whether any joint has a damper."""
         return bool(self.block.damping.any())
 
-    @property
+    @cached_property
     def excited(self) -> bool:
         """Whether any joint has a van der Pol torque."""
         return self.excitation is not None and self.excitation.steady
@@ -70,7 +74,7 @@ class Group:
         """Whether any joint has an escapement."""
         return self.excitation is not None and self.excitation.kicks
 
-    @property
+    @cached_property
     def hinged(self) -> bool:
         """Whether joints do more than hold the links together between kicks."""
         return self.sprung or self.damped or self.excited
@@ -101,7 +105,7 @@ class System:
         """Mass (kg) of every link in the order of the file, (L,)."""
         return self.by_link("mass")
 
-    @property
+    @cached_property
     def total_mass(self) -> float:
         """Everything that hangs, and the cart (kg)."""
         return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0)
