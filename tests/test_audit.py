@@ -372,8 +372,8 @@ def test_every_heavy_package_is_watched() -> None:
 def test_modules_are_those_of_the_process(others: tuple[str, ...]) -> None:
     code = "import json, sys\n" + "".join(f"import {name}\n" for name in others)
     code += "from multipendula.cli import main\nmain(['table', 'chain-3'])\n"
-    code += "from modal import load, natural_modes\nfrom modal.audit import audit\n"
-    code += "print(json.dumps(audit(natural_modes(load('chain-3'))).record()))"
+    code += "from modal import load, natural_modes\nfrom modal.modes.solution_report import report_solution\n"
+    code += "print(json.dumps(report_solution(natural_modes(load('chain-3'))).record()))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     record = json.loads(done.stdout.splitlines()[-1])
     loaded = {"numpy", *others}

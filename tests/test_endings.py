@@ -173,7 +173,7 @@ def test_an_interrupt_that_a_library_swallows_is_one_all_the_same(
         except KeyboardInterrupt:
             raise ImportError("numpy._core.multiarray failed to import") from None
 
-    monkeypatch.setattr("modal.scene.files.load", loses)
+    monkeypatch.setattr("modal.scene.load", loses)
     assert main(["table", "chain-1"]) == 130
     assert capsys.readouterr().err == "multipendula: interrupted\n"
 

@@ -16,9 +16,10 @@ from exported import DT, SCENES, assert_close, assert_matrices, assert_poles, he
 from numpy.typing import NDArray
 
 from modal import Bob, Pendulum, Scene, SceneError, load
-from modal.exports import FORMATS, to_control
+from modal.exports import FORMATS
 from modal.exports.c import write_c
 from modal.exports.c_text import c_matrix
+from modal.exports.control_ import to_control
 from modal.exports.identifiers import identifier
 from modal.report import c_comment
 from modal.statespace import Signal, StateSpace, state_space

@@ -20,7 +20,8 @@ from exported import DT, SCENES, assert_close, assert_matrices, assert_poles, he
 from numpy.typing import NDArray
 
 from modal import SceneError, load, natural_modes
-from modal.exports import FORMATS, fmu, to_control
+from modal.exports import FORMATS, fmu
+from modal.exports.control_ import to_control
 from modal.exports.fmu_description import variables
 from modal.exports.identifiers import identifier
 from modal.statespace import StateSpace, state_space

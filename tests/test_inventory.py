@@ -117,8 +117,8 @@ def test_packages_are_those_of_the_process() -> None:
         "import json, sys\n"
         "from modal import load\n"
         "from nonlinear import simulate\n"
-        "from nonlinear.inventory import inventory\n"
-        "found = inventory(simulate(load('chain-3'), 1.0))\n"
+        "from nonlinear.postprocessing import run_inventory\n"
+        "found = run_inventory(simulate(load('chain-3'), 1.0))\n"
         "print(json.dumps([found.record(), sorted(name for name in sys.modules if '.' not in name)]))\n"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -63,7 +63,7 @@ from nonlinear.verification import Comparison, check, compare
 
 THEMES = ("light", "dark")
 LONG = "A crane of the northern harbour, its trolley on worn rails, two hooks of unequal weight and loads that lean $x_"
-STYLES = Path(modal.__file__).parent
+STYLES = Path(modal.__file__).parent / "plotting"
 
 # ------------------------------------------------------------------------------------------------ what is drawn
 
@@ -445,7 +445,7 @@ def test_the_themes_differ_in_colours_only() -> None:
 
 @pytest.mark.parametrize("name", THEMES)
 def test_a_style_is_found_by_its_name_and_makes_all_figures_alike(name: str) -> None:
-    with style.context(f"modal.{name}"):
+    with style.context(f"modal.plotting.{name}"):
         figures = [FIGURES[kind]() for kind in ("bode", "run of one", "shapes of a crane", "claim of carts", "map")]
         sizes = mpl.rcParams["axes.titlesize"], mpl.rcParams["axes.labelsize"]
     for figure in figures:

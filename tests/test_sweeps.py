@@ -410,15 +410,16 @@ SCRIPT = """
 import sys
 import sweep_measures as own
 from modal import load
-from modal.scene.parameters import parsed
-from nonlinear.sweeps.checkpoint import journal
-from nonlinear.sweeps.measure import Asked
+from modal.scene.parameters import parse_variations
+from nonlinear.sweeps.checkpoint import open_checkpoint
+from nonlinear.sweeps.measure import RequestedMeasure
 from nonlinear.sweeps import Study
 from nonlinear.sweeps import sweep
 
 if __name__ == "__main__":
-    study = Study(load("paper-cart-2"), parsed(["support.mass=1:400:400"]), (Asked(own.SLOW, 0.05),))
-    with journal(sys.argv[1], study) as kept:
+    axes, measures = parse_variations(["support.mass=1:400:400"]), (RequestedMeasure(own.SLOW, 0.05),)
+    study = Study(load("paper-cart-2"), axes, measures)
+    with open_checkpoint(sys.argv[1], study) as kept:
         found = sweep(study, journal=kept, workers=2)
     print("interrupted", found.interrupted, len(found.rows))
 """

@@ -194,7 +194,7 @@ def test_a_regular_run_is_compared_whole() -> None:
 
 def test_references_that_disagree_at_once_judge_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     pair = Candidate("minimal", "DOP853", 1e-12), Candidate("minimal", "RK23", 1e-3)
-    monkeypatch.setattr("nonlinear.accuracy.references.references", lambda scene: pair)
+    monkeypatch.setattr("nonlinear.accuracy.references.choose_references", lambda scene: pair)
     with pytest.raises(ComputationError, match="disagree from"):
         reference_of(Question(PAPER, initial_state(PAPER), np.linspace(0.0, 2.0, 11)))
 
@@ -323,7 +323,7 @@ def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> Non
             raise KeyboardInterrupt
         return original(rung, *rest)
 
-    monkeypatch.setattr(module, "measured", impatient)
+    monkeypatch.setattr(module, "measure", impatient)
     found = measure_work_precision(PAPER, 1.0, rungs=asked, report=heard.append)
     assert [row.rung.name for row in found.rows[1:]] == [LINEAR]
     assert found.interrupted

@@ -51,8 +51,8 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done
     """The loci of an undamped scene, `report` hearing how many of the variation's values are done.
 
     >>> from modal import load
-    >>> from modal.scene.parameters import parsed
-    >>> found = loci(load("crane-two-loads"), parsed(["pendulum[0].links[0].length=5:20:11"])[0])
+    >>> from modal.scene.parameters import parse_variations
+    >>> found = follow_loci(load("crane-two-loads"), parse_variations(["pendulum[0].links[0].length=5:20:11"])[0])
     >>> [(e.kind, round(e.value, 3), round(e.gap, 4)) for e in found.encounters]
     [('veering', 10.083, 0.0944)]
 

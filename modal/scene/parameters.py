@@ -68,7 +68,7 @@ class Variation:
 def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     """The variations that texts describe; SceneError names every mistake.
 
-    >>> parsed(["support.mass=1:100:3log"])
+    >>> parse_variations(["support.mass=1:100:3log"])
     (Variation(path='support.mass', values=(1.0, 10.0, 100.0), log=True),)
     """
     found: list[Variation] = []

@@ -49,7 +49,7 @@ def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
     """The scene with other numbers at these paths, checked anew; SceneError names every mistake.
 
     >>> from modal import load
-    >>> varied(load("paper-cart-2"), {"support.mass": 7.0, "pendulum[*].links[*].damping": 0.1}).support.mass
+    >>> vary(load("paper-cart-2"), {"support.mass": 7.0, "pendulum[*].links[*].damping": 0.1}).support.mass
     7.0
     """
     data = describe(scene)

@@ -32,6 +32,8 @@ SAME = 1e-3
 FIRST = 0.1  # largest angle (rad) of a start
 HANGING = np.pi / 2  # rad: what swings wider is none of averaged equations
 SEED = 5
+ASIDE = 1e-9
+"""The share of its amplitude by which a start misses a pattern, which it leaves where that is unstable."""
 EFFORT = 1_500  # steps after which a start that has not settled is left to Newton's method
 
 
@@ -155,7 +157,8 @@ def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
 
 
 def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
-    """All pendula in phase and every other one in antiphase, in every band by itself, and all modes."""
+    """All pendula in phase and every other one in antiphase, very nearly, in every band by itself, and all modes."""
+    random = np.random.default_rng(SEED)
     pendulum = averaged.system.pendulum
     first = int(averaged.system.cart is not None)
     for band in range(len(averaged.centre)):
@@ -164,7 +167,8 @@ def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans
         for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
             z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
             if np.any(z):
-                yield z, np.ones_like(own)
+                beside = random.standard_normal(len(own)) + 1j * random.standard_normal(len(own))
+                yield z + ASIDE * np.abs(z).max() * beside, np.ones_like(own)
 
 
 def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:

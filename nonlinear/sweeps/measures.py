@@ -16,7 +16,7 @@ MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *R
 def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:
     """The measures in texts such as "frequencies" or "frequencies:6"; SceneError names every mistake.
 
-    >>> [one.text for one in asked(["frequencies:6", "beat"])]
+    >>> [one.text for one in parse_measures(["frequencies:6", "beat"])]
     ['frequencies:6', 'beat']
     """
     found: dict[str, RequestedMeasure] = {}
