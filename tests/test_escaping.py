@@ -26,6 +26,7 @@ from modal.exports.json_ import read_json, write_json
 from modal.modes import tables
 from modal.plotting import slide
 from modal.report import escaping
+from modal.report import titled as headed
 from modal.scene import Scene, describe, dumps, scene_from
 from modal.scene.parameters import parse_variations
 from modal.statespace import Signal, StateSpace, state_space
@@ -37,7 +38,6 @@ from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, Sweep, parse_measures, sweep_text
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps.study import Row
-from nonlinear.verification import tables as check_tables
 
 PWNED = 'coding: unicode_escape \\u000aimport os;os.system("touch PWNED") # x'
 ENDS = """x' " */ ]]> %} --> \\ #} </caption> "); system('touch PWNED') // ' ; end"""
@@ -191,7 +191,7 @@ def test_markdown_shows_a_title_as_it_is(title: str) -> None:
         tables.table(modes, list(modes), "markdown"),
         coupling_report(explain(scene), "markdown"),
         typeset(title, [], "markdown"),
-        check_tables.titled(scene, "words", ["part"], "markdown"),
+        headed(scene.title, "words", ["part"], "markdown"),
     ):
         assert not hidden(page)
         first = page.split("\n")[0]
