@@ -319,6 +319,7 @@ def test_resonances_are_of_up_to_four_frequencies() -> None:
 SAMPLE = (2104, 2112, 2115, 2118, 2119, 2127, 2006, 2010, 2011, 2015, 2016)
 
 
+@pytest.mark.slow
 def test_certain_survivors_survive() -> None:
     cases = [survivors.judged(seed) for seed in SAMPLE]
     assert sum(case.certain for case in cases) >= 10
@@ -363,6 +364,7 @@ def test_a_massless_cart_without_a_mode_is_refused() -> None:
         predict(in_units(1.0, 10.0, -3.0, drive=FEED, cart=0.0))
 
 
+@pytest.mark.slow
 def test_rates_out_of_all_proportion_end_in_time() -> None:
     """A cart of 1e-12 kg: 1e10 steps a second."""
     assert not predict(in_units(1.0, 10.0, -3.0, drive=FEED, cart=1e-12)).certain

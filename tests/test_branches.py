@@ -136,6 +136,7 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     assert named(found, "in phase").words == "in phase → 88° apart"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [4000.0, 1500.0])
 def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> None:
     found = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:5")
@@ -145,6 +146,7 @@ def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> No
     assert (low, high) == pytest.approx((1.0, 1 + end), abs=0.03 * end)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("part", "locked"), [(0.9, True), (1.1, False)])
 def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part: float, locked: bool) -> None:
     scene = clocks(200.0, 5.0)
@@ -159,6 +161,7 @@ def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part
 # ---------------------------------------------------------------------------------------------- critical coupling
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("words", "kind"), [("antiphase", "stops lasting"), ("in phase", "starts to last")])
 def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> None:
     """By the cart's mass: beyond it phases swing or another configuration is gone to."""
@@ -200,6 +203,7 @@ def growth_in_phase(damping: float, scene: Scene, strength: float) -> float:
     return float(values[together].real.item())
 
 
+@pytest.mark.slow
 def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     """Pantaleone (2002) has them in phase on a light base.
 
@@ -218,6 +222,7 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
         assert phases.order[-1, 0] == pytest.approx(survivor - 2, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> None:
     """On a heavier base, that splits frequencies by 2 %; growth or decay of antiphase in the simulator's energies."""
     link = Body(mass=0.025, length=0.1, centre=0.02, inertia=1e-5, damping=1e-6, drive=KICKS)
@@ -234,6 +239,7 @@ def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> Non
 # --------------------------------------------------------------------------------------------------- two links
 
 
+@pytest.mark.slow
 def test_four_configurations_of_double_pendula() -> None:
     """Slow or fast, cart still or moving; in phase dies out where a small swing no longer grows, by eigenvalues."""
     strength = 0.01
@@ -265,6 +271,7 @@ def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
     return float(turning[np.argsort(turning.imag)][place].real)
 
 
+@pytest.mark.slow
 def test_what_leaves_another_branch_begins_there() -> None:
     """Fast antiphase of the clocks sheds, where it stops lasting, a swing that shares its energy with in phase."""
     found = followed(modal.load("clocks-double"), "support.mass=7:10:2")

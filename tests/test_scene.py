@@ -214,6 +214,7 @@ SCENES = st.builds(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(SCENES)
 def test_any_scene_comes_back_exactly(scene: Scene) -> None:

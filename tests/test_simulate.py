@@ -104,6 +104,7 @@ def test_the_energy_certificate_bites() -> None:
 # ------------------------------------------------------------------------------------------ certificates
 
 
+@pytest.mark.slow
 def test_energy_and_momentum_keep_nine_digits_for_a_thousand_seconds() -> None:
     scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     start = State(np.array([0.5]), np.zeros(1), cart_rate=0.1)

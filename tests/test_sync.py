@@ -110,6 +110,7 @@ def test_the_records_hold_the_same_numbers() -> None:
     assert all(one["lasts"] for one in told["configurations"])
 
 
+@pytest.mark.slow
 def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     """Metronomes in exact antiphase, that neighbours leave, go where real ones would: in phase."""
     scene = floquet.metronomes(11.0).scene
@@ -168,6 +169,7 @@ def test_a_start_at_rest_has_no_prediction() -> None:
         predict(clocks(0.0, 0.0))
 
 
+@pytest.mark.slow
 def test_escapements_keep_their_books() -> None:
     found = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 120.0, tolerance=1e-12)
     kicks = found.trajectory.kicks
@@ -176,6 +178,7 @@ def test_escapements_keep_their_books() -> None:
     assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(found)
 
 
+@pytest.mark.slow
 def test_a_thousand_driven_pendula() -> None:
     rng = np.random.default_rng(3)
     found = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 20.0)
@@ -230,6 +233,7 @@ def written(folder: Path, drive: str = '{ kind = "van-der-pol", strength = 0.05,
     return str(path)
 
 
+@pytest.mark.slow
 def test_the_command_draws_and_films(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     picture, film = tmp_path / "sync.png", tmp_path / "sync.gif"
     code = main(["sync", written(tmp_path), "--duration", "6", "-o", str(picture), "--film", str(film)])
