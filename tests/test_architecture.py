@@ -107,6 +107,21 @@ def test_every_room_says_what_it_is_for() -> None:
         assert len(lines) >= (4 if folder else 1), room
 
 
+def test_rooms_speak_of_what_is_there() -> None:
+    """Modules by the name of a file of the room, classes by that of a class of its package; matplotlib has Figure."""
+    classes = {
+        node.name
+        for path in sources().values()
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if isinstance(node, ast.ClassDef)
+    } | {"Figure"}
+    for room in ROOMS:
+        words = ast.get_docstring(ast.parse(sources()[room].read_text(encoding="utf-8"))) or ""
+        assert set(re.findall(r"`([A-Z][A-Za-z]*[a-z][A-Za-z]*)`", words)) <= classes, room
+        for start in re.findall(r"Start\s+with\s+`(\w+)`(?:\s+and\s+(?:with\s+)?`(\w+)`)?", words):
+            assert {f"{room}.{module}" for module in start if module} <= sources().keys(), room
+
+
 def test_nobody_imports_the_command_and_modal_nothing_of_nonlinear() -> None:
     for name, path in sources().items():
         package = name.partition(".")[0]

@@ -4,7 +4,8 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked o
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `files` reads and writes, `validation` words every mistake, `parameters` varies numbers by path.
+Start with `model`; `files` reads and writes, `sealed` tells damaged files, `validation` checks every part, `messages`
+words every mistake, `parameters` varies numbers by path.
 """
 
 from typing import TYPE_CHECKING

@@ -41,9 +41,9 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     )
     study = Study(scene, axes, measures)
     if options.picture:
-        from nonlinear.plotting import draw_sweep, insist
+        from nonlinear.plotting import draw_sweep, validate_axes
 
-        insist(axes)
+        validate_axes(axes)
     with _journal(options, study) as kept:
         with _crew(options) as crew, bar(study.size, "point") as report:
             found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)

@@ -1,6 +1,6 @@
 """Chaos: tangent dynamics, Lyapunov exponents, and what the papers claim of them.
 
-In: a scene in the plane and a start, or an energy.  Out: `Lyapunov` with λ and its error, studies over scenes.
+In: a scene in the plane and a start, or an energy.  Out: an `Exponent`, λ with its error, studies over scenes.
 
     λ = lim (1/t) ln |v(t)|,    v' = J(y) v
 

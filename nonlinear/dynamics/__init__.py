@@ -1,6 +1,6 @@
 """Equations of motion, in minimal, maximal and Hamiltonian form, in the plane and in space.
 
-In: a `Plant` and its state.  Out: accelerations, and the positions, energies, momenta and forces that go with them.
+In: a `System` and its state.  Out: accelerations, and the positions, energies, momenta and forces that go with them.
 
     M(q) q'' = f(q, q', t)
 

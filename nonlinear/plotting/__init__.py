@@ -9,7 +9,7 @@ from nonlinear.plotting.branches import branches_figure, draw_branches
 from nonlinear.plotting.chaos import draw_finding, draw_running
 from nonlinear.plotting.run import draw_run
 from nonlinear.plotting.stroboscope import SECONDS, strobe
-from nonlinear.plotting.sweeps import draw_sweep, insist
+from nonlinear.plotting.sweeps import draw_sweep, validate_axes
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
 from nonlinear.plotting.verification import check_figure, draw_check, draw_spectrum
 from nonlinear.plotting.work_precision import draw_tradeoff, tradeoff_figure
@@ -28,8 +28,8 @@ __all__ = [
     "draw_sweep",
     "draw_sync",
     "draw_tradeoff",
-    "insist",
     "strobe",
     "sync_figure",
     "tradeoff_figure",
+    "validate_axes",
 ]

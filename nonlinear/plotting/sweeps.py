@@ -64,7 +64,7 @@ def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
 
 def sweep_figure(sweep: Sweep) -> Figure:
     """The same as a figure."""
-    insist(sweep.study.variations)
+    validate_axes(sweep.study.variations)
     known = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
     if not known:
         raise ComputationError("no point has a number: there is nothing to draw")
@@ -77,7 +77,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
     return figure
 
 
-def insist(axes: Sequence[Variation]) -> None:
+def validate_axes(axes: Sequence[Variation]) -> None:
     """ComputationError where a sweep over these cannot be drawn."""
     if len(axes) > 2 or any(len(variation.values) < 2 for variation in axes):
         raise ComputationError("a picture is of one parameter or two, each with two values or more")
