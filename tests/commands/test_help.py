@@ -126,7 +126,7 @@ def completed(line: str) -> list[str]:
         **os.environ,
         **{"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_SUPPRESS_SPACE": "1"},
         **{"_ARGCOMPLETE_STDOUT_FILENAME": str(told), "COMP_LINE": line, "COMP_POINT": str(len(line))},
-        "PYTHONPATH": str(Path(__file__).parent.parent),
+        "PYTHONPATH": str(Path(__file__).parents[2]),
     }
     subprocess.run([sys.executable, "-m", "multipendula"], env=environment, capture_output=True, check=False)
     return told.read_text(encoding="utf-8").split("\n")
@@ -230,7 +230,7 @@ def test_a_shell_completes(tmp_path: Path, shell: str, script: str, told: list[s
     command = tmp_path / "multipendula"
     command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m multipendula "$@"\n')
     command.chmod(0o755)
-    places = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(Path(__file__).parent.parent)}
+    places = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(Path(__file__).parents[2])}
     done = subprocess.run(
         [shell, "-c", script], env={**os.environ, **places}, cwd=tmp_path, capture_output=True, text=True, check=False
     )
