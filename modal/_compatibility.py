@@ -23,87 +23,83 @@ NAMESAKE = (
 MOVED = {
     "modal.assembly": "linear=linearization rig=arrays",
     "modal.coupling": (
-        "coupling_records coupling_words damping_words decay=damping dynamic_mass family_words=report feeding "
-        "own_modes=fixed_base talk=exchange talk_words "
+        "coupling_records=records coupling_words=report damping_words=report decay=damping dynamic_mass "
+        "family_words=report feeding=damping own_modes=fixed_base talk=exchange talk_words=report"
     ),
     "modal.eigen": (
         "amplitude bisect=bisection built=counts chain=recursion coincident=degenerate crowd=coupled "
         "damped=quadratic dense effective=chains matrix_source routes secular sources spectrum "
-        "sprung_chain=sprung_chains "
+        "sprung_chain=sprung_chains"
     ),
     "modal.exact": (
-        "balls certified=enclosures integer_polynomials=polynomials isolation=roots polynomials=characteristic sprung "
+        "balls certified=enclosures integer_polynomials=polynomials isolation=roots polynomials=characteristic sprung"
     ),
     "modal.exports": "names=identifiers",
-    "modal.loci": "encounters=crossings loci_tables tracks=tracking",
+    "modal.loci": "encounters=crossings loci_tables=following tracks=tracking",
     "modal.modes": (
-        "all_shapes=modal_matrix audit=solution_report closed_forms families=labels matrix_tables mode "
-        "numbering resonances sensitivity shapes tables "
+        "all_shapes=modes audit=solution_report closed_forms families=labels matrix_tables=tables mode numbering "
+        "resonances=mode sensitivity shapes tables"
     ),
     "modal.plotting": (
-        "cart_mass_figures coupling_figures dress=layout figures=shapes loci_figures=loci "
-        "mass_figures=coupling palette pictures=style response_figures=response sliders "
+        "cart_mass_figures=coupling coupling_figures=coupling dress=layout figures=shapes loci_figures=loci "
+        "mass_figures=coupling palette=style pictures=style response_figures=response sliders"
     ),
     "modal.report": "escaping prose",
     "modal.scene": "drives files messages places sealed validation variations=parameters",
     "modal.statespace": "balancing exports.discrete=sampling gains modal_form reduction response shapers signals",
     "modal.symbolic": (
         "derivation displayed=line_breaks eigen_polynomials eigen_sections=eigen kinetic lagrange lagrangian "
-        "papers polynomial_roots=roots sections targets typeset=typesetting "
+        "papers polynomial_roots=roots sections targets typeset=typesetting"
     ),
     "modal.symbolic.papers": (
         "catalogue papers.cart=cart papers.cart_dae=cart_dae papers.planar=planar papers.spatial=spatial "
-        "papers.spatial_azimuth=spatial_azimuth "
+        "papers.spatial_azimuth=spatial_azimuth"
     ),
     "nonlinear": "recordings=files saved_files=files",
     "nonlinear.accuracy": (
         "advice advice_tables attempts ladder=candidates references shortcuts tradeoff=work_precision "
-        "tradeoff_tables=tables "
+        "tradeoff_tables=tables"
     ),
-    "nonlinear.averaging": (
-        "averaged=equations configurations=equilibria describing prediction slow_motion=slow_flow "
-    ),
+    "nonlinear.averaging": "averaged=equations configurations=equilibria describing prediction slow_motion=slow_flow",
     "nonlinear.chaos": "chaos_claims=claims chaos_studies=studies lyapunov tangent",
     "nonlinear.dynamics": (
         "ball_joints=spatial_joints banded compiled constraints efforts forces hamiltonian interrupts joints "
         "maximal mechanics minimal plane=recursion reduced saddle short small=dense space=spatial_recursion "
-        "spatial suspended symmetries "
+        "spatial suspended symmetries"
     ),
     "nonlinear.integration": (
         "escapements integrate=driver methods preparation=run requests=arguments steppers taylor timescales "
-        "trajectory twins "
+        "trajectory twins"
     ),
     "nonlinear.plotting": (
-        "animation branch_figures=branches chaos_figures=chaos check_figures=verification figures=run film "
-        "gauges scenery=artists stage=scene strobe=stroboscope sweep_figures=sweeps "
-        "sync_figures=synchronization tradeoff_figures=work_precision "
+        "animation branch_figures=branches chaos_figures=chaos check_figures=verification figures=run film gauges "
+        "scenery=artists stage=scene strobe=stroboscope sweep_figures=sweeps sync_figures=synchronization "
+        "tradeoff_figures=work_precision"
     ),
     "nonlinear.postprocessing": (
-        "frames=resampling inventory lines=frequencies reactions=reaction_forces smoothing=averages spectra summary "
+        "frames=resampling inventory lines=frequencies reactions=reaction_forces smoothing=averages spectra summary"
     ),
     "nonlinear.reduction": "defect modal_coordinates residual superposition truncated truncation two_planes",
     "nonlinear.sweeps": (
         "cluster crews=executors journals=checkpoint locks measure measures modal_measures run_measures "
-        "studies=study sweep_files=files sweep_tables sync_measures "
+        "studies=study sweep_files=files sweep_tables sync_measures"
     ),
     "nonlinear.synchronization": (
         "agreement=patterns branch_tables branches continuation phases survival=modal_energy sync_records "
-        "sync_words=report synchrony=study "
+        "sync_words=report synchrony=study"
     ),
     "nonlinear.system": "directions events excitation plant=system starts=initial state",
-    "nonlinear.verification": (
-        "check=modes check_tables=tables compare=motion compare_tables measurements=measurement "
-    ),
+    "nonlinear.verification": "check=modes check_tables=tables compare=motion compare_tables measurements=measurement",
 }
 """The modules of a room by their old names, and their new ones where these differ."""
 
 RENAMED = {
     "modal.coupling.analysis": "explained=explain",
-    "modal.coupling.coupling_records": "records=coupling_record",
-    "modal.coupling.coupling_words": "words=coupling_report",
+    "modal.coupling.damping": "strengths=negative_damping",
     "modal.coupling.exchange": "Exchange=Transfer exchange=transfer Talk=EnergyExchange talks=energy_exchanges",
-    "modal.coupling.feeding": "strengths=negative_damping",
     "modal.coupling.fixed_base": "OwnModes=FixedBaseModes own_modes=fixed_base_modes conservative=without_damping",
+    "modal.coupling.records": "records=coupling_record",
+    "modal.coupling.report": "words=coupling_report",
     "modal.eigen.coupled": "Crowd=CoupledPendula",
     "modal.eigen.degenerate": "Clusters=DegenerateModes clusters=degenerate_modes",
     "modal.eigen.spectrum": "spectrum=find_spectrum",
@@ -135,7 +131,7 @@ RENAMED = {
     "nonlinear.accuracy.work_precision": "Tradeoff=WorkPrecision tradeoff=measure_work_precision measured=measure",
     "nonlinear.averaging.equations": "Averaged=AveragedEquations averaged=average",
     "nonlinear.averaging.equilibria": (
-        "Configuration=RelativeEquilibrium configurations=relative_equilibria configuration=relative_equilibrium "
+        "Configuration=RelativeEquilibrium configurations=relative_equilibria configuration=relative_equilibrium"
     ),
     "nonlinear.averaging.prediction": "predicted=predict",
     "nonlinear.averaging.slow_flow": "SlowMotion=SlowFlow settled=settle",
@@ -144,8 +140,8 @@ RENAMED = {
     "nonlinear.dynamics.spatial": "Recursion=SpatialRecursion",
     "nonlinear.dynamics.symmetries": "symmetries=find_symmetries symmetrized=symmetrize",
     "nonlinear.integration.arguments": (
-        "gathered=validate sampled=sample_times insist_numbers=validate_numbers "
-        "insist_accuracy=validate_accuracy insist_seen=validate_observable insist_push=validate_forces "
+        "gathered=validate sampled=sample_times insist_numbers=validate_numbers insist_accuracy=validate_accuracy "
+        "insist_seen=validate_observable insist_push=validate_forces"
     ),
     "nonlinear.integration.run": "prepared=prepare",
     "nonlinear.integration.taylor": "equations=expressions",
@@ -169,7 +165,7 @@ RENAMED = {
     "nonlinear.synchronization.branches": "branches=follow_branches",
     "nonlinear.synchronization.modal_energy": "survival=find_survival",
     "nonlinear.synchronization.study": (
-        "theory_of=theory_of_scene synchrony=study_synchronization Synchrony=SynchronizationStudy "
+        "theory_of=theory_of_scene synchrony=study_synchronization Synchrony=SynchronizationStudy"
     ),
     "nonlinear.synchronization.sync_records": "records=sync_record",
     "nonlinear.system.directions": "directions=unit_vectors",
