@@ -20,8 +20,7 @@ from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
 from modal.report import csv_rows
 from modal.scene import Scene
-from modal.scene.parameters import Variation, validate_variations
-from modal.scene.places import find_places, number_at
+from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
 
 MOST_SOLVED = 20_000

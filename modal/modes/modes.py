@@ -309,7 +309,7 @@ def natural_modes(scene: Scene) -> Modes:
     """All modes of a scene about its rest: hanging, or as `equilibrium` says.
 
     Raises ComputationError where double precision or memory cannot give them.  Methods and their sources stand in
-    the modules that `modal.eigen.routes` chooses from.
+    the modules that `modal.eigen.spectrum` chooses from.
     """
     rig = rig_of(scene)
     with np.errstate(all="ignore"):
