@@ -72,7 +72,7 @@ def shapes(options: argparse.Namespace) -> None:
 def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
     from modal.assembly import matrices as matrices_of
-    from modal.modes.matrix_tables import matrices_table
+    from modal.modes.tables import matrices_table
     from modal.scene import load
 
     scene = small_swings(load(options.scene))
@@ -83,7 +83,7 @@ def matrices(options: argparse.Namespace) -> None:
 def derive(options: argparse.Namespace) -> None:
     """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
     from modal.errors import SceneError
-    from modal.symbolic import derivation, targets, typesetting
+    from modal.symbolic import derivation, typesetting
     from modal.symbolic.papers import catalogue
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
@@ -94,7 +94,7 @@ def derive(options: argparse.Namespace) -> None:
             raise SceneError([f"{options.target}: takes none of --show, --symbolic, --links and --equilibrium"])
         title, sections = catalogue.paper(options.target.removeprefix("paper:"))
     else:
-        system, scene = targets.target(options.target, options.links, symbols, ways)
+        system, scene = derivation.target(options.target, options.links, symbols, ways)
         title = system.title
         sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and small_swings(scene)))
     with _output(options.output) as write:

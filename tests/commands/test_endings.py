@@ -24,7 +24,7 @@ from nonlinear.dynamics import undisturbed
 from nonlinear.plotting import animate
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, open_checkpoint
-from nonlinear.sweeps.measure import RequestedMeasure
+from nonlinear.sweeps.measures import RequestedMeasure
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 COMMAND = [sys.executable, "-m", "multipendula"]
