@@ -1,4 +1,4 @@
-"""Whether `advise` keeps its word: accuracy met, and cost beside the cheapest rung of the ladder, on a held set.
+"""Whether `advise` keeps its word: accuracy met, and cost beside the cheapest candidate, on a held set.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/advice.py [--scenes 300] [--promises] [--journal FILE] [--write]
 
@@ -6,13 +6,13 @@ Random scenes of one to nine links, in the plane and in space, on a cart or not,
 some of them driven (van der Pol), with stiff joints or with light links above heavy ones, from 0.01 to 170 degrees,
 over 1 to 15 s and for 1e-8 to 1e-2 rad; no constant of the code was fitted to them.  The judge is DOP853 at a tolerance
 of 1e-4 times the accuracy, or times the error that was stated where that is smaller, held against one ten times looser,
-or else the finest rungs that there are; where those differ by more than a twentieth of the accuracy nobody can judge,
-and the advice should say so.  The cheapest rung is
-found by trying every integrator from loose tolerances on, half a decade at a time.  A cost is the time from scene to
-motion in a process of its own: compilers and the loading of numba and heyoka, which is measured once, are counted.
+or else the finest candidates that there are; where those differ by more than a twentieth of the accuracy nobody can
+judge, and the advice should say so.  The cheapest candidate is found by trying every integrator from loose tolerances
+on, half a decade at a time.  A cost is the time from scene to motion in a process of its own: compilers and the loading
+of numba and heyoka, which is measured once, are counted.
 
-With --promises no cheapest rung is sought, and nothing is judged that was not promised.  With a journal what is done is
-kept, and not done again.
+With --promises no cheapest candidate is sought, and nothing is judged that was not promised.  With a journal what is
+done is kept, and not done again.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ STIFF, HEAVY = 10.0, 10.0  # spring over m l² (1/s²) of a stiff joint, mass be
 
 @dataclass(frozen=True)
 class Case:
-    """One scene: what was asked, what came of it, and the cheapest rung that would have done (inf s: none)."""
+    """One scene: what was asked, what came of it, and the cheapest candidate that would have done (inf s: none)."""
 
     seed: int
     links: int
@@ -141,7 +141,7 @@ def loading(way: str) -> float:
 
 
 def judged(seed: int, costs: bool = True) -> Case:
-    """One scene of the set, and where costs are asked for the cheapest rung that would have done."""
+    """One scene of the set, and where costs are asked for the cheapest candidate that would have done."""
     scene, start, duration, accuracy = held(seed)
     estimate_timescales.cache_clear()
     begun = perf_counter()
@@ -154,16 +154,16 @@ def judged(seed: int, costs: bool = True) -> Case:
     fine = FINER * min(accuracy, advice.attempts[-1].error)
     looser = (Candidate(form, "DOP853", max(fine * share, SMALLEST), compiled) for share in (1.0, 10.0))
     known, error = False, inf
-    for rungs in (looser, choose_references(scene)) if advice.met or costs else ():
-        finest, other = (rung.prepare(question)().motion for rung in rungs)
+    for candidates in (looser, choose_references(scene)) if advice.met or costs else ():
+        finest, other = (candidate.prepare(question)().motion for candidate in candidates)
         known, error = float(apart(finest, other).max()) < SHARE * accuracy, _error(advice, finest)
         if known:
             break
     best, best_seconds = "", inf
     if known and costs:
-        for rung, spent in _enough(question, finest, accuracy):
-            if spent + loading(rung.name) < best_seconds:
-                best, best_seconds = rung.name, spent + loading(rung.name)
+        for candidate, spent in _enough(question, finest, accuracy):
+            if spent + loading(candidate.name) < best_seconds:
+                best, best_seconds = candidate.name, spent + loading(candidate.name)
     last = advice.attempts[-1]
     return Case(
         seed,
@@ -190,7 +190,7 @@ def _error(advice: Advice, finest: Motion) -> float:
 
 
 def _enough(question: Question, finest: object, accuracy: float) -> Iterator[tuple[Candidate, float]]:
-    """Of every family the loosest rung that meets the accuracy, and its time (s)."""
+    """Of every family the loosest candidate that meets the accuracy, and its time (s)."""
     plane = question.scene.space == "plane"
     families = [[Candidate(LINEAR)], [Candidate(CORRECTED)]]
     methods = [("DOP853", False), ("RK45", False), *([("LSODA", False)] if plane else [])]
@@ -202,18 +202,18 @@ def _enough(question: Question, finest: object, accuracy: float) -> Iterator[tup
     families += [[Candidate(kind, method, t, compiled) for t in tolerances] for method, compiled in methods]
     fastest = inf
     for family in families:
-        for rung in family if loading(family[0].name) < fastest else ():
+        for candidate in family if loading(family[0].name) < fastest else ():
             estimate_timescales.cache_clear()
             begun = perf_counter()
             estimate_timescales(question.scene)
             try:
-                found = rung.prepare(replace(question, patience=fastest))()
+                found = candidate.prepare(replace(question, patience=fastest))()
             except ComputationError:
                 break
             spent = perf_counter() - begun
             if float(apart(found.motion, finest).max()) <= accuracy:
                 fastest = min(fastest, spent)
-                yield rung, spent
+                yield candidate, spent
                 break
 
 
@@ -243,11 +243,11 @@ def _costs(kept: list[Case]) -> list[str]:
     final = np.array([case.final_seconds / case.cheapest_seconds for case in kept])
     total = sum(case.seconds for case in kept) / sum(min(case.cheapest_seconds, case.seconds) for case in kept)
     return [
-        f"| all that was tried, over the cheapest rung: median, 90 %, 95 % | "
+        f"| all that was tried, over the cheapest candidate: median, 90 %, 95 % | "
         f"{np.median(ratios):.2f}, {np.quantile(ratios, 0.9):.2f}, {np.quantile(ratios, 0.95):.2f} |",
         f"| of that at most {LIMIT:g} | {100 * np.mean(ratios <= LIMIT):.1f} % |",
-        f"| all scenes together, over their cheapest rungs | {total:.2f} |",
-        f"| the run that is returned alone, over the cheapest rung: median; at most {LIMIT:g} | "
+        f"| all scenes together, over their cheapest candidates | {total:.2f} |",
+        f"| the run that is returned alone, over the cheapest candidate: median; at most {LIMIT:g} | "
         f"{np.median(final):.2f}; {100 * np.mean(final <= LIMIT):.1f} % |",
     ]
 
@@ -257,7 +257,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=300)
     parser.add_argument("--first", type=int, default=910_000)
-    parser.add_argument("--promises", action="store_true", help="leave out what the cheapest rung would have cost")
+    parser.add_argument("--promises", action="store_true", help="leave out what the cheapest candidate would have cost")
     parser.add_argument("--journal", type=Path, help="keep every scene here as it is done, and go on from there")
     parser.add_argument("--write", action="store_true", help="keep every scene in docs/benchmarks/advice.csv")
     options = parser.parse_args()

@@ -8,12 +8,16 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Callable, Iterable
+from functools import wraps
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 NAMESAKE = (
     "the distribution 'modal' (the Modal cloud client) is installed beside 'multipendula' in {place}; both own the "
@@ -210,6 +214,32 @@ def exported(package: str, names: dict[str, str]) -> Callable[[str], Any]:
 def warn_of_old_name(old: str, new: str) -> None:
     """Where what called the caller stands."""
     warnings.warn(f"{old} is {new} now; the old name goes with the next version", DeprecationWarning, stacklevel=3)
+
+
+def former(owner: str, old: str, new: str) -> Any:
+    """A property of the class `owner` that still answers to its old name."""
+
+    def get(self: Any) -> Any:
+        warn_of_old_name(f"{owner}.{old}", f"{owner}.{new}")
+        return getattr(self, new)
+
+    return property(get, doc=f"The old name of `{new}`.")
+
+
+def former_argument(old: str, new: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
+    """A decorator for a function that still takes a keyword by its old name."""
+
+    def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        @wraps(function)
+        def call(*given: P.args, **named: P.kwargs) -> R:
+            if old in named:
+                warn_of_old_name(f"{function.__name__}({old}=…)", f"{new}=…")
+                named[new] = named.pop(old)
+            return function(*given, **named)
+
+        return call
+
+    return decorate
 
 
 def _moved() -> dict[str, str]:

@@ -10,6 +10,7 @@ import pytest
 from modal import _compatibility, load
 from modal._compatibility import warn_about_namesake
 from nonlinear import simulate
+from nonlinear.accuracy import Candidate, measure_work_precision
 
 
 def test_the_other_distribution_is_named(tmp_path: Path) -> None:
@@ -120,6 +121,13 @@ def test_what_never_was_there_is_not() -> None:
             import_module(module).nothing  # noqa: B018
     assert find_spec("modal.nothing") is None
     assert find_spec("nonlinear.nothing") is None
+
+
+def test_work_precision_takes_candidates_by_their_old_name() -> None:
+    with pytest.warns(DeprecationWarning, match=r"rungs=…\) is candidates=… now"):
+        found = measure_work_precision(load("chain-1"), 0.1, rungs=[Candidate("minimal", "RK45", 1e-3)])  # type: ignore[call-arg]
+    with pytest.warns(DeprecationWarning, match=r"Row\.rung is Row\.candidate now"):
+        assert found.rows[1].rung is found.rows[1].candidate
 
 
 def test_a_trajectory_has_a_system() -> None:

@@ -10,7 +10,7 @@ the shape of one mode and a little of all others.  With
     E_r = ((φ_rᵀM q')² + ω_r² (φ_rᵀM q)²)/2,        φ_rᵀMφ_s = δ_rs,
 
 that mode stays if its share of the energy is larger in the end than at first.  Beside every run stands what the
-averaged equations say of the configuration: it lasts, it is left, or there is none.
+averaged equations say of the configuration: stable, unstable, or there is none.
 """
 
 from __future__ import annotations
@@ -81,10 +81,10 @@ def attracts(scene: Scene, start: int, seconds: float = SECONDS) -> str:
 
 
 def averages(scene: Scene) -> tuple[str, ...]:
-    """What the averaged equations say of each mode by itself, in the order of NAMES: lasts, is left, or none."""
-    fates = {one.row: one.lasts for one in relative_equilibria(average(scene)) if one.share.max() > PURE}
+    """What the averaged equations say of each mode by itself, in the order of NAMES: stable, unstable, or none."""
+    fates = {one.row: one.is_stable for one in relative_equilibria(average(scene)) if one.share.max() > PURE}
     rows = 1 + np.argsort(np.argsort(modes(scene)[0]))  # row 0 of the table is the beam's own
-    return tuple("none" if row not in fates else "lasts" if fates[row] else "is left" for row in rows)
+    return tuple("none" if row not in fates else "stable" if fates[row] else "unstable" for row in rows)
 
 
 def main() -> None:
@@ -98,7 +98,7 @@ def main() -> None:
         scene = varied(beam, lower)
         runs = [attracts(scene, start, 150.0 if quick else SECONDS) for start in range(4)]
         said = averages(scene)
-        alike += sum((run == "stays") == (fate == "lasts") for run, fate in zip(runs, said, strict=True))
+        alike += sum((run == "stays") == (fate == "stable") for run, fate in zip(runs, said, strict=True))
         cells = "".join(f"{f'{run}, {fate}':>20}" for run, fate in zip(runs, said, strict=True))
         print(f"{beam:9g}  {lower:14g}{cells}", flush=True)
     print(f"simulated, averaged: {alike} of {4 * len(grid)} agree")

@@ -124,8 +124,8 @@ def energy_exchanges(
     masses = _between(dynamic, pole[chosen])
     alone = _alone(own, dynamic, pole, chosen, masses)
     every = zip(pairs, masses.tolist(), alone.tolist(), strict=True)
-    found = [_talk(own, a, b, m, damping, alone=by_itself) for (a, b), m, by_itself in every if m]
-    return tuple(sorted(found, key=lambda talk: -talk.share))
+    found = [_exchange(own, a, b, m, damping, alone=by_itself) for (a, b), m, by_itself in every if m]
+    return tuple(sorted(found, key=lambda pair: -pair.share))
 
 
 def _between(dynamic: DynamicMass, poles: Ints) -> Floats:
@@ -154,7 +154,7 @@ def _alone(own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m
     return alone
 
 
-def _talk(own: FixedBaseModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> EnergyExchange:
+def _exchange(own: FixedBaseModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> EnergyExchange:
     """Pair (a, b) on a cart that resists with m and a damper."""
     wa, wb = float(own.omega[a]), float(own.omega[b])
     ma, mb = (float(own.mass[k] * own.count[k]) for k in (a, b))

@@ -23,7 +23,7 @@ def coupling_record(coupling: Coupling) -> dict[str, Any]:
         "sum_rule_residual": coupling.residual(),
         "families": [_family(coupling, *numbered) for numbered in enumerate(coupling.families)],
         "cart_modes": [_cart_mode(coupling, mode) for mode in coupling.cart_modes],
-        "pairs": [_pair(coupling, talk) for talk in coupling.talks],
+        "pairs": [_pair(coupling, pair) for pair in coupling.pairs],
         "damping": [_damped(coupling, mode) for mode in coupling.damped],
     }
 
@@ -67,16 +67,16 @@ def _cart_mode(coupling: Coupling, mode: CartMode) -> dict[str, Any]:
     }
 
 
-def _pair(coupling: Coupling, talk: EnergyExchange) -> dict[str, Any]:
+def _pair(coupling: Coupling, pair: EnergyExchange) -> dict[str, Any]:
     return {
-        "first": _member(coupling, talk.first),
-        "second": _member(coupling, talk.second),
-        "detuning_rad_per_s": talk.detuning,
-        "coupling_rad_per_s": talk.coupling,
-        "dynamic_mass_between_kg": _finite(talk.cart_mass),
-        "energy_share": talk.share if talk.alone else None,
-        "beat_period_s": _finite(talk.period) if talk.alone and talk.exchange.beats else None,
-        "energy_left_after_a_beat": talk.exchange.left if talk.alone and talk.exchange.beats else None,
+        "first": _member(coupling, pair.first),
+        "second": _member(coupling, pair.second),
+        "detuning_rad_per_s": pair.detuning,
+        "coupling_rad_per_s": pair.coupling,
+        "dynamic_mass_between_kg": _finite(pair.cart_mass),
+        "energy_share": pair.share if pair.alone else None,
+        "beat_period_s": _finite(pair.period) if pair.alone and pair.exchange.beats else None,
+        "energy_left_after_a_beat": pair.exchange.left if pair.alone and pair.exchange.beats else None,
     }
 
 

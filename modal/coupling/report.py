@@ -59,15 +59,12 @@ def sections(coupling: Coupling) -> tuple[Section, ...]:
         ("What the cart feels" if coupling.on_cart else "What a cart would feel", _felt),
         ("Families of modes", families),
         ("The cart's mass from 0 to ∞", limits),
-        ("Who talks to whom", exchanges),
+        ("Exchange of energy between pendula", exchanges),
         ("Damping by family", damping),
         ("What this does not say", _unsaid),
     )
     found = (Section(title, tuple(write(coupling))) for title, write in parts)
     return tuple(section for section in found if section.sentences)
-
-
-# ------------------------------------------------------------------------------------------------------- dress
 
 
 def _text(title: str, parts: tuple[Section, ...]) -> str:
@@ -86,7 +83,7 @@ def _markdown(title: str, parts: tuple[Section, ...]) -> str:
 
 
 def shown(coupling: Coupling) -> int:
-    """How many of a sort are written out: a few of a crowd."""
+    """How many of a sort are written out, fewer where there are many."""
     return MOST_LISTED if len(coupling.own.omega) <= MOST_MODES else FEW
 
 
@@ -206,7 +203,7 @@ def _moved(coupling: Coupling, r: str, family: Family) -> Iterator[str]:
         own = numbered(coupling, family.omega)
         yield f"{many} at ω_{r} with the cart still, in antiphase{own} [Σ φᵀb = 0];"
     if family.cart_mode is None or family.splitting is None:
-        yield f"{'the' if several else 'The'} one that moves the cart is lost to infinity [m_dyn(∞) = 0]."
+        yield f"{'the' if several else 'The'} one that moves the cart has gone to infinite frequency [m_dyn(∞) = 0]."
         return
     moved, bare = coupling.cart_modes[family.cart_mode], " without dampers" if coupling.scene.has_damping else ""
     yield (
@@ -215,7 +212,7 @@ def _moved(coupling: Coupling, r: str, family: Family) -> Iterator[str]:
         f"[ω_zero − ω_{r}]."
     )
     if isinf(family.strength):
-        yield f"Nothing else resists it [m_{r} = 0]."
+        yield f"No other inertia opposes it [m_{r} = 0]."
         return
     guess = f", which to first order gives Δω ≈ {short(family.first_order)} rad/s [½ ε_{r} ω_{r}]{_guide(family)}"
     if abs(family.strength) > STRONG:
@@ -250,8 +247,8 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
     if len(family.members) == 1:
         share = f", of which the others hold {percent(4 * (n - 1) / n**2)} halfway [4(N − 1)/N², N = {n}]"
     yield (
-        f"One pendulum set swinging alone in this mode has its energy back after {short(passed.period)} s [2π/|Δω|]"
-        f"{share}; a run shorter than half of that shows only a part of the "
+        f"One pendulum set swinging alone in this mode recovers its energy after {short(passed.period)} s [2π/|Δω|]"
+        f"{share}; a run shorter than half of that shows only part of the "
         f"exchange{_guide(family)}."
     )
 
@@ -260,19 +257,19 @@ def _damped_beats(coupling: Coupling, family: Family, passed: Transfer) -> Itera
     """What dampers leave of beats."""
     sigma = float(coupling.own.rate[family.members[0]])
     if sigma >= family.omega:
-        yield "Joint dampers let its pendula creep back without a swing [σ ≥ ω]: there are no beats."
+        yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
         return
     aside = ", its drives aside," if coupling.scene.is_driven else ""
     most = f"the others never hold more than {left(passed.most)} of the energy given"
     if not passed.beats:
         yield (
-            "There are no beats: what moves the cart dies before its phase has run away from the rest "
+            "There are no beats: the motion of the cart decays before its phase has run away from the rest "
             f"[−Re Δλ > Im Δλ]. Of one pendulum set swinging alone{aside}, {most}{_guide(family)}."
         )
         return
     yield (
-        f"One pendulum set swinging alone in this mode{aside} has {left(passed.left)} of its energy again after a beat "
-        f"of {short(passed.period)} s [2π/Im Δλ]: dampers take the rest, and {most}{_guide(family)}."
+        f"One pendulum set swinging alone in this mode{aside} recovers {left(passed.left)} of its energy after a "
+        f"beat of {short(passed.period)} s [2π/Im Δλ]: dampers take the rest, and {most}{_guide(family)}."
     )
 
 
@@ -289,64 +286,70 @@ def _limit(coupling: Coupling, mode: CartMode) -> str:
 
 
 def exchanges(coupling: Coupling) -> Iterator[str]:
-    """A sentence about each pair of modes of different pendula, or about all of a crowd together."""
+    """A sentence about each pair of modes of different pendula, or about all of many together."""
     if len(coupling.names) == 1 or not coupling.on_cart:
         return
     if len(coupling.own.omega) > MOST_MODES:
-        yield from _crowd(coupling)
+        yield from _many(coupling)
         return
-    yield from (_pair(coupling, talk) for talk in coupling.talks[:MOST_LISTED])
-    if not coupling.talks:
-        yield "Nothing but the pendula resists them [m = 0]: they are tied together and exchange no energy in beats."
-    elif (left := len(coupling.talks) - MOST_LISTED) > 0:
+    yield from (_pair(coupling, pair) for pair in coupling.pairs[:MOST_LISTED])
+    if not coupling.pairs:
+        yield (
+            "No inertia but that of the pendula opposes them [m = 0]: they move together and exchange no energy in "
+            "beats."
+        )
+    elif (left := len(coupling.pairs) - MOST_LISTED) > 0:
         yield f"{left} more pairs are {ELSEWHERE}."
 
 
-def _pair(coupling: Coupling, talk: EnergyExchange) -> str:
+def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
     own = coupling.own
-    a, b = (member(coupling, k) for k in (talk.first, talk.second))
-    strength = max(float(own.mass[k] * own.count[k]) for k in (talk.first, talk.second)) / abs(talk.cart_mass)
+    a, b = (member(coupling, k) for k in (pair.first, pair.second))
+    strength = max(float(own.mass[k] * own.count[k]) for k in (pair.first, pair.second)) / abs(pair.cart_mass)
     if strength > STRONG:
         return (
             f"{capital(a)} and {b} are coupled too strongly for beats between two [μ/|m| = {short(strength)}, "
-            f"m = {short(talk.cart_mass)} kg]: their energy goes where the modes above carry it."
+            f"m = {short(pair.cart_mass)} kg]: their energy goes where the modes above carry it."
         )
-    if not talk.alone:
+    if not pair.alone:
         return (
             f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
             "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
         )
-    creeping = [capital(member(coupling, k)) for k in (talk.first, talk.second) if own.rate[k] >= own.omega[k]]
+    creeping = [capital(member(coupling, k)) for k in (pair.first, pair.second) if own.rate[k] >= own.omega[k]]
     if creeping:
-        return f"{listed(creeping, len(creeping))}: joint dampers let it creep back without a swing [σ ≥ ω], no beats."
+        return f"{listed(creeping, len(creeping))}: overdamped by its joints [σ ≥ ω], no beats."
     return (
-        f"{capital(a)} and {b}: detuning {short(abs(talk.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
-        f"ω_b(1 + μ_b/2m)] against coupling {short(talk.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "
-        f"{short(talk.cart_mass)} kg]: {_passed(talk)}{GUIDE if strength > ROUGH else ''}."
+        f"{capital(a)} and {b}: detuning {short(abs(pair.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
+        f"ω_b(1 + μ_b/2m)] against coupling {short(pair.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "
+        f"{short(pair.cart_mass)} kg]: {_passed(pair)}{GUIDE if strength > ROUGH else ''}."
     )
 
 
-def _passed(talk: EnergyExchange) -> str:
-    """Whether they talk, what passes and what comes back."""
-    passed, tuned = talk.exchange, abs(talk.detuning) < 2 * talk.coupling
+def _passed(pair: EnergyExchange) -> str:
+    """Whether they exchange energy, how much, and what comes back."""
+    passed, tuned = pair.exchange, abs(pair.detuning) < 2 * pair.coupling
     if passed.lossless:
         return (
-            f"{'they talk' if tuned else 'detuning keeps them apart'}. One passes at most {percent(talk.share)} of its "
-            f"energy to the other [4g²/(4g² + δ²)] in beats of {short(talk.period)} s [2π/√(4g² + δ²)]"
+            f"{'they exchange energy' if tuned else 'detuning suppresses the exchange'}. One passes at most "
+            f"{percent(pair.share)} of its energy to the other [4g²/(4g² + δ²)] in beats of {short(pair.period)} s "
+            "[2π/√(4g² + δ²)]"
         )
     verdict = (
-        ("they talk" if talk.share > HALF else "dampers keep them apart") if tuned else "detuning keeps them apart"
+        ("they exchange energy" if pair.share > HALF else "damping suppresses the exchange")
+        if tuned
+        else "detuning suppresses the exchange"
     )
     back = (
-        f"after a beat of {short(talk.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most {left(passed.left)} "
+        f"after a beat of {short(pair.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most {left(passed.left)} "
         "is back"
         if passed.beats
         else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
     )
-    return f"{verdict}. With the dampers the other never holds more than {left(talk.share)} of one's energy, and {back}"
+    return f"{verdict}. With the dampers the other never holds more than {left(pair.share)} of one's energy, and {back}"
 
 
-def _crowd(coupling: Coupling) -> Iterator[str]:
+def _many(coupling: Coupling) -> Iterator[str]:
     """The first modes of different pendula with many: their spread against their collective coupling."""
     own, dynamic = coupling.own, coupling.dynamic
     first = own.number == 1
@@ -356,15 +359,15 @@ def _crowd(coupling: Coupling) -> Iterator[str]:
     rest = float(dynamic([middle], left_out=left_out[None])[0])
     shift = middle * mass / (2 * rest) if rest else float("inf")
     yield (
-        f"{len(own.omega)} modes of {len(coupling.names)} kinds are too many to pair off. Their first modes spread "
-        f"over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
+        f"{len(own.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs. Their first modes "
+        f"spread over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
         f"{short(spread / max(1, len(omega) - 1))} rad/s from one to the next in the mean; swinging alike they would "
         f"be shifted by {short(shift)} rad/s [½ ω Σμ/m, m = {short(rest)} kg]."
     )
     yield (
-        "The shift is the larger: one mode in which they swing together stands out above the others."
+        "The shift is the larger: one mode in which they swing together stands out from the others."
         if abs(shift) > spread
-        else "The spread is the larger: neighbours in frequency talk, those far apart do not."
+        else "The spread is the larger: neighbours in frequency exchange energy, those far apart do not."
     )
     top = max(coupling.cart_modes, key=lambda mode: mode.participation)
     yield (
@@ -376,7 +379,7 @@ def _crowd(coupling: Coupling) -> Iterator[str]:
 def damping(coupling: Coupling) -> Iterator[str]:
     """Sentences about every mode, about who survives, and about a drive."""
     if not (coupling.scene.has_damping or coupling.scene.is_driven):
-        yield "Nothing drains energy [D = 0]: every mode keeps its amplitude."
+        yield "Nothing dissipates energy [D = 0]: every mode keeps its amplitude."
         return
     modes = coupling.damped
     yield from (_mode(coupling, mode) for mode in modes[:MOST_DAMPED] if coupling.scene.has_damping)
@@ -386,7 +389,7 @@ def damping(coupling: Coupling) -> Iterator[str]:
         yield "No mode of finite frequency is left to be damped [m_dyn(∞) = 0]."
         return
     if all(mode.exact is None for mode in modes):
-        yield "The damped eigenvalues themselves are out of reach for this scene: all rates are those of first order."
+        yield "The damped eigenvalues themselves cannot be computed for this scene: all rates are those of first order."
     if coupling.scene.is_driven:
         yield from _own_drives(coupling, modes)
         return
@@ -426,16 +429,19 @@ def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     if spared:
         each = "; ".join(_named(coupling, mode) for mode in spared[:MOST_DAMPED])
         rest = f"; and {len(spared) - MOST_DAMPED} more" if len(spared) > MOST_DAMPED else ""
-        yield f"Not damped at all [σ = 0]: {each}{rest}. In the end nothing else swings."
+        yield f"Not damped at all [σ = 0]: {each}{rest}. In the end only these swing."
         if first.from_cart and all(mode.still for mode in spared):
             yield "What leaves the cart still survives a damper on it: antiphase, as Huygens saw."
     elif last.decay <= 0:
-        yield f"Longest lives {_named(coupling, last)}: its rate is lost beside that of {_named(coupling, first)}."
+        yield (
+            f"The slowest to decay is {_named(coupling, last)}: its rate is beyond double precision beside that of "
+            f"{_named(coupling, first)}."
+        )
     elif last.decay < first.decay:
         formula = "1/σ" if last.exact is None else "−1/Re λ"
         yield (
-            f"Longest lives {_named(coupling, last)}: it falls to 1/e in {short(1 / last.decay)} s [{formula}], "
-            f"{short(first.decay / last.decay)} times as long as {_named(coupling, first)}, which goes first."
+            f"The slowest to decay is {_named(coupling, last)}: it falls to 1/e in {short(1 / last.decay)} s "
+            f"[{formula}], {short(first.decay / last.decay)} times as long as the fastest, {_named(coupling, first)}."
         )
 
 
@@ -444,11 +450,11 @@ def _own_drives(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     fed = [mode for mode in modes if mode.from_drives]
     for mode in fed[:MOST_DAMPED]:
         net = mode.from_drives - mode.decay
-        fate = "it grows from rest" if net > 0 else "it dies out all the same"
+        fate = "it grows from rest" if net > 0 else "it dies out nevertheless"
         feed = "[Σ e_i(θ_i − θ_i−1)²/2φᵀMφ]"
         words = f"The drives feed {_named(coupling, mode)} with {short(mode.from_drives)} 1/s {feed}"
         yield f"{words}: {fate}, net {short(net)} 1/s."
-    yield "Which mode wins at large angles linear modes cannot tell; `sync` can."
+    yield "Linear modes cannot tell which mode wins at large angles; `sync` can."
 
 
 def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
@@ -458,8 +464,8 @@ def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
     first = min(reached, key=lambda mode: mode.threshold)
     yield (
         f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_named(coupling, first)} first, "
-        f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.fed)} 1/(kg m²)]. Which "
-        "mode wins at large angles linear modes cannot tell."
+        f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.fed)} 1/(kg m²)]. Linear "
+        "modes cannot tell which one wins at large angles."
     )
 
 

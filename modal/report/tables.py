@@ -9,7 +9,7 @@ from typing import Any
 from modal.report.escaping import csv_rows, json_text, markdown, visible
 
 FORMATS = {"text": "simple", "markdown": "github"}
-LEFT = {"family", "lines", "pendula", "neighbours"}
+LEFT = {"description", "lines", "method", "pendula", "stability"}
 """Headings of columns of words."""
 NOTHING = "–"
 """What stands where a quantity has no meaning."""

@@ -132,7 +132,7 @@ class Gains:
             [
                 "fixed-base mode" if self.held else "mode",
                 "ω (rad/s)",
-                "fold",
+                "multiplicity",
                 side.verb,
                 *(signal.name for signal in side.signals),
             ]

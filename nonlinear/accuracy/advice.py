@@ -6,14 +6,13 @@ An error is the largest angle (rad) by which any link is off at any instant so f
     a few modes              of long chains, their error from more modes (`nonlinear.reduction.truncation`)
     integration, twice       at tolerances Rτ and τ, then at tighter ones
 
-Two runs that differ by d say that the tighter one is off by no more than ALONE d: nothing is taken for granted but that
-it is the better one.  Where a third has shown how errors follow the tolerance, e ∝ τ^p with p at most 1, that is
-credited,
+Two runs that differ by d say that the tighter one is off by no more than SAFETY d: errors are lucky or unlucky by
+factors of ten, wherever steps are few or held down by something else than the tolerance, as by stiff joints, and both
+may share one.  Where a third has shown how errors follow the tolerance, e ∝ τ^p with p at most 1, that is credited,
 
-    e(τ) ≤ SAFETY d / R^p
+    e(τ) ≤ min(SAFETY / R^p, ALONE) d
 
-at R times the tolerance of the run before.  Errors are lucky or unlucky by factors of ten, wherever steps are few or
-held down by something else than the tolerance, as by stiff joints: hence SAFETY, and no credit without a third run.
+at R times the tolerance of the run before.
 Where that is too much the next tolerance follows from C in e ≈ Cτ: a few times the motion's size where little grows,
 more over many periods and at large angles, and millions where small errors grow.  Where even the finest tolerance is
 too coarse the motion is known up to a horizon and no further.
@@ -39,7 +38,7 @@ from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, Simulation
 from nonlinear.system import apart
 
 RATIO, CLIMB = 10.0, 16.0  # of the first two tolerances, and of the next ones at least
-ALONE, SAFETY = 2.0, 16.0  # what is promised over what two runs differ by, and over what three let expect
+ALONE, SAFETY = 2.0, 16.0  # what is promised at most over what two runs differ by, with a third run and without
 SHORTER = 0.7  # share by which steps are shorter from run to run where not the tolerance holds them down
 NEAREST = 4.0  # ratio of tolerances below which two runs may be one
 FARTHEST = 100.0  # ratio beyond which none is trusted to be better still
@@ -162,12 +161,12 @@ def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
     if found.gave_up:
         return found
     difference = _difference(found.trajectory, before.trajectory)
-    credit = np.full(len(difference), 1 / ALONE)
+    credit = np.full(len(difference), 1 / SAFETY)
     if len(runs) > 1:
         ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
         fallen = _difference(found.trajectory, runs[-2].trajectory), difference
         order = _order(*fallen, runs[-2].attempt.tolerance / before.attempt.tolerance)
-        credit = np.maximum(credit, ratio**order / SAFETY)
+        credit = np.maximum(ratio**order / SAFETY, 1 / ALONE)
     errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
     return replace(found, errors=errors, attempt=replace(found.attempt, error=float(errors[-1])))
 

@@ -24,7 +24,7 @@ from nonlinear.reduction import (
     survey_modes,
 )
 
-AIM = 35.0  # accuracy wished for over the error that is aimed at
+AIM = 200.0  # accuracy wished for over the error that is aimed at
 SOME, A_PERIOD = 3.0, 0.15  # of C over the motion's size: always, and for every period of the fastest swing
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # instants at which errors are looked for
 MODAL = "the motion is small enough"

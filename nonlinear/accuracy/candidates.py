@@ -1,11 +1,12 @@
-"""The ladder of fidelity as data: every way that this project has to answer where a scene will be, coarse to fine.
+"""Levels of fidelity as data: every way that this project has to answer where a scene will be, coarse to fine.
 
     (0) linear modes            superposed in closed form (`nonlinear.reduction.superposition`)
     (1) corrected modes         the same with each mode's frequency at its own amplitude
     (2) minimal coordinates     integrators × tolerances, plain and compiled; in space unit vectors
     (3) maximal coordinates     the DAE with every pivot force
 
-A rung prepares what it needs for a question (modes, series, compiled code) and returns a task that finds the motion.
+A candidate prepares what it needs for a question (modes, series, compiled code) and returns a task that finds the
+motion.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class Candidate:
 
     @property
     def family(self) -> str:
-        """The rung without its tolerance, in words."""
+        """The candidate without its tolerance, in words."""
         return " ".join(part for part in (self.kind, self.method, "compiled" * self.compiled) if part)
 
     @property
@@ -85,7 +86,7 @@ class Candidate:
     def _superposed(self, question: Question) -> Task:
         scene, times, system = question.scene, question.times, system_of(question.scene)
         motion = superpose(scene, question.start, corrected=self.kind == CORRECTED)
-        run = SolverInfo(self.kind, CLOSED, "a rung of the ladder", inf)
+        run = SolverInfo(self.kind, CLOSED, "one level of fidelity of several", inf)
 
         def task() -> Trajectory:
             found = motion(times)
@@ -97,7 +98,7 @@ class Candidate:
 
     def _integrated(self, question: Question) -> Task:
         request = Request(question.scene, question.start, question.times, form=self.kind)
-        choice = Choice(self.kind, self.method, self.compiled, "a rung of the ladder", self.tolerance)
+        choice = Choice(self.kind, self.method, self.compiled, "one level of fidelity of several", self.tolerance)
         ready = request.prepared(choice)
 
         def task() -> Trajectory:
@@ -126,7 +127,7 @@ def _impatient(question: Question) -> Callable[[float], None]:
 
 
 def list_candidates(scene: Scene) -> tuple[Candidate, ...]:
-    """Every rung for a scene, families together, each from loose to tight; only what is installed."""
+    """Every candidate for a scene, families together, each from loose to tight; only what is installed."""
     if scene.space == "space":
         families = [("spatial", method, False) for method in IN_SPACE]
     else:

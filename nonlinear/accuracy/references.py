@@ -1,4 +1,4 @@
-"""What the rungs of the ladder are judged by, and until when it can judge: the horizon.
+"""What candidates are judged by, and until when it can judge: the horizon.
 
 The reference is the finest run at hand, held against a second one by another body or form of the equations and another
 integrator; in space, where there is one form, by the same at another tolerance.  With d(t) the largest difference of
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 
+from modal._compatibility import former
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
@@ -35,18 +36,20 @@ FEWEST = 10  # samples before the horizon
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A trajectory up to the horizon, found by `rung` and held against `check`.
+    """A trajectory up to the horizon, found by `candidate` and held against `check`.
 
     `difference` (T,) is the largest difference of the two so far (rad), `growth` (T,) the factor by which a small
     disturbance of the start has grown at most, `duration` (s) what was asked for.
     """
 
-    rung: Candidate
+    candidate: Candidate
     check: Candidate
     trajectory: Trajectory
     difference: Floats
     growth: Floats
     duration: float
+
+    rung = former("Reference", "rung", "candidate")
 
     @property
     def horizon(self) -> float:
@@ -62,7 +65,7 @@ class Reference:
     def floor(self) -> float:
         """Error (rad) below which none is certain at the horizon."""
         size = extent(self.trajectory.motion[0], self.trajectory.system)
-        return float(max(self.difference[-1], self.rung.tolerance * self.growth[-1] * size) / SHARE)
+        return float(max(self.difference[-1], self.candidate.tolerance * self.growth[-1] * size) / SHARE)
 
     @property
     def exponent(self) -> float:
@@ -78,7 +81,7 @@ def reference_of(question: Question) -> Reference:
     tolerable = SHARE * JUDGED * size
     growth = _growth(question)
     question = _cut(question, finest.tolerance * growth * size < tolerable)
-    found, other = (rung.prepare(question)() for rung in (finest, check))
+    found, other = (candidate.prepare(question)() for candidate in (finest, check))
     difference = np.maximum.accumulate(apart(found.motion, other.motion))
     shorter = _cut(question, difference < tolerable)
     if len(shorter.times) < len(question.times):
@@ -88,7 +91,7 @@ def reference_of(question: Question) -> Reference:
 
 
 def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
-    """The finest rung for a scene and another one to hold it against."""
+    """The finest candidate for a scene and another one to hold it against."""
     if scene.space == "space":
         return Candidate("spatial", "DOP853", SMALLEST), Candidate("spatial", "DOP853", 1e-13)
     longest = max(pendulum.n_links for pendulum in scene.pendulum)
@@ -99,10 +102,10 @@ def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
 
 def _growth(question: Question) -> Floats:
     """G (T,): how far a twin is from the run, over the disturbance of its start, at most so far."""
-    rung = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
+    candidate = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
     system = system_of(question.scene)
     twin = replace(question, start=aside(system, question.start, slightly(system, question.start)))
-    one, other = (rung.prepare(each)().motion for each in (question, twin))
+    one, other = (candidate.prepare(each)().motion for each in (question, twin))
     gone = np.maximum.accumulate(apart(one, other))
     return np.asarray(gone / gone[0])
 

@@ -12,12 +12,22 @@ from nonlinear.accuracy.attempts import Attempt
 from nonlinear.accuracy.references import Reference
 from nonlinear.accuracy.work_precision import LAST, Row, WorkPrecision
 
-ROWS = ("best", "family", "tolerance", "time (ms)", "prepared (ms)", "derivatives", "error (rad)", "late (s)", "energy")
+ROWS = (
+    "Pareto",
+    "method",
+    "tolerance",
+    "time (ms)",
+    "prepared (ms)",
+    "derivatives",
+    "error (rad)",
+    "late (s)",
+    "energy",
+)
 TRIED = ("way", "tolerance", "time (ms)", "derivatives", "error (rad)")
 
 
 def tradeoff_table(found: WorkPrecision, form: str) -> str:
-    """Every rung as text, markdown, csv (one line a rung) or json, the `form`."""
+    """Every candidate as text, markdown, csv (one line a candidate) or json, the `form`."""
     records = [_record(found, row) for row in found.rows]
     if form == "json":
         return as_json(_whole(found, records))
@@ -28,11 +38,11 @@ def tradeoff_table(found: WorkPrecision, form: str) -> str:
 
 
 def _cells(found: WorkPrecision, row: Row) -> list[str]:
-    rung = row.rung
+    candidate = row.candidate
     return [
         "*" if row in found.pareto else "",
-        rung.family,
-        NOTHING if rung.modal else f"{rung.tolerance:.1e}".replace(".0e", "e"),
+        candidate.family,
+        NOTHING if candidate.modal else f"{candidate.tolerance:.1e}".replace(".0e", "e"),
         f"{1e3 * row.seconds:.3g}",
         f"{1e3 * row.prepared:.3g}",
         str(row.calls),
@@ -49,22 +59,26 @@ def _signed(value: float) -> str:
 def _notes(found: WorkPrecision) -> list[str]:
     reference = found.reference
     notes = [
-        f"reference: {reference.rung.name}, held against {reference.check.name}: they differ by "
+        f"reference: {reference.candidate.name}, held against {reference.check.name}: they differ by "
         f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no error "
         f"below {reference.floor:.1e} rad is told apart.",
         f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference),
     ]
     notes += [f"{name} was left out: {reason}." for name, reason in found.skipped]
     notes.append(
-        "*: no other rung is both faster and closer. time: a run, once prepared; derivatives: right-hand sides, of "
-        "Taylor methods series. error: the largest of any link, whole turns left out, so never above 3.14 rad. "
-        f"late: shift in time in the last {100 * LAST:.0f} %. energy: drift, relative."
+        "*: on the Pareto front, with no other both faster and closer. time: a run, once prepared; derivatives: "
+        "right-hand sides, of Taylor methods series. error: the largest of any link, whole turns left out, so never "
+        f"above 3.14 rad. late: shift in time in the last {100 * LAST:.0f} %. energy: drift, relative."
     )
     return notes
 
 
 def _cut_short(reference: Reference) -> str:
-    pace = f": until then a small error grows by e in {1 / reference.exponent:.2g} s" if reference.exponent else ""
+    pace = (
+        f": until then the e-folding time of a small error is {1 / reference.exponent:.2g} s"
+        if reference.exponent
+        else ""
+    )
     return (
         f"only the first {reference.horizon:.4g} s of {reference.duration:g} s are compared{pace}; "
         "the reference cannot be trusted further."
@@ -72,12 +86,12 @@ def _cut_short(reference: Reference) -> str:
 
 
 def _record(found: WorkPrecision, row: Row) -> dict[str, Any]:
-    """One rung, units in the names; None where a value has no meaning."""
+    """One candidate, units in the names; None where a value has no meaning."""
     return {
-        "kind": row.rung.kind,
-        "method": row.rung.method or None,
-        "compiled": row.rung.compiled,
-        "tolerance": finite(row.rung.tolerance),
+        "kind": row.candidate.kind,
+        "method": row.candidate.method or None,
+        "compiled": row.candidate.compiled,
+        "tolerance": finite(row.candidate.tolerance),
         "seconds": row.seconds,
         "prepared_seconds": row.prepared,
         "derivatives": row.calls,
@@ -93,7 +107,7 @@ def _whole(found: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any
     reference = found.reference
     return {
         "scene": describe(found.scene),
-        "reference": reference.rung.name,
+        "reference": reference.candidate.name,
         "held_against": reference.check.name,
         "difference_rad": float(reference.difference[-1]),
         "floor_rad": reference.floor,

@@ -1,11 +1,11 @@
-"""Time against accuracy: every rung of the ladder on one scene and start, measured beside a reference.
+"""Time against accuracy: every candidate on one scene and start, measured beside a reference.
 
-All rungs run up to the reference's horizon and no further (`nonlinear.accuracy.references`).  An error is the largest
-angle by which any link is off at any sample, whole turns left out: it never exceeds π.  The error in phase is the shift
-τ (s) in time that explains most of what is off in the last fifth, by least squares on the coordinates q (lengths in the
-longest link),
+All candidates run up to the reference's horizon and no further (`nonlinear.accuracy.references`).  An error is the
+largest angle by which any link is off at any sample, whole turns left out: it never exceeds π.  The error in phase is
+the shift τ (s) in time that explains most of what is off in the last fifth, by least squares on the coordinates q
+(lengths in the longest link),
 
-    q(t) ≈ q_ref(t − τ),     τ = −Σ q_ref'·(q − q_ref) / Σ q_ref'·q_ref',
+    q(t) ≈ q_ref(t − τ),   τ = −Σ q_ref'·(q − q_ref) / Σ q_ref'·q_ref',
 
 positive for a motion that is late.  It has no meaning where a link is then more than 1 rad off, where it is longer
 than that fifth, as of motion that has died away, and where the error itself is too small to be certain.
@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from modal._compatibility import former, former_argument
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene
 from modal.types import Floats
@@ -32,7 +33,7 @@ from nonlinear.system import Motion, State, System, apart, initial_state, system
 
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples that are compared
 REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after so many seconds
-PATIENCE, PATIENT = 5.0, 120.0  # seconds that a run of a rung may take, and one of the reference
+PATIENCE, PATIENT = 5.0, 120.0  # seconds that a run of a candidate may take, and one of the reference
 FIRST, LONGER = 32, 4  # fastest periods that the reference is asked for first, and by what it then goes on
 MOST_LINKS = 400
 LAST = 0.2  # share of the time, at its end, that the phase is taken from
@@ -42,13 +43,13 @@ INTERRUPTED = "interrupted"
 
 @dataclass(frozen=True)
 class Row:
-    """One rung up to the horizon: seconds to prepare at first, median seconds of a run, right-hand sides.
+    """One candidate up to the horizon: seconds to prepare at first, median seconds of a run, right-hand sides.
 
     `error` (rad), `shift` in time (s, NaN where it has no meaning), `drift` of energy (relative, NaN for modes with
     dampers, whose losses nobody counts).  A Taylor method counts its series.
     """
 
-    rung: Candidate
+    candidate: Candidate
     prepared: float
     seconds: float
     calls: int
@@ -56,10 +57,12 @@ class Row:
     shift: float
     drift: float
 
+    rung = former("Row", "rung", "candidate")
+
 
 @dataclass(frozen=True, eq=False)
 class WorkPrecision:
-    """The reference and the rungs in the order of the ladder, and (family or rung, why) of those left out."""
+    """The reference and the candidates in their order of fidelity, and (family or candidate, why) of those left out."""
 
     scene: Scene
     reference: Reference
@@ -68,7 +71,7 @@ class WorkPrecision:
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C ended it before all rungs were done."""
+        """Whether Ctrl-C ended it before all candidates were done."""
         return any(reason == INTERRUPTED for _, reason in self.skipped)
 
     def judged(self, row: Row) -> float:
@@ -77,41 +80,42 @@ class WorkPrecision:
 
     @property
     def pareto(self) -> tuple[Row, ...]:
-        """The rungs, without the reference, that no other beats in both time and error, from fast to accurate."""
+        """The candidates, without the reference, that no other beats in both time and error, from fast to accurate."""
         front: list[Row] = []
-        rungs = [row for row in self.rows if row.rung != self.reference.rung]
-        for row in sorted(rungs, key=lambda row: (row.seconds, self.judged(row))):
+        candidates = [row for row in self.rows if row.candidate != self.reference.candidate]
+        for row in sorted(candidates, key=lambda row: (row.seconds, self.judged(row))):
             if not front or self.judged(row) < self.judged(front[-1]):
                 front.append(row)
         return tuple(front)
 
 
+@former_argument("rungs", "candidates")
 def measure_work_precision(
     scene: Scene,
     duration: float,
     *,
     start: State | None = None,
-    rungs: Sequence[Candidate] | None = None,
+    candidates: Sequence[Candidate] | None = None,
     patience: float = PATIENCE,
     report: Callable[[float], object] = lambda done: None,
 ) -> WorkPrecision:
-    """Run the whole ladder, or these rungs, on a scene from its own start or another for `duration` seconds.
+    """Run every candidate, or these, on a scene from its own start or another for `duration` seconds.
 
-    A family of rungs is left at the first that takes longer than `patience` seconds or plainly will.  `report` hears
-    how many rungs are done, the reference counted in.  After Ctrl-C the rungs that are done are returned, once there is
-    a reference.
+    A family of candidates is left at the first that takes longer than `patience` seconds or plainly will.  `report`
+    hears how many are done, the reference counted in.  After Ctrl-C those that are done are returned, once there is a
+    reference.
     Raises SceneError for arguments that cannot be, ComputationError where there is no reference to judge by.
     """
     validate_numbers(duration, 1e-9, 0.0)
     if scene.n_links > MOST_LINKS:
-        raise SceneError([f"the scene has {scene.n_links} links: the whole ladder is run for at most {MOST_LINKS}"])
+        raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
     if scene.is_driven:
-        raise SceneError(["drive: the ladder is for scenes that do not excite themselves"])
+        raise SceneError(["drive: methods are compared for scenes that do not excite themselves"])
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
-    asked = list_candidates(scene) if rungs is None else tuple(rungs)
+    asked = list_candidates(scene) if candidates is None else tuple(candidates)
     reference = _reference(scene, state, duration)
     question = Question(scene, state, reference.trajectory.times)
-    first = measure(reference.rung, question, reference)
+    first = measure(reference.candidate, question, reference)
     report(1)
     rows, skipped = _climbed(asked, replace(question, patience=patience), reference, report)
     return WorkPrecision(scene, reference, (first, *rows), tuple(skipped.items()))
@@ -137,31 +141,31 @@ def _samples(scene: Scene, duration: float) -> Floats:
 
 
 def _climbed(
-    rungs: Sequence[Candidate], question: Question, reference: Reference, report: Callable[[float], object]
+    candidates: Sequence[Candidate], question: Question, reference: Reference, report: Callable[[float], object]
 ) -> tuple[list[Row], dict[str, str]]:
-    """Every rung that can be measured, and why the others were not."""
+    """Every candidate that can be measured, and why the others were not."""
     rows: list[Row] = []
     skipped: dict[str, str] = {}
-    for done, rung in enumerate(rungs):
+    for done, candidate in enumerate(candidates):
         try:
-            if rung.family not in skipped:
-                rows.append(measure(rung, question, reference))
+            if candidate.family not in skipped:
+                rows.append(measure(candidate, question, reference))
             report(done + 2)
         except ComputationError as error:
-            skipped[rung.family] = str(error) if rung.modal else f"from {rung.tolerance:g} on: {error}"
+            skipped[candidate.family] = str(error) if candidate.modal else f"from {candidate.tolerance:g} on: {error}"
         except KeyboardInterrupt:
-            kept = {row.rung for row in rows}
-            return rows, skipped | {left.name: INTERRUPTED for left in rungs[done:] if left not in kept}
+            kept = {row.candidate for row in rows}
+            return rows, skipped | {left.name: INTERRUPTED for left in candidates[done:] if left not in kept}
     return rows, skipped
 
 
-def measure(rung: Candidate, question: Question, reference: Reference) -> Row:
-    """One rung, a few times over; ComputationError where it fails or takes too long."""
+def measure(candidate: Candidate, question: Question, reference: Reference) -> Row:
+    """One candidate, a few times over; ComputationError where it fails or takes too long."""
     prepared: list[float] = []
     seconds: list[float] = []
     while len(seconds) < REPEATS and sum(prepared) + sum(seconds) < LONG:
         begun = perf_counter()
-        task = rung.prepare(question)
+        task = candidate.prepare(question)
         ready = perf_counter()
         found = task()
         prepared.append(ready - begun)
@@ -169,13 +173,13 @@ def measure(rung: Candidate, question: Question, reference: Reference) -> Row:
     finest = reference.trajectory
     error = float(apart(found.motion, finest.motion).max())
     return Row(
-        rung,
+        candidate,
         prepared=prepared[0],
         seconds=median(seconds),
         calls=found.run.calls,
         error=error,
         shift=late(found.motion, finest) if error > reference.floor else nan,
-        drift=nan if rung.modal and found.system.works else found.energy_drift(),
+        drift=nan if candidate.modal and found.system.works else found.energy_drift(),
     )
 
 

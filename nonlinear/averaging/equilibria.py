@@ -6,7 +6,7 @@ Where every band turns at its own constant rate Ω_b, shapes and amplitudes stay
 
 In phase, in antiphase and whatever lies between are such states: harmonic balance, z and Ω its unknowns.  Neighbouring
 motions grow like exp(μt), μ the eigenvalues of ∂F/∂z; one of them is 0 for every band that swings, for nobody sets its
-clock.  A state lasts if all others lie to the left.
+clock.  A state is stable if all others lie to the left.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from functools import cached_property
 
 import numpy as np
 
+from modal._compatibility import former
 from modal.modes import table_numbers
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations
@@ -75,9 +76,11 @@ class RelativeEquilibrium:
         return float(self.rates.real.max(initial=-np.inf))
 
     @property
-    def lasts(self) -> bool | None:
+    def is_stable(self) -> bool | None:
         """Whether all neighbours come back; None where some do neither."""
         return None if abs(self.growth) <= FLAT * self.recovery else self.growth < 0
+
+    lasts = former("RelativeEquilibrium", "lasts", "is_stable")
 
     @property
     def hold(self) -> float:

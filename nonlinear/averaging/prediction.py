@@ -83,10 +83,10 @@ class Prediction:
         yield from self.doubts
         own = self.locking_time()
         if own is None:
-            yield "one mode never holds all but 1 % of the energy"
+            yield "no mode ever holds 99 % of the energy"
             return
         if own < SWINGS * 2 * pi / self.averaged.omega.min():
-            yield f"it comes within {SWINGS} swings, and averages tell no finer"
+            yield f"it comes within {SWINGS} swings, finer than averages resolve"
         times = [other.locking_time() for other in self.neighbours]
         if any(time is None or abs(time - own) > TIMED * own for time in times):
             yield f"neighbouring starts lock more than {100 * TIMED:.0f} % sooner or later"
@@ -104,7 +104,7 @@ class Prediction:
         elif self.share < CLEAR:
             yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
         if self.ending is None or self.ending.hold < MARGIN * self._error:
-            yield "where it ends hardly draws its neighbours"
+            yield "where it ends attracts its neighbours only weakly"
         if any(other.survivor != self.row or other.dies for other in self.neighbours):
             yield f"starts {100 * ASIDE:.0f} % beside this one end elsewhere"
         yield from self._limits()
@@ -126,7 +126,7 @@ class Prediction:
         if (fast := fastest(found)) > WEAK:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
         if (angle := found.largest(self.motion.z)) > WIDE:
-            yield f"links may reach {degrees(angle):.3g} deg, more than first order bears"
+            yield f"links may reach {degrees(angle):.3g} deg, beyond the range of first order"
         if found.mixed(self.motion.z, found.turning(self.motion.z)) > MIXED:
             yield "an escapement is swung by several frequencies at once, and may kick out of turn"
         if resonant(found.centre, NEAR):
@@ -150,9 +150,9 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     motions = settle(found, starts)
     if runs_away(found, motions[0].z):
         raise ComputationError("drives are too strong for averaged equations: their amplitudes run away")
-    if (ending := _ending(motions[0])) and ending.lasts is False:
+    if (ending := _ending(motions[0])) and ending.is_stable is False:
         motions = settle(found, starts, least=PATIENCE * ending.relaxation)
-        if (ending := _ending(motions[0])) and ending.lasts is False:
+        if (ending := _ending(motions[0])) and ending.is_stable is False:
             state, unstable, motions = _aside(found, state), ending, motions[1:]
             ending = _ending(motions[0])
     return Prediction(found, state, unstable, motions[0], motions[1:], ending)

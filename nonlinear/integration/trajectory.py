@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from modal._compatibility import warn_of_old_name
+from modal._compatibility import former
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
@@ -60,11 +60,7 @@ class Trajectory:
     driven: bool = False
     equations: Equations | None = field(default=None, repr=False)
 
-    @property
-    def plant(self) -> System:
-        """The old name of `system`."""
-        warn_of_old_name("Trajectory.plant", "Trajectory.system")
-        return self.system
+    plant = former("Trajectory", "plant", "system")
 
     @cached_property
     def mechanics(self) -> Mechanics:

@@ -1,4 +1,4 @@
-"""Branches of configurations as a picture: how far pendula swing and how fast, and where each branch lasts."""
+"""Branches of configurations as a picture: how far pendula swing and how fast, and where each branch is stable."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from modal.types import Floats
 from nonlinear.synchronization import Branch, Branches
 
 MOST_CURVES = HUES
-LASTING, PASSING = "-", (0, (3, 2))
+STABLE, UNSTABLE = "-", (0, (3, 2))
 
 
 def draw_branches(found: Branches, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf: full lines where a branch lasts, broken ones where it does not.
+    """Write the picture as png, svg or pdf: full lines where a branch is stable, broken ones where it is not.
 
     Circles are critical values.  Raises ComputationError for no branch and for more than MOST_CURVES.
     """
@@ -48,11 +48,11 @@ def branches_figure(found: Branches) -> Figure:
 
 def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
     """Piece by piece of one fate."""
-    fates = np.array(one.lasts)
+    fates = np.array(one.is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
-        style = LASTING if fates[start] else PASSING
+        style = STABLE if fates[start] else UNSTABLE
         axis.plot(one.values[piece], y[piece], color=colour(number), ls=style, lw=thickness(number), zorder=3)
     critical = [change.value for change in one.changes]
     axis.plot(critical, np.interp(critical, one.values, y), **_ring())
@@ -69,6 +69,6 @@ def _handles(found: Branches) -> list[Line2D]:
     ]
     fates = [
         Line2D([], [], color=ink(), ls=style, label=label)
-        for style, label in ((LASTING, "lasts"), (PASSING, "does not last"))
+        for style, label in ((STABLE, "stable"), (UNSTABLE, "unstable"))
     ]
     return [*lines, *fates, Line2D([], [], label="critical value", **_ring())]

@@ -16,7 +16,7 @@ from nonlinear.reduction import CORRECTED, LINEAR
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
-BEYOND = 2.5  # how far the axes go on beside the outermost rung
+BEYOND = 2.5  # how far the axes go on beside the outermost candidate
 
 
 def draw_tradeoff(found: WorkPrecision, stream: IO[bytes], form: str = "png") -> None:
@@ -25,19 +25,19 @@ def draw_tradeoff(found: WorkPrecision, stream: IO[bytes], form: str = "png") ->
 
 
 def tradeoff_figure(found: WorkPrecision) -> Figure:
-    """The largest error (rad) of every rung against its time (s) on logarithmic axes, one line a family.
+    """The largest error (rad) of every candidate against its time (s) on logarithmic axes, one line a family.
 
-    The broad line joins the rungs that none beats in both; in the shaded part the reference cannot tell errors apart,
-    and rungs that reach it stand on its edge.  Raises ComputationError where no rung was measured.
+    The broad line is the Pareto front; in the shaded part the reference cannot tell errors apart, and candidates that
+    reach it stand on its edge.  Raises ComputationError where no candidate was measured.
     """
-    rows = [row for row in found.rows if row.rung != found.reference.rung]
+    rows = [row for row in found.rows if row.candidate != found.reference.candidate]
     if not rows:
-        raise ComputationError("no rung was measured: there is nothing to draw")
+        raise ComputationError("no candidate was measured: there is nothing to draw")
     figure = sheet(WIDTH, 6.0)
     axis = figure.subplots()
     _bounds(axis, found, rows)
     _front(axis, found)
-    for _, members in groupby(rows, key=lambda row: row.rung.family):
+    for _, members in groupby(rows, key=lambda row: row.candidate.family):
         _family(axis, found, list(members))
     _dress(figure, axis, found)
     return figure
@@ -62,22 +62,25 @@ def _front(axis: Axes, found: WorkPrecision) -> None:
 
 
 def _family(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
-    points, rung = zip(*((row.seconds, found.judged(row)) for row in rows), strict=True), rows[0].rung
-    if rung.modal:
-        axis.plot(*points, MODAL[rung.kind], color=ink(), ms=11, mec=paper(), label=rung.kind, zorder=5)
+    points, candidate = zip(*((row.seconds, found.judged(row)) for row in rows), strict=True), rows[0].candidate
+    if candidate.modal:
+        axis.plot(*points, MODAL[candidate.kind], color=ink(), ms=11, mec=paper(), label=candidate.kind, zorder=5)
         return
-    marker, line = LOOKS["compiled" if rung.compiled else rung.kind]
-    hue = colour(METHODS[rung.method])
-    look: dict[str, Any] = {"color": hue, "mfc": paper() if rung.compiled else hue, "ms": 6, "lw": 1.4}
-    axis.plot(*points, line, marker=marker, label=_named(rung), zorder=4, **look)
+    marker, line = LOOKS["compiled" if candidate.compiled else candidate.kind]
+    hue = colour(METHODS[candidate.method])
+    look: dict[str, Any] = {"color": hue, "mfc": paper() if candidate.compiled else hue, "ms": 6, "lw": 1.4}
+    axis.plot(*points, line, marker=marker, label=_named(candidate), zorder=4, **look)
 
 
-def _named(rung: Candidate) -> str:
-    return rung.family.replace("taylor", "Taylor")
+def _named(candidate: Candidate) -> str:
+    return candidate.family.replace("taylor", "Taylor")
 
 
 def _dress(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
-    horizon, tolerances = found.reference.horizon, [row.rung.tolerance for row in found.rows[1:] if not row.rung.modal]
+    horizon, tolerances = (
+        found.reference.horizon,
+        [row.candidate.tolerance for row in found.rows[1:] if not row.candidate.modal],
+    )
     axis.set(xlabel="time of a run, once prepared (s)", ylabel=f"largest error of an angle in {horizon:.4g} s (rad)")
     if tolerances:
         words = f"along each line: tolerances from {max(tolerances):.0e} to at most {min(tolerances):.0e}"

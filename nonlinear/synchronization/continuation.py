@@ -1,4 +1,4 @@
-"""Configurations of a self-excited scene followed along one of its numbers: where each lasts, and where it is lost.
+"""Configurations of a self-excited scene followed along one of its numbers: where each is stable, and where it ends.
 
 A configuration at one value, as the physical motion q = Σ_r φ_r z_r, is the start of Newton's method at the next, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION
@@ -20,6 +20,7 @@ from math import exp, log
 
 import numpy as np
 
+from modal._compatibility import former
 from modal.errors import ComputationError, SceneError
 from modal.scene import Scene
 from modal.scene.parameters import Variation, validate_variations, vary
@@ -37,7 +38,7 @@ from nonlinear.synchronization.patterns import agreement
 
 DYING = 0.1  # of a branch's largest amplitude: below it a branch that ceases has died out
 MOST_SEARCHES = 8
-FALLS = ("is lost", "dies out", "stops lasting")
+FALLS = ("disappears", "dies out", "loses stability")
 RESOLUTION = 1e-4  # of the range, in logarithms where the variation is in equal ratios
 JUMP = 0.3  # largest change of the amplitudes from one value to the next, over them
 CLOSE = 1e-5  # relative: by how much the way back may miss
@@ -49,8 +50,8 @@ Step = tuple[float, RelativeEquilibrium]
 class Change:
     """What becomes of a branch at a critical value, as the parameter grows.
 
-    `kind` is one of appears, is lost, comes alive, dies out, starts to last, stops lasting.  Where fate changes, `beat`
-    is the rate (rad/s) at which neighbours beat as they leave, 0 where they leave steadily.
+    `kind` is one of appears, disappears, emerges from rest, dies out, becomes stable, loses stability.  Where stability
+    changes, `beat` is the rate (rad/s) at which neighbours beat as they leave, 0 where they leave steadily.
     """
 
     value: float
@@ -67,9 +68,11 @@ class Branch:
     states: tuple[RelativeEquilibrium, ...]
 
     @cached_property
-    def lasts(self) -> tuple[bool, ...]:
+    def is_stable(self) -> tuple[bool, ...]:
         """Whether all neighbours come back, at every value."""
-        return tuple(state.lasts is True for state in self.states)
+        return tuple(state.is_stable is True for state in self.states)
+
+    lasts = former("Branch", "lasts", "is_stable")
 
     @cached_property
     def angle(self) -> Floats:
@@ -88,30 +91,30 @@ class Branch:
 
     @property
     def intervals(self) -> tuple[tuple[float, float], ...]:
-        """From where to where it lasts."""
+        """From where to where it is stable."""
         flips = [value for value, _ in self._flips()]
-        edges = [*[self.values[0]] * self.lasts[0], *flips, *[self.values[-1]] * self.lasts[-1]]
+        edges = [*[self.values[0]] * self.is_stable[0], *flips, *[self.values[-1]] * self.is_stable[-1]]
         return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
         """In the order of the values."""
-        ends = (self._end(0, "comes alive", "appears"), self._end(-1, "dies out", "is lost"))
+        ends = (self._end(0, "emerges from rest", "appears"), self._end(-1, "dies out", "disappears"))
         fates = [
-            Change(value, "starts to last" if self.lasts[after] else "stops lasting", self._beat(after))
+            Change(value, "becomes stable" if self.is_stable[after] else "loses stability", self._beat(after))
             for value, after in self._flips()
         ]
         return tuple(change for change in (ends[0], *fates, ends[1]) if change)
 
     def _flips(self) -> Iterator[tuple[float, int]]:
         """The middle of two values of different fates, and the place of the second."""
-        for after, (one, other) in enumerate(pairwise(self.lasts), start=1):
+        for after, (one, other) in enumerate(pairwise(self.is_stable), start=1):
             if one != other:
                 yield float((self.values[after - 1] + self.values[after]) / 2), after
 
     def _beat(self, after: int) -> float:
-        """Of the fastest growing neighbours, on the side that does not last."""
-        rates = self.states[after - self.lasts[after]].rates
+        """Of the fastest growing neighbours, on the unstable side."""
+        rates = self.states[after - self.is_stable[after]].rates
         return float(abs(rates[0].imag)) if len(rates) else 0.0
 
     def _end(self, at: int, faint: str, folded: str) -> Change | None:
@@ -140,7 +143,7 @@ def follow_branches(scene: Scene, variation: Variation, report: Report = lambda 
     """The branches of a scene that excites itself, `report` hearing how many have been followed.
 
     Configurations are searched for at both ends of the range and, up to MOST_SEARCHES times, at the next value beyond
-    the place where a branch is lost or no longer lasts.  Raises SceneError for a variation of fewer than two values or
+    the place where a branch ends or loses stability.  Raises SceneError for a variation of fewer than two values or
     of a count, ComputationError where nothing excites the scene or `nonlinear.averaging.equations` cannot take it.
     """
     validate_variations(scene, [variation])
@@ -204,7 +207,7 @@ class Walk:
         return [steps[0], *(step for pair in pairwise(steps) for step in self._sharpened(*pair))]
 
     def _followed(self, value: float, state: RelativeEquilibrium, further: Sequence[float]) -> list[Step]:
-        """To the last of these values, or to where it is lost."""
+        """To the last of these values, or to where it ends."""
         found: list[Step] = []
         for target in further:
             found += self._between(found[-1] if found else (value, state), target)
@@ -224,8 +227,8 @@ class Walk:
         return half + (self._between(half[-1], target) if reached else [])
 
     def _sharpened(self, before: Step, after: Step) -> list[Step]:
-        """What follows a step up to the next, with values between where one lasts and the other does not."""
-        if (before[1].lasts is True) == (after[1].lasts is True) or self._close(before[0], after[0]):
+        """What follows a step up to the next, with values between where one is stable and the other is not."""
+        if (before[1].is_stable is True) == (after[1].is_stable is True) or self._close(before[0], after[0]):
             return [after]
         middle = self._middle(before[0], after[0])
         state = self._next(before, middle) or self._next(after, middle)

@@ -1,6 +1,6 @@
 """The synchronization of a scene in words and in numbers: what was predicted, what was seen, and what is not covered.
 
-Branches of configurations likewise: where each lasts, the critical values, and all of them as CSV.
+Branches of configurations likewise: where each is stable, the critical values, and all of them as CSV.
 """
 
 from __future__ import annotations
@@ -26,11 +26,11 @@ from nonlinear.synchronization.phases import ENDING
 from nonlinear.synchronization.study import SynchronizationStudy, Theory
 from nonlinear.system import System
 
-HEAD = ("mode", "family", "pendula", "largest angle (deg)", "frequency (rad/s)", "neighbours")
+HEAD = ("mode", "description", "pendula", "largest angle (deg)", "frequency (rad/s)", "stability")
 NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
     "the third harmonic of every swing. They leave out: what else happens within a swing, dry friction and play, "
-    "motion across the rail, links that stand, noise."
+    "motion across the rail, inverted links, noise."
 )
 NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
 MOST_FREQUENCIES = 6
@@ -46,9 +46,9 @@ def _sections(found: SynchronizationStudy) -> Iterator[str]:
     if found.theory is None:
         yield f"No prediction: {found.silent}."
     else:
-        yield "Ways to keep swinging, by the averaged equations\n" + _table(found.theory)
+        yield "Steady motions by the averaged equations\n" + _table(found.theory)
         yield _paragraph("Predicted from this start", _prediction(found.theory.prediction))
-    beside = ", from beside it too" if found.theory is not None and found.theory.prediction.unstable else ""
+    beside = ", and from a start nearby" if found.theory is not None and found.theory.prediction.unstable else ""
     yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s{beside}", _simulation(found))
     if found.scene.has_damping:
         yield NUMBERED
@@ -82,9 +82,9 @@ def _cells(one: RelativeEquilibrium) -> list[str]:
 
 
 def _fate(one: RelativeEquilibrium) -> str:
-    if one.lasts is None:
-        return "stay beside it"
-    return f"{'come back' if one.lasts else 'leave'} by e in {one.relaxation:.4g} s"
+    if one.is_stable is None:
+        return "neutral"
+    return f"{'stable' if one.is_stable else 'unstable'}, e-folding time {one.relaxation:.4g} s"
 
 
 def _prediction(prediction: Prediction) -> Iterator[str]:
@@ -111,9 +111,9 @@ def _prediction(prediction: Prediction) -> Iterator[str]:
 def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
     """Of the configuration that only a start without any error keeps."""
     yield (
-        f"Exactly this start keeps to mode {kept.number} ({agreement(kept)}), but that motion is unstable: the least "
-        f"disturbance grows by e in {kept.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
-        f"{100 * ASIDE:.0f} % beside this one."
+        f"From exactly this start mode {kept.number} survives ({agreement(kept)}), but that motion is unstable, "
+        f"e-folding time {kept.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
+        f"{100 * ASIDE:.0f} % away."
     )
 
 
@@ -136,7 +136,7 @@ def _survivor(survival: Survival) -> Iterator[str]:
     if len(survival.row) == 1:
         return
     if time is None:
-        yield "The others have not fallen below 1 % for good."
+        yield "The others do not stay below 1 %."
     else:
         yield f"All others hold less than 1 % after {short(time)} s."
 
@@ -153,7 +153,7 @@ def _phases(found: SynchronizationStudy) -> Iterator[str]:
         yield f"{capital(str(error))}."
         return
     if not np.all(np.isfinite(frequencies)):
-        yield "Pendula that stand still have no frequency."
+        yield "A pendulum at rest has no frequency."
         return
     shown = [f"{omega:.6g}" for omega in frequencies[:MOST_FREQUENCIES]]
     words = listed(shown, len(frequencies))
@@ -179,7 +179,7 @@ def _energies(found: SynchronizationStudy) -> Iterator[str]:
     elif trajectory.system.works:
         yield f"Drives and dampers together did {work:.6g} J of work."
     if isfinite(drift := trajectory.energy_drift()):
-        yield f"The books close to {drift:.1g} of what the energies range over."
+        yield f"Energy balance closes to {drift:.1g} of its range."
 
 
 def _others(system: System, work: float) -> str:
@@ -211,7 +211,7 @@ def _configuration_record(one: RelativeEquilibrium) -> dict[str, Any]:
         "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
         "phases_deg": (np.rad2deg(np.angle(eta / eta[np.abs(eta).argmax()])) % 360).tolist(),
         "omega_rad_per_s": one.omega,
-        "lasts": one.lasts,
+        "lasts": one.is_stable,
         "growth_rate_per_s": finite(one.growth),
     }
 
@@ -273,8 +273,8 @@ def branches_text(found: Branches) -> str:
     where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
     head = f"{len(found.branches)} configurations over {where}"
     rows = [_branch_cells(number, one) for number, one in enumerate(found.branches, start=1)]
-    headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", f"exists {unit}".strip(), f"lasts {unit}".strip())
-    parts = [head, tabulate(rows, headers=headers, disable_numparse=True) if rows else "nothing keeps swinging"]
+    headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", f"exists {unit}".strip(), f"stable {unit}".strip())
+    parts = [head, tabulate(rows, headers=headers, disable_numparse=True) if rows else "no steady motion"]
     if found.changes:
         turns = [(f"{change.value:.7g}", str(number + 1), change_words(change)) for change, number in found.changes]
         parts += ["", tabulate(turns, headers=(f"at {unit}".strip(), "", "what happens there"), disable_numparse=True)]
@@ -282,27 +282,29 @@ def branches_text(found: Branches) -> str:
 
 
 def branches_csv(found: Branches) -> str:
-    """One row a branch and value: does it last, frequency, largest angle, growth rate, and how pendula agree."""
+    """One row a branch and value: is it stable, frequency, largest angle, growth rate, and how pendula agree."""
     head = ("branch", found.variation.column, "lasts", "omega_rad_per_s", "angle_deg", "growth_per_s", "pendula")
     return csv_rows([head, *_branch_rows(found)])
 
 
 def _branch_rows(found: Branches) -> Iterator[tuple[Any, ...]]:
     for number, one in enumerate(found.branches, start=1):
-        numbers = zip(one.values.tolist(), one.lasts, one.omega.tolist(), one.angle.tolist(), one.states, strict=True)
-        for value, lasts, omega, angle, state in numbers:
-            yield number, value, int(lasts), omega, degrees(angle), state.growth, agreement(state)
+        numbers = zip(
+            one.values.tolist(), one.is_stable, one.omega.tolist(), one.angle.tolist(), one.states, strict=True
+        )
+        for value, stable, omega, angle, state in numbers:
+            yield number, value, int(stable), omega, degrees(angle), state.growth, agreement(state)
 
 
 def change_words(change: Change) -> str:
-    """What happens at a critical value: stops lasting (neighbours beat at 0.063 rad/s)."""
+    """What happens at a critical value: loses stability (neighbours beat at 0.063 rad/s)."""
     return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
 
 
 def _branch_cells(number: int, one: Branch) -> tuple[str, ...]:
-    lasting = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in one.intervals) or "nowhere"
+    stable = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in one.intervals) or "nowhere"
     exists = f"{one.values[0]:.7g} to {one.values[-1]:.7g}"
-    return str(number), one.words, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, lasting
+    return str(number), one.words, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, stable
 
 
 def _ends(values: Floats) -> str:

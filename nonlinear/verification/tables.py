@@ -11,8 +11,8 @@ from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
 
-MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "± rel.", "1 % at (°)", "measured (°)", "family")
-RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "± rel.", "ω(a)/ω − 1", "κa²", "outside")
+MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "rel. error ≤", "1 % at (°)", "measured (°)", "description")
+RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "rel. error ≤", "ω(a)/ω − 1", "κa²", "outside")
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 

@@ -1,4 +1,4 @@
-"""The ladder of fidelity: modes in closed form, every rung beside a reference, and until when it can judge."""
+"""Levels of fidelity: modes in closed form, every candidate beside a reference, and until when it can judge."""
 
 from __future__ import annotations
 
@@ -118,7 +118,7 @@ def test_the_error_of_the_linear_rung_grows_as_the_square_of_the_amplitude() -> 
     """Its motion is early by κ a² t, which the phase measures; the mean over the last fifth is 0.9 of the end."""
     shifts = []
     for degrees in (1.0, 2.0):
-        found = measure_work_precision(PAPER, 6.0, start=in_mode(1, degrees), rungs=ENDS)
+        found = measure_work_precision(PAPER, 6.0, start=in_mode(1, degrees), candidates=ENDS)
         shifts.append(found.rows[1].shift)
         assert shifts[-1] == pytest.approx(MODES[1].kappa * radians(degrees) ** 2 * 5.4, rel=0.03)
         assert abs(found.rows[2].shift) < 0.02 * abs(shifts[-1])
@@ -127,7 +127,7 @@ def test_the_error_of_the_linear_rung_grows_as_the_square_of_the_amplitude() -> 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
 def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
-    found = measure_work_precision(PAPER, 8.0, start=in_mode(number, 15.0 if number < 3 else 5.0), rungs=ENDS)
+    found = measure_work_precision(PAPER, 8.0, start=in_mode(number, 15.0 if number < 3 else 5.0), candidates=ENDS)
     reference, linear, corrected = found.rows
     assert corrected.error < 0.6 * linear.error
     assert abs(corrected.shift) < 0.1 * abs(linear.shift)
@@ -138,18 +138,18 @@ def test_the_corrected_rung_beats_the_linear_one(number: int) -> None:
 
 @pytest.fixture(scope="module")
 def short() -> WorkPrecision:
-    rungs = [rung for rung in list_candidates(PAPER) if rung.modal or rung.tolerance > 1e-10]
-    return measure_work_precision(PAPER, 1.5, rungs=rungs)
+    candidates = [candidate for candidate in list_candidates(PAPER) if candidate.modal or candidate.tolerance > 1e-10]
+    return measure_work_precision(PAPER, 1.5, candidates=candidates)
 
 
 @pytest.mark.slow
 def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> None:
     families: dict[str, list[Row]] = {}
     for row in short.rows[1:]:
-        families.setdefault(row.rung.family, []).append(row)
+        families.setdefault(row.candidate.family, []).append(row)
     assert {"minimal RK23", "minimal Radau", "minimal LSODA", "maximal DOP853"} < families.keys()
     for name, rows in families.items():
-        if not rows[0].rung.modal:
+        if not rows[0].candidate.modal:
             errors = [short.judged(row) for row in rows]
             assert errors == sorted(errors, reverse=True), name
             assert errors[-1] < 1e-4 * errors[0], name
@@ -161,8 +161,11 @@ def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
     for row in short.pareto:
         better = [r for r in short.rows[1:] if r.seconds < row.seconds and short.judged(r) <= short.judged(row)]
         assert better == []
-    row, rung = short.rows[1], Candidate("minimal", "RK45", 1e-3)
-    made = [replace(row, rung=rung, seconds=t, error=e) for t, e in [(1.0, 1e-2), (2.0, 1e-1), (3.0, 1e-3), (3.0, 1.0)]]
+    row, candidate = short.rows[1], Candidate("minimal", "RK45", 1e-3)
+    made = [
+        replace(row, candidate=candidate, seconds=t, error=e)
+        for t, e in [(1.0, 1e-2), (2.0, 1e-1), (3.0, 1e-3), (3.0, 1.0)]
+    ]
     front = replace(short, rows=(short.rows[0], *made)).pareto
     assert [(one.seconds, one.error) for one in front] == [(1.0, 1e-2), (3.0, 1e-3)]
     equal = [replace(made[0], seconds=t, error=short.reference.floor * e) for t, e in [(1.0, 0.9), (2.0, 0.1)]]
@@ -171,7 +174,7 @@ def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
 
 @pytest.mark.slow
 def test_a_chaotic_run_is_compared_up_to_its_horizon_only() -> None:
-    found = measure_work_precision(PAPER, 60.0, rungs=(Candidate("minimal", "DOP853", 1e-9),))
+    found = measure_work_precision(PAPER, 60.0, candidates=(Candidate("minimal", "DOP853", 1e-9),))
     reference = found.reference
     assert 5.0 < reference.horizon < 30.0
     assert not reference.whole
@@ -212,7 +215,7 @@ def test_what_no_shift_explains_is_not_late(short: WorkPrecision) -> None:
     """A motion that has died away, where an error over no velocity would be thousands of seconds."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0, damping=2 * np.sqrt(9.81)),), start={"angles_deg": [60.0]})
     found = measure_work_precision(
-        Scene(gravity=9.81, pendulum=(pendulum,)), 10.0, rungs=(Candidate("minimal", "RK23", 1e-3),)
+        Scene(gravity=9.81, pendulum=(pendulum,)), 10.0, candidates=(Candidate("minimal", "RK23", 1e-3),)
     )
     assert found.rows[1].error > 1e-4
     assert np.isnan(found.rows[1].shift)
@@ -231,7 +234,7 @@ def test_a_long_chaotic_run_is_not_computed_beyond_its_horizon(monkeypatch: pyte
         return original(question)
 
     monkeypatch.setattr(module, "reference_of", listening)
-    found = measure_work_precision(PAPER, 1e300, rungs=(Candidate(LINEAR),))
+    found = measure_work_precision(PAPER, 1e300, candidates=(Candidate(LINEAR),))
     assert max(asked) < 200.0
     assert 5.0 < found.reference.horizon < 30.0
     assert len(found.reference.trajectory.times) > 100
@@ -299,13 +302,13 @@ def test_small_swings_in_space_are_linear() -> None:
 
 
 def test_a_family_that_takes_too_long_is_left() -> None:
-    rungs = [
+    candidates = [
         Candidate("minimal", "RK23", 1e-3),
         *(Candidate("minimal", "RK23", t) for t in (1e-10, 1e-12)),
         Candidate(LINEAR),
     ]
-    found = measure_work_precision(PAPER, 1.0, rungs=rungs, patience=0.1)
-    assert [row.rung.name for row in found.rows[1:]] == ["minimal RK23 0.001", LINEAR]
+    found = measure_work_precision(PAPER, 1.0, candidates=candidates, patience=0.1)
+    assert [row.candidate.name for row in found.rows[1:]] == ["minimal RK23 0.001", LINEAR]
     assert found.skipped[0][0] == "minimal RK23"
     assert "given up after 0." in found.skipped[0][1]
     assert not found.interrupted
@@ -318,14 +321,14 @@ def test_an_interrupt_keeps_what_is_done(monkeypatch: pytest.MonkeyPatch) -> Non
         [],
     )
 
-    def impatient(rung: Candidate, *rest: object) -> Row:
-        if rung.kind == CORRECTED:
+    def impatient(candidate: Candidate, *rest: object) -> Row:
+        if candidate.kind == CORRECTED:
             raise KeyboardInterrupt
-        return original(rung, *rest)
+        return original(candidate, *rest)
 
     monkeypatch.setattr(module, "measure", impatient)
-    found = measure_work_precision(PAPER, 1.0, rungs=asked, report=heard.append)
-    assert [row.rung.name for row in found.rows[1:]] == [LINEAR]
+    found = measure_work_precision(PAPER, 1.0, candidates=asked, report=heard.append)
+    assert [row.candidate.name for row in found.rows[1:]] == [LINEAR]
     assert found.interrupted
     assert [name for name, _ in found.skipped] == [CORRECTED, "minimal RK45 0.001"]
     assert heard == [1, 2]
@@ -336,8 +339,8 @@ def test_an_interrupt_between_rungs_keeps_them_too() -> None:
         if done == 2:
             raise KeyboardInterrupt
 
-    found = measure_work_precision(PAPER, 1.0, rungs=ENDS, report=stopping)
-    assert [row.rung.name for row in found.rows[1:]] == [LINEAR]
+    found = measure_work_precision(PAPER, 1.0, candidates=ENDS, report=stopping)
+    assert [row.candidate.name for row in found.rows[1:]] == [LINEAR]
     assert found.skipped == ((CORRECTED, "interrupted"),)
 
 

@@ -88,7 +88,7 @@ def test_an_escapement_feeds_what_the_damper_takes() -> None:
     scene = bobs(9.0, drive=Escapement(impulse=P, angle_deg=4.0), joint=d)
     one = relative_equilibrium(average(scene), np.array([0.17 + 0j]))
     assert one is not None
-    assert one.lasts
+    assert one.is_stable
     corner = P / (2 * pi * one.omega)
 
     def surplus(a: float) -> float:
@@ -192,7 +192,7 @@ def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
     angles = [(found.shapes[1:] @ one.z) for one in states if one.share.max() > 0.999]
     ratios = sorted(float((left / right).real) for left, right in angles)
     np.testing.assert_allclose(ratios, [-1.0, 1.0], atol=1e-6)
-    assert [one.lasts for one in states if one.share.max() > 0.999] == [True, False]
+    assert [one.is_stable for one in states if one.share.max() > 0.999] == [True, False]
     apart = next(one for one in states if one.row == 1)
     assert apart.omega == pytest.approx(sqrt(G) * (1 - radians(8.0) ** 2 / 16), rel=1e-4)
 
@@ -200,7 +200,7 @@ def test_two_pendula_keep_in_phase_or_in_antiphase() -> None:
 def test_many_pendula_in_antiphase_share_the_swing_in_many_ways_and_hold_it_all_the_same() -> None:
     found = average(clocks(5.0, -6.0, 4.0, -7.0))
     one = next(one for one in relative_equilibria(found) if one.row == 1 and one.share.max() > 0.999)
-    assert one.lasts is None
+    assert one.is_stable is None
     assert one.hold > 0.1 * np.abs(one.rates.real).max()
 
 
@@ -258,7 +258,7 @@ def test_what_grows_from_next_to_nothing_is_followed_into_its_cycle() -> None:
     (motion,) = settle(found, start[:, None])
     ending = relative_equilibrium(found, motion.z[:, -1])
     assert ending is not None
-    assert ending.lasts
+    assert ending.is_stable
     np.testing.assert_allclose(found.energies(motion.z[:, -1]).max(), found.energies(ending.z).max(), rtol=0.02)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 1)
@@ -272,7 +272,7 @@ def test_a_cart_that_is_stopped_at_once_makes_no_doubt_of_who_comes_back() -> No
     assert np.abs(one.rates.real).max() > 1e4 * abs(one.growth)
     assert one.growth == pytest.approx(-1e-4, rel=0.01)
     assert one.recovery == pytest.approx(1e-4, rel=0.01)
-    assert one.lasts is True
+    assert one.is_stable is True
 
 
 # ----------------------------------------------------------------------------------------------------- predictions

@@ -39,14 +39,14 @@ def test_antiphase_of_metronomes_grows_as_it_does(angle: float, told: float) -> 
     assert growth == pytest.approx(told, abs=1e-5)
     one = said(pair)["antiphase"]
     assert one.growth == pytest.approx(growth, abs=WITHIN)
-    assert one.lasts is (told < 0)
+    assert one.is_stable is (told < 0)
 
 
 def test_strong_metronomes_on_a_heavy_beam_come_back_in_phase() -> None:
     one, growth = said(STRONG)["in phase"], exact(STRONG, "in phase").growth
     assert growth == pytest.approx(-0.0102, abs=1e-4)
     assert one.growth == pytest.approx(growth, abs=1e-3)
-    assert one.lasts is True
+    assert one.is_stable is True
 
 
 def test_the_simulator_comes_back_at_the_same_rate() -> None:
@@ -74,7 +74,7 @@ def test_the_simulator_comes_back_at_the_same_rate() -> None:
 def test_kicked_clocks_grow_as_they_do(pair: floquet.Pair, words: str, within: float) -> None:
     one, motion = said(pair)[words], exact(pair, words)
     assert one.growth == pytest.approx(motion.growth, abs=within)
-    assert one.lasts is (motion.growth < 0)
+    assert one.is_stable is (motion.growth < 0)
     assert one.omega == pytest.approx(2 * np.pi / motion.period, rel=1e-4)
 
 

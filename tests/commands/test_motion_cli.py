@@ -80,7 +80,7 @@ def test_starts(words: str, largest: float, tmp_path: Path) -> None:
         (["chaos", "chain-spatial"], "Lyapunov exponents are computed in the plane"),
         (["simulate", "chain-2", "-o", "nowhere/run.npz"], "-o nowhere/run.npz: there is no folder nowhere"),
         (["check", "chain-2", "-o", "nowhere/a.png"], "-o nowhere/a.png: there is no folder nowhere"),
-        (["tradeoff", "thousand-pendula", "--start", "mode:2:5"], "links: the whole ladder is run for at most 400"),
+        (["tradeoff", "thousand-pendula", "--start", "mode:2:5"], "links: methods are compared for at most 400"),
         (["chaos", "run.npz"], "run.npz: is a saved run, and this command takes a scene"),
         (["check", "RUN.NPZ"], "RUN.NPZ: is a saved run, and this command takes a scene"),
         (["check", "chain-spatial", "--general"], "--general: modal coordinates are of motion in the plane"),

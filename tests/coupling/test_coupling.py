@@ -191,18 +191,18 @@ def test_energy_is_back_after_a_beat(n: int) -> None:
 def test_pairs_exchange_what_is_said(m: float, l: float) -> None:
     """One bob of 1 kg and 1 m and another: the share and the time of the exchange in the motion itself."""
     one = scene(Cart(mass=1000.0), bob(1, 1), bob(m, l))
-    (talk,) = explain(one).talks
-    times = np.linspace(0.0, 1.2 * talk.period, 20_001)
+    (pair,) = explain(one).pairs
+    times = np.linspace(0.0, 1.2 * pair.period, 20_001)
     passed = swing(one, 0, times)[:, 1]
-    assert passed.max() == pytest.approx(talk.share, rel=0.01, abs=1e-4)
+    assert passed.max() == pytest.approx(pair.share, rel=0.01, abs=1e-4)
     smooth = np.convolve(passed, np.ones(41) / 41, "same")
-    assert times[smooth.argmax()] == pytest.approx(talk.period / 2, rel=0.05)
+    assert times[smooth.argmax()] == pytest.approx(pair.period / 2, rel=0.05)
 
 
 def test_equal_lengths_share_by_mass() -> None:
-    (talk,) = explain(scene(Cart(mass=1e6), bob(1, 1), bob(3, 1))).talks
-    assert talk.share == pytest.approx(4 * 3 / (1 + 3) ** 2, rel=1e-9)
-    assert explain(scene(Cart(mass=0.0), bob(1, 1), bob(1, 0.8))).talks == ()
+    (pair,) = explain(scene(Cart(mass=1e6), bob(1, 1), bob(3, 1))).pairs
+    assert pair.share == pytest.approx(4 * 3 / (1 + 3) ** 2, rel=1e-9)
+    assert explain(scene(Cart(mass=0.0), bob(1, 1), bob(1, 0.8))).pairs == ()
 
 
 CROWDED = scene(Cart(mass=50.0), bob(1, 0.99), bob(1, 1), bob(1, 1.01))
@@ -227,16 +227,16 @@ def test_pairs_say_nothing_where_others_take_part() -> None:
         cart = Cart(mass=float(10 ** rng.uniform(2, 4)), stiffness=spring)
         one = scene(cart, *(bob(rng.uniform(0.3, 3), l) for l in lengths.tolist()))
         found, most = explain(one), most_passed(one)
-        for talk in found.talks:
-            a, b = (int(found.names[found.own.kind[k]].split()[-1]) - 1 for k in (talk.first, talk.second))
-            seen.append(talk.alone)
-            if talk.alone and max(found.own.mass) < 0.1 * abs(talk.cart_mass):
-                assert most[a, b] == pytest.approx(talk.share, rel=0.2, abs=0.03)
+        for pair in found.pairs:
+            a, b = (int(found.names[found.own.kind[k]].split()[-1]) - 1 for k in (pair.first, pair.second))
+            seen.append(pair.alone)
+            if pair.alone and max(found.own.mass) < 0.1 * abs(pair.cart_mass):
+                assert most[a, b] == pytest.approx(pair.share, rel=0.2, abs=0.03)
     assert 0.2 < np.mean(seen) < 0.8
-    assert not any(talk.alone for talk in explain(CROWDED).talks)
+    assert not any(pair.alone for pair in explain(CROWDED).pairs)
     assert most_passed(CROWDED)[0, 2] > 0.4
     assert "not alone" in coupling_report(explain(CROWDED))
-    assert not any(talk.alone for talk in explain(scene(Cart(mass=500.0), *(bob(m, 1) for m in (1, 2, 3)))).talks)
+    assert not any(pair.alone for pair in explain(scene(Cart(mass=500.0), *(bob(m, 1) for m in (1, 2, 3)))).pairs)
 
 
 def test_a_pair_astride_a_third_pole_has_no_mass_between() -> None:
@@ -329,9 +329,9 @@ def test_dampers_leave_of_a_beat_what_is_said(one: Scene) -> None:
     "one", [UNEVEN, scene(Cart(mass=20.0, damping=2.0), bob(1, 1, damping=0.1), bob(1, 1, damping=0.05))]
 )
 def test_pairs_damped_apart_exchange_what_is_said(one: Scene) -> None:
-    (talk,) = explain(one).talks
+    (pair,) = explain(one).pairs
     passed = [decaying(one, start, 0.05, 4000)[20:-20, 1 - start].max() for start in (0, 1)]
-    assert passed == pytest.approx([talk.share] * 2, rel=0.15)
+    assert passed == pytest.approx([pair.share] * 2, rel=0.15)
     told = page(explain(one))["Who talks to whom"][0]
     assert "they talk" not in told
     assert "dampers keep them apart" in told

@@ -177,7 +177,11 @@ def traded():
     return measure_work_precision(
         scene,
         0.2,
-        rungs=[rung for rung in list_candidates(scene) if rung.modal or (rung.tolerance > 1e-5 and not rung.compiled)],
+        candidates=[
+            candidate
+            for candidate in list_candidates(scene)
+            if candidate.modal or (candidate.tolerance > 1e-5 and not candidate.compiled)
+        ],
     )
 
 

@@ -128,7 +128,7 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     kappa = coupling(mass, damping)
     slower = sqrt(GRAVITY) * np.radians(ANGLE) ** 2 / (2 * GENTLE)
     expected = length_of(2 * abs(kappa.real + slower * kappa.imag))
-    ends = [critical(named(found, words), "is lost") - 1 for words in ("in phase", "antiphase")]
+    ends = [critical(named(found, words), "disappears") - 1 for words in ("in phase", "antiphase")]
     assert ends[0] == pytest.approx(ends[1], abs=2 * RESOLUTION * 2e-4)
     assert ends[0] == pytest.approx(expected, rel=0.03)
     assert not named(found, "antiphase").intervals
@@ -139,7 +139,7 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
 @pytest.mark.parametrize("mass", [4000.0, 1500.0])
 def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> None:
     found = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:5")
-    end = critical(named(found, "in phase"), "is lost") - 1
+    end = critical(named(found, "in phase"), "disappears") - 1
     assert end == pytest.approx(length_of(detuning(mass, 5.0)), rel=0.02)
     ((low, high),) = named(found, "in phase").intervals
     assert (low, high) == pytest.approx((1.0, 1 + end), abs=0.03 * end)
@@ -150,7 +150,7 @@ def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> No
 def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part: float, locked: bool) -> None:
     scene = clocks(200.0, 5.0)
     one = named(followed(scene, f"{LENGTH}=1:1.01:5"), "in phase")
-    value = 1 + part * (critical(one, "is lost") - 1)
+    value = 1 + part * (critical(one, "disappears") - 1)
     phases = run_from(scene, LENGTH, value, near(one, scene, value), 5000.0, 1.0)
     assert phases.locked == locked
     assert (np.ptp(phases.frequency) < 1e-6) == locked
@@ -161,13 +161,13 @@ def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("words", "kind"), [("antiphase", "stops lasting"), ("in phase", "starts to last")])
+@pytest.mark.parametrize(("words", "kind"), [("antiphase", "loses stability"), ("in phase", "becomes stable")])
 def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> None:
     """By the cart's mass: beyond it phases swing or another configuration is gone to."""
     scene = clocks(50.0, 15.0, 1.01)
     one = named(followed(scene, "support.mass=20:500:6log"), words)
     value = critical(one, kind)
-    inside, outside = (0.9, 1.1) if kind == "stops lasting" else (1.1, 0.9)
+    inside, outside = (0.9, 1.1) if kind == "loses stability" else (1.1, 0.9)
     steady, left = (
         run_from(scene, "support.mass", part * value, near(one, scene, part * value), 2000.0, 0.9)
         for part in (inside, outside)
@@ -212,7 +212,7 @@ def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
     """
     scene = metronomes(VanDerPol(strength=4e-6, angle_deg=10.0))
     one = named(followed(scene, "support.damping=0.01:0.2:4log"), "in phase")
-    value = critical(one, "stops lasting")
+    value = critical(one, "loses stability")
     assert critical(one, "dies out") == pytest.approx(brentq(growth_in_phase, 0.1, 0.2, args=(scene, 4e-6)), rel=1e-3)
     assert critical(one, "dies out") == pytest.approx(2 * value, rel=2e-2)
     for part, survivor in ((0.85, 3), (1.15, 2)):
@@ -227,7 +227,7 @@ def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> Non
     link = Body(mass=0.025, length=0.1, centre=0.02, inertia=1e-5, damping=1e-6, drive=KICKS)
     scene = Scene(gravity=GRAVITY, support=Cart(mass=0.6), pendulum=(Pendulum(links=(link,), count=2),))
     one = named(followed(scene, "support.damping=0.3:3:4log"), "in phase")
-    value = critical(one, "stops lasting")
+    value = critical(one, "loses stability")
     for part in (0.85, 1.15):
         phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 150.0, 0.9)
         share = find_survival(phases.trajectory).share[:, 0]
@@ -274,8 +274,10 @@ def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
 def test_what_leaves_another_branch_begins_there() -> None:
     """Fast antiphase of the clocks sheds, where it stops lasting, a swing that shares its energy with in phase."""
     found = followed(modal.load("clocks-double"), "support.mass=7:10:2")
-    (shed,) = [one for one in found.branches if [change.kind for change in one.changes] == ["appears", "stops lasting"]]
-    (pure,) = [one for one in found.branches if [change.kind for change in one.changes] == ["stops lasting"]]
+    (shed,) = [
+        one for one in found.branches if [change.kind for change in one.changes] == ["appears", "loses stability"]
+    ]
+    (pure,) = [one for one in found.branches if [change.kind for change in one.changes] == ["loses stability"]]
     assert shed.values[0] == pytest.approx(pure.changes[0].value, abs=0.02)
     assert shed.states[-1].share.max() < 0.999 < min(one.share.max() for one in pure.states)
 
@@ -300,7 +302,7 @@ def test_what_is_printed_is_what_was_found() -> None:
     for number, one in enumerate(found.branches, start=1):
         own = [row for row in rows if row["branch"] == str(number)]
         assert [float(row["support.mass_kg"]) for row in own] == one.values.tolist()
-        assert [row["lasts"] == "1" for row in own] == list(one.lasts)
+        assert [row["lasts"] == "1" for row in own] == list(one.is_stable)
         assert all(float(row["growth_per_s"]) < 0 for row in own if row["lasts"] == "1")
         assert all(float(row["growth_per_s"]) > -1e-4 for row in own if row["lasts"] == "0")
 

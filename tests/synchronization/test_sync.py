@@ -170,7 +170,7 @@ def test_a_start_at_rest_has_no_prediction() -> None:
 
 
 @pytest.mark.slow
-def test_escapements_keep_their_books() -> None:
+def test_the_energy_balance_of_escapements_closes() -> None:
     found = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 120.0, tolerance=1e-12)
     kicks = found.trajectory.kicks
     assert len(kicks.time) > 200
