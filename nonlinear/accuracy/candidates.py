@@ -96,7 +96,7 @@ class Candidate:
         return task
 
     def _integrated(self, question: Question) -> Task:
-        request = Request(question.scene, question.start, question.times, form=self.kind)
+        request = Request(question.scene, system_of(question.scene), question.start, question.times, form=self.kind)
         choice = Choice(self.kind, self.method, self.compiled, "a rung of the ladder", self.tolerance)
         ready = request.prepared(choice)
 
