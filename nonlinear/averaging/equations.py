@@ -44,7 +44,7 @@ from modal.scene import Scene
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls
 from nonlinear.integration import Escaping, escaping
-from nonlinear.reduction import residual_forces, rest_angles
+from nonlinear.reduction import residual_forces
 from nonlinear.system import State, System, system_of
 
 BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
@@ -87,7 +87,7 @@ class AveragedEquations:
 
     def amplitudes(self, state: State) -> Complexes:
         """The z (C,) of an instant."""
-        q, v = state.links - rest_angles(self.scene), state.link_rates
+        q, v = state.links - self.system.rest, state.link_rates
         if self.system.cart:
             q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
         return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)

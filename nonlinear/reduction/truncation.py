@@ -40,7 +40,6 @@ from nonlinear.integration import (
     validate,
     validate_numbers,
 )
-from nonlinear.reduction.modal_coordinates import rest_angles
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
@@ -148,7 +147,7 @@ class Survey:
     def equations(self, chosen: Ints) -> Truncated:
         """The reduced equations in these shapes."""
         shapes, dual = (np.ascontiguousarray(part[:, chosen]) for part in (self.shapes, self.dual))
-        return Truncated(self.system, rest_angles(self.scene), shapes, dual)
+        return Truncated(self.system, self.system.rest, shapes, dual)
 
 
 def simulate_truncated(

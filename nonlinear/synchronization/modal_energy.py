@@ -20,7 +20,7 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes, table_numbers
 from modal.scene import Scene
 from modal.types import Floats, Ints
-from nonlinear.averaging import LOCKED
+from nonlinear.averaging import LOCKED, below_for_good
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import smooth
 from nonlinear.reduction import deflection, rest_angles
@@ -76,11 +76,8 @@ class Survival:
         return float(self.share[-1, self._place])
 
     def locking_time(self, threshold: float = LOCKED) -> float | None:
-        """The first time (s) from which on all other rows together hold less than `threshold`, None where never."""
-        others = np.delete(self.share, self._place, axis=1).sum(axis=1)
-        above = np.flatnonzero(~(others < threshold))
-        first = int(above[-1]) + 1 if above.size else 0
-        return float(self.times[first]) if first < len(self.times) else None
+        """The time (s) from which on all other rows together hold less than `threshold`, None where never."""
+        return below_for_good(self.times, np.delete(self.share, self._place, axis=1).sum(axis=1), threshold)
 
 
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
