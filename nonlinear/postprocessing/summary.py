@@ -31,6 +31,7 @@ FORMS = {
     CORRECTED: "modes in closed form, each with the frequency of its amplitude",
 }
 MOST_EVENTS = 10
+DRIFT = 1e-3  # of what the energies range over
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 
@@ -56,7 +57,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if run.method == CLOSED and trajectory.system.works:
         yield "energy", "what dampers take is not counted in closed form"
     else:
-        yield "energy", f"drift {trajectory.energy_drift():.2g} of what its energies range over"
+        yield "energy", _drift(trajectory.energy_drift())
     if trajectory.keeps_momentum or trajectory.keeps_spin:
         which = "along the rail" if trajectory.keeps_momentum else "about the vertical"
         yield "momentum", f"drift {trajectory.momentum_drift():.2g}, {which}"
@@ -66,6 +67,11 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"
     if (more := len(trajectory.happenings) - MOST_EVENTS) > 0:
         yield "", f"and {more} more"
+
+
+def _drift(share: float) -> str:
+    trust = "" if share < DRIFT else "; too much to trust this motion: ask for a tighter tolerance or an accuracy"
+    return f"drift {share:.2g} of what its energies range over{trust}"
 
 
 def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:

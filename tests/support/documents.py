@@ -35,7 +35,7 @@ from markdown_it import MarkdownIt
 from modal.scene import parse, scene_from
 from multipendula.cli import _parser, main
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 MINIMAL = {"gravity": 9.81, "pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
 KNOWN = {
     "python3 -m venv .venv",

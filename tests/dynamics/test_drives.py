@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from motion_scenes import motion_scene, random_state
 from scipy.integrate import solve_ivp
 
 from modal import load, natural_modes
@@ -43,7 +44,6 @@ from nonlinear.reduction import simulate_truncated
 from nonlinear.simulation import resume, simulate
 from nonlinear.system import Event, Motion, State, level_crossing, system_of, turning_point
 from nonlinear.verification import check, check_table
-from tests.motion_scenes import motion_scene, random_state
 
 TAYLOR = pytest.mark.skipif(find_spec("heyoka") is None, reason="needs the extra `taylor`")
 G = 9.81

@@ -20,7 +20,7 @@ from modal.scene import Bob, Body, Cart, Escapement, InitialCondition, Pendulum,
 
 pytestmark = pytest.mark.site
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PICTURES = DOCS / "pictures"
 """A source distribution is without them."""

@@ -22,7 +22,7 @@ from modal.statespace import (
 )
 from modal.statespace.shapers import Shaper, Swing, insensitivity, shaper
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = Path(__file__).parents[2] / "examples"
 
 
 def left_over(scene: Scene, made: Shaper, drive: str = "cart_acceleration") -> float:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from multipendula.cli import _parser
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 PICTURES = ROOT / "docs" / "pictures"
 TABLE = tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-8"))
 SECTIONS = {"modes", "coupling", "motion", "accuracy", "synchronization", "control", "chaos"}

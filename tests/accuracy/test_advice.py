@@ -132,7 +132,7 @@ def test_a_light_rod_above_a_heavy_body() -> None:
 
 @pytest.mark.slow
 def test_driven_pendula() -> None:
-    scene, accuracy = load(Path(__file__).parent / "data" / "driven.toml"), 2.2204330235142645e-4
+    scene, accuracy = load(Path(__file__).parent / "driven.toml"), 2.2204330235142645e-4
     advice = advise(scene, 15.0, accuracy)
     sure = simulate(scene, 15.0, tolerance=1e-11, output=advice.trajectory.times)
     assert apart(advice.trajectory.motion, sure.motion).max() < advice.errors[-1] <= accuracy
