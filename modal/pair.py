@@ -9,7 +9,7 @@ The functions are plain arithmetic over sequences, top link first: floats, fract
 arrays (one entry a pendulum) run the same lines.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
@@ -18,8 +18,17 @@ Scalars = Sequence[Any] | NDArray[Any]
 
 
 def proportions(kind: str, m: Any, l: Any) -> tuple[Any, Any]:
-    """Centre and moment of inertia of a bob (c = l, I = 0) or a uniform rod (c = l/2, I = m l²/12)."""
-    return (l, 0 * m) if kind == "bob" else (l / 2, m * l**2 / 12)
+    """Centre and moment of inertia of a bob (c = l, I = 0) or a uniform rod (c = l/2, I = m l²/12).
+
+    A centre goes as l and an inertia as m l² for every kind here; KeyError for another.
+    """
+    return PROPORTIONS[kind](m, l)
+
+
+PROPORTIONS: dict[str, Callable[[Any, Any], tuple[Any, Any]]] = {
+    "bob": lambda m, l: (l, 0 * m),
+    "rod": lambda m, l: (l / 2, m * l**2 / 12),
+}
 
 
 def masses_below(mass: Scalars) -> list[Any]:

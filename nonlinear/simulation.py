@@ -123,11 +123,11 @@ def _request(
     words = {name: more[name] for name in ("method", "form") if name in more}
     state, _, times = validate(
         lambda: validate_state(start if start is not None else initial_state(scene), system),
-        lambda: choose(scene, duration, tolerance, **words, driven=load is not None),
+        lambda: choose(scene, duration, tolerance, **words, driven=load is not None, system=system),
         lambda: sample_times(scene, duration, start_time, output),
     )
     validate_forces(load, system, state, start_time)
-    return Request(scene, state, times, pace=pace, **more)
+    return Request(scene, system, state, times, pace=pace, **more)
 
 
 def certain(advice: Advice) -> Trajectory:

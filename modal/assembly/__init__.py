@@ -9,7 +9,7 @@ dense form for printing, for small problems and for tests.
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, rig_of
-from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices
+from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices, matrices_of
 
 __all__ = [
     "ARRAYS",
@@ -23,5 +23,6 @@ __all__ = [
     "coordinate_labels",
     "dampers",
     "matrices",
+    "matrices_of",
     "rig_of",
 ]

@@ -18,7 +18,7 @@ import numpy as np
 from modal import pair
 from modal.assembly.arrays import Block, CartNumbers, Rig, rig_of
 from modal.errors import ComputationError
-from modal.scene import Scene, validate_scene
+from modal.scene import Scene
 from modal.types import Floats
 
 LARGEST_DENSE = 4000
@@ -41,12 +41,16 @@ def matrices(scene: Scene) -> Matrices:
     In space these describe the motion along the rail; across it a cart is a fixed support.
     Raises ComputationError beyond LARGEST_DENSE coordinates.
     """
-    size = validate_scene(scene).n_links + (scene.support.kind == "cart")
+    return matrices_of(rig_of(scene))
+
+
+def matrices_of(rig: Rig) -> Matrices:
+    """The same of a scene's arrays."""
+    size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + (rig.cart is not None)
     if size > LARGEST_DENSE:
         raise ComputationError(
             f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are written out"
         )
-    rig = rig_of(scene)
     columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
     M, K = assembled(columns, rig.cart, rig.gravity)
     return Matrices(M, K, dampers(columns, rig.cart), coordinate_labels(rig))

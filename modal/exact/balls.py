@@ -15,10 +15,10 @@ from typing import Any
 
 from modal import pair
 from modal.errors import ComputationError, MissingExtraError
-from modal.scene import Bob, Body, Cart, Fixed, Rod
+from modal.scene import AnyLink, Cart, Fixed
 
 Ball = Any
-Links = tuple[Bob | Rod | Body, ...]
+Links = tuple[AnyLink, ...]
 
 MOST_BITS = 1 << 17
 NEWTON_STEPS = 8
@@ -98,14 +98,11 @@ class Hung:
 
 
 def constants(chain: Links, gravity: float) -> list[pair.Constants]:
-    """The recursion's constants as balls; a rod's centre and inertia are formed as balls too."""
+    """The recursion's constants as balls, in which centre and inertia are formed too."""
     arb = flint().arb
     mass, length = [arb(link.mass) for link in chain], [arb(link.length) for link in chain]
-    centre = [arb(link.centre) for link in chain]
-    inertia = [
-        pair.proportions(link.kind, m, l)[1] if link.kind == "rod" else arb(link.inertia)
-        for link, m, l in zip(chain, mass, length, strict=True)
-    ]
+    parts = [link.proportions(m, l, arb) for link, m, l in zip(chain, mass, length, strict=True)]
+    centre, inertia = zip(*parts, strict=True)
     return pair.constants(mass, length, centre, inertia, arb(gravity))
 
 

@@ -147,11 +147,7 @@ def exact_links(pendulum: Pendulum) -> Links:
     rows = []
     for link in pendulum.links:
         m, l, stiffness = map(exact, (link.mass, link.length, link.stiffness))
-        if link.kind == "body":
-            c, I = exact(link.centre), exact(link.inertia)
-        else:
-            c, I = pair.proportions(link.kind, m, l)
-        rows += [(m, l, c, I, stiffness)] * link.count
+        rows += [(m, l, *link.proportions(m, l, exact), stiffness)] * link.count
     sigma = (Fraction(1 if way == "down" else -1) for way in pendulum.ways)
     return tuple((*row, sign) for row, sign in zip(rows, sigma, strict=True))
 

@@ -17,8 +17,9 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.exact.balls import Ball, Hung, Links, flint
+from modal.exact.characteristic import exact
 from modal.modes import natural_modes
-from modal.scene import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene
+from modal.scene import Cart, Fixed, Pendulum, Scene
 
 GUARD_BITS = 64
 FIRST_WIDTH = 2.0**-48
@@ -91,9 +92,7 @@ class _Problem:
         """ω (rad/s) in double precision, from the same chains with their copies folded into their masses."""
         if self.n_modes == 0:
             return []
-        hung = tuple(
-            Pendulum(links=tuple(map(_folded, chain, [n] * len(chain)))) for chain, n in self.hung.chains.items()
-        )
+        hung = tuple(Pendulum(links=tuple(link.heavier(n) for link in chain)) for chain, n in self.hung.chains.items())
         modes = natural_modes(Scene(gravity=self.hung.gravity, support=self.hung.support, pendulum=hung))
         return [float(omega) for omega in np.repeat(modes.omega, modes.multiplicity) if omega > 0]
 
@@ -150,13 +149,9 @@ def _has_residual_mass(chain: Links) -> bool:
     """Whether inertia alone loads the pivot, α > 0 in `modal.eigen.recursion.at_infinity`: α' = (p α + m J)/(r + α)."""
     alpha = False
     for link in reversed(chain):
-        alpha = link.kind == "rod" or link.inertia > 0 or (alpha and link.centre != link.length)
+        inertia = link.proportions(exact(link.mass), exact(link.length), exact)[1]
+        alpha = inertia > 0 or (alpha and link.centre != link.length)
     return alpha
-
-
-def _folded(link: Bob | Rod | Body, count: int) -> Bob | Rod | Body:
-    extensive = {"mass": link.mass * count} | ({"inertia": link.inertia * count} if isinstance(link, Body) else {})
-    return link.replace(**extensive)
 
 
 def _decimal(x: Ball, digits: int, *, up: bool) -> str:

@@ -14,9 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes import UNCERTAIN, Modes, all_shapes, natural_modes, paired
+from modal.modes import UNCERTAIN, Modes, natural_modes, paired
 from modal.scene import Scene
 from modal.scene.parameters import vary
 from modal.types import Floats, Ints
@@ -64,7 +63,7 @@ def solve_at(scene: Scene, path: str, value: float) -> Point:
         raise ComputationError(f"{where} some modes decay or grow: loci are of undamped scenes about a stable rest")
     fold = modes.multiplicity
     group, row = (np.repeat(each, fold) for each in (_groups(modes), np.arange(len(modes))))
-    return Point(value, np.repeat(modes.omega, fold), _shapes(modes), group, row, matrices(here).M)
+    return Point(value, np.repeat(modes.omega, fold), _shapes(modes), group, row, modes.matrices.M)
 
 
 def _groups(modes: Modes) -> Ints:
@@ -75,13 +74,9 @@ def _groups(modes: Modes) -> Ints:
 
 
 def _shapes(modes: Modes) -> Floats:
-    planes = 2 if modes.rig.spatial else 1
-    flat = [shape for shapes in all_shapes(modes) for shape in shapes]
-    found = np.zeros((planes, len(flat[0].angles) + modes.on_cart, len(flat)))
-    for at, shape in enumerate(flat):
-        cart = [shape.cart.real] if modes.on_cart else []
-        found[int(shape.across), :, at] = np.concatenate((cart, shape.angles.real))
-    return found
+    """Φ (planes, n, R), of every shape the part along the rail and, in space, the part across it."""
+    phi, planes = modes.matrix.real, 2 if modes.rig.spatial else 1
+    return np.array([phi.shapes * (phi.across == plane) for plane in range(planes)])
 
 
 def overlaps(before: Point, after: Point) -> Floats:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from modal.modes.mode import UNCERTAIN, Mode
-from modal.modes.modes import UNDRIVEN, Modes, all_shapes, natural_modes
+from modal.modes.modes import UNDRIVEN, ModalMatrix, Modes, all_shapes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
 from modal.modes.shapes import Shape
 
@@ -21,6 +21,7 @@ __all__ = [
     "MOST_COMPARED",
     "UNCERTAIN",
     "UNDRIVEN",
+    "ModalMatrix",
     "Mode",
     "Modes",
     "Shape",

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, Rig, Units, rig_of
+from modal.assembly import Block, Matrices, Rig, Units, matrices_of, rig_of
 from modal.eigen import (
     LIGHT,
     Details,
@@ -29,7 +29,7 @@ from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family,
 from modal.modes.mode import MOST_DISTORTED, UNCERTAIN, Mode, answering, resonances
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.scene import Scene
-from modal.types import Floats, Ints
+from modal.types import Booleans, Floats, Ints
 
 UNDRIVEN = "Self-excitation is left out: drives feed small swings, they do not shape them."
 CHUNK = 400_000
@@ -59,6 +59,36 @@ class _Piece(NamedTuple):
 def _head(pieces: list[_Piece]) -> _Piece:
     """The one that moves most of the scene."""
     return next((piece for piece in pieces if not piece.part.still), pieces[0])
+
+
+@dataclass(frozen=True, eq=False)
+class ModalMatrix:
+    """Φ (n, C): every shape as a column with φᵀMφ = 1, the cart (if there is one) first, then all links.
+
+    `row` and `copy` (C,), both from 0, say where a shape stands in the table, `across` (C,) whether it moves across the
+    rail, where M is another.
+    """
+
+    shapes: NDArray[Any]
+    row: Ints
+    copy: Ints
+    across: Booleans
+    M: Floats
+
+    @cached_property
+    def dual(self) -> NDArray[Any]:
+        """MΦ (n, C): of shapes without dampers (MΦ)ᵀq are the modal coordinates of a motion q."""
+        return np.asarray(self.M @ self.shapes)
+
+    @property
+    def real(self) -> ModalMatrix:
+        """Of an undamped scene, whose shapes are real."""
+        return replace(self, shapes=self.shapes.real)
+
+    def take(self, columns: NDArray[Any]) -> ModalMatrix:
+        """Some of the columns, by their places or by a mask."""
+        row, copy, across = (part[columns] for part in (self.row, self.copy, self.across))
+        return ModalMatrix(self.shapes.T[columns].T, row, copy, across, self.M)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +146,23 @@ class Modes(Sequence[Mode]):
     def error(self) -> Floats:
         """Bounds on the relative errors of `eigenvalue`, (R,)."""
         return _kept(self.spectrum.error.view())
+
+    @cached_property
+    def matrices(self) -> Matrices:
+        """M, K and D of the scene along the rail; ComputationError where it is too large for them."""
+        return matrices_of(self.rig)
+
+    @cached_property
+    def matrix(self) -> ModalMatrix:
+        """The modal matrix Φ of all modes and copies, in the order of the table."""
+        each = [(row, copy, one) for row, own in enumerate(all_shapes(self)) for copy, one in enumerate(own)]
+        row, copy = (np.array([entry[part] for entry in each], dtype=np.int64) for part in (0, 1))
+        across = np.array([shape.across for _, _, shape in each], dtype=bool)
+        return ModalMatrix(np.array([self.column(one) for _, _, one in each]).T, row, copy, across, self.matrices.M)
+
+    def column(self, shape: Shape) -> NDArray[Any]:
+        """A shape as one vector (n,): the cart, if there is one, then every link in the order of the file."""
+        return np.concatenate(([shape.cart], shape.angles)) if self.on_cart else shape.angles
 
     @cached_property
     def route(self) -> str:

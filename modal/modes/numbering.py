@@ -15,10 +15,8 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-from modal.assembly import matrices
-from modal.modes.modes import Modes, all_shapes, natural_modes
+from modal.modes.modes import Modes, natural_modes
 from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
 
@@ -29,14 +27,14 @@ MOST_COMPARED = 1000
 
 
 @lru_cache(maxsize=4)
-def table_numbers(scene: Scene) -> Ints:
-    """The number in the table of a scene for every row (R,) of `natural_modes(scene.conservative)`.
+def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
+    """The number in the table of a scene for every row (R,) of `natural_modes(scene.conservative)`, `still`.
 
     >>> from modal import load
     >>> table_numbers(load("huygens")).tolist()  # the cart's creeping on its damper is mode 2 of the table
     [1, 3, 4]
     """
-    still = natural_modes(scene.conservative)
+    still = still or natural_modes(scene.conservative)
     found = 1 + counterparts(still, natural_modes(scene)) if scene.has_damping else np.arange(1, len(still) + 1)
     found.flags.writeable = False
     return found
@@ -86,21 +84,18 @@ def lettered(index: int) -> str:
 def _alike(modes: Modes, others: Modes) -> Floats:
     """The w (R, S), over the cart and the links where both have a cart, else over the links."""
     on_cart = modes.on_cart and others.on_cart
-    left_out, M = int(modes.on_cart and not on_cart), matrices(modes.scene).M
-    M = M[left_out:, left_out:]
-    one, own = _stacked(modes, M, on_cart)
-    other, whose = _stacked(others, M, on_cart)
+    left_out = int(modes.on_cart and not on_cart)
+    M = modes.matrices.M[left_out:, left_out:]
+    one, own = _stacked(modes, M)
+    other, whose = _stacked(others, M)
     found = np.zeros((len(modes), len(others)))
     np.add.at(found, np.ix_(own, whose), np.abs(one.conj().T @ M @ other) ** 2)
     return found
 
 
-def _stacked(modes: Modes, M: Floats, on_cart: bool) -> tuple[Complexes, Ints]:
-    """All shapes along the rail (n, C) with φᴴMφ = 1, and the row (C,) of each."""
-    each = [(row, shape) for row, own in enumerate(all_shapes(modes)) for shape in own if not shape.across]
-    parts: list[NDArray[np.complex128]] = [
-        np.concatenate(([shape.cart] if on_cart else [], shape.angles)).astype(np.complex128) for _, shape in each
-    ]
-    phi = np.array(parts).T
+def _stacked(modes: Modes, M: Floats) -> tuple[Complexes, Ints]:
+    """All shapes along the rail (n, C), n the size of M, with φᴴMφ = 1, and the row (C,) of each."""
+    along = modes.matrix.take(~modes.matrix.across)
+    phi = along.shapes[-len(M) :].astype(np.complex128)
     size = np.sqrt(np.einsum("ic,ij,jc->c", phi.conj(), M, phi).real)
-    return phi / np.where(size > 0, size, 1.0), np.array([row for row, _ in each])
+    return phi / np.where(size > 0, size, 1.0), along.row

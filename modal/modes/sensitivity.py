@@ -120,8 +120,8 @@ def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Floats]]:
 
 
 def _follows(pendulum: Pendulum) -> Floats:
-    """1 for a bob or a rod, where c is proportional to l and I to m l²; 0 for a body."""
-    return np.repeat([float(link.kind != "body") for link in pendulum.links], [link.count for link in pendulum.links])
+    """1 where c is proportional to l and I to m l²; 0 for a body."""
+    return np.repeat([float(link.is_uniform) for link in pendulum.links], [link.count for link in pendulum.links])
 
 
 def _of_chains(chain: _Chain, phi: Floats, omega: float, cart: float, g: float) -> tuple[Floats, ...]:

@@ -6,7 +6,19 @@ figure has a light and a dark form, axes with units, and colours that colour-bli
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
-from modal.plotting.layout import NUMBER, SMALL, caption, framed, headline, key, legend, log_ticks, mark_modes
+from modal.plotting.layout import (
+    NUMBER,
+    SMALL,
+    caption,
+    evenly,
+    framed,
+    headline,
+    key,
+    legend,
+    log_ticks,
+    mark_modes,
+    side_by_side,
+)
 from modal.plotting.loci import axis_words, draw_loci, scale
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
 from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
@@ -56,6 +68,7 @@ __all__ = [
     "draw_impulse",
     "draw_loci",
     "draw_shapes",
+    "evenly",
     "framed",
     "headline",
     "in_both_themes",
@@ -72,6 +85,7 @@ __all__ = [
     "shade",
     "shapes_figure",
     "sheet",
+    "side_by_side",
     "slide",
     "thickness",
 ]

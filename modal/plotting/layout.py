@@ -1,4 +1,7 @@
-"""What stands around the curves of every figure: title, caption, key, labels, plain logarithmic ticks, mode numbers."""
+"""What stands around the curves of every figure: title, caption, key, labels, plain logarithmic ticks, mode numbers.
+
+And where pendula stand that are drawn side by side.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from modal.plotting.style import any_letters, muted
 from modal.report import visible
+from modal.types import Floats, Ints
 
 SMALL = "small"
 """The size of words inside axes, relative to the style's."""
@@ -104,3 +108,14 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, numbered: bool
         axis.annotate(
             words, (middle, 1.0), (0, 3), "axes fraction", "offset points", ha="center", fontsize=SMALL
         ).set_annotation_clip(False)
+
+
+def evenly(count: int, most: int) -> Ints:
+    """Which of so many pendula, from 0, are drawn: all, or `most` of them spread evenly."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
+
+
+def side_by_side(count: int, depth: float) -> Floats:
+    """Where so many drawn pivots stand along the rail (m), of pendula that reach down by `depth` (m)."""
+    spacing = depth * (0.95 if count <= 4 else 0.5)
+    return np.asarray(spacing * (np.arange(count) - (count - 1) / 2), dtype=np.float64)

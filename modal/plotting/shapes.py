@@ -14,9 +14,9 @@ from matplotlib.patches import FancyBboxPatch
 
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
-from modal.plotting.layout import caption, headline
+from modal.plotting.layout import caption, evenly, headline, side_by_side
 from modal.plotting.style import QUIET, WIDE, colour, ink, muted, paper, rest, save, sheet
-from modal.scene import Bob, Body, Rod
+from modal.scene import AnyLink, Bob, Rod
 from modal.types import Floats
 
 FARTHEST = 0.3  # of the picture's depth
@@ -32,7 +32,7 @@ class _Layout:
     In metres: the longest chain, how far any reaches below and above the rail, and half the width.
     """
 
-    links: tuple[tuple[Bob | Rod | Body, ...], ...]
+    links: tuple[tuple[AnyLink, ...], ...]
     ways: tuple[Floats, ...]
     offsets: tuple[int, ...]
     pivots: Floats
@@ -88,24 +88,23 @@ def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float 
 
 
 def _layout(modes: Modes) -> _Layout:
-    hanging: list[tuple[tuple[Bob | Rod | Body, ...], Floats, int]] = []
+    hanging: list[tuple[tuple[AnyLink, ...], Floats, int]] = []
     first = 0
     for pendulum in modes.scene.pendulum:
         links = tuple(link for link in pendulum.links for _ in range(link.count))
         way = np.array([1.0 if way == "down" else -1.0 for way in pendulum.ways])
         hanging += [(links, way, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
         first += pendulum.count * len(links)
-    picked = np.unique(np.linspace(0, len(hanging) - 1, min(len(hanging), MOST_PENDULA)).astype(int))
+    picked = evenly(len(hanging), MOST_PENDULA)
     chains, ways, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
     levels = [_levels(chain, way) for chain, way in zip(chains, ways, strict=True)]
     depth = max(float(np.ptp(level)) for level in levels)
-    spacing = depth * (0.95 if len(picked) <= 4 else 0.5)
-    pivots = np.asarray(spacing * (np.arange(len(picked)) - (len(picked) - 1) / 2), dtype=np.float64)
+    pivots = side_by_side(len(picked), depth)
     below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
     return _Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
 
 
-def _levels(links: tuple[Bob | Rod | Body, ...], way: Floats) -> Floats:
+def _levels(links: tuple[AnyLink, ...], way: Floats) -> Floats:
     """How far the joints and the centres of mass of a chain at rest are below the rail."""
     joints = np.cumsum([0.0, *(way * [link.length for link in links])])
     return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
@@ -167,7 +166,7 @@ def _swing(axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: f
             _marks(axis, links, x, y, look)
 
 
-def _marks(axis: Axes, links: Sequence[Bob | Rod | Body], x: Floats, y: Floats, look: dict[str, Any]) -> None:
+def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dict[str, Any]) -> None:
     heaviest = max(link.mass for link in links)
     for i, link in enumerate(links):
         part = link.centre / link.length

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from modal._compatibility import renamed
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.model import (
+    AnyLink,
     Bob,
     Body,
     Cart,
@@ -30,6 +31,7 @@ from modal.scene.model import (
 
 __all__ = [
     "STANDARD",
+    "AnyLink",
     "Bob",
     "Body",
     "Cart",

@@ -10,9 +10,9 @@ a top joint: to the vertical), and with opposite sign on the link above.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from os import PathLike, fspath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal, Self
 from unicodedata import category
 
 from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
@@ -24,6 +24,7 @@ from modal.scene.validation import Checked, Count, NonNegative, Positive, Real, 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 Way = Literal["down", "up"]
+Scalar = Callable[[float], Any]
 Acute = Annotated[float, Field(strict=True, ge=0, lt=180)]
 Turn = Annotated[float, Field(strict=True, ge=1e-6, le=180)]
 
@@ -65,21 +66,33 @@ class Link(Checked):
     drive: Drive | None = None
     count: Count = 1
 
+    is_uniform: ClassVar[bool] = True
+    """Whether the centre goes as the length and the inertia as mass times length²."""
+    extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness")
+
+    def heavier(self, factor: int) -> Self:
+        """So many of it as one."""
+        return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
+
 
 class _Simple(Link):
     """A link whose centre and inertia follow from its kind, mass and length."""
 
     kind: str
 
+    def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
+        """Centre and inertia for a mass and a length in numbers of any kind, which `scalar` makes of floats."""
+        return pair.proportions(self.kind, m, l)
+
     @property
     def centre(self) -> float:
         """Distance (m) from the upper joint to the centre of mass."""
-        return float(pair.proportions(self.kind, self.mass, self.length)[0])
+        return float(self.proportions(self.mass, self.length)[0])
 
     @property
     def inertia(self) -> float:
         """Moment of inertia (kg m²) about the centre of mass."""
-        return float(pair.proportions(self.kind, self.mass, self.length)[1])
+        return float(self.proportions(self.mass, self.length)[1])
 
 
 class Bob(_Simple):
@@ -101,11 +114,21 @@ class Body(Link):
     centre: NonNegative
     inertia: NonNegative
 
+    is_uniform: ClassVar[bool] = False
+    extensive: ClassVar[tuple[str, ...]] = (*Link.extensive, "inertia")
+
+    def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
+        """Its own centre and inertia, which `scalar` makes numbers of the kind of mass and length."""
+        return scalar(self.centre), scalar(self.inertia)
+
     @model_validator(mode="after")
     def _turns(self) -> Body:
         if self.centre == 0 and self.inertia == 0:
             raise ValueError(".inertia = 0.0: must be positive where the centre is on the pivot")
         return self
+
+
+AnyLink = Bob | Rod | Body
 
 
 class InitialCondition(Checked):
@@ -125,7 +148,7 @@ class Pendulum(Checked):
     `equilibrium` says for each link whether it points down or up at the rest about which the scene is linearized.
     """
 
-    links: Annotated[tuple[Annotated[Bob | Rod | Body, Field(discriminator="kind")], ...], Field(min_length=1), Several]
+    links: Annotated[tuple[Annotated[AnyLink, Field(discriminator="kind")], ...], Field(min_length=1), Several]
     count: Count = 1
     equilibrium: tuple[Way, ...] | None = None
     start: InitialCondition | None = None

@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import matrices
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.scene import Fixed, Scene
@@ -139,12 +138,12 @@ def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
 
 def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
     """The modes, their coordinates being states `first` … and their rates the last `size`."""
-    found, shapes = matrices(modes.scene), all_shapes(modes)
+    found, shapes = modes.matrices, all_shapes(modes)
     for number, value in enumerate(modes.eigenvalue.tolist()):
         for copy, shape in enumerate(shapes[number]):
             if shape.across:
                 continue
-            phi: Numbers = np.append(shape.cart, shape.angles) if modes.on_cart else shape.angles
+            phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
             vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
             make = _swing if np.isrealobj(phi) and not vectors[2].any() else _pair if value.imag else _single

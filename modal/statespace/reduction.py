@@ -21,14 +21,13 @@ from modal.assembly import rig_of
 from modal.eigen import TOLERANCE
 from modal.errors import SceneError
 from modal.modes import Modes, natural_modes
-from modal.scene import Body, Pendulum, Scene
+from modal.scene import Pendulum, Scene
 from modal.statespace.gains import NOISE, without_noise
 from modal.statespace.modal_form import Block, ModalForm, block_diagonal, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.signals import OF_A_CART, Signal
 from modal.types import Floats
 
-EXTENSIVE = ("mass", "damping", "stiffness")
 Choice = Literal["contribution", "lowest"]
 
 
@@ -101,11 +100,7 @@ def _rate_alone(form: ModalForm, block: Block) -> Block:
 
 def _heavier(pendulum: Pendulum, count: int) -> Pendulum:
     """As many of it as one."""
-    links = []
-    for link in pendulum.links:
-        names = (*EXTENSIVE, "inertia") if isinstance(link, Body) else EXTENSIVE
-        links.append(link.replace(**{name: getattr(link, name) * count for name in names}))
-    return pendulum.replace(links=tuple(links), count=1, start=None)
+    return pendulum.replace(links=tuple(link.heavier(count) for link in pendulum.links), count=1, start=None)
 
 
 def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:

@@ -222,8 +222,7 @@ def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Cha
             mass[i] = _symbol(f"m_{prefix}{i + 1}")
         if "lengths" in symbolic:
             length[i] = _symbol(f"l_{prefix}{i + 1}")
-        if link.kind != "body":
-            centre[i], inertia[i] = pair.proportions(link.kind, mass[i], length[i])
+        centre[i], inertia[i] = link.proportions(mass[i], length[i], exact)
     damping = [exact(link.damping) for link in written]
     columns = (mass, length, centre, inertia, damping, stiffness, map(int, sigma))
     return Chain(*(tuple(map(sp.sympify, values)) for values in columns))

@@ -5,14 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import ceil, inf, nan, pi
+from math import inf, nan, pi
 from time import perf_counter
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.types import Floats
-from nonlinear.integration import CLOSED, LOOSEST, Request, SimulationError, SolverInfo, Trajectory, estimate_timescales
+from nonlinear.integration import (
+    CLOSED,
+    LOOSEST,
+    Request,
+    SimulationError,
+    SolverInfo,
+    Trajectory,
+    estimate_timescales,
+    sample_count,
+)
 from nonlinear.reduction import (
     CORRECTED,
     LARGEST,
@@ -69,14 +78,20 @@ class Goal:
     accuracy: float
 
     @property
+    def swing(self) -> float:
+        """The fastest (rad/s)."""
+        return estimate_timescales(self.request.scene).swing
+
+    @property
     def periods(self) -> float:
         """Of the fastest swing in all that time."""
-        return self.request.duration * estimate_timescales(self.request.scene).swing / (2 * pi)
+        return self.request.duration * self.swing / (2 * pi)
 
     @cached_property
     def looked_at(self) -> Request:
         """The request at the times when errors are looked for: the kept ones, and as often as the scene swings."""
-        times, count = self.request.times, min(max(ceil(self.periods * PER_PERIOD), FEWEST), MOST)
+        times, duration = self.request.times, self.request.duration
+        count = sample_count(duration, self.swing, PER_PERIOD, FEWEST, MOST)
         return replace(self.request, times=np.union1d(times, np.linspace(times[0], times[-1], count + 1)))
 
     @property

@@ -97,7 +97,7 @@ class Candidate:
         return task
 
     def _integrated(self, question: Question) -> Task:
-        request = Request(question.scene, question.start, question.times, form=self.kind)
+        request = Request(question.scene, system_of(question.scene), question.start, question.times, form=self.kind)
         choice = Choice(self.kind, self.method, self.compiled, "one level of fidelity of several", self.tolerance)
         ready = request.prepared(choice)
 

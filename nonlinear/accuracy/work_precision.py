@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import ceil, nan, pi
+from math import nan, pi
 from statistics import median
 from time import perf_counter
 from typing import Any
@@ -28,7 +28,7 @@ from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
-from nonlinear.integration import Trajectory, estimate_timescales, validate_numbers
+from nonlinear.integration import Trajectory, estimate_timescales, sample_count, validate_numbers
 from nonlinear.system import Motion, State, System, apart, initial_state, system_of, validate_state
 
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples that are compared
@@ -136,8 +136,8 @@ def _reference(scene: Scene, state: State, duration: float) -> Reference:
 
 
 def _samples(scene: Scene, duration: float) -> Floats:
-    wished = ceil(min(duration * estimate_timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST))
-    return np.linspace(0.0, duration, min(max(wished, FEWEST), MOST) + 1)
+    count = sample_count(duration, estimate_timescales(scene).swing, PER_PERIOD, FEWEST, MOST)
+    return np.linspace(0.0, duration, count + 1)
 
 
 def _climbed(

@@ -17,7 +17,7 @@ from nonlinear.averaging.equilibria import (
     swinging,
 )
 from nonlinear.averaging.prediction import ASIDE, Prediction, predict
-from nonlinear.averaging.slow_flow import LOCKED, settle
+from nonlinear.averaging.slow_flow import LOCKED, below_for_good, settle
 
 __all__ = [
     "ASIDE",
@@ -26,6 +26,7 @@ __all__ = [
     "Prediction",
     "RelativeEquilibrium",
     "average",
+    "below_for_good",
     "predict",
     "relative_equilibria",
     "relative_equilibrium",

@@ -38,14 +38,13 @@ from itertools import product
 
 import numpy as np
 
-from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes import Modes, all_shapes, natural_modes
+from modal.modes import Modes, natural_modes
 from modal.scene import Scene
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls
 from nonlinear.integration import Escaping, escaping
-from nonlinear.reduction import residual_forces, rest_angles
+from nonlinear.reduction import residual_forces
 from nonlinear.system import State, System, system_of
 
 BAND = 1.5  # ratio of neighbouring frequencies above which they belong to different bands
@@ -88,7 +87,7 @@ class AveragedEquations:
 
     def amplitudes(self, state: State) -> Complexes:
         """The z (C,) of an instant."""
-        q, v = state.links - rest_angles(self.scene), state.link_rates
+        q, v = state.links - self.system.rest, state.link_rates
         if self.system.cart:
             q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
         return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)
@@ -265,8 +264,8 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
     raise AssertionError("unreachable")
 
 
-def average(scene: Scene) -> AveragedEquations:
-    """The averaged equations of a scene in the plane whose links all hang.
+def average(scene: Scene, system: System | None = None) -> AveragedEquations:
+    """The averaged equations of a scene in the plane whose links all hang; `system` where its arrays are at hand.
 
     Raises ComputationError for other scenes, for more than MOST links or MOST_BANDS bands, and for coordinates without
     a mode, such as those of some massless carts.
@@ -275,16 +274,12 @@ def average(scene: Scene) -> AveragedEquations:
         raise ComputationError("averaged equations are of hanging links in the plane")
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are of at most {MOST} links, not {scene.n_links}")
-    still, system = scene.conservative, system_of(scene)
-    modes = natural_modes(still)
-    each = [(row, shape) for row, copies in enumerate(all_shapes(modes)) if modes.omega[row] for shape in copies]
-    if len(each) < scene.n_links + bool(system.cart and system.cart.stiffness):
+    system, modes = system or system_of(scene), natural_modes(scene.conservative)
+    phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
+    if len(phi.row) < scene.n_links + bool(system.cart and system.cart.stiffness):
         raise ComputationError("averaged equations need one mode for each coordinate; a massless cart leaves one out")
-    head = [[shape.cart.real] if modes.on_cart else [] for _, shape in each]
-    shapes = np.array([np.concatenate((x, shape.angles.real)) for x, (_, shape) in zip(head, each, strict=True)]).T
-    row = np.array([number for number, _ in each])
-    omega = modes.omega[row]
+    omega = modes.omega[phi.row]
     band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
     if (count := int(band[-1]) + 1) > MOST_BANDS:
         raise ComputationError(f"averaged equations are of at most {MOST_BANDS} bands of frequencies, not {count}")
-    return AveragedEquations(scene, system, modes, shapes, matrices(still).M @ shapes, omega, row, band)
+    return AveragedEquations(scene, system, modes, phi.shapes, phi.dual, omega, phi.row, band)

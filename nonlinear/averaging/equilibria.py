@@ -68,7 +68,7 @@ class RelativeEquilibrium:
     @property
     def number(self) -> int:
         """The number of that mode in the table of the scene."""
-        return int(table_numbers(self.averaged.scene)[self.row])
+        return int(table_numbers(self.averaged.scene, self.averaged.modes)[self.row])
 
     @property
     def growth(self) -> float:

@@ -53,7 +53,7 @@ class Prediction:
     @property
     def number(self) -> int:
         """The number of that mode in the table of the scene."""
-        return int(table_numbers(self.averaged.scene)[self.row])
+        return int(table_numbers(self.averaged.scene, self.averaged.modes)[self.row])
 
     @property
     def share(self) -> float:
@@ -141,8 +141,9 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     """
     if not scene.is_driven:
         raise ComputationError("nothing excites this scene: no mode survives another for ever")
-    state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
-    found = average(scene)
+    system = system_of(scene)
+    state = validate_state(start if start is not None else initial_state(scene), system)
+    found = average(scene, system)
     z = found.amplitudes(state)
     if not np.abs(z).max():
         raise ComputationError("the scene starts at rest, where nothing says which mode grows")

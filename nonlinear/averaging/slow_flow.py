@@ -59,14 +59,19 @@ class SlowFlow:
 
 
 def below_for_good(times: Floats, values: Floats, threshold: float) -> float | None:
-    """The last passage of values (T,) below the threshold, on the line between samples; None where they end above."""
-    above = np.flatnonzero(values > threshold)
+    """The last passage of values (T,) below the threshold, on the line between samples; None where they end above.
+
+    What is not a number counts as above, up to the next sample.
+    """
+    above = np.flatnonzero(~(values <= threshold))
     if not len(above):
         return float(times[0])
     last = int(above[-1])
     if last == len(times) - 1:
         return None
     high, low = values[last], values[last + 1]
+    if not np.isfinite(high):
+        return float(times[last + 1])
     return float(times[last] + (times[last + 1] - times[last]) * (high - threshold) / (high - low))
 
 

@@ -84,7 +84,7 @@ class Mechanics:
         if self.system.spatial:
             lifts = sigma * np.sum((links - np.outer(sigma, [0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
         else:
-            lifts = 2 * sigma * np.sin((links - np.where(sigma > 0, 0.0, np.pi)) / 2) ** 2
+            lifts = 2 * sigma * np.sin((links - self.system.rest) / 2) ** 2
         return chained(self.system, np.zeros(len(links)), lifts[..., None])[1][..., 0]
 
     @cached_property

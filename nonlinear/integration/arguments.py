@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import ceil, inf, isfinite, pi
+from math import inf, isfinite, pi
 from numbers import Integral, Real
 from typing import Any
 
@@ -13,7 +13,7 @@ from modal.errors import SceneError
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
-from nonlinear.integration.timescales import estimate_timescales
+from nonlinear.integration.timescales import estimate_timescales, sample_count
 from nonlinear.system import AppliedForces, Load, State, System
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
@@ -67,9 +67,7 @@ def sample_times(
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
-        wished = min(
-            max(ceil(min(duration * estimate_timescales(scene).swing / (2 * pi) * PER_PERIOD, MOST)), FEWEST), MOST
-        )
+        wished = sample_count(duration, estimate_timescales(scene).swing, PER_PERIOD, FEWEST, MOST)
         output = max(2, min(wished, USUAL_NUMBERS // size)) + 1
     if isinstance(output, Integral) and not isinstance(output, bool):
         count, most = int(output), MOST_NUMBERS // size
@@ -146,7 +144,7 @@ def extent(state: State, system: System) -> float:
     if system.spatial:
         aside = state.links - np.outer(sigma, [0.0, 0.0, 1.0])
     else:
-        aside = (state.links - np.where(sigma > 0, 0.0, pi) + pi) % (2 * pi) - pi
+        aside = (state.links - system.rest + pi) % (2 * pi) - pi
     parts = [float(np.abs(aside).max()), float(np.abs(state.link_rates).max()) / system.rate]
     if cart and cart.stiffness:
         parts.append(abs(state.cart) / system.length)

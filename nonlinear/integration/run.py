@@ -20,7 +20,7 @@ from nonlinear.integration.methods import Choice, choose, equations_of, validate
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
-from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, System, system_of
+from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, System
 
 FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
 HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much
@@ -109,7 +109,7 @@ def prepare(
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What is asked: the motion of a scene from a start on, kept at these times (T,) in s.
+    """What is asked: the motion of a scene, `system` in arrays, from a start on, kept at these times (T,) in s.
 
     Method and form are chosen where they are "auto".  `before` are the kicks of escapements until then.  `pace` says
     where the integrator begins anew and how long a step may be.  `report` hears of the seconds gone through after every
@@ -117,6 +117,7 @@ class Request:
     """
 
     scene: Scene
+    system: System
     start: State
     times: Floats
     method: str = "auto"
@@ -126,11 +127,6 @@ class Request:
     before: Kicks = NO_KICKS
     pace: Pace = AT_EASE
     report: Callable[[float], object] = lambda elapsed: None
-
-    @cached_property
-    def system(self) -> System:
-        """The scene as arrays."""
-        return system_of(self.scene)
 
     @cached_property
     def smaller(self) -> tuple[Symmetry, ...]:

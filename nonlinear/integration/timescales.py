@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from math import sqrt
+from math import ceil, pi, sqrt
 
 import numpy as np
 
@@ -40,6 +40,11 @@ def estimate_timescales(scene: Scene) -> Timescales:
         swing = float(swings.max(initial=0.0)) or _guessed(scene).swing
         return Timescales(swing, float(np.max(-found.real, initial=0.0)), True)
     return _guessed(scene)
+
+
+def sample_count(duration: float, swing: float, per_period: float, fewest: int, most: int) -> int:
+    """So many samples a period of `swing` (rad/s) over `duration` (s), within bounds."""
+    return min(max(ceil(min(duration * swing / (2 * pi) * per_period, most)), fewest), most)
 
 
 def _guessed(scene: Scene) -> Timescales:

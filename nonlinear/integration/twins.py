@@ -77,7 +77,7 @@ def departure(trajectory: Trajectory) -> Departure | None:
     None for any other run.  The twin is followed until it is GONE, for STEPS at most.
     """
     start, times = trajectory.motion[0], trajectory.times
-    asked = Request(trajectory.scene, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES))
+    asked = Request(trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES))
     if not (trajectory.run.reduced and asked.duration and any(one.ties for one in asked.smaller)):
         return None
     steps = count(1)

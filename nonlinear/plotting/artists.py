@@ -18,7 +18,7 @@ from matplotlib.patches import Circle, FancyBboxPatch, Polygon, Rectangle
 from matplotlib.ticker import MaxNLocator
 
 from modal.plotting import QUIET, SMALL, colour, ink, muted, paper, shade
-from modal.scene import Bob, Body, Rod
+from modal.scene import Bob, Rod
 from modal.types import Floats
 from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, Energies, Stage
 
@@ -159,11 +159,10 @@ class _Player:
     def __init__(self, axis: Axes, actor: Actor, hue: str, points: float, trail: int) -> None:
         self.actor, self.trail = actor, DETAIL * trail
         marked = len(actor.links) <= MOST_MARKS
-        kinds = [type(link) if marked else Body for link in actor.links]
-        self.rods = [i for i, kind in enumerate(kinds) if kind is Rod]
-        self.bobs = [i for i, kind in enumerate(kinds) if kind is Bob]
-        self.pinned = [0, *(i + 1 for i in range(len(kinds) - 1) if i not in self.bobs)]
-        self.bodies = [i for i, kind in enumerate(kinds) if kind is Body and marked]
+        links = list(enumerate(actor.links)) if marked else []
+        self.rods, self.bobs = ([i for i, link in links if isinstance(link, kind)] for kind in (Rod, Bob))
+        self.bodies = [i for i, _ in links if i not in {*self.rods, *self.bobs}]
+        self.pinned = [0, *(i + 1 for i in range(len(actor.links) - 1) if i not in self.bobs)]
         shortest = points * min(link.length for link in actor.links)
         thick = float(np.clip(0.16 * shortest, 2.5, 7.0))
         round_ended: dict[str, Any] = {"solid_capstyle": "round", "solid_joinstyle": "round", "color": hue}

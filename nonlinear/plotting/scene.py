@@ -11,7 +11,8 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.scene import Bob, Body, Rod
+from modal.plotting import evenly, side_by_side
+from modal.scene import AnyLink
 from modal.types import Floats, Ints
 from nonlinear.dynamics import Mechanics, vectors
 from nonlinear.integration import Trajectory
@@ -20,7 +21,6 @@ from nonlinear.system import Motion, System
 
 MOST_PENDULA, DETAIL, CLAUSE = 12, 3, 4_000_000
 OBLIQUE = 0.5 * np.array([np.cos(np.radians(35)), np.sin(np.radians(35))])
-Link = Bob | Rod | Body
 
 
 def flat(points: Floats) -> Floats:
@@ -36,7 +36,7 @@ class Actor:
     `trail` (G, 2) is the way of its tip, DETAIL points a frame.  In the plane nothing casts a shadow: None.
     """
 
-    links: tuple[Link, ...]
+    links: tuple[AnyLink, ...]
     joints: Floats
     centres: Floats
     trail: Floats
@@ -99,8 +99,7 @@ class Stage:
 
 def chosen(system: System) -> Ints:
     """The pendula, from 0, that are drawn: all or MOST_PENDULA of them evenly."""
-    count = system.n_pendula
-    return np.unique(np.linspace(0, count - 1, min(count, MOST_PENDULA)).astype(np.int64))
+    return evenly(system.n_pendula, MOST_PENDULA)
 
 
 def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
@@ -111,8 +110,7 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     moved = [resample(trajectory.times, picked(trajectory.motion, place), fine) for place in places]
     length, centre = system.by_link("length"), system.by_link("centre")
     depth = max(float(length[place].sum()) for place in places)
-    spacing = depth * (0.95 if len(places) <= 4 else 0.5)
-    pivots = np.asarray(spacing * (np.arange(len(places)) - (len(places) - 1) / 2))
+    pivots = side_by_side(len(places), depth)
     shapes = [
         _shape(motion, length[place], centre[place], pivot)
         for motion, place, pivot in zip(moved, places, pivots, strict=True)
@@ -134,7 +132,7 @@ def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float) -> tupl
     return joints, joints[:, :-1] + centre[:, None] * along
 
 
-def _actor(links: tuple[Link, ...], joints: Floats, centres: Floats, floor: float | None) -> Actor:
+def _actor(links: tuple[AnyLink, ...], joints: Floats, centres: Floats, floor: float | None) -> Actor:
     shadow = None
     if floor is not None:
         lowered = joints[::DETAIL].copy()
@@ -143,7 +141,7 @@ def _actor(links: tuple[Link, ...], joints: Floats, centres: Floats, floor: floa
     return Actor(links, flat(joints[::DETAIL]), flat(centres[::DETAIL]), flat(joints[:, -1]), shadow)
 
 
-def _links(trajectory: Trajectory, pendulum: int) -> tuple[Link, ...]:
+def _links(trajectory: Trajectory, pendulum: int) -> tuple[AnyLink, ...]:
     entries = trajectory.scene.pendulum
     entry = entries[int(np.searchsorted(np.cumsum([entry.count for entry in entries]), pendulum, side="right"))]
     return tuple(link for link in entry.links for _ in range(link.count))

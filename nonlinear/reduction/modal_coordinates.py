@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Matrices, matrices
+from modal.assembly import Matrices
 from modal.errors import ComputationError
 from modal.modes import Modes
 from modal.scene import Scene
@@ -86,7 +86,7 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     motion out of the plane and for more coordinates than `modal.assembly.linearization` writes out.
     """
     q, v = deflection(modes.scene, motion)
-    found = matrices(modes.scene)
+    found = modes.matrices
     rows = range(len(modes)) if numbers is None else numbers
     each = [(number, *along_rail(modes, number)) for number in rows]
     projected = [_projected(found, modes.eigenvalue[number], phi, q, v) for number, _, phi in each]
@@ -124,8 +124,7 @@ def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
     """The copies (from 0) of a mode that move along the rail, and their shapes (n, copies)."""
     shapes = [modes.shape(number, copy) for copy in range(int(modes.multiplicity[number]))]
     kept = [copy for copy, shape in enumerate(shapes) if not shape.across]
-    head = [[shapes[copy].cart] if modes.on_cart else [] for copy in kept]
-    vectors = [np.concatenate((first, shapes[copy].angles)) for first, copy in zip(head, kept, strict=True)]
+    vectors = [modes.column(shapes[copy]) for copy in kept]
     size = modes.scene.n_links + modes.on_cart
     return kept, np.array(vectors).T if kept else np.zeros((size, 0))
 

@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import matrices
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.scene import Fixed, Scene
@@ -185,7 +184,7 @@ def _drifts(scene: Scene, modes: Modes, number: int) -> bool:
 def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swing:
     """A translation in a scene whose other modes may be damped: to them it is still orthogonal in M."""
     phi = along_rail(modes, number)[1][:, 0].real
-    weight = matrices(scene).M @ phi
+    weight = modes.matrices.M @ phi
     eta, rate = (float(part[0] @ weight / (phi @ weight)) for part in (q, v))
     return Swing(phi, 0j, 0.0, eta, rate, damped=False)
 

@@ -24,9 +24,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly import matrices
 from modal.errors import SceneError
-from modal.modes import Modes, all_shapes, natural_modes
+from modal.modes import Modes, natural_modes
 from modal.scene import Scene
 from modal.types import Floats, Ints
 from nonlinear.integration import (
@@ -41,7 +40,6 @@ from nonlinear.integration import (
     validate,
     validate_numbers,
 )
-from nonlinear.reduction.modal_coordinates import rest_angles
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
@@ -149,7 +147,7 @@ class Survey:
     def equations(self, chosen: Ints) -> Truncated:
         """The reduced equations in these shapes."""
         shapes, dual = (np.ascontiguousarray(part[:, chosen]) for part in (self.shapes, self.dual))
-        return Truncated(self.system, rest_angles(self.scene), shapes, dual)
+        return Truncated(self.system, self.system.rest, shapes, dual)
 
 
 def simulate_truncated(
@@ -236,12 +234,11 @@ def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where a massless cart lacks one."""
     still = scene.conservative
     modes = natural_modes(still)
-    each = [(Kept(mode, copy), one) for mode, row in enumerate(all_shapes(modes), 1) for copy, one in enumerate(row, 1)]
-    head = [[one.cart.real] if modes.on_cart else [] for _, one in each]
-    if len(each) < modes.on_cart + scene.n_links:
+    phi = modes.matrix.real
+    if len(phi.row) < modes.on_cart + scene.n_links:
         raise SceneError(["support.mass = 0.0: the modes of this scene do not span its motion"])
-    shapes = np.array([np.concatenate((x, one.angles.real)) for x, (_, one) in zip(head, each, strict=True)]).T
-    return Survey(scene, system, modes, tuple(kept for kept, _ in each), shapes, matrices(still).M @ shapes, start)
+    kept = tuple(Kept(row + 1, copy + 1) for row, copy in zip(phi.row.tolist(), phi.copy.tolist(), strict=True))
+    return Survey(scene, system, modes, kept, phi.shapes, phi.dual, start)
 
 
 def _run(

@@ -16,12 +16,11 @@ from math import pi
 
 import numpy as np
 
-from modal.assembly import matrices
 from modal.errors import ComputationError
-from modal.modes import Mode, Modes, all_shapes, natural_modes, table_numbers
+from modal.modes import Mode, Modes, natural_modes, table_numbers
 from modal.scene import Scene
 from modal.types import Floats, Ints
-from nonlinear.averaging import LOCKED
+from nonlinear.averaging import LOCKED, below_for_good
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import smooth
 from nonlinear.reduction import deflection, rest_angles
@@ -64,7 +63,7 @@ class Survival:
     @property
     def number(self) -> int:
         """The number of that mode in the table of the scene, dampers included."""
-        return int(table_numbers(self.scene)[self.survivor - 1])
+        return int(table_numbers(self.scene, self.modes)[self.survivor - 1])
 
     @property
     def mode(self) -> Mode:
@@ -77,15 +76,12 @@ class Survival:
         return float(self.share[-1, self._place])
 
     def locking_time(self, threshold: float = LOCKED) -> float | None:
-        """The first time (s) from which on all other rows together hold less than `threshold`, None where never."""
-        others = np.delete(self.share, self._place, axis=1).sum(axis=1)
-        above = np.flatnonzero(~(others < threshold))
-        first = int(above[-1]) + 1 if above.size else 0
-        return float(self.times[first]) if first < len(self.times) else None
+        """The time (s) from which on all other rows together hold less than `threshold`, None where never."""
+        return below_for_good(self.times, np.delete(self.share, self._place, axis=1).sum(axis=1), threshold)
 
 
-def find_survival(trajectory: Trajectory) -> Survival:
-    """The energies of a run in the plane by modes.
+def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
+    """The energies of a run in the plane by the modes of its scene without dampers, given where they are at hand.
 
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode swings.
     """
@@ -97,7 +93,7 @@ def find_survival(trajectory: Trajectory) -> Survival:
         raise ComputationError(f"energies by modes: this scene has {size} coordinates, at most {MOST} are told apart")
     links = rest_angles(scene) + from_rest(trajectory.system, trajectory.motion.links)
     q, v = deflection(scene, replace(trajectory.motion, links=links))
-    modes = natural_modes(scene)
+    modes = modes or natural_modes(scene)
     swinging = np.flatnonzero(modes.eigenvalue.imag)
     if not swinging.size:
         raise ComputationError("no mode of this scene swings")
@@ -109,10 +105,6 @@ def find_survival(trajectory: Trajectory) -> Survival:
 
 def _energies(modes: Modes, rows: Ints, q: Floats, v: Floats) -> Floats:
     """E_r (J) of these rows (from 0), (T, R)."""
-    every = all_shapes(modes)
-    shapes = [one for row in rows for one in every[row]]
-    counts = [len(every[row]) for row in rows]
-    phi = np.array([[*[one.cart.real] * modes.on_cart, *one.angles.real] for one in shapes]).T
-    dual, omega = matrices(modes.scene).M @ phi, np.repeat(modes.omega[rows], counts)
-    each = ((v @ dual) ** 2 + (omega * (q @ dual)) ** 2) / 2
-    return np.asarray(np.add.reduceat(each, np.cumsum([0, *counts[:-1]]), axis=1))
+    phi = modes.matrix.real.take(np.isin(modes.matrix.row, rows))
+    each = ((v @ phi.dual) ** 2 + (modes.omega[phi.row] * (q @ phi.dual)) ** 2) / 2
+    return np.asarray(np.add.reduceat(each, np.flatnonzero(np.diff(phi.row, prepend=-1)), axis=1))

@@ -85,7 +85,7 @@ def study_synchronization(
     trajectory = simulate(scene, length, start=start, report=lambda elapsed: report(elapsed, length), **options)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
-    found, unmeasured = _tried(lambda: find_survival(trajectory))
+    found, unmeasured = _tried(lambda: find_survival(trajectory, theory and theory.prediction.averaged.modes))
     return SynchronizationStudy(scene, theory, silent, trajectory, phases_of(trajectory), found, unmeasured)
 
 

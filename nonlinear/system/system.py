@@ -159,6 +159,14 @@ class System:
         return sum(group.index.shape[1] for group in self.groups)
 
     @cached_property
+    def rest(self) -> Floats:
+        """Angle (rad) at which every link stands, in the order of the file, (L,)."""
+        found = np.empty(self.n_links)
+        for group in self.groups:
+            found[group.index] = group.rest
+        return found
+
+    @cached_property
     def mass(self) -> Floats:
         """Mass (kg) of every link in the order of the file, (L,)."""
         return self.by_link("mass")

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import sys
+from collections import Counter
+from collections.abc import Callable
 from fractions import Fraction
+from types import FrameType
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +15,11 @@ import sympy
 from oracle import dense
 from random_scenes import random_scene
 
-from modal import Cart, Pendulum, Rod, Scene, matrices, pair
+from modal import Cart, Pendulum, Rod, Scene, load, matrices, natural_modes, pair
 from modal.assembly import rig_of
 from modal.scene import Body
+from nonlinear import simulate, system_of
+from nonlinear.synchronization import study_synchronization
 
 SEEDS = range(60)
 
@@ -132,3 +139,30 @@ def test_a_body_that_equals_a_bob_is_one() -> None:
     bob = {"kind": "bob", "mass": 1.5, "length": 0.3}
     body = {"kind": "body", "mass": 1.5, "length": 0.3, "centre": 0.3, "inertia": 0.0}
     assert rig_of(Scene(gravity=1.0, pendulum=[{"links": [bob]}, {"links": [body]}])).n_kinds == 1
+
+
+def calls(job: Callable[[], object], *functions: Any) -> Counter[str]:
+    """How often a job calls these functions."""
+    names, found = {function.__code__: function.__name__ for function in functions}, Counter[str]()
+
+    def see(frame: FrameType, event: str, _: object) -> None:
+        if event == "call" and frame.f_code in names:
+            found[names[frame.f_code]] += 1
+
+    sys.setprofile(see)
+    try:
+        job()
+    finally:
+        sys.setprofile(None)
+    return found
+
+
+def test_arrays_and_modes_are_handed_on() -> None:
+    """Each is built once for the motion and once for the modes of a scene; one more pair is of its undamped modes."""
+    counted = rig_of, system_of, natural_modes
+    double = load("paper-cart-2").replace(title="a scene of which nothing is kept")
+    found = calls(lambda: simulate(double, 1.0), *counted)
+    assert found == {"system_of": 1, "rig_of": 2, "natural_modes": 1}
+    clocks = load("metronomes").replace(title="clocks of which nothing is kept")
+    found = calls(lambda: study_synchronization(clocks, 20.0), *counted)
+    assert found == {"system_of": 2, "rig_of": 4, "natural_modes": 2}

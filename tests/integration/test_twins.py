@@ -58,7 +58,7 @@ def test_where_nothing_grows_the_twin_costs_one_more_run() -> None:
 
 def test_loads_do_not_hide_a_symmetry() -> None:
     """Nothing is left out then, and equal pendula still move alike to rounding."""
-    asked = Request(PAIR, LEVEL, np.linspace(0.0, 1.0, 11), load=lambda time, state: AppliedForces())
+    asked = Request(PAIR, system_of(PAIR), LEVEL, np.linspace(0.0, 1.0, 11), load=lambda time, state: AppliedForces())
     twin = rounded(asked)
     assert twin is not None
     whole, beside = (one.run(one.choice(1e-9)).motion.links for one in (asked, twin))
