@@ -16,7 +16,7 @@ TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
 def derive(options: argparse.Namespace) -> None:
     """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
     from modal.errors import SceneError
-    from modal.symbolic import derivation, targets, typesetting
+    from modal.symbolic import derivation, typesetting
     from modal.symbolic.papers import catalogue
 
     show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
@@ -27,7 +27,7 @@ def derive(options: argparse.Namespace) -> None:
             raise SceneError([f"{options.target}: takes none of --show, --symbolic, --links and --equilibrium"])
         title, sections = catalogue.paper(options.target.removeprefix("paper:"))
     else:
-        system, scene = targets.target(options.target, options.links, symbols, ways)
+        system, scene = derivation.target(options.target, options.links, symbols, ways)
         title = system.title
         sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and small_swings(scene)))
     with output(options.output) as write:

@@ -71,7 +71,7 @@ def _shapes_arguments(page: Page) -> None:
 def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
     from modal.assembly import matrices as matrices_of
-    from modal.modes.matrix_tables import matrices_table
+    from modal.modes.tables import matrices_table
     from modal.scene import load
 
     scene = small_swings(load(options.scene))

@@ -1,0 +1,252 @@
+"""Help pages, the errors that point to them, and what shells complete."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from modal import example_names
+from multipendula import completion
+from multipendula.cli import _parser, main
+from multipendula.commands import COMMANDS, FIRST
+from multipendula.commands.scenes import SHELLS
+from multipendula.parser import WIDTH, Page, shown
+
+TOPICS = ("look", "modes", "motion", "coupling and synchronization", "control", "symbols and proof")
+EXAMPLES = {command.name: command.examples for command in COMMANDS}
+PAGES: dict[str, Page] = next(
+    action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)
+).choices
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
+    try:
+        code = main(words)
+    except SystemExit as left:
+        code = left.code
+    assert code == 2
+    return capsys.readouterr().err.splitlines()
+
+
+# -------------------------------------------------------------------------------------------------- pages
+
+
+def test_every_command_has_a_page_and_a_topic() -> None:
+    assert list(PAGES) == [command.name for command in COMMANDS]
+    assert tuple(dict.fromkeys(command.topic for command in COMMANDS)) == TOPICS
+    assert all(command.summary and command.details and 2 <= len(command.examples) <= 5 for command in COMMANDS)
+
+
+@pytest.mark.parametrize("name", ["", *PAGES])
+def test_a_page_shows_every_argument_and_example_within_its_width(name: str) -> None:
+    page = PAGES[name] if name else _parser()
+    text = page.format_help()
+    assert all(len(line) <= WIDTH for line in text.splitlines())
+    for action in page._actions:
+        for option in action.option_strings:
+            assert f"  {option}" in text or f", {option}" in text
+    unfolded = " ".join(text.replace("\\\n", "").split())
+    for command, words in EXAMPLES.get(name, FIRST):
+        assert f"multipendula {command} {words}" in unfolded
+
+
+def test_no_argument_is_without_a_title() -> None:
+    for page in PAGES.values():
+        titled = [action for group in page._action_groups[2:] for action in group._group_actions]
+        assert sorted(map(id, titled)) == sorted(map(id, page._actions)), page.name
+        assert [action.dest for action in page.more._group_actions] == ["help"], page.name
+
+
+def test_every_file_to_write_may_be_standard_output() -> None:
+    files = [action for page in PAGES.values() for action in page._actions if action.metavar == "FILE"]
+    assert len(files) > 15
+    assert [action.help for action in files if not re.search(r"(, or - for|which is -)", action.help or "")] == []
+    assert all("standard output" in str(action.help) for action in files)
+
+
+def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
+    lines = shown(((f"sweep {'x' * 50} --vary a=1", "words"),)).splitlines()
+    assert lines == [f"  multipendula sweep {'x' * 50} \\", "      --vary a=1", "      words"]
+
+
+# -------------------------------------------------------------------------------------------------- errors
+
+
+@pytest.mark.parametrize(
+    ("words", "said", "page"),
+    [
+        ("tabel chain-3", "did you mean table?", "multipendula --help"),
+        ("tabel chain-3", "there are scenes, schema, completion, table, shapes", "multipendula --help"),
+        ("table chain-3 --formt json", "--formt: no such option (did you mean --format?)", "multipendula table --help"),
+        ("table chain-3 --format jsn", "jsn (did you mean json?)", "multipendula table --help"),
+        ("shapes chain-3 --outptu a.png", "(did you mean --output?)", "multipendula shapes --help"),
+        ("shapes chain-3 --outptu a.png", "are required: --output/-o", "multipendula shapes --help"),
+        ("table chain-3 --modes 9:1", "--modes 9:1: begins after its end", "multipendula table --help"),
+        ("table chain-3 chain-4", "unrecognized arguments: chain-4", "multipendula table --help"),
+        ("shapes chain-3 -o a.gif", "-o a.gif: the name must end in", "multipendula shapes --help"),
+        ("simulate chain-3 --samples 0", "must be a whole number", "multipendula simulate --help"),
+    ],
+)
+def test_errors_in_arguments_say_where_help_is(
+    capsys: pytest.CaptureFixture[str], words: str, said: str, page: str
+) -> None:
+    lines = refused(capsys, *words.split())
+    assert said in "\n".join(lines)
+    assert lines[-1].endswith(f"see `{page}`")
+
+
+def test_other_errors_do_not(capsys: pytest.CaptureFixture[str]) -> None:
+    (line,) = refused(capsys, "table", "crane-hok")
+    assert line.startswith("multipendula: crane-hok: no such file and no such shipped scene (did you mean crane-hook")
+
+
+def test_nothing_is_guessed_where_nothing_is_near(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "did you mean" not in "\n".join(refused(capsys, "xyzzy"))
+    assert "--qqqq: no such option" in refused(capsys, "table", "chain-3", "--qqqq")[-2]
+
+
+@pytest.mark.parametrize("words", ["tabel chain-3 --format json", "table chain-3 chain-4 -- --format"])
+def test_options_are_judged_by_the_page_they_belong_to(capsys: pytest.CaptureFixture[str], words: str) -> None:
+    assert "no such option" not in "\n".join(refused(capsys, *words.split()))
+
+
+# -------------------------------------------------------------------------------------------------- completion
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    for name in ("mine.toml", "run.npz", "note.txt", "picture.png", ".hidden.toml", "below/deep.toml"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def completed(line: str) -> list[str]:
+    """What argcomplete is told to a shell through its file, as in PowerShell."""
+    told = Path("told")
+    environment = {
+        **os.environ,
+        **{"_ARGCOMPLETE": "1", "_ARGCOMPLETE_IFS": "\n", "_ARGCOMPLETE_SUPPRESS_SPACE": "1"},
+        **{"_ARGCOMPLETE_STDOUT_FILENAME": str(told), "COMP_LINE": line, "COMP_POINT": str(len(line))},
+        "PYTHONPATH": str(Path(__file__).parents[2]),
+    }
+    subprocess.run([sys.executable, "-m", "multipendula"], env=environment, capture_output=True, check=False)
+    return told.read_text(encoding="utf-8").split("\n")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("ta", ["table"]),
+        ("table cha", [name for name in example_names() if name.startswith("cha")]),
+        ("table ", [*example_names(), "below/", "mine.toml"]),
+        ("plot ", [*example_names(), "below/", "mine.toml", "run.npz"]),
+        ("table below/", ["below/deep.toml"]),
+        ("table chain-3 --form", ["--format"]),
+        ("table chain-3 --format m", ["markdown"]),
+        ("table chain-3 --format=m", ["--format=markdown"]),
+        ("shapes chain-3 -o p", ["picture.png"]),
+        ("derive chain-3 --show polynomial,m", ["polynomial,matrices", "polynomial,modes"]),
+        ("derive pap", ["paper:000", "paper:001", "paper:002", *(n for n in example_names() if n.startswith("pap"))]),
+        ("gains crane-hook --output angles,t", ["angles,tip_positions"]),
+        ("gains crane-hook --input cart_f", ["cart_force"]),
+        ("sweep chain-1 --measure o", ["order"]),
+        ("sweep chain-1 --vary g", ["gravity="]),
+        ("table chain-3 --modes ", ["1", "2", "3"]),
+        ("table chain-3 --modes 2:", ["2:2", "2:3"]),
+        ("simulate chain-3 --duration ", [""]),
+        ("completion p", ["powershell"]),
+    ],
+)
+def test_a_line_is_completed(folder: Path, line: str, words: list[str]) -> None:
+    assert sorted(completed(f"multipendula {line}")) == sorted(words)
+
+
+def test_options_come_where_nothing_else_may_stand(folder: Path) -> None:
+    assert completed("multipendula matrices chain-3 ") == ["--help", "--format", "--output"]
+
+
+def test_completing_loads_nothing_that_computes() -> None:
+    code = """import sys
+from multipendula.cli import _parser
+from multipendula.completion import shipped
+_parser()
+shipped()
+print(*sys.modules)"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert not {"modal.scene", "numpy", "pydantic"} & set(done.stdout.split())
+
+
+def test_the_words_are_those_of_the_packages() -> None:
+    from modal.exports import FORMATS
+    from modal.statespace.signals import INPUTS, OUTPUTS
+    from modal.symbolic.derivation import SECTIONS
+    from modal.symbolic.system import SYMBOLIC
+    from nonlinear.integration import FORMS
+    from nonlinear.integration.methods import METHODS
+    from nonlinear.sweeps import MEASURES
+
+    def offered(command: str, option: str) -> list[str]:
+        return list(PAGES[command]._option_string_actions[option].completer(""))
+
+    assert completion.shipped() == example_names()
+    assert offered("derive", "--show") == list(SECTIONS)
+    assert offered("derive", "--symbolic") == list(SYMBOLIC)
+    assert sorted(offered("export", "--input")) == sorted(INPUTS)
+    assert sorted(offered("export", "--output")) == sorted(OUTPUTS)
+    assert offered("export", "--to") == list(FORMATS)
+    assert offered("simulate", "--method") == list(METHODS)
+    assert offered("simulate", "--form") == list(FORMS)
+    assert sorted(offered("sweep", "--measure")) == sorted(MEASURES)
+    page = PAGES["sweep"].format_help()
+    assert [name for name in MEASURES if not re.search(rf"\b{name}\b", page)] == []
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+def test_every_shell_gets_its_lines(capsys: pytest.CaptureFixture[str], shell: str) -> None:
+    assert main(["completion", shell]) == 0
+    assert "multipendula" in capsys.readouterr().out
+
+
+BASH = """
+eval "$(multipendula completion bash)"
+COMP_LINE="multipendula table crane-" COMP_POINT=25 COMP_WORDS=(multipendula table crane-) COMP_CWORD=2
+_python_argcomplete multipendula
+echo "${COMPREPLY[@]}"
+"""
+ZSH = """
+autoload -Uz compinit && compinit -D
+eval "$(multipendula completion zsh)"
+echo $_comps[multipendula]
+"""
+FISH = "multipendula completion fish | source; complete --do-complete 'multipendula table crane-'"
+
+
+@pytest.mark.parametrize(
+    ("shell", "script", "told"),
+    [
+        ("bash", BASH, ["crane-hook", "crane-two-loads"]),
+        ("zsh", ZSH, ["_python_argcomplete"]),
+        ("fish", FISH, ["crane-hook", "crane-two-loads"]),
+    ],
+)
+def test_a_shell_completes(tmp_path: Path, shell: str, script: str, told: list[str]) -> None:
+    if not shutil.which(shell):
+        pytest.skip(f"{shell} is not installed")
+    command = tmp_path / "multipendula"
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m multipendula "$@"\n')
+    command.chmod(0o755)
+    places = {"PATH": f"{tmp_path}{os.pathsep}{os.environ['PATH']}", "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        [shell, "-c", script], env={**os.environ, **places}, cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.stdout.split() == told, done.stderr

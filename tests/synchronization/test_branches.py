@@ -1,0 +1,343 @@
+"""Branches of configurations: critical detuning, coupling and damping, against theory on paper and the simulator."""
+
+from __future__ import annotations
+
+import csv
+from functools import lru_cache
+from io import BytesIO, StringIO
+from math import sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq, fsolve, minimize_scalar
+
+import modal
+from modal import Bob, Body, Cart, Pendulum, Scene
+from modal.assembly import matrices
+from modal.errors import ComputationError, SceneError
+from modal.scene import Escapement, VanDerPol
+from modal.scene.parameters import parse_variations, vary
+from nonlinear.averaging import RelativeEquilibrium
+from nonlinear.plotting import branches_figure, draw_branches
+from nonlinear.simulation import simulate
+from nonlinear.synchronization import (
+    Branch,
+    Branches,
+    Phases,
+    agreement,
+    branches_csv,
+    branches_text,
+    find_survival,
+    follow_branches,
+    phases_of,
+)
+from nonlinear.synchronization.continuation import RESOLUTION, Walk
+from nonlinear.synchronization.patterns import own_amplitudes
+from nonlinear.system import State
+
+GRAVITY, ANGLE = 9.81, 5.0
+GENTLE = 0.01  # N m s/rad: a drive that leaves no trace of e/ω in what first order says
+KICKS = Escapement(impulse=3e-7, angle_deg=1.0)
+LENGTH = "pendulum[1].links[0].length"
+
+
+def clocks(mass: float, damping: float, length: float = 1.0, strength: float = 0.05) -> Scene:
+    drive = VanDerPol(strength=strength, angle_deg=ANGLE)
+    pendula = tuple(Pendulum(links=(Bob(mass=1.0, length=one, drive=drive),)) for one in (1.0, length))
+    return Scene(gravity=GRAVITY, support=Cart(mass=mass, damping=damping), pendulum=pendula)
+
+
+@lru_cache
+def followed(scene: Scene, text: str) -> Branches:
+    return follow_branches(scene, parse_variations([text])[0])
+
+
+def named(found: Branches, words: str) -> Branch:
+    (one,) = [one for one in found.branches if one.words.startswith(words)]
+    return one
+
+
+def critical(one: Branch, *kinds: str) -> float:
+    (value,) = [change.value for change in one.changes if change.kind in kinds]
+    return value
+
+
+def near(one: Branch, scene: Scene, value: float) -> RelativeEquilibrium:
+    """The configuration there, or the last one before it is lost."""
+    at = int(np.abs(one.values - value).argmin())
+    moved = Walk(scene, one.variation).moved(one.states[at], value)
+    return moved or one.states[at]
+
+
+def run_from(
+    scene: Scene, path: str, value: float, state: RelativeEquilibrium, duration: float, aside: float
+) -> Phases:
+    """The full equations from a configuration, the first pendulum a little off."""
+    q = state.averaged.shapes @ state.z
+    q[1] *= aside
+    v = (1j * state.omega * q).real
+    start = State(q[1:].real, v[1:], float(q[0].real), float(v[0]))
+    return phases_of(simulate(vary(scene, {path: value}), duration, start=start, tolerance=1e-8))
+
+
+def difference(phases: Phases) -> Any:
+    """Phase of the second pendulum before the first (rad) over the last quarter."""
+    late = phases.times > 0.75 * phases.times[-1]
+    return np.unwrap(phases.phase[late, 1, 0] - phases.phase[late, 0, 0])
+
+
+# --------------------------------------------------------------------------------------------- critical detuning
+
+
+def coupling(mass: float, damping: float) -> complex:
+    """κ of A_k' = … + κ(A₁ + A₂): the cart, pulled by m l ω² ΣA, pushes back with X = −(m l/M) ΣA/(1 − ic/ωM)."""
+    whole, omega = mass + 2, sqrt(GRAVITY)
+    return 1j * omega / (2 * whole) / (1 - 1j * damping / (omega * whole))
+
+
+def detuning(mass: float, damping: float) -> float:
+    """The largest Δω (rad/s) at which two of A_k' = (p − (q + in)|A_k|² + iδ_k) A_k + κ(A₁ + A₂) stay locked.
+
+    Their sizes r_k and phase ψ between them, r₂ followed along ψ from in phase; Δω(ψ) = δ₁ − δ₂ is an outcome.
+    """
+    kappa, omega, limit = coupling(mass, damping), sqrt(GRAVITY), np.radians(ANGLE)
+    p, q, n = GENTLE / 2, GENTLE / (8 * limit**2), omega / 16
+
+    def rates(r: Any, psi: float) -> Any:
+        pull = kappa * (1 + np.array([r[1] / r[0] * np.exp(1j * psi), r[0] / r[1] * np.exp(-1j * psi)]))
+        return p - (q + 1j * n) * np.asarray(r) ** 2 + pull
+
+    def needed(psi: float) -> float:
+        r = fsolve(lambda r: rates(r, psi).real, [2 * limit] * 2, xtol=1e-13)
+        return float(np.diff(rates(r, psi).imag)[0])
+
+    found = minimize_scalar(lambda psi: -abs(needed(psi)), bounds=(0.2, 1.7), method="bounded")
+    return float(-found.fun)
+
+
+def length_of(change: float) -> float:
+    """How much longer the second pendulum is to be slower by this (rad/s)."""
+    return GRAVITY / (sqrt(GRAVITY) - change) ** 2 - 1
+
+
+def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
+    """Phases by themselves: Δω = 2 |Re κ + (n/q) Im κ|; n/q as larger swings are slower."""
+    mass, damping = 20_000.0, 2000.0
+    found = followed(clocks(mass, damping, strength=GENTLE), f"{LENGTH}=1:1.0002:3")
+    kappa = coupling(mass, damping)
+    slower = sqrt(GRAVITY) * np.radians(ANGLE) ** 2 / (2 * GENTLE)
+    expected = length_of(2 * abs(kappa.real + slower * kappa.imag))
+    ends = [critical(named(found, words), "is lost") - 1 for words in ("in phase", "antiphase")]
+    assert ends[0] == pytest.approx(ends[1], abs=2 * RESOLUTION * 2e-4)
+    assert ends[0] == pytest.approx(expected, rel=0.03)
+    assert not named(found, "antiphase").intervals
+    assert named(found, "in phase").words == "in phase → 88° apart"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mass", [4000.0, 1500.0])
+def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> None:
+    found = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:5")
+    end = critical(named(found, "in phase"), "is lost") - 1
+    assert end == pytest.approx(length_of(detuning(mass, 5.0)), rel=0.02)
+    ((low, high),) = named(found, "in phase").intervals
+    assert (low, high) == pytest.approx((1.0, 1 + end), abs=0.03 * end)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("part", "locked"), [(0.9, True), (1.1, False)])
+def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part: float, locked: bool) -> None:
+    scene = clocks(200.0, 5.0)
+    one = named(followed(scene, f"{LENGTH}=1:1.01:5"), "in phase")
+    value = 1 + part * (critical(one, "is lost") - 1)
+    phases = run_from(scene, LENGTH, value, near(one, scene, value), 5000.0, 1.0)
+    assert phases.locked == locked
+    assert (np.ptp(phases.frequency) < 1e-6) == locked
+    assert (abs(np.ptp(difference(phases))) < 0.1) == locked
+
+
+# ---------------------------------------------------------------------------------------------- critical coupling
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("words", "kind"), [("antiphase", "stops lasting"), ("in phase", "starts to last")])
+def test_critical_coupling_is_that_of_the_simulator(words: str, kind: str) -> None:
+    """By the cart's mass: beyond it phases swing or another configuration is gone to."""
+    scene = clocks(50.0, 15.0, 1.01)
+    one = named(followed(scene, "support.mass=20:500:6log"), words)
+    value = critical(one, kind)
+    inside, outside = (0.9, 1.1) if kind == "stops lasting" else (1.1, 0.9)
+    steady, left = (
+        run_from(scene, "support.mass", part * value, near(one, scene, part * value), 2000.0, 0.9)
+        for part in (inside, outside)
+    )
+    angle = np.angle(np.exp(1j * (np.mean(difference(steady)) - np.angle(ratio(near(one, scene, inside * value))))))
+    assert np.ptp(difference(steady)) < 0.03
+    assert abs(angle) < 0.05
+    away = np.abs(np.exp(1j * difference(left)) - np.exp(1j * np.angle(ratio(near(one, scene, outside * value)))))
+    assert away.max() > 0.3
+
+
+def ratio(state: RelativeEquilibrium) -> complex:
+    one, other = own_amplitudes(state)
+    return complex(other / one)
+
+
+# ------------------------------------------------------------------------------------------------ change of fate
+
+
+def metronomes(drive: VanDerPol) -> Scene:
+    link = Body(mass=0.025, length=0.1, centre=0.02, inertia=1e-5, damping=1e-6, drive=drive)
+    return Scene(gravity=GRAVITY, support=Cart(mass=0.1, damping=0.01), pendulum=(Pendulum(links=(link,), count=2),))
+
+
+def growth_in_phase(damping: float, scene: Scene, strength: float) -> float:
+    """Re λ (1/s) of the small swing of two equal pendula with the cart, by the state matrix."""
+    written = matrices(scene.undriven)
+    inverse, D = np.linalg.inv(written.M), np.diag([damping, *(np.diag(written.D)[1:] - strength)])
+    state = np.block([[np.zeros((3, 3)), np.eye(3)], [-inverse @ written.K, -inverse @ D]])
+    values, vectors = np.linalg.eig(state)
+    together = (values.imag > 1) & (abs(vectors[1] - vectors[2]) < 1e-6 * abs(vectors[1]))
+    return float(values[together].real.item())
+
+
+@pytest.mark.slow
+def test_metronomes_keep_in_phase_up_to_a_critical_damping() -> None:
+    """Pantaleone (2002) has them in phase on a light base.
+
+    By hand: fed at the rate p, drained by the base at σ, in phase keeps q|A|² = p − σ.  A swing across it is fed at the
+    mean of both phases, p − 2q|A|² = 2σ − p, as the base splits frequencies too far for it to be pulled along.  So
+    antiphase grows from σ = p/2 on, half the damping at which in phase dies out, which the linear scene knows exactly.
+    """
+    scene = metronomes(VanDerPol(strength=4e-6, angle_deg=10.0))
+    one = named(followed(scene, "support.damping=0.01:0.2:4log"), "in phase")
+    value = critical(one, "stops lasting")
+    assert critical(one, "dies out") == pytest.approx(brentq(growth_in_phase, 0.1, 0.2, args=(scene, 4e-6)), rel=1e-3)
+    assert critical(one, "dies out") == pytest.approx(2 * value, rel=2e-2)
+    for part, survivor in ((0.85, 3), (1.15, 2)):
+        phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 600.0, 0.9)
+        assert find_survival(phases.trajectory).survivor == survivor
+        assert phases.order[-1, 0] == pytest.approx(survivor - 2, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_an_escapement_too_keeps_them_in_phase_up_to_a_critical_damping() -> None:
+    """On a heavier base, that splits frequencies by 2 %; growth or decay of antiphase in the simulator's energies."""
+    link = Body(mass=0.025, length=0.1, centre=0.02, inertia=1e-5, damping=1e-6, drive=KICKS)
+    scene = Scene(gravity=GRAVITY, support=Cart(mass=0.6), pendulum=(Pendulum(links=(link,), count=2),))
+    one = named(followed(scene, "support.damping=0.3:3:4log"), "in phase")
+    value = critical(one, "stops lasting")
+    for part in (0.85, 1.15):
+        phases = run_from(scene, "support.damping", part * value, near(one, scene, part * value), 150.0, 0.9)
+        share = find_survival(phases.trajectory).share[:, 0]
+        early, late = (share[(phases.times > at) & (phases.times < at + 20)].mean() for at in (20, 125))
+        assert (late > early) == (part > 1)
+
+
+# --------------------------------------------------------------------------------------------------- two links
+
+
+@pytest.mark.slow
+def test_four_configurations_of_double_pendula() -> None:
+    """Slow or fast, cart still or moving; in phase dies out where a small swing no longer grows, by eigenvalues."""
+    strength = 0.01
+    links = (Bob(mass=1.0, length=0.5, drive=VanDerPol(strength=strength, angle_deg=5.0)),) * 2
+    scene = Scene(gravity=GRAVITY, support=Cart(mass=20.0, damping=4.0), pendulum=(Pendulum(links=links, count=2),))
+    found = followed(scene, "pendulum[0].links[*].mass=0.1:10:3log")
+    pure = [one for one in found.branches if "frequencies" not in one.words]
+    families = [one.states[0].averaged.modes[one.states[0].row].family for one in pure]
+    expected = ["antiphase, slow", "in phase, slow", "antiphase, fast", "in phase, fast"]
+    assert [family.partition(": ")[2] for family in families] == expected
+    assert [one.words for one in pure] == ["antiphase", "in phase"] * 2
+    assert [float(one.values[-1]) for one in pure[::2]] == [10.0, 10.0]
+    for one, place in zip(pure[1::2], (0, 1), strict=True):
+        end = critical(one, "dies out")
+        assert growth(scene, strength, 0.97 * end, place) > 0 > growth(scene, strength, 1.03 * end, place)
+
+
+def growth(scene: Scene, strength: float, mass: float, place: int) -> float:
+    """Of the slow (0) or fast (1) swing of both pendula in phase, both links of each fed within small angles (1/s)."""
+    linear = matrices(vary(scene, {"pendulum[0].links[*].mass": mass}).undriven)
+    turns = np.array([[1.0, 0.0], [-1.0, 1.0]])
+    fed = np.zeros((5, 5))
+    fed[1:, 1:] = strength * np.kron(np.eye(2), turns.T @ turns)
+    both = np.array([[1.0, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 0], [0, 0, 1]])
+    M, K, D = (both.T @ part @ both for part in (linear.M, linear.K, linear.D - fed))
+    upper = np.hstack((np.zeros((3, 3)), np.eye(3)))
+    found = np.linalg.eigvals(np.vstack((upper, -np.linalg.solve(M, np.hstack((K, D))))))
+    turning = found[found.imag > 1.0]
+    return float(turning[np.argsort(turning.imag)][place].real)
+
+
+@pytest.mark.slow
+def test_what_leaves_another_branch_begins_there() -> None:
+    """Fast antiphase of the clocks sheds, where it stops lasting, a swing that shares its energy with in phase."""
+    found = followed(modal.load("clocks-double"), "support.mass=7:10:2")
+    (shed,) = [one for one in found.branches if [change.kind for change in one.changes] == ["appears", "stops lasting"]]
+    (pure,) = [one for one in found.branches if [change.kind for change in one.changes] == ["stops lasting"]]
+    assert shed.values[0] == pytest.approx(pure.changes[0].value, abs=0.02)
+    assert shed.states[-1].share.max() < 0.999 < min(one.share.max() for one in pure.states)
+
+
+# ------------------------------------------------------------------------------------------- in print and drawn
+
+
+def example() -> Branches:
+    return followed(clocks(50.0, 15.0, 1.01), "support.mass=20:500:6log")
+
+
+def test_what_is_printed_is_what_was_found() -> None:
+    found = example()
+    text = branches_text(found)
+    for one in found.branches:
+        assert one.words in text
+        assert ", ".join(f"{low:.7g} to {high:.7g}" for low, high in one.intervals) in text
+    for change, _ in found.changes:
+        assert f"{change.value:.7g}" in text
+    rows = list(csv.DictReader(StringIO(branches_csv(found))))
+    assert len(rows) == sum(len(one.values) for one in found.branches)
+    for number, one in enumerate(found.branches, start=1):
+        own = [row for row in rows if row["branch"] == str(number)]
+        assert [float(row["support.mass_kg"]) for row in own] == one.values.tolist()
+        assert [row["lasts"] == "1" for row in own] == list(one.lasts)
+        assert all(float(row["growth_per_s"]) < 0 for row in own if row["lasts"] == "1")
+        assert all(float(row["growth_per_s"]) > -1e-4 for row in own if row["lasts"] == "0")
+
+
+def test_what_is_drawn_is_what_was_found() -> None:
+    found = example()
+    figure = branches_figure(found)
+    figure.canvas.draw()
+    upper, lower = figure.axes
+    assert (upper.get_ylabel(), lower.get_xlabel(), lower.get_xscale()) == (
+        "largest angle (°)",
+        "support.mass (kg)",
+        "log",
+    )
+    for one in found.branches:
+        for low, high in one.intervals:
+            full = [line.get_xdata() for line in lower.lines if line.get_ls() == "-"]
+            assert any(abs(x[0] / low - 1) < 1e-3 and abs(x[-1] / high - 1) < 1e-3 for x in full)
+    rings = np.concatenate([line.get_xdata() for line in lower.lines if line.get_marker() == "o"])
+    assert sorted(rings) == [change.value for change, _ in found.changes]
+    stream = BytesIO()
+    draw_branches(found, stream, "svg")
+    assert b"<svg" in stream.getvalue()
+    with pytest.raises(ComputationError, match="0 configurations"):
+        branches_figure(Branches(found.scene, found.variation, ()))
+
+
+def test_words_and_refusals() -> None:
+    found = example()
+    assert {agreement(one.states[-1]) for one in found.branches} == {"pendulum 2 alone", f"{apart(found):.0f}° apart"}
+    with pytest.raises(ComputationError, match="nothing excites"):
+        follow_branches(modal.load("paper-cart-2"), parse_variations(["support.mass=1:2:3"])[0])
+    with pytest.raises(SceneError, match="two values or more"):
+        follow_branches(found.scene, parse_variations(["support.mass=1"])[0])
+    with pytest.raises(SceneError, match="two values or more"):
+        follow_branches(found.scene, parse_variations(["pendulum[0].count=1,2"])[0])
+
+
+def apart(found: Branches) -> float:
+    return float(abs(np.degrees(np.angle(ratio(named(found, "in phase").states[-1])))))

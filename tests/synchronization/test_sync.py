@@ -1,0 +1,313 @@
+"""Who keeps time with whom: prediction and simulation side by side, in words, numbers, a picture and a film."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from math import pi
+from pathlib import Path
+from typing import Any
+
+import floquet
+import numpy as np
+import pytest
+from PIL import Image
+
+from modal import load
+from modal.errors import ComputationError
+from modal.modes import table_numbers
+from modal.scene import Scene, scene_from
+from modal.scene.parameters import vary
+from multipendula.cli import main
+from nonlinear.averaging import RelativeEquilibrium, average, predict, relative_equilibria
+from nonlinear.plotting import SECONDS, strobe
+from nonlinear.plotting.animation import APART
+from nonlinear.simulation import simulate
+from nonlinear.synchronization import (
+    SynchronizationStudy,
+    agreement,
+    phases_of,
+    study_synchronization,
+    sync_record,
+    sync_text,
+)
+from nonlinear.synchronization.patterns import own_amplitudes
+from nonlinear.synchronization.study import MOST, usual_duration
+from nonlinear.system import state_at_rest
+
+VAN_DER_POL = {"kind": "van-der-pol", "strength": 0.05, "angle_deg": 5.0}
+ESCAPEMENT = {"kind": "escapement", "impulse": 0.01, "angle_deg": 2.0}
+FILE = """
+title = "Two clocks"
+gravity = 9.81
+support = {{ kind = "cart", mass = 50.0, damping = 1.0 }}
+[[pendulum]]
+links = [{{ kind = "bob", mass = 1.0, length = 1.0, damping = 0.01, drive = {drive} }}]
+start = {{ angles_deg = [10.0] }}
+[[pendulum]]
+links = [{{ kind = "bob", mass = 1.0, length = 1.0, damping = 0.01, drive = {drive} }}]
+start = {{ angles_deg = [4.0] }}
+"""
+
+
+def clocks(*angles: float, drive: Any = VAN_DER_POL, mass: float = 50.0, damping: float = 1.0) -> Scene:
+    """Equal bobs of 1 kg and 1 m on a cart."""
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "damping": 0.01, "drive": drive}
+    return scene_from(
+        {
+            "gravity": 9.81,
+            "support": {"kind": "cart", "mass": mass, "damping": damping},
+            "pendulum": [{"links": [link], "start": {"angles_deg": [angle]}} for angle in angles],
+        }
+    )
+
+
+@cache
+def pair() -> SynchronizationStudy:
+    return study_synchronization(clocks(10.0, 4.0))
+
+
+def states(scene: Scene) -> dict[str, RelativeEquilibrium]:
+    return {agreement(one): one for one in relative_equilibria(average(scene))}
+
+
+def test_the_predicted_survivor_is_the_simulated_one() -> None:
+    found = pair()
+    assert found.theory
+    assert found.survival
+    assert found.agrees is True
+    assert found.theory.prediction.row + 1 == found.survival.survivor == 3
+
+
+def test_the_predicted_locking_time_is_the_simulated_one() -> None:
+    found = pair()
+    assert found.theory
+    assert found.survival
+    measured = found.survival.locking_time()
+    assert measured
+    assert found.theory.prediction.locking_time() == pytest.approx(measured, rel=0.1)
+
+
+def test_the_words_hold_the_numbers() -> None:
+    found = pair()
+    assert found.survival
+    text = sync_text(found)
+    assert "cart still: antiphase" in text
+    assert "cart moves: in phase" in text
+    assert f"{found.survival.locking_time():.6g} s" in text
+    assert "As predicted." in text
+    assert "They leave out" in text
+
+
+def test_the_records_hold_the_same_numbers() -> None:
+    found = pair()
+    told = json.loads(json.dumps(sync_record(found), allow_nan=False))
+    assert found.survival
+    assert told["simulation"]["survivor"] == told["prediction"]["survivor"] == found.survival.survivor + 1
+    assert told["simulation"]["order_parameter"] == pytest.approx(1.0, abs=1e-3)
+    assert [one["mode"] for one in told["configurations"]] == [3, 4]
+    assert all(one["lasts"] for one in told["configurations"])
+
+
+@pytest.mark.slow
+def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
+    """Metronomes in exact antiphase, that neighbours leave, go where real ones would: in phase."""
+    scene = floquet.metronomes(11.0).scene
+    found = study_synchronization(scene, start=state_at_rest(scene, (21.0, -21.0)), tolerance=1e-7)
+    assert found.theory
+    assert found.survival
+    said = found.theory.prediction
+    assert said.unstable
+    assert (said.unstable.row, said.row, found.survival.survivor) == (1, 2, 3)
+    assert found.agrees is True
+    assert 0 < abs(found.trajectory.motion.links[0] - np.radians([21.0, -21.0])).max() < np.radians(3.0)
+    text, told, number = sync_text(found), sync_record(found)["prediction"], table_numbers(scene)
+    exactly = f"Exactly this start keeps to mode {number[1]} (antiphase), but that motion is unstable"
+    assert exactly in " ".join(text.split())
+    assert "from beside it too" in text
+    assert (told["unstable"]["mode"], told["survivor"]) == (number[1], number[2])
+    assert told["unstable"]["growth_rate_per_s"] == pytest.approx(0.0232, abs=1e-3)
+
+
+def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
+    scene = vary(load("huygens"), {"support.mass": 40.0})
+    said = predict(scene, state_at_rest(scene, (7.0, 7.0)))
+    assert said.unstable
+    assert said.unstable.relaxation == pytest.approx(289, rel=0.05)
+    assert (said.unstable.row, said.row, said.share > 0.99) == (2, 1, True)
+
+
+def test_a_start_that_leaves_by_itself_is_its_own_judge() -> None:
+    scene = floquet.metronomes(11.0).scene
+    said = predict(scene, start := state_at_rest(scene, (21.0, -20.9)))
+    assert said.unstable is None
+    assert said.row == 2
+    np.testing.assert_array_equal(said.start.links, start.links)
+
+
+def test_what_does_not_excite_itself_has_no_prediction() -> None:
+    found = study_synchronization(clocks(10.0, 4.0, drive=None), 60.0)
+    assert found.theory is None
+    assert found.agrees is None
+    assert "No prediction: nothing excites this scene" in sync_text(found)
+    assert sync_record(found)["prediction"] is None
+
+
+def test_a_swing_that_dies_out_is_said_to() -> None:
+    weak = {"kind": "van-der-pol", "strength": 0.002, "angle_deg": 5.0}
+    found = study_synchronization(clocks(10.0, 4.0, drive=weak), 100.0)
+    assert found.theory
+    assert found.theory.prediction.motion.dies
+    assert found.agrees is None
+    assert "The swing dies out" in sync_text(found)
+    assert "none was found" in sync_text(found)
+
+
+def test_a_start_at_rest_has_no_prediction() -> None:
+    with pytest.raises(ComputationError, match="starts at rest"):
+        predict(clocks(0.0, 0.0))
+
+
+@pytest.mark.slow
+def test_escapements_keep_their_books() -> None:
+    found = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 120.0, tolerance=1e-12)
+    kicks = found.trajectory.kicks
+    assert len(kicks.time) > 200
+    assert found.trajectory.energy_drift() < 1e-9
+    assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(found)
+
+
+@pytest.mark.slow
+def test_a_thousand_driven_pendula() -> None:
+    rng = np.random.default_rng(3)
+    found = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 20.0)
+    assert found.theory is None
+    assert "at most" in found.silent
+    assert found.phases.order[-1, 0] < 1.0
+    assert found.trajectory.energy_drift() < 1e-7
+
+
+def test_patterns_of_two_and_three() -> None:
+    two, three = states(clocks(10.0, 4.0)), states(clocks(10.0, 4.0, 1.0))
+    assert set(two) == {"in phase", "antiphase"}
+    assert own_amplitudes(two["antiphase"]).sum() == pytest.approx(0.0, abs=1e-9)
+    assert np.ptp(own_amplitudes(two["in phase"])) == pytest.approx(0.0, abs=1e-9)
+    splay = next(one for words, one in three.items() if words != "in phase")
+    assert abs(np.sum(own_amplitudes(splay))) < 1e-6
+
+
+def test_the_amplitudes_of_configurations_are_those_of_a_simulation() -> None:
+    found = states(clocks(10.0, 4.0))
+    for words, angles in {"in phase": (9.0, 9.0), "antiphase": (9.0, -9.0)}.items():
+        run = simulate(clocks(*angles), 400.0)
+        late = run.motion.links[len(run.times) // 2 :]
+        assert np.abs(own_amplitudes(found[words])).max() == pytest.approx(np.abs(late).max(), rel=5e-3)
+
+
+def test_the_usual_run_is_as_long_as_the_prediction_needs_and_no_longer_than_most() -> None:
+    theory = pair().theory
+    assert theory
+    locking = theory.prediction.locking_time()
+    assert locking
+    period = 2 * pi / theory.prediction.averaged.omega.min()
+    assert 1.5 * locking < usual_duration(pair().scene, theory) < min(1.5 * locking + 31 * period, MOST * period)
+
+
+def test_a_film_is_lit_a_little_later_in_every_swing() -> None:
+    run = simulate(clocks(10.0, 4.0), 2000.0)
+    phases = phases_of(run)
+    lit = strobe(phases, "gif")
+    swings_apart = lit["speed"] / lit["fps"] * phases.omega[0, 0] / (2 * pi)
+    assert swings_apart % 1 == pytest.approx(1 / APART)
+    assert SECONDS / 2 < 2000.0 / lit["speed"] <= SECONDS
+
+
+def test_a_short_run_is_shown_at_its_own_speed() -> None:
+    assert strobe(phases_of(simulate(clocks(10.0, 4.0), 10.0)), "gif")["speed"] == pytest.approx(1.0)
+
+
+def written(folder: Path, drive: str = '{ kind = "van-der-pol", strength = 0.05, angle_deg = 5.0 }') -> str:
+    path = folder / "clocks.toml"
+    path.write_text(FILE.format(drive=drive))
+    return str(path)
+
+
+@pytest.mark.slow
+def test_the_command_draws_and_films(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    picture, film = tmp_path / "sync.png", tmp_path / "sync.gif"
+    code = main(["sync", written(tmp_path), "--duration", "6", "-o", str(picture), "--film", str(film)])
+    assert code == 0
+    assert "Order parameter" in capsys.readouterr().out
+    with Image.open(picture) as image, Image.open(film) as moving:
+        assert np.asarray(image.convert("L")).std() > 5
+        assert getattr(moving, "n_frames", 1) > 100
+
+
+def test_the_command_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sync", written(tmp_path), "--duration", "30", "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["simulation"]["duration_s"] == pytest.approx(30.0)
+
+
+def test_every_mistake_of_a_call_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    bad = written(tmp_path, '{ kind = "escapement", impulse = -1.0 }')
+    code = main(["sync", bad, "-o", "sync.txt", "--film", str(tmp_path / "none" / "sync.avi")])
+    said = capsys.readouterr().err
+    assert code == 2
+    assert "pendulum[0].links[0].drive.impulse = -1.0: must be positive" in said
+    assert "sync.txt: the name must end in" in said
+    assert "sync.avi: the name must end in" in said
+    assert "there is no folder" in said
+
+
+def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["sync", "chain-spatial", "--duration", "5"]) == 1
+    assert "only of motion in the plane" in capsys.readouterr().err
+
+
+def test_a_single_pendulum_locks_with_nobody() -> None:
+    words = sync_text(study_synchronization(clocks(10.0, mass=1e6, damping=0.0), 30.0))
+    assert "Mean frequency 3.1" in words
+    assert "locked" not in words
+    assert "All other" not in words
+
+
+def test_still_pendula_and_short_runs_claim_no_frequency() -> None:
+    still = sync_text(study_synchronization(clocks(0.0, 0.0), 30.0))
+    assert "nan" not in still
+    assert "have no frequency" in still
+    assert "too short to tell whether they lock" in sync_text(study_synchronization(clocks(10.0, 4.0), 0.1))
+
+
+def of_run(found: SynchronizationStudy, scene: Scene) -> SynchronizationStudy:
+    """The same without a prediction, and of another scene's run."""
+    run = simulate(scene, 20.0)
+    return replace(found, scene=scene, theory=None, trajectory=run, phases=phases_of(run))
+
+
+def test_what_dampers_took_is_said_only_of_dampers() -> None:
+    """Not of van der Pol drives beside the kicks, nor where there are no dampers."""
+    scene = clocks(10.0, 4.0, drive=ESCAPEMENT)
+    links = [pendulum.links[0] for pendulum in scene.pendulum]
+    own = links[0].model_copy(update={"drive": clocks(1.0).pendulum[0].links[0].drive})
+    mixed = (scene.pendulum[0].model_copy(update={"links": (own,)}), scene.pendulum[1])
+    found = study_synchronization(scene.model_copy(update={"pendulum": mixed}), 20.0)
+    rest = float(found.trajectory.motion.work[-1] - found.trajectory.kicks.energy.sum())
+    assert f"van der Pol drives and dampers together did {rest:.6g} J" in sync_text(found)
+    assert "dampers took" not in sync_text(found)
+    assert "dampers took" in sync_text(of_run(found, scene))
+    loose = scene.conservative
+    kicked = [link.model_copy(update={"damping": 0.0}) for link in links]
+    pendula = [one.model_copy(update={"links": (link,)}) for one, link in zip(loose.pendulum, kicked, strict=True)]
+    words = sync_text(of_run(found, loose.model_copy(update={"pendulum": tuple(pendula)})))
+    assert "fed" in words
+    assert "dampers took" not in words
+
+
+def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureFixture[str]) -> None:
+    """Row 3 of the table is antiphase; row 2 is the beam against its dampers, from which nothing can swing."""
+    assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 2
+    assert "--start mode:2: is a mode of the dampers alone, without a swing" in capsys.readouterr().err
+    assert main(["sync", "huygens", "--start", "mode:3:6", "--duration", "10"]) == 0
+    assert "Mode 3 holds 100 % of the energy at the end (cart still: antiphase)" in (said := capsys.readouterr().out)
+    assert "Modes have their numbers in the table" in said
