@@ -6,6 +6,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- names: modal load Scene -->            names of a package, from their docstrings
     <!-- modules: modal.loci modal.gains -->    whole modules
     <!-- shipped -->                            the scenes that come with the package
+    <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what a sweep can measure
     <!-- gallery -->                            every figure of docs/pictures.toml
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from multipendula.parser import Page
 
 ROOT = Path(__file__).parent.parent
-PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
+PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|formats|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
 
 
@@ -128,6 +129,14 @@ def shipped() -> str:
     from modal.scene import example_names, load
 
     return _table("name | what hangs there", [f"`{name}` | {_escaped(load(name).title)}" for name in example_names()])
+
+
+def formats() -> str:
+    """What a state-space model can be written as."""
+    from modal.exports import FORMATS
+
+    rows = [f"`{name}` | {_escaped(one.what)} | `{one.extension}`" for name, one in FORMATS.items()]
+    return _table("`--to` | what is written | usual ending", rows)
 
 
 def measures() -> str:

@@ -1,5 +1,7 @@
 """Linearized modal analysis of pendulum chains, alone or coupled by a cart.
 
+What is offered here is loaded when it is asked for: the command completes a line and prints its help without NumPy.
+
 >>> from modal import load, natural_modes
 >>> modes = natural_modes(load("paper-cart-2"))
 >>> modes[2].omega
@@ -9,10 +11,25 @@
 from typing import TYPE_CHECKING
 
 from modal._compatibility import exported, warn_about_namesake
-from modal.assembly import Matrices, matrices
-from modal.errors import ComputationError, MultipendulaError, SceneError
-from modal.modes import Mode, Modes, Shape, natural_modes
-from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, dump, dumps, example_names, load
+
+if TYPE_CHECKING:
+    from modal.assembly import Matrices, matrices
+    from modal.errors import ComputationError, MultipendulaError, SceneError
+    from modal.modes import Mode, Modes, Shape, natural_modes
+    from modal.scene import (
+        Bob,
+        Body,
+        Cart,
+        Fixed,
+        InitialCondition,
+        Pendulum,
+        Rod,
+        Scene,
+        dump,
+        dumps,
+        example_names,
+        load,
+    )
 
 __all__ = [
     "Bob",
@@ -41,4 +58,9 @@ __all__ = [
 warn_about_namesake()
 
 if not TYPE_CHECKING:
-    __getattr__ = exported(__name__, {"Start": "InitialCondition", "shipped": "example_names"})
+    __getattr__ = exported(
+        __name__,
+        {"Start": "InitialCondition", "shipped": "example_names"},
+        homes=("errors", "scene", "assembly", "modes"),
+    )
+    __dir__ = __all__.copy

@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Callable, Iterable
 from functools import wraps
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
@@ -39,7 +38,10 @@ MOVED = {
         "balls certified=enclosures integer_polynomials=polynomials isolation=roots polynomials=characteristic "
         "sprung=characteristic"
     ),
-    "modal.exports": "names=identifiers",
+    "modal.exports": (
+        "names=identifiers exports.c_text=c exports.control_=objects exports.fmu_description=fmu exports.m=matlab "
+        "exports.mat=matlab exports.scipy_=objects"
+    ),
     "modal.loci": "encounters=crossings loci_tables=following tracks=tracking",
     "modal.modes": (
         "all_shapes=modes audit=solution_report closed_forms families=labels matrix_tables=tables mode numbering "
@@ -199,14 +201,19 @@ def renamed(old: str, home: str) -> Callable[[str], Any]:
     return find
 
 
-def exported(package: str, names: dict[str, str]) -> Callable[[str], Any]:
-    """The `__getattr__` of a package that still answers to the old of these names."""
+def exported(package: str, names: dict[str, str], homes: tuple[str, ...] = ()) -> Callable[[str], Any]:
+    """The `__getattr__` of a package: it loads what it offers from `homes`, and answers to the old of these names."""
 
     def find(name: str) -> Any:
+        offering = sys.modules[package]
+        if name in homes:
+            return import_module(f"{package}.{name}")
+        if homes and name in offering.__all__:
+            return next(found[name] for home in homes if name in (found := vars(find(home))))
         if name not in names:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=sys.modules[package])
+            raise AttributeError(f"module {package!r} has no attribute {name!r}", name=name, obj=offering)
         warn_of_old_name(f"{package}.{name}", f"{package}.{names[name]}")
-        return getattr(sys.modules[package], names[name])
+        return getattr(offering, names[name])
 
     return find
 
@@ -253,13 +260,16 @@ def _moved() -> dict[str, str]:
     return found
 
 
-class _Finder(MetaPathFinder, Loader):
+class _Finder:
     """Modules under their old paths, where there is nothing else of that name."""
 
     def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
         if fullname.partition(".")[0] not in {"modal", "nonlinear"} or fullname not in _moved():
             return None
-        return ModuleSpec(fullname, self, is_package=fullname == "modal.papers")
+        return ModuleSpec(fullname, self, is_package=fullname == "modal.papers")  # type: ignore[arg-type]
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """The usual one."""
 
     def exec_module(self, module: ModuleType) -> None:
         module.__dict__["__getattr__"] = renamed(module.__name__, _moved()[module.__name__])

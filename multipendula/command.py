@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from multipendula.parser import Examples, Page
 
 
-@dataclass(frozen=True)
-class Command:
+class Command(NamedTuple):
     """A command under a topic of `multipendula --help`.
 
     `arguments` adds what it takes to its page, `details` follow the docstring of `run` there, and tests do the

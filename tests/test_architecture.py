@@ -18,9 +18,9 @@ DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
 """Modules of no room: they only open one."""
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
-    "scipy": {"modal.statespace.sampling", "modal.exports.mat", "modal.exports.scipy_", "nonlinear"},
+    "scipy": {"modal.statespace.sampling", "modal.exports.matlab", "modal.exports.objects", "nonlinear"},
     "sympy": {"modal.symbolic"},
-    "control": {"modal.exports.control_"},
+    "control": {"modal.exports.objects"},
     "flint": {"modal.exact.balls"},
     "numba": {"nonlinear.dynamics.compiled"},
     "heyoka": {"nonlinear.integration.taylor"},
@@ -148,7 +148,9 @@ def test_heavy_packages_have_their_homes(name: str) -> None:
     assert strangers == set()
 
 
-@pytest.mark.parametrize("job", ["import modal", "import modal; list(modal.natural_modes(modal.load('paper-cart-2')))"])
+@pytest.mark.parametrize(
+    "job", ["from modal import *", "import modal; list(modal.natural_modes(modal.load('paper-cart-2')))"]
+)
 def test_the_main_job_loads_no_heavy_package(job: str) -> None:
     code = f"import sys; {job}; print(sorted({{name.partition('.')[0] for name in sys.modules}}))"
     loaded = ast.literal_eval(

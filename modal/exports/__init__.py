@@ -1,18 +1,18 @@
-"""A state-space model as a file for another tool, one module a format, none loaded before it is asked for.
+"""A state-space model as a file for another tool, one module a format or family, none loaded before it is asked for.
 
 In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
-reads.  A format is a `Format` in `FORMATS` and the module that writes it; nothing else knows its name.  `text` has what
-all of them need: numbers that read back bit for bit.
+reads.  A format is a `Format` in `FORMATS` and the function that writes it; the command, its help, what a shell
+completes and the manual read them there.  `text` has what all of them need: numbers that read back bit for bit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from importlib import import_module
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from modal.errors import SceneError, meant
-from modal.statespace.model import StateSpace
+if TYPE_CHECKING:
+    from modal.statespace import StateSpace
 
 
 class Format(NamedTuple):
@@ -41,18 +41,32 @@ def _function(place: str) -> Callable[..., Any]:
 def format_named(name: str) -> Format:
     """The format of a name; SceneError lists all of them for an unknown one."""
     if name not in FORMATS:
+        from modal.errors import SceneError, meant
+
         raise SceneError([f"format {name}: must be one of {', '.join(FORMATS)}{meant(name, FORMATS)}"])
     return FORMATS[name]
 
 
 FORMATS = {
-    "control": Format(".py", "a Python script for python-control", "script.write_script"),
-    "mat": Format(".mat", "MATLAB and Octave data", "mat.write_mat"),
-    "m": Format(".m", "a MATLAB and Octave script", "m.write_m"),
-    "json": Format(".json", "JSON", "json_.write_json"),
-    "npz": Format(".npz", "a NumPy archive", "npz.write_npz"),
-    "csv": Format(".csv", "a table in long form", "csv_.write_csv"),
-    "c": Format(".h", "a header for C99 and C++ with a step function", "c.write_c"),
-    "fmu": Format(".fmu", "an FMI 2.0 co-simulation unit", "fmu.write_fmu", "fmu.note"),
+    "control": Format(
+        ".py", "a Python script that builds a labelled `control.StateSpace`, `system`", "script.write_script"
+    ),
+    "mat": Format(".mat", "a MATLAB and Octave file with names as cell arrays", "matlab.write_mat"),
+    "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "matlab.write_m"),
+    "json": Format(".json", "everything, exactly; `modal.exports.json_.read_json` reads it back", "json_.write_json"),
+    "npz": Format(".npz", "everything, exactly; `modal.exports.npz.read_npz` reads it back", "npz.write_npz"),
+    "csv": Format(".csv", "everything, exactly, a number a row", "csv_.write_csv"),
+    "c": Format(
+        ".h",
+        "a header for C99 and C++ with the discrete matrices and a step function, no allocation, no includes",
+        "c.write_c",
+    ),
+    "fmu": Format(
+        ".fmu",
+        "an FMI 2.0 co-simulation unit: source, and a Linux binary where a C compiler is found; inputs are held over "
+        "every communication step",
+        "fmu.write_fmu",
+        "fmu.note",
+    ),
     "modelica": Format(".mo", "a Modelica block", "modelica.write_modelica"),
 }

@@ -6,6 +6,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
+from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.shared import drawn, listed, picture, small_swings
 from multipendula.completion import files
@@ -38,9 +39,9 @@ def export(options: argparse.Namespace) -> None:
 def _export_arguments(page: Page) -> None:
     add_scene(page)
     _add_signals(page)
-    formats = ("control", "mat", "m", "json", "npz", "csv", "c", "fmu", "modelica")
-    words = f"{', '.join(formats[:-1])} or {formats[-1]}"
-    add_words(page.written, "--to", formats, comma="", metavar="FORMAT", required=True, help=words)
+    *most, last = FORMATS
+    words = f"{', '.join(most)} or {last}"
+    add_words(page.written, "--to", (*most, last), comma="", metavar="FORMAT", required=True, help=words)
     words = "the file to write, or - for standard output"
     page.rephrase(r"^format (\S+):", r"--to \1:")
     page.rephrase(r"(a C header is of a sampled model)", r"--to c needs --discrete SECONDS, \1")

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from modal import Bob, Pendulum, Scene, SceneError, load
 from modal.exports import FORMATS
-from modal.exports.c import write_c
-from modal.exports.c_text import c_matrix
-from modal.exports.control_ import to_control
+from modal.exports.c import c_matrix, write_c
 from modal.exports.identifiers import identifier
+from modal.exports.objects import to_control
 from modal.report import c_comment
 from modal.statespace import Signal, StateSpace, state_space
 from modal.statespace.sampling import sample

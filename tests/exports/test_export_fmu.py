@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from modal import SceneError, load, natural_modes
 from modal.exports import FORMATS, fmu
-from modal.exports.control_ import to_control
-from modal.exports.fmu_description import variables
+from modal.exports.fmu import variables
 from modal.exports.identifiers import identifier
+from modal.exports.objects import to_control
 from modal.statespace import StateSpace, state_space
 from modal.statespace.sampling import reach, sample
 
