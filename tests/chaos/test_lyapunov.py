@@ -22,6 +22,8 @@ from nonlinear.dynamics import Dense, Mechanics, Minimal
 from nonlinear.plotting import draw_finding, draw_running
 from nonlinear.system import State, system_of
 
+pytestmark = pytest.mark.xdist_group("exponents")  # one result serves several tests
+
 G = 9.81
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 from motion_scenes import motion_scene, random_state
 from scipy.integrate import solve_ivp
 
@@ -145,7 +146,7 @@ def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_powe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", usually([3], [1, 3]))
 def test_every_form_and_method_goes_the_same_way_with_van_der_pol(seed: int) -> None:
     scene = with_drives(motion_scene(seed, standing=False, longest=2, most=2), seed, "v")
     ways = [{}, {"form": "maximal"}, {"form": "hamiltonian"}, {"method": "Radau"}, {"method": "LSODA"}]
@@ -202,7 +203,8 @@ def scaled(scene: Scene, mass: float, length: float) -> Scene:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mass", "length"), [(1e12, 1e-12), (1e-12, 1e12), (1e12, 1e12), (1e-12, 1e-12)])
+@pytest.mark.parametrize("length", [1e-12, 1e12])
+@pytest.mark.parametrize("mass", usually([1e12], [1e12, 1e-12]))
 def test_units_change_neither_motion_nor_kicks(mass: float, length: float) -> None:
     steady = Bob(mass=0.5, length=0.3, damping=0.001, drive=VanDerPol(strength=0.02, angle_deg=5))
     pendulum = Pendulum(links=(steady,), start=InitialCondition(angles_deg=(7,)))
