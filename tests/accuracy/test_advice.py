@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from amounts import usually
-from motion_scenes import motion_scene
+from scenes import motion_scene
 from scipy.special import ellipj, ellipk
 
 from modal import Bob, Body, Cart, Pendulum, Rod, Scene, SceneError, load, natural_modes

@@ -11,7 +11,7 @@ from math import nan, pi, radians
 
 import numpy as np
 import pytest
-from motion_scenes import motion_scene
+from scenes import motion_scene
 from scipy.linalg import expm
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes

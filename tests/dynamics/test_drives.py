@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from amounts import usually
-from motion_scenes import motion_scene, random_state
+from scenes import motion_scene, random_state
 from scipy.integrate import solve_ivp
 
 from modal import load, natural_modes
@@ -124,7 +124,7 @@ def own_torques(scene: Scene, angles: Floats, rates: Floats) -> Floats:
 def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_power_in_every_body(seed: int) -> None:
     bare = motion_scene(seed)
     scene = with_drives(bare, seed, "vv-")
-    system, free, state = system_of(scene), system_of(bare), random_state(scene, seed)
+    system, free, state = system_of(scene), system_of(bare), random_state(system_of(scene), seed)
     systems = [
         Small(system),
         *(Minimal(system, tuple(map(body, system.groups))) for body in (Recursion, Dense, Banded)),
@@ -234,7 +234,7 @@ def test_a_kick_of_a_single_pendulum_changes_its_rate_by_the_impulse_over_its_mo
 @pytest.mark.parametrize("seed", range(6))
 def test_kicks_at_any_joints_are_a_dense_solve_and_feed_what_the_kinetic_energy_gains(seed: int) -> None:
     scene = with_drives(motion_scene(seed, standing=seed % 2 == 1), seed, "e")
-    system, state = system_of(scene), random_state(scene, seed)
+    system, state = system_of(scene), random_state(system_of(scene), seed)
     joints, on_cart = escaping(system), int(system.cart is not None)
     rng = np.random.default_rng(seed)
     kick = joints.impulse * rng.choice([-1.0, 0.0, 1.0], len(joints.impulse))

@@ -10,7 +10,7 @@ import random
 import numpy as np
 import pytest
 from amounts import usually
-from motion_scenes import motion_scene
+from scenes import motion_scene
 
 from modal import Cart, Scene
 from nonlinear.integration import Trajectory

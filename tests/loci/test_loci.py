@@ -9,7 +9,7 @@ from math import sqrt
 import numpy as np
 import pytest
 from amounts import usually
-from motion_scenes import motion_scene
+from scenes import motion_scene
 
 from modal import (
     Bob,

@@ -8,7 +8,7 @@ import few_modes
 import numpy as np
 import pytest
 from amounts import usually
-from plane_scenes import blowing, minimal, plane_scene, random_state
+from scenes import blowing, minimal, plane_scene, random_state
 from test_hamiltonian import dense_M, vectors
 
 from modal.errors import SceneError

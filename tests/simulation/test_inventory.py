@@ -13,7 +13,7 @@ import pytest
 
 from modal import Bob, Cart, Fixed, Pendulum, Scene, natural_modes
 from modal.errors import ComputationError
-from modal.scene import example_text
+from modal.scene.files import example_text
 from multipendula.cli import main
 from nonlinear import AppliedForces, simulate, state_at_rest
 from nonlinear import files as recordings
