@@ -5,8 +5,9 @@
 Random scenes of one to nine links, in the plane and in space, on a cart or not, with springs and dampers or without,
 some of them driven (van der Pol), with stiff joints or with light links above heavy ones, from 0.01 to 170 degrees,
 over 1 to 15 s and for 1e-8 to 1e-2 rad; no constant of the code was fitted to them.  The judge is DOP853 at a tolerance
-of 1e-4 times the accuracy, held against one ten times looser, or else the finest rungs that there are; where those
-differ by more than a twentieth of the accuracy nobody can judge, and the advice should say so.  The cheapest rung is
+of 1e-4 times the accuracy, or times the error that was stated where that is smaller, held against one ten times looser,
+or else the finest rungs that there are; where those differ by more than a twentieth of the accuracy nobody can judge,
+and the advice should say so.  The cheapest rung is
 found by trying every integrator from loose tolerances on, half a decade at a time.  A cost is the time from scene to
 motion in a process of its own: compilers and the loading of numba and heyoka, which is measured once, are counted.
 
@@ -150,7 +151,8 @@ def judged(seed: int, costs: bool = True) -> Case:
     question = Question(scene, start, sample_times(scene, duration, 0.0, None))
     plane = scene.space == "plane"
     form, compiled = "minimal" if plane else "spatial", plane and find_spec("numba") is not None
-    looser = (Candidate(form, "DOP853", max(FINER * accuracy * share, SMALLEST), compiled) for share in (1.0, 10.0))
+    fine = FINER * min(accuracy, advice.attempts[-1].error)
+    looser = (Candidate(form, "DOP853", max(fine * share, SMALLEST), compiled) for share in (1.0, 10.0))
     known, error = False, inf
     for rungs in (looser, choose_references(scene)) if advice.met or costs else ():
         finest, other = (rung.prepare(question)().motion for rung in rungs)

@@ -16,12 +16,14 @@ from __future__ import annotations
 
 import re
 import tomllib
-from argparse import SUPPRESS, Action, ArgumentParser, HelpFormatter, _SubParsersAction
+from argparse import SUPPRESS, Action, HelpFormatter, _SubParsersAction
 from functools import cache, partial
 from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from multipendula.examples import EXAMPLES
+if TYPE_CHECKING:
+    from multipendula.parser import Page
 
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
@@ -45,7 +47,7 @@ def _paired(alt: str, name: str, form: str, folder: Path) -> str:
 
 
 @cache
-def parsers() -> dict[str, ArgumentParser]:
+def parsers() -> dict[str, Page]:
     """The parser of every command."""
     from multipendula.cli import _parser
 
@@ -57,17 +59,17 @@ def commands(*names: str) -> str:
     return "\n\n".join(_command(name, parsers()[name]) for name in names)
 
 
-def _command(name: str, parser: ArgumentParser) -> str:
+def _command(name: str, parser: Page) -> str:
     parser.formatter_class, parser.color = partial(HelpFormatter, width=88), False  # type: ignore[assignment]
     usage = parser.format_usage().removeprefix("usage: ").replace("\n" + " " * 7, "\n").strip()
     shown = [action for action in parser._actions if action.help != SUPPRESS and action.dest != "help"]
     parts = [f"(command-{name})=\n### {name}", _escaped(parser.description or ""), f"```text\n{usage}\n```"]
     parts += [_argument(action, parser) for action in shown]
-    examples = "\n".join(f"# {words}\nmultipendula {line}" for line, words in EXAMPLES[name])
+    examples = "\n".join(f"# {words}\nmultipendula {line}" for line, words in parser.examples)
     return "\n\n".join([*parts, f"For example\n\n```sh\n{examples}\n```"])
 
 
-def _argument(action: Action, parser: ArgumentParser) -> str:
+def _argument(action: Action, parser: Page) -> str:
     formatter = parser._get_formatter()
     value = "" if action.nargs == 0 else formatter._format_args(action, action.dest.upper())
     terms = ", ".join(f"`{f'{flag} {value}'.strip()}`" for flag in action.option_strings or [""])

@@ -23,93 +23,93 @@ NAMESAKE = (
 MOVED = {
     "modal.assembly": "linear=linearization rig=arrays",
     "modal.coupling": (
-        "coupling_records coupling_words damping_words decay=damping dynamic_mass family_words=report feeding "
-        "own_modes=fixed_base talk=exchange talk_words "
+        "coupling_records=records coupling_words=report damping_words=report decay=damping dynamic_mass "
+        "family_words=report feeding=damping own_modes=fixed_base talk=exchange talk_words=report"
     ),
     "modal.eigen": (
         "amplitude bisect=bisection built=counts chain=recursion coincident=degenerate crowd=coupled "
-        "damped=quadratic dense effective=chains matrix_source routes secular sources spectrum "
-        "sprung_chain=sprung_chains "
+        "damped=quadratic dense effective=chains matrix_source routes=spectrum secular sources spectrum "
+        "sprung_chain=sprung_chains"
     ),
     "modal.exact": (
-        "balls certified=enclosures integer_polynomials=polynomials isolation=roots polynomials=characteristic sprung "
+        "balls certified=enclosures integer_polynomials=polynomials isolation=roots polynomials=characteristic "
+        "sprung=characteristic"
     ),
     "modal.exports": "names=identifiers",
-    "modal.loci": "encounters=crossings loci_tables tracks=tracking",
+    "modal.loci": "encounters=crossings loci_tables=following tracks=tracking",
     "modal.modes": (
-        "all_shapes=modal_matrix audit=solution_report closed_forms families=labels matrix_tables mode "
-        "numbering resonances sensitivity shapes tables "
+        "all_shapes=modes audit=solution_report closed_forms families=labels matrix_tables=tables mode numbering "
+        "resonances=mode sensitivity shapes tables"
     ),
     "modal.plotting": (
-        "cart_mass_figures coupling_figures dress=layout figures=shapes loci_figures=loci "
-        "mass_figures=coupling palette pictures=style response_figures=response sliders "
+        "cart_mass_figures=coupling coupling_figures=coupling dress=layout figures=shapes loci_figures=loci "
+        "mass_figures=coupling palette=style pictures=style response_figures=response sliders"
     ),
     "modal.report": "escaping prose",
-    "modal.scene": "drives files messages places sealed validation variations=parameters",
+    "modal.scene": "drives=model files messages=validation places=parameters sealed validation variations=parameters",
     "modal.statespace": "balancing exports.discrete=sampling gains modal_form reduction response shapers signals",
     "modal.symbolic": (
-        "derivation displayed=line_breaks eigen_polynomials eigen_sections=eigen kinetic lagrange lagrangian "
-        "papers polynomial_roots=roots sections targets typeset=typesetting "
+        "derivation displayed=line_breaks eigen_polynomials=eigen eigen_sections=eigen kinetic lagrange lagrangian "
+        "papers polynomial_roots=roots sections=typesetting targets=derivation typeset=typesetting"
     ),
     "modal.symbolic.papers": (
         "catalogue papers.cart=cart papers.cart_dae=cart_dae papers.planar=planar papers.spatial=spatial "
-        "papers.spatial_azimuth=spatial_azimuth "
+        "papers.spatial_azimuth=spatial_azimuth"
     ),
     "nonlinear": "recordings=files saved_files=files",
     "nonlinear.accuracy": (
-        "advice advice_tables attempts ladder=candidates references shortcuts tradeoff=work_precision "
-        "tradeoff_tables=tables "
+        "advice advice_tables=tables attempts ladder=candidates references shortcuts=attempts "
+        "tradeoff=work_precision tradeoff_tables=tables"
     ),
-    "nonlinear.averaging": (
-        "averaged=equations configurations=equilibria describing prediction slow_motion=slow_flow "
-    ),
+    "nonlinear.averaging": "averaged=equations configurations=equilibria describing prediction slow_motion=slow_flow",
     "nonlinear.chaos": "chaos_claims=claims chaos_studies=studies lyapunov tangent",
     "nonlinear.dynamics": (
-        "ball_joints=spatial_joints banded compiled constraints efforts forces hamiltonian interrupts joints "
-        "maximal mechanics minimal plane=recursion reduced saddle short small=dense space=spatial_recursion "
-        "spatial suspended symmetries "
+        "ball_joints=spatial_joints banded compiled constraints=maximal efforts=joints forces=mechanics "
+        "hamiltonian interrupts joints maximal mechanics minimal plane=recursion reduced=symmetries saddle=maximal "
+        "short=dense small=dense space=spatial_recursion spatial suspended=minimal symmetries"
     ),
     "nonlinear.integration": (
         "escapements integrate=driver methods preparation=run requests=arguments steppers taylor timescales "
-        "trajectory twins "
+        "trajectory twins"
     ),
     "nonlinear.plotting": (
-        "animation branch_figures=branches chaos_figures=chaos check_figures=verification figures=run film "
-        "gauges scenery=artists stage=scene strobe=stroboscope sweep_figures=sweeps "
-        "sync_figures=synchronization tradeoff_figures=work_precision "
+        "animation branch_figures=branches chaos_figures=chaos check_figures=verification figures=run "
+        "film=animation gauges=artists scenery=artists stage=scene strobe=animation sweep_figures=sweeps "
+        "sync_figures=synchronization tradeoff_figures=work_precision"
     ),
     "nonlinear.postprocessing": (
-        "frames=resampling inventory lines=frequencies reactions=reaction_forces smoothing=averages spectra summary "
+        "frames=resampling inventory=summary lines=frequencies reactions=reaction_forces smoothing=averages "
+        "spectra summary"
     ),
     "nonlinear.reduction": "defect modal_coordinates residual superposition truncated truncation two_planes",
     "nonlinear.sweeps": (
-        "cluster crews=executors journals=checkpoint locks measure measures modal_measures run_measures "
-        "studies=study sweep_files=files sweep_tables sync_measures "
+        "cluster crews=executors journals=checkpoint locks measure=measures measures modal_measures=measures "
+        "run_measures=measures studies=study sweep_files=files sweep_tables=running sync_measures=measures"
     ),
     "nonlinear.synchronization": (
-        "agreement=patterns branch_tables branches continuation phases survival=modal_energy sync_records "
-        "sync_words=report synchrony=study "
+        "agreement=patterns branch_tables=report branches=continuation continuation phases survival=modal_energy "
+        "sync_records=report sync_words=report synchrony=study"
     ),
-    "nonlinear.system": "directions events excitation plant=system starts=initial state",
+    "nonlinear.system": "directions events excitation=system plant=system starts=initial state",
     "nonlinear.verification": (
-        "check=modes check_tables=tables compare=motion compare_tables measurements=measurement "
+        "check=modes check_tables=tables compare=motion compare_tables=tables measurements=measurement"
     ),
 }
 """The modules of a room by their old names, and their new ones where these differ."""
 
 RENAMED = {
     "modal.coupling.analysis": "explained=explain",
-    "modal.coupling.coupling_records": "records=coupling_record",
-    "modal.coupling.coupling_words": "words=coupling_report",
+    "modal.coupling.damping": "strengths=negative_damping",
     "modal.coupling.exchange": "Exchange=Transfer exchange=transfer Talk=EnergyExchange talks=energy_exchanges",
-    "modal.coupling.feeding": "strengths=negative_damping",
     "modal.coupling.fixed_base": "OwnModes=FixedBaseModes own_modes=fixed_base_modes conservative=without_damping",
+    "modal.coupling.records": "records=coupling_record",
+    "modal.coupling.report": "words=coupling_report",
     "modal.eigen.coupled": "Crowd=CoupledPendula",
     "modal.eigen.degenerate": "Clusters=DegenerateModes clusters=degenerate_modes",
     "modal.eigen.spectrum": "spectrum=find_spectrum",
+    "modal.exact.characteristic": "sampled=sample_at_integers",
     "modal.exact.enclosures": "enclosures=enclose",
     "modal.exact.roots": "isolated=isolate",
-    "modal.exact.sprung": "sampled=sample_at_integers",
     "modal.loci.crossings": "Encounter=CloseApproach encounters=find_close_approaches",
     "modal.loci.following": "loci=follow_loci",
     "modal.loci.tracking": "solved=solve_at followed=follow",
@@ -117,8 +117,9 @@ RENAMED = {
     "modal.modes.solution_report": "Audit=SolutionReport audit=report_solution",
     "modal.scene.files": "shipped=example_names shipped_text=example_text",
     "modal.scene.model": "Start=InitialCondition insist_scene=validate_scene described=describe",
-    "modal.scene.parameters": "parsed=parse_variations insist=validate_variations",
-    "modal.scene.places": "places=find_places written=with_numbers varied=vary",
+    "modal.scene.parameters": (
+        "parsed=parse_variations insist=validate_variations places=find_places written=with_numbers varied=vary"
+    ),
     "modal.scene.validation": "insist=validate",
     "modal.statespace.balancing": "balanced=balance",
     "modal.statespace.modal_form": "modal_form=to_modal_form",
@@ -135,7 +136,7 @@ RENAMED = {
     "nonlinear.accuracy.work_precision": "Tradeoff=WorkPrecision tradeoff=measure_work_precision measured=measure",
     "nonlinear.averaging.equations": "Averaged=AveragedEquations averaged=average",
     "nonlinear.averaging.equilibria": (
-        "Configuration=RelativeEquilibrium configurations=relative_equilibria configuration=relative_equilibrium "
+        "Configuration=RelativeEquilibrium configurations=relative_equilibria configuration=relative_equilibrium"
     ),
     "nonlinear.averaging.prediction": "predicted=predict",
     "nonlinear.averaging.slow_flow": "SlowMotion=SlowFlow settled=settle",
@@ -144,18 +145,18 @@ RENAMED = {
     "nonlinear.dynamics.spatial": "Recursion=SpatialRecursion",
     "nonlinear.dynamics.symmetries": "symmetries=find_symmetries symmetrized=symmetrize",
     "nonlinear.integration.arguments": (
-        "gathered=validate sampled=sample_times insist_numbers=validate_numbers "
-        "insist_accuracy=validate_accuracy insist_seen=validate_observable insist_push=validate_forces "
+        "gathered=validate sampled=sample_times insist_numbers=validate_numbers insist_accuracy=validate_accuracy "
+        "insist_seen=validate_observable insist_push=validate_forces"
     ),
     "nonlinear.integration.run": "prepared=prepare",
     "nonlinear.integration.taylor": "equations=expressions",
     "nonlinear.integration.timescales": "timescales=estimate_timescales",
     "nonlinear.integration.trajectory": "Run=SolverInfo",
-    "nonlinear.plotting.stroboscope": "strobed=strobe",
+    "nonlinear.plotting.animation": "strobed=strobe",
     "nonlinear.postprocessing.averages": "smoothed=smooth",
-    "nonlinear.postprocessing.inventory": "inventory=run_inventory",
     "nonlinear.postprocessing.reaction_forces": "reactions=reaction_forces_of",
     "nonlinear.postprocessing.resampling": "resampled=resample",
+    "nonlinear.postprocessing.summary": "inventory=run_inventory",
     "nonlinear.reduction.residual": "residual=residual_forces",
     "nonlinear.reduction.superposition": "superposed=superpose",
     "nonlinear.reduction.truncation": "truncated=simulate_truncated surveyed=survey_modes",
@@ -163,15 +164,14 @@ RENAMED = {
     "nonlinear.simulation": "resumed=resume",
     "nonlinear.sweeps.checkpoint": "Journal=Checkpoint journal=open_checkpoint",
     "nonlinear.sweeps.executors": "Crew=WorkerPool",
-    "nonlinear.sweeps.measure": "Asked=RequestedMeasure",
-    "nonlinear.sweeps.measures": "asked=parse_measures",
+    "nonlinear.sweeps.measures": "asked=parse_measures Asked=RequestedMeasure",
     "nonlinear.sweeps.study": "measured=measure_points",
-    "nonlinear.synchronization.branches": "branches=follow_branches",
+    "nonlinear.synchronization.continuation": "branches=follow_branches",
     "nonlinear.synchronization.modal_energy": "survival=find_survival",
+    "nonlinear.synchronization.report": "records=sync_record",
     "nonlinear.synchronization.study": (
-        "theory_of=theory_of_scene synchrony=study_synchronization Synchrony=SynchronizationStudy "
+        "theory_of=theory_of_scene synchrony=study_synchronization Synchrony=SynchronizationStudy"
     ),
-    "nonlinear.synchronization.sync_records": "records=sync_record",
     "nonlinear.system.directions": "directions=unit_vectors",
     "nonlinear.system.events": "Happening=EventRecord crossing=level_crossing turning=turning_point",
     "nonlinear.system.initial": "released=state_at_rest start_of=initial_state checked=validate_state",

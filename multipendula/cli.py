@@ -1,4 +1,4 @@
-"""The command line: parse, run one of `multipendula.commands.modes`, and turn what it refuses into an exit code.
+"""The command line: parse, run one of `multipendula.commands`, and turn what it refuses into an exit code.
 
 Exit codes: 0, 1 for what could not be computed or written, 2 for bad input, 130 for Ctrl-C and other requests to end.
 Nothing but the standard library is imported before `main` answers Ctrl-C.
@@ -14,7 +14,7 @@ import sys
 import threading
 import warnings
 from _thread import interrupt_main
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from io import TextIOBase, TextIOWrapper
 from typing import TYPE_CHECKING
@@ -123,10 +123,11 @@ def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
     from modal.errors import MultipendulaError, SceneError
     from modal.report import visible
 
+    page = options.page if options else None
     if isinstance(error, SceneError):
-        return _refuse(_in_its_file(error, options), 2, options.page.name if options else "")
+        return _refuse(_in_its_file(error, options), 2, page)
     if isinstance(error, MultipendulaError):
-        return _refuse(error, 1)
+        return _refuse(error, 1, page)
     if isinstance(error, MemoryError):
         return _refuse("there is not enough memory for this scene", 1)
     if isinstance(error, OSError):
@@ -182,32 +183,27 @@ class _Aside(TextIOBase):
         return self.output.isatty()
 
 
-def _refuse(problem: object, code: int, command: str = "") -> int:
-    from multipendula.parser import in_options, pointer
-
-    lines = [in_options(line) for line in str(problem).split("\n")]
-    if any(re.match("--?[a-z]", line) for line in lines):
-        lines.append(pointer(command))
+def _refuse(problem: object, code: int, page: Page | None = None) -> int:
+    lines = str(problem).split("\n")
+    if page:
+        lines = [page.in_options(line) for line in lines]
+        if any(re.match("--?[a-z]", line) for line in lines):
+            lines.append(page.pointer)
     for line in lines:
         print(f"multipendula: {line}", file=sys.stderr)
     return code
 
 
 def _parser() -> Page:
-    from multipendula.commands import GROUPS
+    from multipendula.commands import ABOUT, COMMANDS, FIRST
     from multipendula.parser import Page, Version
-    from multipendula.topics import ABOUT, TELLS
 
-    parser = Page(prog="multipendula", description=ABOUT)
-    parser.add_argument("--version", action=Version, nargs=0, help="print the version and leave")
-    added = parser.add_subparsers(metavar="COMMAND", required=True)
-
-    def command(run: Callable[[argparse.Namespace], None], name: str) -> argparse.ArgumentParser:
-        words = (run.__doc__ or "").strip()
-        made = added.add_parser(name, help=words, description=f"{words} {TELLS[name]}")
-        made.set_defaults(run=run, page=made)
-        return made
-
-    for group in GROUPS:
-        group(command)
+    topics: dict[str, list[str]] = {}
+    for command in COMMANDS:
+        topics.setdefault(command.topic, []).append(command.name)
+    parser = Page(prog="multipendula", description=ABOUT, examples=FIRST, topics=topics)
+    parser.more.add_argument("--version", action=Version, nargs=0, help="print the version and leave")
+    pages = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in COMMANDS:
+        command.add_to(pages)
     return parser

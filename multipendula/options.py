@@ -1,29 +1,129 @@
-"""What the arguments of commands share: converters that check them, and common words."""
+"""What several commands take: converters that check values, and arguments with what a shell offers for them."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-Add = Callable[[Callable[[argparse.Namespace], None], str], argparse.ArgumentParser]
+from multipendula import completion
+from multipendula.completion import Completer
+from multipendula.parser import Page
 
-EXPLAIN = "say what was built for this, and what the scene did not require"
-SCENE_HELP = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
-FORMATS = ("text", "markdown", "latex", "csv", "html", "json")
-RADIANS = ("radians from 1e-14 to 0.3", 0.3, 1e-14)
+PICTURES = ("png", "svg", "pdf")
+FILMS = ("gif", "mp4", "html")
+RUNS = ("npz", "csv")
+REPORTS = ("text", "markdown", "csv", "json")
 
-
-def pictured(add: argparse.ArgumentParser, *flags: str, **words: Any) -> None:
-    """A picture's file under these flags, `words` going to argparse, and its colours."""
-    add.add_argument(*flags, metavar="FILE", help="a .png, .svg or .pdf file", **words)
-    themed(add)
+# ----------------------------------------------------------------------------------------------- arguments
 
 
-def themed(add: argparse.ArgumentParser) -> None:
+def add_scene(page: Page, more: str = "", kinds: Sequence[str] = ("toml",), names: Sequence[str] = ()) -> None:
+    """The scene that is asked about; `more` says what else may stand there, by these endings or names."""
+    words = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
+    offer(
+        page.asked.add_argument("scene", metavar="SCENE", help=words + more), completion.scenes(endings(kinds), names)
+    )
+
+
+def add_run(page: Page) -> None:
+    """A scene or a saved run."""
+    add_scene(page, f"; or a saved run ({' or '.join(endings(RUNS))})", ("toml", *RUNS))
+
+
+def add_modes(page: Page, flag: str = "--modes", example: str = "1:10") -> None:
+    """A choice of rows of the table of modes."""
+    action = page.asked.add_argument(flag, metavar=example, help="only these modes, counted from 1")
+    offer(action, completion.mode_numbers)
+    page.rephrase(r"choose (fewer|at most \d+)( modes)?$", rf"choose \1 modes with {flag}")
+
+
+def add_words(
+    group: argparse._ArgumentGroup, flag: str, words: Sequence[str], *, comma: str = ",", **more: Any
+) -> None:
+    """An option that takes these words, several with commas unless `comma` is empty."""
+    offer(group.add_argument(flag, **more), completion.words(words, comma))
+
+
+def add_start(page: Page, words: str = "as in simulate") -> None:
+    """Where a motion begins."""
+    instead = "ask for --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."
+    page.rephrase(r"give another start: .*", instead)
+    add_words(page.motion, "--start", ("scene", "mode:", "angles:"), comma="", metavar="WORDS", help=words)
+
+
+def add_duration(page: Page, words: str, usual: float | None = None) -> None:
+    """How long a motion takes."""
+    seconds = number("seconds above 0")
+    page.motion.add_argument("--duration", metavar="SECONDS", type=seconds, default=usual, help=words)
+
+
+def add_samples(page: Page) -> None:
+    """How much of a motion is kept."""
+    page.motion.add_argument("--samples", metavar="N", type=whole(100_000_000), help="how many instants are kept")
+    page.rephrase(r", (\d+) samples$", r", --samples \1")
+
+
+def add_accuracy(page: Page, words: str, **more: Any) -> None:
+    """The largest error of an angle."""
+    radians = number("radians from 1e-14 to 0.3", 0.3, 1e-14)
+    page.computed.add_argument("--accuracy", metavar="RAD", type=radians, help=words, **more)
+
+
+def add_format(page: Page, formats: Sequence[str], **more: Any) -> None:
+    """The form of what is printed."""
+    page.written.add_argument("--format", choices=formats, default=formats[0], **more)
+
+
+def add_explain(page: Page) -> None:
+    """A report of how the answer was found."""
+    words = "say what was built for this, and what the scene did not require"
+    page.written.add_argument("--explain", action="store_true", help=words)
+
+
+def add_file(page: Page, *flags: str, words: str = "{}", kinds: Sequence[str] = (), **more: Any) -> None:
+    """A file to write, `words` saying what is done with {} of these kinds; the name - is standard output."""
+    *most, last = endings(kinds) or ("",)
+    told = words.format(f"a {', '.join(most)} or {last} file" if most else f"a {last} file")
+    action = page.written.add_argument(*flags, metavar="FILE", help=f"{told}, or - for standard output", **more)
+    offer(action, completion.files(endings(kinds)))
+
+
+def add_text(page: Page) -> None:
+    """A file for what is printed otherwise."""
+    words = "write here instead of standard output (which is -)"
+    offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), completion.files(()))
+
+
+def add_motion(page: Page, *flags: str, **more: Any) -> None:
+    """A file for a simulated motion."""
+    add_file(page, *(flags or ("--output", "-o")), words="keep the motion in {}", kinds=RUNS, **more)
+
+
+def add_picture(page: Page, *flags: str, **more: Any) -> None:
+    """A file for a picture, and its colours."""
+    add_file(page, *flags, kinds=PICTURES, **more)
+    add_theme(page)
+
+
+def add_theme(page: Page) -> None:
     """The colours of what is drawn."""
-    add.add_argument("--theme", choices=("light", "dark"), default="light", help="colours of the picture (light)")
+    words = "colours of the picture (light)"
+    page.written.add_argument("--theme", choices=("light", "dark"), default="light", help=words)
+
+
+def offer(action: argparse.Action, completer: Completer) -> None:
+    """What a shell offers for an argument."""
+    action.completer = completer  # type: ignore[attr-defined]
+
+
+def endings(kinds: Sequence[str]) -> tuple[str, ...]:
+    """Kinds of files as names end in them."""
+    return tuple(f".{kind}" for kind in kinds)
+
+
+# ---------------------------------------------------------------------------------------------- converters
 
 
 def number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> Callable[[str], float]:

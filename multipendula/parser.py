@@ -6,17 +6,15 @@ import argparse
 import re
 import sys
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import takewhile
 from typing import Any, NoReturn
-
-from multipendula.examples import EXAMPLES, FIRST, Examples
-from multipendula.topics import TITLES, TOPICS
 
 WIDTH = 79
 """Columns of a page: those of the narrowest terminal, less the cursor's."""
 
-Section = tuple[str, list[argparse.Action]]
+Examples = tuple[tuple[str, str], ...]
+"""What to type, and what it does."""
 
 
 def shown(examples: Examples) -> str:
@@ -37,16 +35,29 @@ def _folded(command: str) -> str:
 
 
 class Page(argparse.ArgumentParser):
-    """The parser of one command, or of the choice among them, its arguments grouped by `TITLES`."""
+    """The parser of one command, or of the choice among them: arguments by what they are for, and examples."""
 
-    def __init__(self, **words: Any) -> None:
-        super().__init__(**words, formatter_class=_Columns)
+    def __init__(self, *, examples: Examples, topics: Mapping[str, Sequence[str]] | None = None, **words: Any) -> None:
+        super().__init__(**words, formatter_class=_Columns, add_help=False)
+        self.examples, self.topics = examples, topics or {}
         self.given: list[str] = []
+        self.phrases: list[tuple[str, str]] = []
+        self.asked = self.add_argument_group("what is asked")
+        self.motion = self.add_argument_group("the motion")
+        self.computed = self.add_argument_group("how it is computed")
+        self.written = self.add_argument_group("what is shown and written")
+        self.more = self.add_argument_group("more")
+        self.more.add_argument("-h", "--help", action="help", help="show this help message and exit")
 
     @property
     def name(self) -> str:
         """The command, nothing for the choice among them."""
         return self.prog.partition(" ")[2]
+
+    @property
+    def pointer(self) -> str:
+        """Where help is."""
+        return f"see `{self.prog} --help`"
 
     def format_help(self) -> str:
         """The whole page."""
@@ -58,19 +69,34 @@ class Page(argparse.ArgumentParser):
             columns.add_arguments(actions)
             columns.end_section()
         title = "examples" if self.name else "to begin with"
-        return f"{columns.format_help()}\n{title}:\n{shown(EXAMPLES.get(self.name, FIRST))}\n{self._further()}"
+        return f"{columns.format_help()}\n{title}:\n{shown(self.examples)}\n{self._further()}"
 
-    def _sections(self) -> Iterator[Section]:
-        """Commands by topic, or the arguments by title; none is left out."""
-        chosen = next((action for action in self._actions if isinstance(action, argparse._SubParsersAction)), None)
-        if chosen:
-            lines = {line.dest: line for line in chosen._choices_actions}
-            yield from ((topic, [lines[name] for name in names]) for topic, names in TOPICS.items())
-        for title in (*TITLES, "more"):
-            yield title, [action for action in self._actions if action is not chosen and _title(action) == title]
+    def _sections(self) -> Iterator[tuple[str | None, list[argparse.Action]]]:
+        """Commands by topic, then arguments by title."""
+        for chosen in self._positionals._group_actions:
+            lines = {line.dest: line for line in chosen._get_subactions()}  # type: ignore[attr-defined]
+            yield from ((topic, [lines[name] for name in names]) for topic, names in self.topics.items())
+        for group in (self.asked, self.motion, self.computed, self.written, self.more):
+            yield group.title, group._group_actions
 
     def _further(self) -> str:
         return "" if self.name else "\nEvery command has a page such as this: `multipendula table --help`.\n"
+
+    def rephrase(self, words: str, options: str) -> None:
+        """What the packages say, which know no options, in those of this command, as `re.sub` takes both."""
+        self.phrases.append((words, options))
+
+    def in_options(self, line: str) -> str:
+        """A line of an error with the options that it is about.
+
+        >>> page = Page(prog="multipendula export", examples=())
+        >>> page.rephrase("^input(?= )", "--input")
+        >>> page.in_options("input wind: must be one of cart_force")
+        '--input wind: must be one of cart_force'
+        """
+        for words, options in self.phrases:
+            line = re.sub(words, options, line)
+        return line
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
         """What argparse does; the words are kept for what errors say."""
@@ -82,7 +108,7 @@ class Page(argparse.ArgumentParser):
         self.print_usage(sys.stderr)
         from modal.report import visible
 
-        lines = map(visible, [f"error: {message}", *self._strangers(), pointer(self.name)])
+        lines = map(visible, [f"error: {message}", *self._strangers(), self.pointer])
         self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))
 
     def _strangers(self) -> Iterator[str]:
@@ -120,47 +146,6 @@ class Page(argparse.ArgumentParser):
 class _Columns(argparse.HelpFormatter):
     def __init__(self, prog: str, **words: Any) -> None:
         super().__init__(prog, **{"width": WIDTH, "max_help_position": 26} | words)
-
-
-def _title(action: argparse.Action) -> str:
-    if not action.option_strings:
-        return "what is asked"
-    if action.metavar == "FILE":
-        return "what is shown and written"
-    name = max(action.option_strings, key=len).lstrip("-")
-    return next((title for title, names in TITLES.items() if name in names), "more")
-
-
-OPTIONS = (
-    (r"^(input|output)(?=[ :])", r"--\1"),
-    (r"^format (\S+):", r"--to \1:"),
-    (r"^step (\S+) s:", r"--discrete \1:"),
-    (r"(a C header is of a sampled model)", r"--to c needs --discrete SECONDS, \1"),
-    (r"^(\d+) modes: (?=the model)", r"--modes \1: "),
-    (r"choose (fewer|at most \d+) modes$", r"\g<0> with --modes"),
-    (r"choose at most \d+ outputs$", r"\g<0> with --of"),
-    (r"choose polynomial and modes alone$", "choose --show polynomial,modes"),
-    (r"a kind of link and an equilibrium are", "--links and --equilibrium are"),
-    (r", (\d+) samples$", r", --samples \1"),
-    (r"give another start: .*", "ask for --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."),
-)
-"""What the packages speak of, which know no options, in those of the command."""
-
-
-def in_options(line: str) -> str:
-    """A line of an error with the options that it is about.
-
-    >>> in_options("input wind: must be one of cart_force")
-    '--input wind: must be one of cart_force'
-    """
-    for words, options in OPTIONS:
-        line = re.sub(words, options, line)
-    return line
-
-
-def pointer(command: str) -> str:
-    """Where help is."""
-    return f"see `{' '.join(('multipendula', command)).strip()} --help`"
 
 
 class Version(argparse.Action):

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from modal.coupling.analysis import Coupling, Family, explain, family_name
-from modal.coupling.coupling_words import coupling_report
-from modal.coupling.damping import damped_modes
-from modal.coupling.feeding import negative_damping
+from modal.coupling.damping import damped_modes, negative_damping
+from modal.coupling.report import coupling_report
 
 __all__ = ["Coupling", "Family", "coupling_report", "damped_modes", "explain", "family_name", "negative_damping"]
 

@@ -20,10 +20,9 @@ from math import inf, sqrt
 import numpy as np
 
 from modal.assembly import Rig, rig_of
-from modal.coupling.damping import Damped, damped_modes
+from modal.coupling.damping import Damped, damped_modes, negative_damping
 from modal.coupling.dynamic_mass import DynamicMass
 from modal.coupling.exchange import STRONG, EnergyExchange, Transfer, energy_exchanges, transfer
-from modal.coupling.feeding import negative_damping
 from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError

@@ -25,6 +25,7 @@ from modal.assembly import Rig
 from modal.coupling.fixed_base import without_damping
 from modal.eigen import Part, Spectrum, find_spectrum
 from modal.errors import ComputationError
+from modal.scene import Pendulum, Scene, VanDerPol
 from modal.types import Floats
 
 Kind = tuple[int, int] | None
@@ -86,7 +87,7 @@ class _Mode(NamedTuple):
 def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
     """All modes of a rig in SI units that swing along the rail, ascending; all links hanging.
 
-    `strengths` are those of `modal.coupling.feeding`.
+    `strengths` are those of `negative_damping`.
     """
     natural, units = replace(rig, spatial=False).natural()
     names, moment = rig.names, units.mass * units.length**2
@@ -109,6 +110,19 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
         for mode, found in zip(modes, values, strict=True)
         for k, value in enumerate(found)
     )
+
+
+def negative_damping(scene: Scene, rig: Rig) -> tuple[Floats, ...]:
+    """Strengths e (N m s/rad) of one copy, (n, P) of each block; of equal pendula with unequal drives, their mean."""
+    found = tuple(np.zeros_like(block.damping) for block in rig.blocks)
+    for pendulum, (block, column, copies) in zip(scene.pendulum, rig.members, strict=True):
+        found[block][:, column] += np.array(_strengths(pendulum)) * copies / rig.blocks[block].count[column]
+    return found
+
+
+def _strengths(pendulum: Pendulum) -> list[float]:
+    drives = (link.drive for link in pendulum.links for _ in range(link.count))
+    return [drive.strength if isinstance(drive, VanDerPol) else 0.0 for drive in drives]
 
 
 class _Shapes(NamedTuple):

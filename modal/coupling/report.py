@@ -1,14 +1,21 @@
-"""Families of modes, their splitting and beats, and both limits of the cart's mass, in words."""
+"""How the cart couples the pendula, in words with the scene's own numbers, each beside the formula it comes from."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import isinf
+from dataclasses import dataclass
+from math import isfinite, isinf
+from textwrap import TextWrapper
+
+import numpy as np
 
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
-from modal.coupling.exchange import MOST_MODES, STRONG, Transfer
-from modal.report import counted, listed, percent, rad, short
+from modal.coupling.damping import Damped
+from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
+from modal.coupling.records import coupling_record
+from modal.report import WIDTH, capital, counted, json_text, listed, markdown, percent, rad, short, visible
 
+FORMS = ("text", "markdown", "json")
 MOST_LISTED, FEW = 8, 3
 ROUGH = 0.1
 """Coupling strength from which first order is only a guide."""
@@ -17,11 +24,141 @@ NEAR = " (only a guide: another family is near)"
 SLIGHT = 1e-4
 """What is left of an energy below this share of it is not worth a number."""
 ELSEWHERE = "in the JSON form"
+HALF = 0.5
+MOST_DAMPED = 12
+NEGLIGIBLE = 1e-12
+OFF = 0.1
+"""Relative difference of the exact rate from first order that is worth a word."""
+
+
+@dataclass(frozen=True)
+class Section:
+    """A title and sentences."""
+
+    title: str
+    sentences: tuple[str, ...]
+
+
+def coupling_report(coupling: Coupling, form: str = "text") -> str:
+    """The page as "text", "markdown" or "json", the last with every number (units in the names).
+
+    Raises ValueError for another form.
+    """
+    if form not in FORMS:
+        raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
+    if form == "json":
+        return json_text(coupling_record(coupling)) + "\n"
+    title = f"{coupling.scene.title or 'This scene'}: what couples the pendula"
+    return (_markdown if form == "markdown" else _text)(title, sections(coupling))
+
+
+def sections(coupling: Coupling) -> tuple[Section, ...]:
+    """The page."""
+    parts = (
+        ("What hangs there", _scene),
+        ("What the cart feels" if coupling.on_cart else "What a cart would feel", _felt),
+        ("Families of modes", families),
+        ("The cart's mass from 0 to ∞", limits),
+        ("Who talks to whom", exchanges),
+        ("Damping by family", damping),
+        ("What this does not say", _unsaid),
+    )
+    found = (Section(title, tuple(write(coupling))) for title, write in parts)
+    return tuple(section for section in found if section.sentences)
+
+
+# ------------------------------------------------------------------------------------------------------- dress
+
+
+def _text(title: str, parts: tuple[Section, ...]) -> str:
+    wrapper = TextWrapper(WIDTH, "- ", "  ", break_long_words=False, break_on_hyphens=False)
+    lines = [visible(title), "=" * len(visible(title))]
+    for part in parts:
+        lines += ["", part.title, "-" * len(part.title), *map(wrapper.fill, part.sentences)]
+    return "\n".join(lines) + "\n"
+
+
+def _markdown(title: str, parts: tuple[Section, ...]) -> str:
+    lines = [f"# {markdown(title)}"]
+    for part in parts:
+        lines += ["", f"## {part.title}", "", *(f"- {sentence}" for sentence in part.sentences)]
+    return "\n".join(lines) + "\n"
 
 
 def shown(coupling: Coupling) -> int:
     """How many of a sort are written out: a few of a crowd."""
     return MOST_LISTED if len(coupling.own.omega) <= MOST_MODES else FEW
+
+
+def member(coupling: Coupling, k: int) -> str:
+    """A fixed-base mode by its place and its pendulum."""
+    return f"fixed-base mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
+
+
+def numbered(coupling: Coupling, omega: float) -> str:
+    """Behind a frequency the number of its mode in the table, where that is known."""
+    number = coupling.number(omega)
+    return "" if number is None else f" (mode {number})"
+
+
+def left(share: float) -> str:
+    """A share of an energy."""
+    return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
+
+
+def _scene(coupling: Coupling) -> Iterator[str]:
+    scene, dynamic = coupling.scene, coupling.dynamic
+    kinds = f" of {counted(len(coupling.names), 'kind', 'kinds')}" if scene.n_pendula > 1 else ""
+    what = (
+        f"{counted(scene.n_pendula, 'pendulum', 'pendula')}{kinds}, {counted(scene.n_links, 'link', 'links')} and "
+        f"{short(dynamic.with_cart(0.0).at_rest)} kg in all, {'hangs' if scene.n_pendula == 1 else 'hang'}"
+    )
+    if coupling.on_cart:
+        yield f"{what} from a cart of {short(dynamic.cart)} kg: {short(dynamic.at_rest)} kg [M = m_c + Σ m]."
+    else:
+        yield f"{what} from a fixed support. It does not move, so nothing couples pendula [m_c = ∞]: each swings alone."
+    if coupling.on_cart and scene.n_pendula == 1:
+        yield "One pendulum has no partner: the cart only shifts its frequencies."
+    if dynamic.spring:
+        alone = (dynamic.spring / dynamic.at_rest) ** 0.5
+        yield (
+            f"A spring of {short(dynamic.spring)} N/m holds the cart: with stiff pendula it would swing at "
+            f"{rad(alone)} [√(k_c/M)]."
+        )
+    if coupling.rig.spatial:
+        yield (
+            "The scene is in space; all of this is the motion along the rail. Across it the support does not move, and "
+            "nothing couples the pendula at small angles."
+        )
+
+
+def _felt(coupling: Coupling) -> Iterator[str]:
+    dynamic, on_cart = coupling.dynamic, coupling.on_cart
+    sum_of_poles = "m_res + Σ μ_r ω_r²/(ω_r² − ω²)"
+    fast = f"{short(dynamic.at_infinity)} kg [m_dyn(∞) = m_c + m_res, m_res = {short(dynamic.residual)} kg]"
+    if on_cart:
+        slow = "the spring [−k_c/ω²]" if dynamic.spring else f"all {short(dynamic.at_rest)} kg [m_dyn(0) = M]"
+        spring = "− k_c/ω² + " if dynamic.spring else "+ "
+        yield (
+            f"A slow push on the cart feels {slow}, a fast one {fast}, and one at ω the dynamic mass "
+            f"m_dyn(ω) = m_c {spring}{sum_of_poles}."
+        )
+    else:
+        yield (
+            f"Were the support free to move, the pendula would add {short(dynamic.at_rest)} kg to its mass in a "
+            f"slow push [Σ m], {short(dynamic.residual)} kg in a fast one [m_res], and at ω {sum_of_poles}."
+        )
+    most = shown(coupling)
+    poles = listed([rad(omega) for omega in dynamic.omega[:most]], len(dynamic.omega))
+    yield f"Its poles, where the pendula hold a support still however it is pushed: {poles} [K φ = ω² A φ]."
+    if coupling.cart_modes:
+        moving = [f"{rad(mode.omega)}{numbered(coupling, mode.omega)}" for mode in coupling.cart_modes[:most]]
+        zeros = listed(moving, len(coupling.cart_modes))
+        yield f"Its zeros, where the cart swings by itself: {zeros} [m_dyn(ω) = 0]."
+    elif on_cart:
+        yield "It has no zeros: no mode of finite frequency moves the cart [m_dyn(∞) = 0]."
+    if on_cart and not dynamic.spring:
+        yield "Besides, the cart and all that hangs from it can drift together [ω = 0]."
 
 
 def families(coupling: Coupling) -> Iterator[str]:
@@ -49,17 +186,6 @@ def limits(coupling: Coupling) -> Iterator[str]:
     yield f"As m_c → ∞ every coupling strength goes to 0 [ε_r = μ_r/m_r] and every mode to its pole{held}."
 
 
-def member(coupling: Coupling, k: int) -> str:
-    """A fixed-base mode by its place and its pendulum."""
-    return f"fixed-base mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
-
-
-def numbered(coupling: Coupling, omega: float) -> str:
-    """Behind a frequency the number of its mode in the table, where that is known."""
-    number = coupling.number(omega)
-    return "" if number is None else f" (mode {number})"
-
-
 def _family(coupling: Coupling, r: str, family: Family) -> str:
     who = listed([member(coupling, k) for k in family.members[:MOST_LISTED]], len(family.members))
     own = "" if coupling.on_cart else numbered(coupling, family.omega)
@@ -69,7 +195,7 @@ def _family(coupling: Coupling, r: str, family: Family) -> str:
     )
     if not coupling.on_cart:
         return head
-    return " ".join((head, *_moved(coupling, r, family), *_exchange(coupling, family)))
+    return " ".join((head, *_moved(coupling, r, family), *_beats(coupling, family)))
 
 
 def _moved(coupling: Coupling, r: str, family: Family) -> Iterator[str]:
@@ -106,12 +232,7 @@ def _guide(family: Family) -> str:
     return GUIDE if abs(family.strength) > ROUGH else NEAR if family.is_rough else ""
 
 
-def left(share: float) -> str:
-    """A share of an energy."""
-    return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
-
-
-def _exchange(coupling: Coupling, family: Family) -> Iterator[str]:
+def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
     """Beats within a family."""
     if family.fold == 1 or family.splitting is None:
         return
@@ -124,7 +245,7 @@ def _exchange(coupling: Coupling, family: Family) -> Iterator[str]:
         return
     share, n = "", family.fold
     if not passed.lossless:
-        yield from _damped_exchange(coupling, family, passed)
+        yield from _damped_beats(coupling, family, passed)
         return
     if len(family.members) == 1:
         share = f", of which the others hold {percent(4 * (n - 1) / n**2)} halfway [4(N − 1)/N², N = {n}]"
@@ -135,7 +256,7 @@ def _exchange(coupling: Coupling, family: Family) -> Iterator[str]:
     )
 
 
-def _damped_exchange(coupling: Coupling, family: Family, passed: Transfer) -> Iterator[str]:
+def _damped_beats(coupling: Coupling, family: Family, passed: Transfer) -> Iterator[str]:
     """What dampers leave of beats."""
     sigma = float(coupling.own.rate[family.members[0]])
     if sigma >= family.omega:
@@ -164,4 +285,196 @@ def _limit(coupling: Coupling, mode: CartMode) -> str:
         f"{name}, {whose}, now at {rad(mode.omega)} with {percent(mode.participation)} of the "
         f"cart's velocity after a push [φ_x²/Σφ_x²], goes to {rad(mode.light)} with a massless cart [zero of "
         f"m_dyn − m_c] and to {heavy} with an immense one [{why}]."
+    )
+
+
+def exchanges(coupling: Coupling) -> Iterator[str]:
+    """A sentence about each pair of modes of different pendula, or about all of a crowd together."""
+    if len(coupling.names) == 1 or not coupling.on_cart:
+        return
+    if len(coupling.own.omega) > MOST_MODES:
+        yield from _crowd(coupling)
+        return
+    yield from (_pair(coupling, talk) for talk in coupling.talks[:MOST_LISTED])
+    if not coupling.talks:
+        yield "Nothing but the pendula resists them [m = 0]: they are tied together and exchange no energy in beats."
+    elif (left := len(coupling.talks) - MOST_LISTED) > 0:
+        yield f"{left} more pairs are {ELSEWHERE}."
+
+
+def _pair(coupling: Coupling, talk: EnergyExchange) -> str:
+    own = coupling.own
+    a, b = (member(coupling, k) for k in (talk.first, talk.second))
+    strength = max(float(own.mass[k] * own.count[k]) for k in (talk.first, talk.second)) / abs(talk.cart_mass)
+    if strength > STRONG:
+        return (
+            f"{capital(a)} and {b} are coupled too strongly for beats between two [μ/|m| = {short(strength)}, "
+            f"m = {short(talk.cart_mass)} kg]: their energy goes where the modes above carry it."
+        )
+    if not talk.alone:
+        return (
+            f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
+            "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
+        )
+    creeping = [capital(member(coupling, k)) for k in (talk.first, talk.second) if own.rate[k] >= own.omega[k]]
+    if creeping:
+        return f"{listed(creeping, len(creeping))}: joint dampers let it creep back without a swing [σ ≥ ω], no beats."
+    return (
+        f"{capital(a)} and {b}: detuning {short(abs(talk.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
+        f"ω_b(1 + μ_b/2m)] against coupling {short(talk.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "
+        f"{short(talk.cart_mass)} kg]: {_passed(talk)}{GUIDE if strength > ROUGH else ''}."
+    )
+
+
+def _passed(talk: EnergyExchange) -> str:
+    """Whether they talk, what passes and what comes back."""
+    passed, tuned = talk.exchange, abs(talk.detuning) < 2 * talk.coupling
+    if passed.lossless:
+        return (
+            f"{'they talk' if tuned else 'detuning keeps them apart'}. One passes at most {percent(talk.share)} of its "
+            f"energy to the other [4g²/(4g² + δ²)] in beats of {short(talk.period)} s [2π/√(4g² + δ²)]"
+        )
+    verdict = (
+        ("they talk" if talk.share > HALF else "dampers keep them apart") if tuned else "detuning keeps them apart"
+    )
+    back = (
+        f"after a beat of {short(talk.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most {left(passed.left)} "
+        "is back"
+        if passed.beats
+        else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
+    )
+    return f"{verdict}. With the dampers the other never holds more than {left(talk.share)} of one's energy, and {back}"
+
+
+def _crowd(coupling: Coupling) -> Iterator[str]:
+    """The first modes of different pendula with many: their spread against their collective coupling."""
+    own, dynamic = coupling.own, coupling.dynamic
+    first = own.number == 1
+    omega, mass = own.omega[first], float((own.mass * own.count)[first].sum())
+    middle, spread = float(np.median(omega)), float(np.ptp(omega))
+    left_out = np.isin(np.arange(len(dynamic.omega)), coupling.pole[first])
+    rest = float(dynamic([middle], left_out=left_out[None])[0])
+    shift = middle * mass / (2 * rest) if rest else float("inf")
+    yield (
+        f"{len(own.omega)} modes of {len(coupling.names)} kinds are too many to pair off. Their first modes spread "
+        f"over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
+        f"{short(spread / max(1, len(omega) - 1))} rad/s from one to the next in the mean; swinging alike they would "
+        f"be shifted by {short(shift)} rad/s [½ ω Σμ/m, m = {short(rest)} kg]."
+    )
+    yield (
+        "The shift is the larger: one mode in which they swing together stands out above the others."
+        if abs(shift) > spread
+        else "The spread is the larger: neighbours in frequency talk, those far apart do not."
+    )
+    top = max(coupling.cart_modes, key=lambda mode: mode.participation)
+    yield (
+        f"The mode that moves the cart most, at {rad(top.omega)}{numbered(coupling, top.omega)}, has "
+        f"{percent(top.participation)} of its velocity after a push [φ_x²/Σφ_x²]."
+    )
+
+
+def damping(coupling: Coupling) -> Iterator[str]:
+    """Sentences about every mode, about who survives, and about a drive."""
+    if not (coupling.scene.has_damping or coupling.scene.is_driven):
+        yield "Nothing drains energy [D = 0]: every mode keeps its amplitude."
+        return
+    modes = coupling.damped
+    yield from (_mode(coupling, mode) for mode in modes[:MOST_DAMPED] if coupling.scene.has_damping)
+    if len(modes) > MOST_DAMPED:
+        yield f"{len(modes) - MOST_DAMPED} more modes are in the JSON form."
+    if not modes:
+        yield "No mode of finite frequency is left to be damped [m_dyn(∞) = 0]."
+        return
+    if all(mode.exact is None for mode in modes):
+        yield "The damped eigenvalues themselves are out of reach for this scene: all rates are those of first order."
+    if coupling.scene.is_driven:
+        yield from _own_drives(coupling, modes)
+        return
+    yield from _survivors(coupling, modes)
+    yield from _drive(coupling, modes)
+
+
+def _named(coupling: Coupling, mode: Damped) -> str:
+    """A mode by its frequency and by what moves."""
+    whose = f", {mode.kind}" if mode.kind else ""
+    number = coupling.number(mode.omega)
+    name = "the mode" if number is None else f"mode {number}"
+    return f"{name} at {rad(mode.omega)} (cart {'still' if mode.still else 'moves'}{whose})"
+
+
+def _mode(coupling: Coupling, mode: Damped) -> str:
+    first = (
+        f"{capital(_named(coupling, mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
+        f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from the cart's damper [c_c φ_x²/2φᵀMφ] and "
+        f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
+    )
+    if mode.exact is None:
+        return first + "."
+    kind = f"damping ratio {short(mode.decay / abs(mode.exact))} [−Re λ/|λ|]" if mode.exact.imag else "overdamped"
+    off = "" if _is_first_order(mode) else "; first order no longer holds"
+    return f"{first}; the damped scene itself: {kind}, rate {short(mode.decay)} 1/s [−Re λ]{off}."
+
+
+def _is_first_order(mode: Damped) -> bool:
+    return abs(mode.decay - mode.rate) <= OFF * mode.rate
+
+
+def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
+    last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
+    most = NEGLIGIBLE * max(mode.rate for mode in modes)
+    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= most]
+    if spared:
+        each = "; ".join(_named(coupling, mode) for mode in spared[:MOST_DAMPED])
+        rest = f"; and {len(spared) - MOST_DAMPED} more" if len(spared) > MOST_DAMPED else ""
+        yield f"Not damped at all [σ = 0]: {each}{rest}. In the end nothing else swings."
+        if first.from_cart and all(mode.still for mode in spared):
+            yield "What leaves the cart still survives a damper on it: antiphase, as Huygens saw."
+    elif last.decay <= 0:
+        yield f"Longest lives {_named(coupling, last)}: its rate is lost beside that of {_named(coupling, first)}."
+    elif last.decay < first.decay:
+        formula = "1/σ" if last.exact is None else "−1/Re λ"
+        yield (
+            f"Longest lives {_named(coupling, last)}: it falls to 1/e in {short(1 / last.decay)} s [{formula}], "
+            f"{short(first.decay / last.decay)} times as long as {_named(coupling, first)}, which goes first."
+        )
+
+
+def _own_drives(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
+    """What van der Pol torques in the scene do; the kicks of escapements have no rate at rest."""
+    fed = [mode for mode in modes if mode.from_drives]
+    for mode in fed[:MOST_DAMPED]:
+        net = mode.from_drives - mode.decay
+        fate = "it grows from rest" if net > 0 else "it dies out all the same"
+        feed = "[Σ e_i(θ_i − θ_i−1)²/2φᵀMφ]"
+        words = f"The drives feed {_named(coupling, mode)} with {short(mode.from_drives)} 1/s {feed}"
+        yield f"{words}: {fate}, net {short(net)} 1/s."
+    yield "Which mode wins at large angles linear modes cannot tell; `sync` can."
+
+
+def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
+    reached = [mode for mode in modes if isfinite(mode.threshold)]
+    if not reached or not all(map(_is_first_order, modes)):
+        return
+    first = min(reached, key=lambda mode: mode.threshold)
+    yield (
+        f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_named(coupling, first)} first, "
+        f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.fed)} 1/(kg m²)]. Which "
+        "mode wins at large angles linear modes cannot tell."
+    )
+
+
+def _unsaid(coupling: Coupling) -> Iterator[str]:
+    if coupling.on_cart:
+        yield (
+            "Conservative modes let pendula exchange energy and do nothing else: each mode keeps its own amplitude for "
+            "ever, so no detuning, however small, makes pendula lock."
+        )
+        yield (
+            "To fall into step they need something that drains some modes and something that feeds others; which "
+            "family then wins depends on both, and on the amplitude. What is said of damping and of a drive here holds "
+            "at small angles."
+        )
+    yield (
+        "All frequencies are those of small angles. The table, whose numbers the modes have here, says how far each "
+        "can be trusted."
     )

@@ -6,7 +6,7 @@ In: a `Rig`.  Out: a `Spectrum`, the eigenvalues in ascending order, each with t
 
 A chain takes the effective-mass recursion and bisection (`chains`), with joint springs or standing links
 `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic problem
-(`quadratic`). Start with `routes`, which chooses.
+(`quadratic`). Start with `spectrum`, which chooses.
 """
 
 from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
@@ -17,10 +17,9 @@ from modal.eigen.degenerate import TOLERANCE, degenerate_modes
 from modal.eigen.dense import is_singular
 from modal.eigen.matrix_source import LIGHT
 from modal.eigen.recursion import at_infinity
-from modal.eigen.routes import Part, notes
 from modal.eigen.secular import Poles, solve
 from modal.eigen.sources import Details, Rigid, largest_angle
-from modal.eigen.spectrum import Spectrum, find_spectrum
+from modal.eigen.spectrum import Part, Spectrum, find_spectrum, notes
 
 __all__ = [
     "LIGHT",

@@ -1,20 +1,184 @@
-"""All eigenvalues of a rig in ascending order, and which rows of which sources stand behind each distinct one."""
+"""All eigenvalues of a scene in ascending order, by the routes that what hangs there asks for.
+
+A fixed support leaves every pendulum alone.  On a cart, N equal pendula (equal links, bit for bit, wherever they
+stand in the file) split exactly: one pendulum N times as heavy moves together with the cart, and N − 1 antiphase
+copies of the pendulum's own modes hold it still.  So do all but one of the modes of equal frequency of different
+pendula.  In space the motion across the rail is that on a fixed support.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig
-from modal.eigen.routes import Part, batches
-from modal.eigen.sources import Details, Source
+from modal.assembly import Block, CartNumbers, Rig
+from modal.eigen.chains import CartProblem, bare_mass
+from modal.eigen.coupled import Counted, CoupledPendula
+from modal.eigen.degenerate import Still, degenerate_modes
+from modal.eigen.matrix_source import FromMatrices
+from modal.eigen.sources import Alone, Details, Rigid, Source, Together, bare_accelerance
+from modal.eigen.sprung_chains import SprungProblem
 from modal.errors import ComputationError
-from modal.types import Floats, Ints
+from modal.types import Booleans, Floats, Ints
+
+MOST_LINKS_TOGETHER = 600
+CLOSE = 1e-8
+"""Relative gap of squares below which shapes come from the secular equation, which keeps their differences."""
+MASSLESS = (
+    "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
+    "so one mode has no finite frequency and is left out."
+)
+MERGED = (
+    "Different pendula whose own frequencies agree to 2e-15, but not to the last bit, are taken as equal: whether they "
+    "split by less, and which of them then swing, is beyond double precision."
+)
+
+
+@dataclass(frozen=True)
+class Part:
+    """`along` + `across` modes of equal frequency, from row `row` of source `source` on.
+
+    `kind` is the (block, column) whose copies share that row and move while all else stands still; None where one
+    vector moves several kinds and has a row of its own.  `still` says that the support does not move.
+    """
+
+    source: int
+    row: int
+    along: int
+    across: int
+    kind: tuple[int, int] | None
+    still: bool
+
+    def row_of(self, copy: int) -> int:
+        """The row of the copy-th vector."""
+        return self.row if self.kind else self.row + copy
+
+
+@dataclass(frozen=True, eq=False)
+class Batch:
+    """Rows of a source with their multiplicities, all (R,); `block` and `columns` where single kinds move alone."""
+
+    source: Source
+    rows: Ints
+    along: Ints
+    across: Ints
+    still: bool = False
+    block: int = -1
+    columns: Ints | None = None
+
+    def parts(self, index: int) -> Iterator[Part]:
+        """The rows one by one, this being source number `index`."""
+        kinds = repeat(None) if self.columns is None else ((self.block, column) for column in self.columns.tolist())
+        numbers = zip(self.rows.tolist(), self.along.tolist(), self.across.tolist(), kinds, strict=False)
+        return (Part(index, *number, self.still) for number in numbers)
+
+
+def batches(rig: Rig) -> Iterator[Batch]:
+    """All modes of a rig in natural units; a dense source only where something damps or no structured one is left."""
+    alone = [Alone(block) for block in rig.blocks]
+    coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
+    for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
+        along = block.count - (1 if rig.cart else 0)
+        across = block.count if rig.spatial else np.zeros_like(block.count)
+        yield from _apart(index, source, along, across, coupled=coupled)
+    if rig.cart:
+        yield from _on_cart(rig, rig.cart, alone)
+
+
+def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: bool) -> Iterator[Batch]:
+    """What is needed of a block's chains one by one: all structured ones from one source, the others each its own.
+
+    Different chains `coupled` by a cart are needed even where none of their modes holds it still: a batch without rows.
+    """
+    needed = along + across > 0
+    for columns, each in _sources(source, needed | coupled):
+        rows = np.arange(len(each.eigenvalue))
+        rows = rows[needed[columns[rows % columns.size]]]
+        column = columns[rows % columns.size]
+        yield Batch(each, rows, along[column], across[column], still=True, block=index, columns=column)
+
+
+def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
+    block = source.block
+    structured = np.flatnonzero(needed & _is_plain(block))
+    if structured.size:
+        yield structured, source if structured.size == block.size else Alone(block.take(structured))
+    for column in np.flatnonzero(needed & ~_is_plain(block)):
+        chain = block.take(np.array([column]))
+        yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None))
+
+
+def _is_plain(block: Block) -> Booleans:
+    """Which chains (P,) have neither joint springs nor dampers, and no link that stands up."""
+    broken = (block.damping > 0) | (block.stiffness > 0) | (block.sigma < 0)
+    return np.asarray(~broken.any(0), dtype=np.bool_)
+
+
+def _needs_more(rig: Rig) -> bool:
+    """Whether what hangs from a cart has no effective mass alone."""
+    dragged = rig.cart is not None and rig.cart.damping > 0
+    return dragged or not all(_is_plain(block).all() for block in rig.blocks)
+
+
+def _sprung(matrices: FromMatrices) -> Source:
+    """Of chains with joint springs or standing links: by mass and moment, unless something damps or it is too much."""
+    blocks, cart = matrices.blocks, matrices.cart
+    many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
+    if matrices.is_damped or matrices.is_singular or many:
+        return matrices
+    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), matrices.bare_accelerance)
+
+
+def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
+    heavy = tuple(block.heavier(block.count) for block in rig.blocks)
+    counts = tuple(block.count for block in rig.blocks)
+    special = _needs_more(rig)
+    matrices = FromMatrices(heavy, counts, cart)
+    accelerance = matrices.bare_accelerance if special else bare_accelerance(heavy, cart)
+    if cart.stiffness == 0:
+        yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged=cart.damping > 0))
+    if special:
+        yield _moving(_sprung(matrices))
+    elif rig.n_kinds == 1:
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
+    else:
+        own = tuple(source.squares for source in alone)
+        yield from _different(heavy, counts, cart, own, accelerance)
+
+
+def _different(
+    heavy: tuple[Block, ...], counts: tuple[Ints, ...], cart: CartNumbers, own: tuple[Floats, ...], accelerance: float
+) -> Iterator[Batch]:
+    """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
+    gathered = degenerate_modes(own)
+    few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
+    if few and gathered.closest > CLOSE and not gathered.shared.size:
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
+        return
+    if gathered.shared.size:
+        still = Still(heavy, gathered)
+        first = np.cumsum(still.folds) - still.folds
+        yield Batch(Together(heavy, counts, still, accelerance), first, still.folds, np.zeros_like(first), still=True)
+    problem = (Counted if few else CoupledPendula)(heavy, cart, own, gathered)
+    yield _moving(Together(heavy, counts, problem, accelerance))
+
+
+def _moving(source: Source) -> Batch:
+    rows = np.arange(len(source.eigenvalue))
+    return Batch(source, rows, np.ones_like(rows), np.zeros_like(rows))
+
+
+def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
+    """What was left out or taken as equal by these `sources`, and why."""
+    massless = rig.cart is not None and bare_mass(rig.blocks, rig.cart) == 0
+    problems = [source.problem for source in sources if isinstance(source, Together)]
+    merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
+    return (MASSLESS,) * massless + (MERGED,) * merged
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from modal.loci.crossings import CloseApproach
-from modal.loci.following import Loci, follow_loci
-from modal.loci.loci_tables import loci_csv, loci_text
+from modal.loci.following import Loci, follow_loci, loci_csv, loci_text
 
 __all__ = ["CloseApproach", "Loci", "follow_loci", "loci_csv", "loci_text"]
 

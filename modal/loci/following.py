@@ -12,19 +12,19 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
+from tabulate import tabulate
 
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
+from modal.report import csv_rows
 from modal.scene import Scene
-from modal.scene.parameters import Variation, validate_variations
-from modal.scene.places import find_places, number_at
+from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
 
 MOST_SOLVED = 20_000
 DEEPEST = 200
-
 Report = Callable[[float], object]
 
 
@@ -112,7 +112,7 @@ class _Walk:
     def between(self, before: Point, after: Point, depth: int) -> list[Point]:
         """What follows a point up to the next, that included."""
         found, sure = follow(before, after)
-        exchanged = _exchanged(before, found) if sure else None
+        exchanged = _swapped(before, found) if sure else None
         if sure and exchanged is None:
             return [found]
         middle = self._middle(before, found, exchanged if depth % 2 else None)
@@ -132,7 +132,7 @@ class _Walk:
         return sqrt(a) * sqrt(b) if self.variation.log else a + (b - a) / 2
 
 
-def _exchanged(before: Point, after: Point) -> tuple[int, int] | None:
+def _swapped(before: Point, after: Point) -> tuple[int, int] | None:
     """The first pair of modes that are in another order, apart at both ends."""
     order = np.argsort(before.omega, kind="stable")
     later = after.omega[order]
@@ -144,3 +144,33 @@ def _exchanged(before: Point, after: Point) -> tuple[int, int] | None:
             if apart and later[other] > later[at]:
                 return a, b
     return None
+
+
+def loci_text(found: Loci) -> str:
+    """One line a meeting of two loci: the gap of a crossing is what rounding leaves."""
+    values = found.variation.values
+    where = f"{found.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {found.variation.unit}".rstrip()
+    added = len(found.values) - len(values)
+    between = f" and {added} between" if added else ""
+    at = f"{found.numbered_at:.6g} {found.variation.unit}".rstrip()
+    head = f"{found.omega.shape[1]} loci over {where}, {len(values)} values{between}, numbered as in the table at {at}"
+    rows = [
+        (
+            meeting.kind,
+            " · ".join(found.names[number] for number in meeting.loci),
+            f"{meeting.value:.10g}",
+            f"{meeting.omega:.8g}",
+            f"{meeting.gap:.6g}",
+            f"{meeting.exchange:.2f}",
+        )
+        for meeting in found.encounters
+    ]
+    headers = ("meeting", "loci", f"at {found.variation.unit}".strip(), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
+    return f"{head}\n{tabulate(rows, headers=headers, disable_numparse=True) if rows else 'none meet'}\n"
+
+
+def loci_csv(found: Loci) -> str:
+    """One row a value: the parameter, then ω of every locus."""
+    head = [found.variation.column, *(f"locus_{name}_rad_per_s" for name in found.names)]
+    rows = zip(found.values.tolist(), found.omega.tolist(), strict=True)
+    return csv_rows([head, *((value, *omega) for value, omega in rows)])

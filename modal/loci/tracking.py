@@ -18,7 +18,7 @@ from modal.assembly import matrices
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN, Modes, all_shapes, natural_modes, paired
 from modal.scene import Scene
-from modal.scene.places import vary
+from modal.scene.parameters import vary
 from modal.types import Floats, Ints
 
 MOST_MODES = 400

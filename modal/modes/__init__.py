@@ -12,9 +12,8 @@ out.
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
-from modal.modes.modal_matrix import all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
-from modal.modes.modes import UNDRIVEN, Modes, natural_modes
+from modal.modes.modes import UNDRIVEN, Modes, all_shapes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
 from modal.modes.shapes import Shape
 

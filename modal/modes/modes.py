@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from itertools import groupby
 from math import isfinite
@@ -26,14 +26,12 @@ from modal.eigen import (
     one_percent_amplitude,
 )
 from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
-from modal.modes.mode import UNCERTAIN, Mode
-from modal.modes.resonances import MOST_DISTORTED, answering, resonances
+from modal.modes.mode import MOST_DISTORTED, UNCERTAIN, Mode, answering, resonances
 from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.scene import Scene
 from modal.types import Floats, Ints
 
 UNDRIVEN = "Self-excitation is left out: drives feed small swings, they do not shape them."
-
 CHUNK = 400_000
 A = TypeVar("A", bound=NDArray[Any])
 
@@ -307,17 +305,11 @@ class Modes(Sequence[Mode]):
         )
 
 
-def _kept(values: A) -> A:
-    """An array that cannot be written to."""
-    values.flags.writeable = False
-    return values
-
-
 def natural_modes(scene: Scene) -> Modes:
     """All modes of a scene about its rest: hanging, or as `equilibrium` says.
 
     Raises ComputationError where double precision or memory cannot give them.  Methods and their sources stand in
-    the modules that `modal.eigen.routes` chooses from.
+    the modules that `modal.eigen.spectrum` chooses from.
     """
     rig = rig_of(scene)
     with np.errstate(all="ignore"):
@@ -325,3 +317,43 @@ def natural_modes(scene: Scene) -> Modes:
         found = find_spectrum(natural)
         left_out = (UNDRIVEN,) * scene.is_driven
         return Modes(scene, rig, units, found, (*notes(natural, found.sources), *left_out))
+
+
+def all_shapes(modes: Modes) -> list[list[Shape]]:
+    """`modes.shape(number, copy, "mass")` for every mode and copy."""
+    groups, rows = modes.spectrum.groups, _rows(modes)
+    details = {source: modes.spectrum.details(source, list(own)) for source, own in rows.items()}
+
+    def shape(part: Part, copy: int, uncertain: bool) -> Shape:
+        row = _row(details[part.source], rows[part.source][part.row_of(copy)])
+        return expand(modes.rig, modes.units, part, copy, row, "mass", uncertain=uncertain)
+
+    return [
+        [shape(part, copy, bool(error >= UNCERTAIN)) for part in parts for copy in range(part.along + part.across)]
+        for parts, error in zip(groups, modes.error, strict=True)
+    ]
+
+
+def _rows(modes: Modes) -> dict[int, dict[int, int]]:
+    """For every source the rows that are needed, and their places among these."""
+    found: dict[int, dict[int, int]] = {}
+    for part in (part for parts in modes.spectrum.groups for part in parts):
+        own = found.setdefault(part.source, {})
+        for copy in range(part.along + part.across):
+            own.setdefault(part.row_of(copy), len(own))
+    return found
+
+
+def _row(details: Details, at: int) -> Details:
+    """One row of them, the last axis of every array."""
+    one: dict[str, Any] = {}
+    for field in fields(details):
+        value = getattr(details, field.name)
+        one[field.name] = tuple(part[..., [at]] for part in value) if isinstance(value, tuple) else value[[at]]
+    return Details(**one)
+
+
+def _kept(values: A) -> A:
+    """An array that cannot be written to."""
+    values.flags.writeable = False
+    return values

@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import matrices
-from modal.modes.modal_matrix import all_shapes
-from modal.modes.modes import Modes, natural_modes
+from modal.modes.modes import Modes, all_shapes, natural_modes
 from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
 

@@ -1,4 +1,4 @@
-"""The table of modes as text, Markdown, LaTeX, CSV, HTML or JSON: one list of columns, many dresses."""
+"""The table of modes as text, Markdown, LaTeX, CSV, HTML or JSON, one list of columns for all; M, K and D likewise."""
 
 from __future__ import annotations
 
@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from math import isfinite, log10
 from typing import Any
 
+from modal.assembly import Matrices
 from modal.errors import ComputationError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import NOTHING, csv_rows, html, json_text, markdown, one_line, visible
-from modal.scene import describe
+from modal.scene import Scene, describe
+from modal.types import Floats
 
 MOST_SHAPE_NUMBERS = 5_000_000
 Value = float | int | str | bool | None
@@ -222,3 +224,25 @@ def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes
 
 
 _DRESSES = {"text": _text, "markdown": _markdown, "latex": _latex, "html": _html}
+
+
+def matrices_table(scene: Scene, found: Matrices, form: str) -> str:
+    """M, K and D of a scene; `form` is text or json."""
+    named = {"M": found.M, "K": found.K, "D": found.D}
+    if form == "json":
+        whole = {
+            "scene": describe(scene),
+            "coordinates": list(found.labels),
+            **{name: matrix.tolist() for name, matrix in named.items()},
+        }
+        return json_text(whole) + "\n"
+    parts = [f"coordinates ({len(found.labels)}): {', '.join(found.labels)}"]
+    for name, matrix in named.items():
+        parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix)}")
+    return "\n\n".join(parts) + "\n"
+
+
+def _grid(matrix: Floats) -> str:
+    cells = [[f"{value:.10g}" for value in row] for row in matrix]
+    width = max(len(cell) for row in cells for cell in row)
+    return "\n".join("  " + "  ".join(cell.rjust(width) for cell in row) for row in cells)

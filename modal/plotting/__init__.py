@@ -5,27 +5,33 @@ figure has a light and a dark form, axes with units, and colours that colour-bli
 `style` and `layout`; the other modules are one kind of figure each.
 """
 
-from modal.plotting.coupling_figures import coupling_figure, draw_coupling
+from modal.plotting.coupling import coupling_figure, draw_coupling
 from modal.plotting.layout import NUMBER, SMALL, caption, framed, headline, key, legend, log_ticks, mark_modes
 from modal.plotting.loci import axis_words, draw_loci, scale
-from modal.plotting.palette import (
+from modal.plotting.response import bode_figure, draw_bode, draw_impulse
+from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
+from modal.plotting.sliders import slide
+from modal.plotting.style import (
     DASHES,
     HUES,
     MOST_CURVES,
     QUIET,
+    WIDE,
+    WIDTH,
+    Picture,
+    any_letters,
     colour,
     dash,
+    in_both_themes,
     ink,
     muted,
     paper,
     rest,
+    save,
     shade,
+    sheet,
     thickness,
 )
-from modal.plotting.response import bode_figure, draw_bode, draw_impulse
-from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
-from modal.plotting.sliders import slide
-from modal.plotting.style import WIDE, WIDTH, Picture, any_letters, in_both_themes, save, sheet
 
 __all__ = [
     "DASHES",

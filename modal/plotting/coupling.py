@@ -1,26 +1,62 @@
-"""The dynamic mass over frequency, with its poles and zeros, and close up about one pole."""
+"""The coupling in one picture: the dynamic mass with its poles and zeros, each family close up, and the cart's mass."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.lines import Line2D
 
 from modal.coupling import Coupling, Family, family_name
-from modal.plotting.layout import SMALL
-from modal.plotting.palette import colour, ink, muted, paper
-from modal.types import Floats
+from modal.plotting.layout import SMALL, headline, key
+from modal.plotting.style import WIDE, colour, ink, muted, paper, save, sheet
+from modal.types import Floats, Ints
 
 MOST_CLOSE, MANY, POINTS = 3, 24, 1200
 CLOSEST = 0.02
 """Share of an axis that a pole's line needs."""
 TOP = 2.2
 """How much of all mass the axis of masses shows."""
-WIDE = 30.0
+LOGARITHMIC = 30.0
 """Ratio of frequencies from which they stand on a logarithmic axis."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
+MOST_LINES, MASSES = 12, 81
+CART_MASS = r"mass of the cart $m_c$ (kg)"
+
+
+def draw_coupling(coupling: Coupling, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(coupling_figure(coupling), stream, kind)
+
+
+def coupling_figure(coupling: Coupling) -> Figure:
+    """The coupling in one picture; of many poles and lines it shows some and says so."""
+    close = close_families(coupling)
+    figure = sheet(WIDE, 10.5 if close else 7.6)
+    rows = GridSpec(3 if close else 2, max(1, len(close)), figure, height_ratios=(3, 2.1, 3) if close else (1, 1))
+    draw_mass(figure.add_subplot(rows[0, :]), coupling)
+    for column, number in enumerate(close):
+        draw_close(figure.add_subplot(rows[1, column]), coupling, number)
+    draw_limits(figure.add_subplot(rows[-1, :]), coupling)
+    _finish(figure, coupling)
+    return figure
+
+
+def _finish(figure: Figure, coupling: Coupling) -> None:
+    what = "what a force on the cart feels" if coupling.on_cart else "what a cart here would feel"
+    headline(figure, coupling.scene.title, what)
+    entries = {
+        "dynamic mass": Line2D([], [], color=curve()),
+        "poles: the cart stands still": Line2D([], [], color=pole(), ls="--", lw=1.1),
+        "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
+        "felt by a fast push": Line2D([], [], color=muted(), ls=":", lw=0.9),
+    }
+    entries = entries if coupling.on_cart else dict(list(entries.items())[:3])
+    key(figure, list(entries.values()), list(entries))
 
 
 def pole() -> str:
@@ -91,7 +127,7 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
 def span(omega: Floats) -> tuple[float, float, bool]:
     """Both ends of the axis of frequencies and whether it is logarithmic."""
     smallest, largest = float(omega.min()), float(omega.max())
-    wide = largest > WIDE * smallest
+    wide = largest > LOGARITHMIC * smallest
     if wide:
         return smallest / 3, largest * 3, True
     extent = largest - smallest
@@ -178,3 +214,83 @@ def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:
     own = family.mass * (family.omega / apart) * (family.omega / (2 * family.omega + apart))
     marked = np.tile(np.arange(len(dynamic.omega)) == number, (len(apart), 1))
     return dynamic(family.omega + apart, left_out=marked) - own
+
+
+def draw_limits(axis: Axes, coupling: Coupling) -> None:
+    """Frequencies of the modes that move the cart, as its mass goes from 0 to ∞."""
+    poles, here = coupling.dynamic.omega, coupling.dynamic.cart if coupling.on_cart else np.inf
+    low, high = _masses(coupling, here)
+    masses = np.geomspace(low, high, MASSES)
+    omega = coupling.swept(masses)
+    chosen, drawn = _some(omega.shape[1]), _some(len(poles))
+    crowd = crowded(coupling)
+    axis.hlines(poles[drawn], low, high, color=pole(), ls="--", lw=0.6 if crowd else 1.0, alpha=0.8)
+    axis.plot(masses, omega[:, chosen], color=zero(), lw=0.9 if crowd else 1.6)
+    light = np.array([mode.light for mode in coupling.cart_modes])
+    now = np.array([mode.omega for mode in coupling.cart_modes]) if coupling.on_cart else poles
+    bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
+    axis.set(
+        xscale="log",
+        xlim=(low, high),
+        yscale="log" if wide else "linear",
+        xlabel=CART_MASS,
+        ylabel="angular frequency ω (rad/s)",
+    )
+    axis.set_ylim(bottom, top)
+    _here(axis, here, float(np.clip(here, low, high)), now[chosen[chosen < len(now)]], size=4 if crowd else 6)
+    if not crowd:
+        _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
+        _ends(axis, high, [(value, name(k)) for k, value in enumerate(poles.tolist())], pole(), (5, -3))
+    some = f"; {len(chosen)} of {omega.shape[1]} modes" if len(chosen) < omega.shape[1] else ""
+    axis.set_title(f"massless cart  ←  modes that move the cart, as its mass changes{some}  →  fixed support")
+
+
+def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset: tuple[int, int]) -> None:
+    """Words where the lines end, those left out that would touch the last."""
+    last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
+    for y, word in marks:
+        at = float(to_share.transform((x, y))[1])
+        if at - last > 0.06:
+            last = at
+            axis.annotate(
+                word,
+                (x, y),
+                offset,
+                textcoords="offset points",
+                fontsize=SMALL,
+                color=hue,
+                zorder=5,
+                bbox=plain() | {"pad": 0.5},
+            )
+
+
+def _masses(coupling: Coupling, here: float) -> tuple[float, float]:
+    """Carts (kg) from far lighter to far heavier than what hangs, the scene's own among them."""
+    hanging = coupling.dynamic.with_cart(0.0).at_rest
+    low, high = hanging * 1e-3, hanging * 1e3
+    return (min(low, here / 10), max(high, here * 10)) if 0 < here < np.inf else (low, high)
+
+
+def _some(count: int) -> Ints:
+    """At most MOST_LINES indices, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(MOST_LINES, count)).round().astype(np.int64))
+
+
+def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> None:
+    """The scene's own cart, and its frequencies as dots."""
+    where = "a massless cart" if here == 0 else "a fixed support" if np.isinf(here) else f"{here:.6g} kg"
+    late = spot > np.sqrt(np.prod(axis.get_xlim()))
+    axis.axvline(spot, color=ink(), lw=1.2, ls=":")
+    if now.size:
+        spots = np.full(len(now), spot)
+        axis.plot(spots, now, "o", color=zero(), ms=size, mec=paper(), mew=size / 8, zorder=4, clip_on=False)
+    axis.annotate(
+        f"this scene: {where}",
+        (spot, 0.0),
+        (-5 if late else 5, 6),
+        axis.get_xaxis_transform(),
+        textcoords="offset points",
+        ha="right" if late else "left",
+        fontsize=SMALL,
+        bbox=plain(),
+    )

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from modal.plotting.palette import muted
-from modal.plotting.style import any_letters
+from modal.plotting.style import any_letters, muted
 from modal.report import visible
 
 SMALL = "small"

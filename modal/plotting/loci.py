@@ -13,8 +13,7 @@ from matplotlib.lines import Line2D
 from modal.errors import ComputationError
 from modal.loci import CloseApproach, Loci
 from modal.plotting.layout import NUMBER, headline, key, log_ticks
-from modal.plotting.palette import MOST_CURVES, colour, dash, ink, paper
-from modal.plotting.style import WIDTH, save, sheet
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, paper, save, sheet
 from modal.scene.parameters import Variation
 
 MARKS = {"crossing": "X", "veering": "o"}

@@ -14,8 +14,7 @@ from matplotlib.ticker import MultipleLocator
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
 from modal.plotting.layout import headline, key, log_ticks, mark_modes
-from modal.plotting.palette import MOST_CURVES, colour, dash, muted
-from modal.plotting.style import WIDTH, save, sheet
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response
 from modal.types import Complexes, Floats
 

@@ -15,8 +15,7 @@ from matplotlib.patches import FancyBboxPatch
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.layout import caption, headline
-from modal.plotting.palette import QUIET, colour, ink, muted, paper, rest
-from modal.plotting.style import WIDE, save, sheet
+from modal.plotting.style import QUIET, WIDE, colour, ink, muted, paper, rest, save, sheet
 from modal.scene import Bob, Body, Rod
 from modal.types import Floats
 

@@ -4,24 +4,25 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked o
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `files` reads and writes, `sealed` tells damaged files, `validation` checks every part, `messages`
-words every mistake, `parameters` varies numbers by path.
+Start with `model`; `files` reads and writes, `sealed` tells damaged files, `validation` checks every part and words
+every mistake, `parameters` finds and varies numbers by path.
 """
 
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
-from modal.scene.drives import Escapement, VanDerPol
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.model import (
     Bob,
     Body,
     Cart,
+    Escapement,
     Fixed,
     InitialCondition,
     Pendulum,
     Rod,
     Scene,
+    VanDerPol,
     describe,
     scene_from,
     validate_scene,

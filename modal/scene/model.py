@@ -4,6 +4,8 @@
 
 Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i along it and moment of inertia I_i
 about that centre.  All numbers are SI; angles in a scene file are degrees, counted from the hanging rest.
+A drive keeps a clock or a metronome going: it acts on the angle γ of a link to the one above, counted from the rest (at
+a top joint: to the vertical), and with opposite sign on the link above.
 """
 
 from __future__ import annotations
@@ -17,14 +19,40 @@ from pydantic import BaseModel, Field, ValidationError, field_validator, model_v
 
 from modal import pair
 from modal.errors import SceneError
-from modal.scene.drives import Drive
-from modal.scene.messages import problems_of
-from modal.scene.validation import Checked, Count, NonNegative, Positive, Real, Several, validate
+from modal.scene.validation import Checked, Count, NonNegative, Positive, Real, Several, problems_of, validate
 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
-
 Way = Literal["down", "up"]
+Acute = Annotated[float, Field(strict=True, ge=0, lt=180)]
+Turn = Annotated[float, Field(strict=True, ge=1e-6, le=180)]
+
+
+class VanDerPol(Checked):
+    """The torque e (1 − (γ/γ₀)²) γ': feeds within γ₀ and drains beyond.
+
+    `strength` e (N m s/rad), `angle_deg` γ₀ (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).  Alone on a
+    lightly driven pendulum it keeps the amplitude 2 γ₀, beside a damper d at the same joint 2 γ₀ √(1 − d/e).
+    """
+
+    kind: Literal["van-der-pol"] = "van-der-pol"
+    strength: Positive
+    angle_deg: Turn
+
+
+class Escapement(Checked):
+    """A kick `impulse` (N m s) along the swing each time that |γ| passes `angle_deg` on its way out.
+
+    Kicks alternate between the two sides, as the pallets of an anchor do; a swing that stays within the angle gets
+    none (Bennett, Schatz, Rockwood & Wiesenfeld, Proc. R. Soc. A 458, 563 (2002), §4).
+    """
+
+    kind: Literal["escapement"] = "escapement"
+    impulse: Positive
+    angle_deg: Acute = 0.0
+
+
+Drive = Annotated[VanDerPol | Escapement, Field(discriminator="kind")]
 
 
 class Link(Checked):

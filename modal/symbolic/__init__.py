@@ -15,9 +15,8 @@ from modal.symbolic.derivation import derive
 from modal.symbolic.lagrange import Coordinate, coordinate, lagrange_equations, time_derivative
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.roots import polynomial_roots, symbolic
-from modal.symbolic.sections import Line, Section
 from modal.symbolic.system import chain
-from modal.symbolic.typesetting import plain, typeset
+from modal.symbolic.typesetting import Line, Section, plain, typeset
 
 __all__ = [
     "Coordinate",

@@ -1,23 +1,26 @@
 """A derivation on paper: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
 
+It is asked for by `chain:3`, `cart:2`, `cart:3x2` (three chains of two links) or a scene.
 Each section is a title and lines of (what it is, formula); `modal.symbolic.typesetting` prints them.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import replace
 
 import sympy as sp
 
 from modal.errors import SceneError
-from modal.scene import Scene
+from modal.scene import Scene, load
+from modal.symbolic import system as symbolic
 from modal.symbolic.eigen import modes_section, polynomial_section
 from modal.symbolic.kinetic import in_angles, in_plane, in_vectors
 from modal.symbolic.lagrangian import derive_lagrangian, vanishes
 from modal.symbolic.papers import equal
-from modal.symbolic.sections import Line, Section
-from modal.symbolic.system import SymbolicSystem
+from modal.symbolic.system import SYMBOLIC, SymbolicSystem
+from modal.symbolic.typesetting import Line, Section
 
 SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 CHECKED_UP_TO = 6
@@ -25,6 +28,9 @@ CHECKED_IN_SPACE = 3
 WRITTEN_IN_ANGLES = 2
 NOT_IN_SPACE = "joint springs and dampers in space: only the linearized motion is written"
 MOST_WRITTEN = 40
+MOST_CHAINED = 1000
+_TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
+KINDS = ("bob", "rod")
 
 
 def derive(system: SymbolicSystem, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None) -> Iterator[Section]:
@@ -120,3 +126,39 @@ def _ways(system: SymbolicSystem) -> str:
 def _insist(holds: bool) -> None:
     if not holds:
         raise SceneError(["the Cartesian derivation and the pair disagree: please report this scene"])
+
+
+def target(
+    name: str, kind: str = "bob", chosen: tuple[str, ...] = (), ways: tuple[str, ...] = ()
+) -> tuple[SymbolicSystem, Scene | None]:
+    """The system that `name` asks for, and its scene where it is one.
+
+    `kind` and `ways` (down or up, top to bottom) are for chain: and cart: alone, a scene has its own.  Raises
+    SceneError for whatever cannot be.
+    """
+    unknown = [word for word in chosen if word not in SYMBOLIC]
+    if unknown:
+        raise SceneError([f"{word}: must be one of {', '.join(SYMBOLIC)}" for word in unknown])
+    found = _TARGET.fullmatch(name)
+    if not found:
+        if ways or kind != KINDS[0]:
+            raise SceneError(
+                [f"{name}: a kind of link and an equilibrium are for chain: and cart:, a scene has its own"]
+            )
+        scene = load(name)
+        return symbolic.of_scene(scene, chosen), scene
+    support, count, links = found[1], int(found[2] or 1), int(found[3])
+    if support == "chain" and found[2]:
+        raise SceneError([f"{name}: a chain hangs alone; write chain:{links}, or cart:{count}x{links}"])
+    if links < 1 or count < 1 or links * count > MOST_CHAINED:
+        raise SceneError([f"{name}: from 1 to {MOST_CHAINED} links in all"])
+    sigma = _sigma(name, ways, links)
+    if support == "chain":
+        return symbolic.chain(links, kind, chosen, sigma), None
+    return symbolic.cart(links, count, kind, chosen, sigma), None
+
+
+def _sigma(name: str, ways: tuple[str, ...], links: int) -> tuple[int, ...]:
+    if ways and (len(ways) != links or not set(ways) <= {"down", "up"}):
+        raise SceneError([f"{name}: the equilibrium must be {links} of down and up, top to bottom"])
+    return tuple(-1 if way == "up" else 1 for way in ways)

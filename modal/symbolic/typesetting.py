@@ -1,19 +1,33 @@
-"""A derivation as plain text, LaTeX or Markdown that can be pasted."""
+"""A derivation as titled sections of formulas, and these as plain text, LaTeX or Markdown that can be pasted."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import Any, NamedTuple
 
 import sympy as sp
 
 from modal.report import LETTERS, latex, markdown, visible
 from modal.symbolic import line_breaks
-from modal.symbolic.sections import Section
 
 GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ"}
 _NAME = re.compile(r"\b(theta|phi|lambda|omega|sigma|[pxyzu])(ddot|dot)?((?:_\d+)*)\b")
+_INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
+
+
+class Line(NamedTuple):
+    """What a formula is, and the formula; a remark has no formula."""
+
+    words: str
+    formula: Any = None
+
+
+class Section(NamedTuple):
+    """A title and its lines."""
+
+    title: str
+    lines: list[Line]
 
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
@@ -111,9 +125,6 @@ def _tex(formula: Any, **settings: Any) -> str:
 def _with_commas(formula: str) -> str:
     """SymPy's LaTeX with commas between the two numbers of an index."""
     return re.sub(r"_\{(\d+) (\d+)\}", r"_{\1,\2}", formula)
-
-
-_INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
 
 
 def _escaped(words: str) -> str:

@@ -6,10 +6,12 @@ import argparse
 import sys
 from time import perf_counter
 
-from multipendula.commands.modes import bar, drawn, picture
-from multipendula.commands.runs import in_few_modes, run_of, shown_of, whole
-
-FILMS = ("gif", "mp4", "html")
+from multipendula.command import Command
+from multipendula.commands.runs import add_run_arguments, in_few_modes, run_of, shown_of, whole
+from multipendula.commands.shared import bar, drawn, film_form, picture
+from multipendula.options import FILMS, add_explain, add_file, add_motion, add_picture, add_theme, number
+from multipendula.options import whole as whole_number
+from multipendula.parser import Page
 
 
 def simulate(options: argparse.Namespace) -> None:
@@ -41,6 +43,14 @@ def simulate(options: argparse.Namespace) -> None:
     whole(trajectory)
 
 
+def _simulate_arguments(page: Page) -> None:
+    add_run_arguments(page, 60.0)
+    add_motion(page)
+    words = "move in the R lowest modes only"
+    page.computed.add_argument("--keep-modes", metavar="R", type=whole_number(100_000), help=words)
+    add_explain(page)
+
+
 def plot(options: argparse.Namespace) -> None:
     """Draw a run: angles, cart, energies, phase portrait, and spectrum with the linear frequencies."""
     from nonlinear.plotting import draw_run
@@ -48,6 +58,11 @@ def plot(options: argparse.Namespace) -> None:
     trajectory = shown_of(options, lambda: picture(options.output))
     with drawn(options.output, options.theme) as stream:
         draw_run(trajectory, stream, kind=picture(options.output))
+
+
+def _plot_arguments(page: Page) -> None:
+    add_run_arguments(page, 20.0)
+    add_picture(page, "--output", "-o", required=True)
 
 
 def animate(options: argparse.Namespace) -> None:
@@ -64,8 +79,70 @@ def animate(options: argparse.Namespace) -> None:
         print(f"multipendula: {shown.left_out:.3g} s of the run left out; --seconds or --speed", file=sys.stderr)
 
 
-def film_form(name: str, option: str = "-o") -> str:
-    """The kind of film that a file name asks for."""
-    from modal.scene import kind_of
+def _animate_arguments(page: Page) -> None:
+    add_run_arguments(page, 10.0)
+    add_file(page, "--output", "-o", kinds=FILMS, required=True)
+    page.written.add_argument("--fps", metavar="N", type=number("frames a second from 1 to 60", 60, 1))
+    times = number("times real time from 0.001 to 1000", 1000, 0.001)
+    page.written.add_argument("--speed", metavar="X", type=times, default=1.0, help="default 1")
+    seconds = number("seconds above 0")
+    page.written.add_argument("--seconds", metavar="S", type=seconds, help="of film, at most (default 20)")
+    add_theme(page)
 
-    return kind_of(name, FILMS, f"{option} ")
+
+COMMANDS = (
+    Command(
+        name="simulate",
+        topic="motion",
+        run=simulate,
+        arguments=_simulate_arguments,
+        details=(
+            "The full equations at any angle, with what proves the run: drift of energy, of momentum and of the "
+            "constraints. The start is the scene's own, a mode at an amplitude, or angles at rest. A saved run goes "
+            "on. With --accuracy the cheapest way that keeps to it is found."
+        ),
+        examples=(
+            ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start, level at rest"),
+            ("simulate run.npz --duration 10 -o more.npz", "the saved run goes on"),
+            (
+                "simulate crane-hook --start mode:2:10 --duration 20",
+                "in the shape of mode 2, its largest angle 10 degrees",
+            ),
+            (
+                "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
+                "every angle right to a microradian",
+            ),
+            ("simulate chain-3 --form maximal --duration 5 --explain", "with every pivot force, and what that took"),
+        ),
+    ),
+    Command(
+        name="plot",
+        topic="motion",
+        run=plot,
+        arguments=_plot_arguments,
+        details=(
+            "Of a saved run or a scene that is simulated first. Dotted lines in the spectrum are the frequencies of "
+            "the table of modes."
+        ),
+        examples=(
+            ("simulate paper-cart-3 --duration 10 -o run.npz", "a run to draw"),
+            ("plot run.npz -o run.png", "angles, cart, energies, phase portrait, spectrum"),
+            ("plot chain-2 --start mode:1:30 --duration 10 -o mode.svg", "the run of a scene, in one go"),
+        ),
+    ),
+    Command(
+        name="animate",
+        topic="motion",
+        run=animate,
+        arguments=_animate_arguments,
+        details=(
+            "Of a saved run or a scene that is simulated first, as a GIF that plays everywhere, as MP4 (extra "
+            "`video`), or as a page with buttons (HTML)."
+        ),
+        examples=(
+            ("simulate chain-2 --start angles:90,90 --duration 4 -o run.npz", "a run to film"),
+            ("animate run.npz --seconds 2 -o run.gif", "the first two seconds of film"),
+            ("animate run.npz --speed 4 --fps 15 -o fast.html", "all of it four times as fast, with buttons"),
+        ),
+    ),
+)

@@ -6,30 +6,50 @@ import argparse
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from multipendula.commands.modes import bar
+from multipendula.commands.shared import bar, in_a_folder
+from multipendula.options import (
+    RUNS,
+    add_accuracy,
+    add_duration,
+    add_run,
+    add_samples,
+    add_start,
+    add_words,
+    endings,
+    number,
+)
+from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
     from nonlinear.integration import Trajectory
     from nonlinear.system import State
 
-RECORDINGS = (".npz", ".csv")
 HOW = ("method", "form", "tolerance", "accuracy")
+
+
+def add_run_arguments(page: Page, duration: float) -> None:
+    """A scene or a saved run, and how it is to be simulated, for `duration` (s) unless told."""
+    add_run(page)
+    add_duration(page, f"default {duration:g}")
+    page.set_defaults(usual=duration)
+    add_start(page, "scene (default), mode:R:DEG or angles:A,B,... (deg, at rest)")
+    methods = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
+    words = f"{', '.join(methods)} (default auto)"
+    add_words(page.computed, "--method", methods, comma="", metavar="NAME", help=words)
+    forms = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
+    words = "auto (default), minimal, maximal, hamiltonian or spatial"
+    add_words(page.computed, "--form", forms, comma="", metavar="NAME", help=words)
+    page.computed.add_argument(
+        "--tolerance", metavar="T", type=number("1e-15 to 0.01", 0.01, 1e-15), help="default 1e-9"
+    )
+    add_accuracy(page, "of every angle, instead of a tolerance")
+    add_samples(page)
 
 
 def recorded(name: str) -> bool:
     """Whether a name is that of a saved run."""
-    return name.lower().endswith(RECORDINGS)
-
-
-def in_a_folder(path: str | None) -> None:
-    """SceneError for a file to be written where there is no folder, before anything is computed."""
-    from pathlib import Path
-
-    from modal.errors import SceneError
-
-    if path and not Path(path).absolute().parent.is_dir():
-        raise SceneError([f"-o {path}: there is no folder {Path(path).parent}"])
+    return name.lower().endswith(endings(RUNS))
 
 
 def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:

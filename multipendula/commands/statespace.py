@@ -6,7 +6,11 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from multipendula.commands.modes import drawn, listed, picture, small_swings
+from multipendula.command import Command
+from multipendula.commands.shared import drawn, listed, picture, small_swings
+from multipendula.completion import files
+from multipendula.options import add_picture, add_scene, add_words, number, offer, whole
+from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -31,6 +35,26 @@ def export(options: argparse.Namespace) -> None:
         print(f"multipendula: {note}", file=sys.stderr)
 
 
+def _export_arguments(page: Page) -> None:
+    add_scene(page)
+    _add_signals(page)
+    formats = ("control", "mat", "m", "json", "npz", "csv", "c", "fmu", "modelica")
+    words = f"{', '.join(formats[:-1])} or {formats[-1]}"
+    add_words(page.written, "--to", formats, comma="", metavar="FORMAT", required=True, help=words)
+    words = "the file to write, or - for standard output"
+    page.rephrase(r"^format (\S+):", r"--to \1:")
+    page.rephrase(r"(a C header is of a sampled model)", r"--to c needs --discrete SECONDS, \1")
+    offer(page.written.add_argument("-o", dest="file", metavar="FILE", required=True, help=words), files(()))
+    seconds = number("seconds above 0")
+    words = "sample it, with inputs held in between"
+    page.asked.add_argument("--discrete", metavar="SECONDS", type=seconds, help=words)
+    page.rephrase(r"^step (\S+) s:", r"--discrete \1:")
+    smaller = page.asked.add_mutually_exclusive_group()
+    smaller.add_argument("--minimal", action="store_true", help="without what no input reaches or no output sees")
+    smaller.add_argument("--modes", metavar="K", type=whole(99999), help="only the K modes that contribute most")
+    page.rephrase(r"^(\d+) modes: (?=the model)", r"--modes \1: ")
+
+
 def gains(options: argparse.Namespace) -> None:
     """Say how well each mode is reached by every input and seen by every output."""
     from modal.modes import natural_modes
@@ -38,6 +62,11 @@ def gains(options: argparse.Namespace) -> None:
 
     scene = _scene(options)
     print(modal_gains(natural_modes(scene), _model(scene, options)).text())
+
+
+def _gains_arguments(page: Page) -> None:
+    add_scene(page)
+    _add_signals(page)
 
 
 def response(options: argparse.Namespace) -> None:
@@ -61,6 +90,17 @@ def response(options: argparse.Namespace) -> None:
         draw(form, stream, source=inputs.index(source), outputs=[outputs.index(name) for name in shown], kind=kind)
 
 
+def _response_arguments(page: Page) -> None:
+    add_scene(page)
+    _add_signals(page)
+    add_picture(page, "-o", dest="file", required=True)
+    page.asked.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
+    page.asked.add_argument("--of", metavar="NAMES", help="which single outputs (default: all)")
+    page.rephrase(r"choose at most \d+ outputs$", r"\g<0> with --of")
+    words = "the impulse response instead of the Bode plot"
+    page.asked.add_argument("--impulse", action="store_true", help=words)
+
+
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that leaves the slowest modes of a crane at rest."""
     from modal.scene import load
@@ -73,6 +113,37 @@ def shaper(options: argparse.Namespace) -> None:
     print("time_s,amplitude")
     for time, amplitude in zip(found.times, found.amplitudes, strict=True):
         print(f"{float(time)!r},{float(amplitude)!r}")
+
+
+def _shaper_arguments(page: Page) -> None:
+    add_scene(page)
+    words = "zvd bears more error in the frequencies"
+    page.asked.add_argument("--kind", choices=("zv", "zvd"), default="zv", help=words)
+    words = "for the K slowest modes (default 1)"
+    page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)
+    drives = ("cart_acceleration", "cart_velocity", "cart_force")
+    words = "what moves the cart: cart_acceleration (default), cart_velocity or cart_force"
+    page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
+
+
+def _add_signals(page: Page) -> None:
+    """The groups of inputs and outputs of a model."""
+    page.rephrase(r"^(input|output)(?=[ :])", r"--\1")
+    inputs = ("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces")
+    outputs = (
+        *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
+        *("joint_positions", "tip_positions", "pivot_forces"),
+    )
+    words = (
+        "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
+        "support), link_forces"
+    )
+    add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
+    words = (
+        "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
+        "tip_positions, pivot_forces"
+    )
+    add_words(page.asked, "--output", outputs, metavar="WORDS", help=words)
 
 
 def _scene(options: argparse.Namespace) -> Scene:
@@ -95,3 +166,75 @@ def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
     if count is None:
         return minimal(scene, inputs, outputs)
     return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)
+
+
+COMMANDS = (
+    Command(
+        name="export",
+        topic="control",
+        run=export,
+        arguments=_export_arguments,
+        details=(
+            "z' = A z + B u, y = C z + D u about the scene's rest, with a name and a unit for every state, input and "
+            "output; sampled with --discrete."
+        ),
+        examples=(
+            ("export crane-hook --to mat -o crane.mat", "for MATLAB and Octave"),
+            (
+                "export crane-hook --to control --input cart_acceleration -o crane.py",
+                "for python-control, driven by motion",
+            ),
+            (
+                "export crane-hook --to c --discrete 0.01 --input cart_acceleration --output angles -o crane.h",
+                "for a controller that samples at 100 Hz",
+            ),
+            ("export paper-cart-3 --to json --minimal -o small.json", "only what the cart can reach: 6 states of 14"),
+        ),
+    ),
+    Command(
+        name="gains",
+        topic="control",
+        run=gains,
+        arguments=_gains_arguments,
+        details=(
+            "Controllability and observability as numbers instead of ranks: the gain of every mode from each input and "
+            "to each output, relative to the mode that the signal knows best."
+        ),
+        examples=(
+            ("gains crane-two-loads", "which modes the force on the trolley reaches, and how well"),
+            ("gains crane-two-loads --output cart_position", "what the trolley's position alone can see"),
+        ),
+    ),
+    Command(
+        name="response",
+        topic="control",
+        run=response,
+        arguments=_response_arguments,
+        details=(
+            "Magnitude and phase of every output from one input, or its answer to an impulse, in closed form over the "
+            "modes, whose frequencies are marked."
+        ),
+        examples=(
+            ("response crane-hook -o bode.png", "every output of the crane"),
+            (
+                "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",
+                "one output, the trolley driven",
+            ),
+            ("response crane-hook --impulse -o impulse.svg", "after a knock on the trolley"),
+        ),
+    ),
+    Command(
+        name="shaper",
+        topic="control",
+        run=shaper,
+        arguments=_shaper_arguments,
+        details=(
+            "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
+            "1990). Printed as times and amplitudes that sum to one."
+        ),
+        examples=(
+            ("shaper crane-hook", "for the slowest mode"),
+            ("shaper crane-hook --kind zvd --count 2", "for both, and for cables not quite as long as said"),
+        ),
+    ),
+)

@@ -8,8 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from multipendula.commands.modes import bar, drawn, picture
-from multipendula.commands.runs import in_a_folder
+from multipendula.command import Command
+from multipendula.commands.shared import bar, drawn, in_a_folder, picture
+from multipendula.completion import places
+from multipendula.options import RUNS, add_file, add_picture, add_scene, add_words, offer, whole
+from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from nonlinear.sweeps import Checkpoint, Study, WorkerPool
@@ -21,6 +24,31 @@ def sweep(options: argparse.Namespace) -> None:
     for path in (options.picture, options.output):
         in_a_folder(path)
     (_loci if options.loci else _map)(options, kind)
+
+
+def _sweep_arguments(page: Page) -> None:
+    add_scene(page)
+    words = "support.mass=1:1000:50log, gravity=1:10:5 or pendulum[*].links[0].length=0.9,1,1.1; one to three of them"
+    vary = page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", required=True, help=words)
+    offer(vary, places)
+    measures = (
+        *("frequencies", "damping", "splitting", "beat", "amplitude", "energy_drift"),
+        *("order", "survivor", "locking", "pendulum_energy"),
+    )
+    words = (
+        "frequencies (default), damping, splitting or beat of the modes, amplitude or energy_drift of a run, order, "
+        "survivor, locking or pendulum_energy of one that drives itself; more than once for several"
+    )
+    add_words(page.asked, "--measure", measures, comma="", metavar="NAME[:N]", action="append", help=words)
+    words = "follow all frequencies along one --vary by their shapes"
+    page.asked.add_argument("--loci", action="store_true", help=words)
+    add_file(page, "--output", "-o", words="keep the numbers in {} (loci: .csv)", kinds=RUNS)
+    add_picture(page, "--picture")
+    page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one a core)")
+    words = "a Dask cluster instead, such as tcp://192.168.0.2:8786"
+    page.computed.add_argument("--scheduler", metavar="ADDRESS", help=words)
+    words = "begin anew, whatever an interrupted sweep has kept"
+    page.computed.add_argument("--fresh", action="store_true", help=words)
 
 
 def _map(options: argparse.Namespace, kind: str) -> None:
@@ -118,3 +146,29 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
 
         with drawn(options.picture, options.theme) as stream:
             draw_loci(found, stream, kind)
+
+
+COMMANDS = (
+    Command(
+        name="sweep",
+        topic="coupling and synchronization",
+        run=sweep,
+        arguments=_sweep_arguments,
+        details=(
+            "One to three numbers of a scene, named by their place in the file, are set to every combination of "
+            "values, on all cores. What is done is kept beside --output and taken up again after Ctrl-C. With --loci "
+            "the frequencies are followed by their shapes along one number, and crossings told from veerings."
+        ),
+        examples=(
+            ("sweep paper-cart-2 --vary support.mass=1:1000:20log --measure beat -o beat.csv", "20 masses of the cart"),
+            (
+                "sweep crane-two-loads --vary 'pendulum[0].links[0].length=6:14:20' --loci --picture loci.png",
+                "frequencies that veer where two lengths agree",
+            ),
+            (
+                "sweep chain-2 --vary gravity=1:10:4 --vary 'pendulum[*].links[*].mass=1,2,3' --picture map.png",
+                "a map over two numbers; [*] stands for all of them",
+            ),
+        ),
+    ),
+)

@@ -7,9 +7,21 @@ import sys
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from multipendula.commands.modes import bar, drawn, picture
-from multipendula.commands.motion import film_form
-from multipendula.commands.runs import in_a_folder, start_of
+from multipendula.command import Command
+from multipendula.commands.runs import start_of
+from multipendula.commands.shared import bar, drawn, film_form, in_a_folder, picture
+from multipendula.completion import places
+from multipendula.options import (
+    FILMS,
+    add_duration,
+    add_file,
+    add_format,
+    add_picture,
+    add_scene,
+    add_start,
+    offer,
+)
+from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -32,6 +44,17 @@ def sync(options: argparse.Namespace) -> None:
         lambda: in_a_folder(options.film),
     )
     (_branches if options.vary else _run)(scene, options)
+
+
+def _sync_arguments(page: Page) -> None:
+    add_scene(page)
+    add_duration(page, "default: as predicted")
+    add_start(page, "as in simulate, in shapes without dampers")
+    words = "follow every way to keep swinging along one number instead, such as support.mass=1:100:30log"
+    offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", help=words), places)
+    add_format(page, ("text", "json", "csv"), help="csv with --vary only")
+    add_picture(page, "--picture", "-o")
+    add_file(page, "--film", words="{}, lit like a stroboscope", kinds=FILMS)
 
 
 def _fitting(options: argparse.Namespace) -> None:
@@ -100,3 +123,23 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
 
         with drawn(options.picture, options.theme) as stream:
             draw_branches(found, stream, picture(options.picture))
+
+
+COMMANDS = (
+    Command(
+        name="sync",
+        topic="coupling and synchronization",
+        run=sync,
+        arguments=_sync_arguments,
+        details=(
+            "For scenes with drives, van der Pol torques or escapements: in which configurations they can keep "
+            "swinging, which one this start ends in and when, by averaged equations; then the same measured in a "
+            "simulation of the full ones. With --vary every configuration is followed along one number of the scene "
+            "instead."
+        ),
+        examples=(
+            ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam: told, drawn and filmed"),
+            ("sync huygens --vary support.mass=1:40:4log -o branches.png", "where each way to agree begins and ends"),
+        ),
+    ),
+)

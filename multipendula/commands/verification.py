@@ -7,8 +7,24 @@ import sys
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
-from multipendula.commands.modes import bar, chosen, drawn, picture
-from multipendula.commands.runs import in_a_folder, recorded, start_of, whole
+from multipendula.command import Command
+from multipendula.commands.runs import recorded, start_of, whole
+from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture
+from multipendula.options import (
+    REPORTS,
+    add_accuracy,
+    add_duration,
+    add_format,
+    add_modes,
+    add_motion,
+    add_picture,
+    add_samples,
+    add_scene,
+    add_start,
+    angles,
+)
+from multipendula.options import whole as whole_number
+from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
@@ -29,6 +45,19 @@ def check(options: argparse.Namespace) -> None:
     if options.output:
         with drawn(options.output, options.theme) as stream:
             draw(found, stream, kind)
+
+
+def _check_arguments(page: Page) -> None:
+    add_scene(page)
+    add_modes(page, "--mode", "1:3")
+    words = "largest angles (default 1,5,10,30)"
+    page.asked.add_argument("--amplitude", metavar="DEG,...", type=angles, help=words)
+    words = "one run from --start, projected on the modes, instead"
+    page.asked.add_argument("--general", action="store_true", help=words)
+    add_start(page, "with --general, as in simulate")
+    add_duration(page, "with --general")
+    add_format(page, REPORTS)
+    add_picture(page, "--output", "-o")
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -89,6 +118,15 @@ def chaos(options: argparse.Namespace) -> None:
     if options.output:
         with drawn(options.output, options.theme) as stream:
             draw(stream, kind)
+
+
+def _chaos_arguments(page: Page) -> None:
+    add_scene(page, "; or paper:000, paper:001: what they claim", names=("paper:000", "paper:001"))
+    add_duration(page, "default 200 sqrt(l/g)")
+    words = "starts side by side (default 16)"
+    page.asked.add_argument("--ensemble", metavar="E", type=whole_number(10_000), help=words)
+    page.asked.add_argument("--quick", action="store_true", help="a short form of a paper's study")
+    add_picture(page, "--output", "-o")
 
 
 Drawn = tuple[str, Callable[[IO[bytes], str], None]]
@@ -155,6 +193,14 @@ def tradeoff(options: argparse.Namespace) -> None:
             draw_tradeoff(found, stream, kind)
 
 
+def _tradeoff_arguments(page: Page) -> None:
+    add_scene(page)
+    add_start(page)
+    add_duration(page, "default 10", 10.0)
+    add_format(page, REPORTS)
+    add_picture(page, "--output", "-o")
+
+
 def advise(options: argparse.Namespace) -> None:
     """Find the cheapest way to a motion of an accuracy, and say what shows that it is met."""
     from modal.scene import load
@@ -177,3 +223,76 @@ def advise(options: argparse.Namespace) -> None:
     if options.output:
         recordings.save(advice.certain, options.output)
     whole(certain(advice))
+
+
+def _advise_arguments(page: Page) -> None:
+    add_scene(page)
+    add_accuracy(page, "of every angle", required=True)
+    add_duration(page, "default 60", 60.0)
+    add_start(page)
+    add_samples(page)
+    add_format(page, REPORTS)
+    add_motion(page)
+
+
+COMMANDS = (
+    Command(
+        name="check",
+        topic="motion",
+        run=check,
+        arguments=_check_arguments,
+        details=(
+            "Every mode is released at several amplitudes, simulated for 40 periods and its frequency measured, beside "
+            "what the table promises: the small-angle frequency, how it shifts with amplitude, and where it is off by "
+            "1 %. With --general one run is projected on the modes instead."
+        ),
+        examples=(
+            ("check chain-2 --mode 1 --amplitude 10,30", "the slow mode at two amplitudes"),
+            ("check crane-hook --mode 2 --amplitude 20 -o check.png", "with a picture"),
+            ("check chain-2 --general --start angles:10,0 --duration 30", "one run, projected on the modes"),
+        ),
+    ),
+    Command(
+        name="tradeoff",
+        topic="motion",
+        run=tradeoff,
+        arguments=_tradeoff_arguments,
+        details=(
+            "Linear modes, modes with corrected frequencies, every integrator at several tolerances, plain and "
+            "compiled: what each costs, by how much it is wrong, and until when errors can be told at all."
+        ),
+        examples=(
+            ("tradeoff chain-1 --start mode:1:10 --duration 1", "every way to a second of a small swing"),
+            ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a picture: time against error"),
+        ),
+    ),
+    Command(
+        name="advise",
+        topic="motion",
+        run=advise,
+        arguments=_advise_arguments,
+        details=(
+            "Modes in closed form where the motion is small, a few modes for long chains, else integration: every "
+            "attempt is listed with its time, and the last one with what shows that its error is below what you asked "
+            "for."
+        ),
+        examples=(
+            ("advise paper-cart-2 --start mode:2:5 --accuracy 1e-3", "a minute right to 1e-3 rad: modes are enough"),
+            ("advise chain-2 --start mode:1:30 --accuracy 1e-6 --duration 10 -o run.npz", "here not; the run is kept"),
+        ),
+    ),
+    Command(
+        name="chaos",
+        topic="motion",
+        run=chaos,
+        arguments=_chaos_arguments,
+        details=(
+            "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts; "
+            "where it cannot be told from none, what it is below. paper:000 and paper:001 test what two papers claim."
+        ),
+        examples=(
+            ("chaos chain-2 --duration 10 --ensemble 4", "a short look at a double pendulum"),
+            ("chaos paper-cart-1 --duration 20 -o lyapunov.png", "with 16 starts, and how the estimate settles"),
+        ),
+    ),
+)

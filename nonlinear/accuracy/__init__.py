@@ -9,11 +9,10 @@ beyond which nobody can know more.  Start with `advice`; `candidates` lists the 
 """
 
 from nonlinear.accuracy.advice import Advice, seek_accuracy
-from nonlinear.accuracy.advice_tables import advice_table
 from nonlinear.accuracy.attempts import Goal
 from nonlinear.accuracy.candidates import Candidate, Question, list_candidates
 from nonlinear.accuracy.references import choose_references
-from nonlinear.accuracy.tables import tradeoff_table
+from nonlinear.accuracy.tables import advice_table, tradeoff_table
 from nonlinear.accuracy.work_precision import Row, WorkPrecision, measure_work_precision
 
 __all__ = [

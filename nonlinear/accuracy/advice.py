@@ -34,8 +34,7 @@ from time import perf_counter
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal
-from nonlinear.accuracy.shortcuts import in_closed_form, in_few_modes
+from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal, in_closed_form, in_few_modes
 from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
 from nonlinear.system import apart
 

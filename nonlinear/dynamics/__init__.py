@@ -10,19 +10,16 @@ moves alike.
 """
 
 from nonlinear.dynamics.banded import Banded
-from nonlinear.dynamics.dense import Small
+from nonlinear.dynamics.dense import Dense, Small
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
-from nonlinear.dynamics.forces import Reactions
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.interrupts import deaf_children, undisturbed
+from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.maximal import Maximal
-from nonlinear.dynamics.mechanics import Mechanics, vectors
-from nonlinear.dynamics.minimal import Minimal, Recursion
-from nonlinear.dynamics.reduced import Reduced
-from nonlinear.dynamics.short import Dense
+from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
+from nonlinear.dynamics.minimal import Body, Minimal, Recursion
 from nonlinear.dynamics.spatial import Spatial, SpatialRecursion
-from nonlinear.dynamics.suspended import Body
-from nonlinear.dynamics.symmetries import Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
+from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, find_symmetries, symmetrize, synchronous
 
 __all__ = [
     "Banded",
@@ -39,6 +36,7 @@ __all__ = [
     "Spatial",
     "SpatialRecursion",
     "Symmetry",
+    "acting",
     "deaf_children",
     "exactly_symmetric",
     "find_symmetries",

@@ -14,9 +14,9 @@ import numpy as np
 
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.minimal import Minimal
+from nonlinear.dynamics.joints import joint_law
+from nonlinear.dynamics.minimal import NOTHING, Minimal
 from nonlinear.dynamics.recursion import links_of
-from nonlinear.dynamics.suspended import NOTHING
 from nonlinear.system import System
 
 njit: Any
@@ -42,6 +42,9 @@ def _compiled(function: Any) -> Any:
         return njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
         return njit(error_model="numpy")(function)
+
+
+_joint_law = _compiled(joint_law)
 
 
 @_compiled
@@ -81,9 +84,8 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     turned, speed = angles[i], rates[i]
     if not top:
         turned, speed = turned - angles[i - 1], speed - rates[i - 1]
-    gamma = turned - bent
-    torque = (strength - curb * gamma * gamma - damping) * speed
-    return torque - stiffness * gamma, torque * speed
+    kept, working = _joint_law(turned - bent, speed, stiffness, damping, strength, curb)
+    return kept + working, working * speed
 
 
 @_compiled
@@ -124,9 +126,10 @@ def _derivative(y, links, first, cart, gravity, works, push, moments):  # type: 
         answer, lost = _upward(links, first[p], first[p + 1], angles, rates, moments, turns)
         mass, force, power = mass + answer[0], force + (answer[3] - gravity * answer[1]), power + lost
     if on_cart:
-        x2 = (push - cart[1] * y[half] - cart[2] * y[0] - force) / (cart[0] + mass)
+        kept, working = _joint_law(y[0], y[half], cart[2], cart[1])
+        x2 = (push + working + kept - force) / (cart[0] + mass)
         found[half] = x2
-        power += y[half] * (push - cart[1] * y[half])
+        power += y[half] * (push + working)
     for p in range(len(first) - 1):
         _downward(links, first[p], first[p + 1], rates, turns, x2, -gravity, turned)
     if works:

@@ -1,7 +1,15 @@
-"""Small scenes in the plane: one dense matrix of everything, which for a few links beats every cleverer form.
+"""Small scenes and short chains in the plane: dense matrices, which for a few links beat every cleverer form.
 
-M_ij = A_ij cos(θ_i − θ_j),   M_0i = b_i cos θ_i,   M_00 = m_c + Σ m
-M (x'', θ'') = (F + Σ b_i sin θ_i θ_i'²,  Q_i − g b_i sin θ_i − Σ_j A_ij sin(θ_i − θ_j) θ_j'²)
+A whole scene is one matrix,
+
+    M_ij = A_ij cos(θ_i − θ_j),   M_0i = b_i cos θ_i,   M_00 = m_c + Σ m
+    M (x'', θ'') = (F + Σ b_i sin θ_i θ_i'²,  Q_i − g b_i sin θ_i − Σ_j A_ij sin(θ_i − θ_j) θ_j'²)
+
+or every pendulum of a group one of its own, all of them solved at once:
+
+    Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
+
+is solved for θ_i'' at rest of the cart and for its answer to x'' = 1.
 """
 
 from __future__ import annotations
@@ -15,9 +23,9 @@ import numpy as np
 from modal import pair
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics import efforts
-from nonlinear.dynamics.minimal import Minimal
-from nonlinear.dynamics.suspended import NOTHING
+from nonlinear.dynamics.joints import acting
+from nonlinear.dynamics.minimal import NOTHING, Minimal
+from nonlinear.system import Group
 
 SINGULAR = "the mass matrix is singular in double precision"
 
@@ -78,8 +86,39 @@ class Small(Minimal):
         """Add what springs, dampers and loads do."""
         first, state = int(self.layout.on_cart), self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
-        force[first:] += efforts.on_links(self.system, state, push)
+        on_cart, on_links, power = acting(self.system, state, push)
+        force[first:] += on_links
         if first:
-            force[0] += efforts.on_cart(self.system, state, push)
+            force[0] += on_cart
         if self.layout.works:
-            found[-1] = efforts.power(self.system, state, push)
+            found[-1] = power
+
+
+class Dense:
+    """A group of short chains; the cart feels Σ b cos θ θ'' less what the swinging throws out."""
+
+    def __init__(self, group: Group) -> None:
+        block = group.block
+        A = pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)
+        self.A = np.ascontiguousarray(np.moveaxis(np.array(A), 2, 0))
+        self.b = block.b.T
+        self.mass = float(block.mass.sum())
+
+    def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
+        """The effective mass (kg) and force (N) along the rail."""
+        theta, squared = angles.T, rates.T**2
+        apart = theta[:, :, None] - theta[:, None, :]
+        across, along = self.b * np.cos(theta), self.b * np.sin(theta)
+        thrown = (self.A * np.sin(apart)) @ squared[..., None]
+        sides = np.stack((moments.T - gravity * along - thrown[..., 0], across), axis=-1)
+        try:
+            free, pushed = np.moveaxis(np.linalg.solve(self.A * np.cos(apart), sides), -1, 0)
+        except np.linalg.LinAlgError:
+            raise ComputationError(SINGULAR) from None
+        force = np.sum(across * free) - np.sum(along * squared)
+        return self.mass - np.sum(across * pushed), force, (free, pushed)
+
+    def turn(self, memory: Any, push: Any) -> Any:
+        """θ'' (n, P)."""
+        free, pushed = memory
+        return (free - pushed * push).T

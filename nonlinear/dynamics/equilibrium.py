@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics import efforts
+from nonlinear.dynamics.joints import acting
 from nonlinear.system import AppliedForces, Group, State, System
 
 ROUNDING = 16 * float(np.finfo(float).eps)  # of moments that are in balance, relative to their parts
@@ -22,7 +22,7 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
     """
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
     still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
-    felt = efforts.on_links(replace(system, spatial=False), State(angles, 0.0 * angles), AppliedForces())
+    _, felt, _ = acting(replace(system, spatial=False), State(angles, 0.0 * angles), AppliedForces())
     found = []
     for group in system.groups:
         weight, bent = system.gravity * group.block.b, angles[group.index]

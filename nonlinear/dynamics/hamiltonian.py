@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics import efforts, joints
+from nonlinear.dynamics.joints import acting, spring_energy
 from nonlinear.dynamics.minimal import Recursion
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
 
@@ -79,7 +79,7 @@ def potential(system: System, cart: Any, links: Any) -> Any:
         angles = links[group.index]
         b = group.block.b.reshape(*group.block.b.shape, *[1] * (angles.ndim - 2))
         found = found - (system.gravity * b * np.cos(angles)).sum((0, 1))
-        found = found + joints.spring_energy(group, angles).sum((0, 1))
+        found = found + spring_energy(group, angles).sum((0, 1))
     return found
 
 
@@ -102,21 +102,16 @@ class Hamiltonian:
         return Layout(system.n_links, 1, system.cart is not None, works)
 
     def derivative(self, time: float, y: Floats) -> Floats:
-        """Y' of shape (size,)."""
+        """Y' of shape (size,): q', then p' = −∂H/∂q and what dampers and loads add."""
         state = self.read(y[None])[0]
         push = self.load(time, state) if self.load else AppliedForces()
         rates = self.layout.begin(state)[self.layout.half : 2 * self.layout.half]
-        work = [efforts.power(self.system, state, push)] if self.layout.works else []
-        return np.concatenate((rates, self._forces(state, push), work))
-
-    def _forces(self, state: State, push: AppliedForces) -> Floats:
-        """P' = −∂H/∂q and what dampers and loads add."""
-        found = efforts.on_links(self.system, state, push)
+        on_cart, on_links, power = acting(self.system, state, push)
         for group in self.system.groups:
-            angles, rates = state.links[group.index], state.link_rates[group.index]
-            thrown = rates * carried(group, angles, rates, state.cart_rate).along
-            found[group.index] -= thrown + self.system.gravity * group.block.b * np.sin(angles)
-        return np.concatenate(([efforts.on_cart(self.system, state, push)], found)) if self.system.cart else found
+            angles, turning = state.links[group.index], state.link_rates[group.index]
+            thrown = turning * carried(group, angles, turning, state.cart_rate).along
+            on_links[group.index] -= thrown + self.system.gravity * group.block.b * np.sin(angles)
+        return np.concatenate((rates, [on_cart] if self.system.cart else [], on_links, [power] * self.layout.works))
 
     def begin(self, state: State) -> Floats:
         """The vector y of a state."""

@@ -1,7 +1,11 @@
-"""Springs, dampers and drives at the joints of chains in the plane: moments, energy, power, all (n, P) or summed.
+"""What acts on a plane scene besides gravity and the pivots: springs, dampers and drives, and a load from outside.
 
-A spring acts on the angle γ between two neighbouring links less the one at which it is relaxed, a damper on its rate,
-a van der Pol torque (e − curb γ²) γ' on both.
+At a joint, or between cart and rail, they answer the displacement γ from where the spring is relaxed and its rate with
+
+    −k γ + (e − curb γ² − d) γ'
+
+where the second term does work and the first keeps it; γ of a joint is the angle between two neighbouring links less
+the one at rest.  A load is a force on the cart and a moment on every link.
 """
 
 from __future__ import annotations
@@ -11,7 +15,37 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.system import Group
+from nonlinear.system import AppliedForces, Group, State, System
+
+
+def joint_law(gamma: Any, rate: Any, stiffness: Any, damping: Any, strength: Any = 0.0, curb: Any = 0.0) -> Any:
+    """The force that keeps energy, and the one that drains or feeds it: N at the rail, N m at a joint."""
+    return -stiffness * gamma, (strength - damping - curb * gamma**2) * rate
+
+
+def cart_force(system: System, x: Any, rate: Any) -> Any:
+    """Force (N) of the rail's spring and of its damper, as in `joint_law`; 0 on a fixed support."""
+    cart = system.cart
+    return joint_law(x, rate, cart.stiffness, cart.damping) if cart else (0.0, 0.0)
+
+
+def joint_torques(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
+    """Generalized forces (N m) on the absolute angles, (n, P, ...) as these are, and the power of these.
+
+    That is what dampers drain and van der Pol torques feed (W), (...).
+    """
+    block, drive, speed = group.block, group.excitation, relative(rates)
+    curbed = (drive.strength, drive.curb) if group.excited and drive else ()
+    constants = (_spread(constant, angles) for constant in (block.stiffness, block.damping, *curbed))
+    kept, working = joint_law(bend(group, angles), speed, *constants)
+    torques = kept + working
+    torques[:-1] -= torques[1:].copy()
+    return torques, np.sum(working * speed, axis=(0, 1))
+
+
+def spring_energy(group: Group, angles: Floats) -> Floats:
+    """Energy (J) of every joint spring, (n, P, ...)."""
+    return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles) ** 2 / 2)
 
 
 def relative(values: Any) -> Any:
@@ -26,35 +60,23 @@ def bend(group: Group, angles: Any) -> Any:
     return relative(angles) - _spread(group.bent, angles)
 
 
-def moments(group: Group, angles: Any, rates: Any) -> Any:
-    """Generalized forces (N m) on the absolute angles, (n, P, ...) as the angles are."""
-    hinge = np.zeros_like(angles)
-    if group.sprung:
-        hinge -= _spread(group.block.stiffness, angles) * bend(group, angles)
-    if group.damped or group.excited:
-        hinge += _gain(group, angles) * relative(rates)
-    hinge[:-1] -= hinge[1:].copy()
-    return hinge
-
-
-def power(group: Group, angles: Any, rates: Any) -> Any:
-    """Power (W) of the joint dampers, never positive, and of the van der Pol torques, (...)."""
-    return np.sum(_gain(group, angles) * relative(rates) ** 2, axis=(0, 1))
-
-
-def spring_energy(group: Group, angles: Floats) -> Floats:
-    """Energy (J) of every joint spring, (n, P, ...)."""
-    return np.asarray(_spread(group.block.stiffness, angles) * bend(group, angles) ** 2 / 2)
-
-
-def _gain(group: Group, angles: Any) -> Any:
-    """What dampers and van der Pol torques multiply γ' by (N m s/rad)."""
-    if not group.excited:
-        return -_spread(group.block.damping, angles)
-    assert group.excitation is not None
-    spare = group.excitation.strength - group.block.damping
-    return _spread(spare, angles) - _spread(group.excitation.curb, angles) * bend(group, angles) ** 2
-
-
 def _spread(constant: Floats, like: Any) -> Floats:
     return constant.reshape(*constant.shape, *[1] * (like.ndim - 2))
+
+
+def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:
+    """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and the power (W) of all these.
+
+    The pivots are left out, and so is what keeps energy from the power.
+    """
+    torques, power = state.links * 0.0, 0.0
+    for group in system.groups:
+        if group.hinged:
+            own = group.index
+            torques[own], drained = joint_torques(group, state.links[own], state.link_rates[own])
+            power += float(drained)
+    if push.moments is not None:
+        torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
+    kept, working = cart_force(system, state.cart, state.cart_rate)
+    outside = push.cart + working if system.cart else 0.0
+    return outside + kept, torques, power + float(state.cart_rate * outside)

@@ -1,15 +1,25 @@
 """Motion in the plane in maximal coordinates: paper 000's DAE of cart and double pendula for any plane scene.
 
-Every link moves freely under gravity, springs, dampers and loads f, held by pivot forces λ that are unknowns too:
+Coordinates q = (x, z of the cart; x, z, θ of the centre of every link) with z down, the cart's left out on a fixed
+support.  Every link moves freely under gravity, springs, dampers and loads f, held by pivot forces λ that are unknowns
+too: the ground's push up on the cart, then the force from above on every link,
 
     M q'' + Gᵀ λ = f,   G q'' = γ      5L unknowns, 5L + 3 on a cart: 10 n + 3 for n double pendula
+
+With u = (sin θ, cos θ) along a link, n = (cos θ, −sin θ) across it and e = l − c, link i hangs from h where
+
+    g_i = r_h + e_h u_h − (r_i − c_i u_i) = 0,    G q' = g_i with r' for r and θ' n for u,
+    γ_i = e_h θ_h'² u_h + c_i θ_i'² u_i
+
+The end of the support is the cart's centre, whose own constraint, the first, is z = 0.  The matrix is regular although
+bobs have no inertia and a cart may have no mass.
 
 The accelerations keep the constraints, round-off and integration errors do not: the system is of index 1, and positions
 drift off (linearly in the velocities' error, quadratically in the accelerations').  So between steps `project` puts q
 and q' back by the least change in the sense of the masses, min ½ δᵀM δ with G δ = −g, one linear system of the same
 matrix a Newton step (Hairer, Lubich & Wanner, Geometric Numerical Integration, 2006, §IV.4).  It leaves the centre of
 mass and the momentum along the rail as they are.  Source: paper 000, section IV, corrected
-(`modal.symbolic.papers.cart_dae`).
+(`modal.symbolic.papers.cart_dae`), written link to link.
 """
 
 from __future__ import annotations
@@ -20,17 +30,19 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array, csc_array
+from scipy.sparse.linalg import splu
 
 from modal.errors import ComputationError
-from modal.types import Floats
-from nonlinear.dynamics import efforts
-from nonlinear.dynamics.constraints import Pivots
-from nonlinear.dynamics.forces import Reactions
-from nonlinear.dynamics.saddle import Saddle
+from modal.types import Floats, Ints
+from nonlinear.dynamics.joints import acting
+from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
 
 NEWTON = 6
 CLOSED, OPEN = 4 * float(np.finfo(float).eps), 1e-9
+DENSE = 120
+SINGULAR = "an acceleration stays open, as of a cart without mass over hanging bobs: give the cart some mass"
 
 
 class Drift(NamedTuple):
@@ -69,22 +81,25 @@ class Maximal:
     def unknowns(self, time: float, y: Floats) -> Floats:
         """The paper's u: q'' (m/s², rad/s²), then `normal` on a cart, then the force from above on every link (N)."""
         state = self._state(y)
-        return self._unknowns(state, self._push(time, state))
+        return self._solved(state, self._push(time, state))[0]
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """Y' of shape (size,)."""
         state, size = self._state(y), self.pivots.size
         push = self._push(time, state)
-        work = [efforts.power(self.system, state, push)] if self.works else []
-        return np.concatenate((y[size : 2 * size], self._unknowns(state, push)[:size], work))
+        unknowns, power = self._solved(state, push)
+        return np.concatenate((y[size : 2 * size], unknowns[:size], [power] * self.works))
 
-    def _unknowns(self, state: State, push: AppliedForces) -> Floats:
+    def _solved(self, state: State, push: AppliedForces) -> tuple[Floats, float]:
+        """The unknowns, and the power (W) of dampers, drives and the load."""
         system, forces = self.system, np.zeros(self.pivots.size)
         support, links = self.pivots.parts(forces)
-        support += efforts.on_cart(system, state, push), system.gravity * system.cart.mass if system.cart else 0.0
+        on_cart, on_links, power = acting(system, state, push)
+        support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
-        links[:, 2] = efforts.on_links(system, state, push)
-        return self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
+        links[:, 2] = on_links
+        unknowns = self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
+        return unknowns, power
 
     def _push(self, time: float, state: State) -> AppliedForces:
         return self.load(time, state) if self.load else AppliedForces()
@@ -156,14 +171,181 @@ class Maximal:
     def reactions(self, motion: Motion, times: Floats | None = None) -> Reactions:
         """Every force of a motion, of this system or of any other; `times` (T,) in s are what a load depends on."""
         size, first = self.pivots.size, self.pivots.first
-        moments = np.zeros(len(motion.cart)) if times is None else times
-        states = [motion[at] for at in range(len(moments))]
-        found = np.array(
-            [self._unknowns(state, self._push(time, state))[size:] for time, state in zip(moments, states, strict=True)]
-        )
+        at = np.zeros(len(motion.cart)) if times is None else times
+        states = [motion[place] for place in range(len(at))]
+        solved = [self._solved(state, self._push(time, state))[0] for time, state in zip(at, states, strict=True)]
+        found = np.array(solved)[:, size:]
         pivots, tops = found[:, first // 2 :].reshape(len(found), -1, 2), self.pivots.above < 0
         return Reactions(found[:, 0] if first else -pivots[:, tops, 1].sum(1), pivots, tops)
 
 
 def _widest(gaps: Floats) -> float:
     return float(np.abs(gaps).max())
+
+
+@dataclass(frozen=True, eq=False)
+class Pivots:
+    """The constraints of a plane scene: 2L of them, and one more on a cart, on 3L coordinates, and two more."""
+
+    system: System
+
+    @cached_property
+    def first(self) -> int:
+        """Coordinates of the cart."""
+        return 2 if self.system.cart else 0
+
+    @cached_property
+    def size(self) -> int:
+        """Number of coordinates."""
+        return self.first + 3 * self.system.n_links
+
+    @cached_property
+    def above(self) -> Ints:
+        """The link that each link hangs from, −1 for the support, (L,)."""
+        found = np.full(self.system.n_links, -1)
+        for group in self.system.groups:
+            found[group.index[1:]] = group.index[:-1]
+        return found
+
+    @cached_property
+    def centre(self) -> Floats:
+        """From the upper pivot to the centre of mass (m), (L,)."""
+        return self.system.by_link("centre")
+
+    @cached_property
+    def rest(self) -> Floats:
+        """From the centre of mass to the lower pivot (m), (L,)."""
+        return self.system.by_link("length") - self.centre
+
+    @cached_property
+    def reach(self) -> float:
+        """Length (m) of the longest pendulum, of which violations are fractions."""
+        return max(float(group.block.length.sum(0).max()) for group in self.system.groups)
+
+    def parts(self, q: Floats) -> tuple[Floats, Floats]:
+        """Support (2,) and links (L, 3) in a vector of coordinates, of velocities or of accelerations."""
+        support = q[:2] if self.first else np.zeros(2)
+        return support, q[self.first :].reshape(-1, 3)
+
+    def placed(self, state: State) -> tuple[Floats, Floats]:
+        """Q and q' of a state, every constraint kept."""
+        u, n = _directions(state.links)
+        q = self._hung(u, state.links, state.cart)
+        return q, self._hung(state.link_rates[:, None] * n, state.link_rates, state.cart_rate)
+
+    def _hung(self, arms: Floats, turns: Floats, cart: float) -> Floats:
+        support = np.array([cart, 0.0])
+        links = np.column_stack((arms, turns))
+        for group in self.system.groups:
+            own = arms[group.index]
+            ends = np.cumsum(group.block.length[..., None] * own, axis=0)
+            links[group.index, :2] = support + ends - self.rest[group.index][..., None] * own
+        return np.concatenate((support[: self.first], links.ravel()))
+
+    def gaps(self, q: Floats) -> Floats:
+        """By how much the pivots stand open (m)."""
+        support, links = self.parts(q)
+        return self._apart(links[:, :2], _directions(links[:, 2])[0], support)
+
+    def opening(self, q: Floats, v: Floats) -> Floats:
+        """G q', how fast the pivots open (m/s)."""
+        support, rates = self.parts(v)
+        n = _directions(self.parts(q)[1][:, 2])[1]
+        return self._apart(rates[:, :2], rates[:, 2:] * n, support)
+
+    def gamma(self, angles: Floats, rates: Floats) -> Floats:
+        """γ (m/s²), what G q'' must be for the pivots to stay closed."""
+        arms = rates[:, None] ** 2 * _directions(angles)[0]
+        return self._apart(np.zeros_like(arms), arms, np.zeros(2))
+
+    def _apart(self, middle: Floats, arms: Floats, support: Floats) -> Floats:
+        ends = np.vstack((middle + self.rest[:, None] * arms, support))
+        gaps = ends[self.above] - (middle - self.centre[:, None] * arms)
+        return np.concatenate((support[self.first // 2 : self.first], gaps.ravel()))
+
+
+def _directions(angles: Floats) -> tuple[Floats, Floats]:
+    """U along and n across every link as (along the rail, down), (L, 2) each."""
+    sin, cos = np.sin(angles), np.cos(angles)
+    return np.column_stack((sin, cos)), np.column_stack((cos, -sin))
+
+
+class Saddle:
+    """The scaled entries of one scene's matrix: masses, G and Gᵀ, of which only sines and cosines change."""
+
+    def __init__(self, pivots: Pivots) -> None:
+        self.coordinates = pivots.size
+        masses, roots = _masses(pivots)
+        rows, columns, self.still, self.arm, self.turner = _entries(pivots)
+        bound = np.concatenate((self.still, self.arm)) / roots[columns]
+        self.scale = np.concatenate((1 / roots, 1 / np.sqrt(np.bincount(rows, bound**2))))
+        diagonal, self.size = np.arange(pivots.size), len(self.scale)
+        self.rows = np.concatenate((diagonal, pivots.size + rows, columns))
+        self.columns = np.concatenate((diagonal, columns, pivots.size + rows))
+        self.weight = self.scale[self.rows] * self.scale[self.columns]
+        self.masses = masses
+        order = np.arange(1, len(self.rows) + 1)
+        self.pattern = coo_array((order, (self.rows, self.columns)), shape=(self.size, self.size)).tocsc()
+
+    @property
+    def is_dense(self) -> bool:
+        """Whether it is solved as a dense matrix."""
+        return self.size <= DENSE
+
+    def solve(self, angles: Floats, upper: Floats | float, lower: Floats | float) -> Floats:
+        """(q'', λ), or the like, with forces `upper` and accelerations `lower` on the right.
+
+        ComputationError where the motion is not determined.
+        """
+        right = np.empty(self.size)
+        right[: self.coordinates], right[self.coordinates :] = upper, lower
+        try:
+            return np.asarray(self.scale * self._solved(self._values(angles), self.scale * right))
+        except (np.linalg.LinAlgError, RuntimeError):
+            raise ComputationError(SINGULAR) from None
+
+    def _values(self, angles: Floats) -> Floats:
+        trig = np.concatenate((np.cos(angles), -np.sin(angles)))
+        G = np.concatenate((self.still, self.arm * trig[self.turner]))
+        return np.asarray(self.weight * np.concatenate((self.masses, G, G)))
+
+    def _solved(self, values: Floats, right: Floats) -> Floats:
+        if not self.is_dense:
+            pattern = self.pattern
+            matrix = csc_array((values[pattern.data - 1], pattern.indices, pattern.indptr), shape=pattern.shape)
+            return np.asarray(splu(matrix).solve(right))
+        dense = np.zeros((self.size, self.size))
+        dense[self.rows, self.columns] = values
+        return np.asarray(np.linalg.solve(dense, right), dtype=np.float64)
+
+
+def _masses(pivots: Pivots) -> tuple[Floats, Floats]:
+    """The diagonal of M, and the root of each coordinate's inertia, never zero."""
+    system, mass, inertia = pivots.system, pivots.system.mass, pivots.system.by_link("inertia")
+    cart = [system.cart.mass] * 2 if system.cart else []
+    links = np.column_stack((mass, mass, inertia))
+    turning = np.column_stack((mass, mass, inertia + mass * pivots.centre**2))
+    loaded = [one + float(mass.sum()) for one in cart]
+    return np.concatenate((cart, links.ravel())), np.sqrt(np.concatenate((loaded, turning.ravel())))
+
+
+def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:
+    """(rows, columns) of G; the entries that stay; the arms of those that turn, and the (cos, −sin) of which link.
+
+    Row r is a pivot along the rail, r + 1 the same one down.
+    """
+    first, links = pivots.first, np.arange(pivots.system.n_links)
+    r, x = first // 2 + 2 * links, first + 3 * links
+    inner = pivots.above >= 0
+    upper = pivots.above[inner]
+    on_cart = r[~inner] if first else r[:0]
+    cart = np.zeros_like(on_cart)
+    still = [(r, x, -1.0), (r + 1, x + 1, -1.0), (r[inner], x[upper], 1.0), (r[inner] + 1, x[upper] + 1, 1.0)]
+    still += [(on_cart, cart, 1.0), (on_cart + 1, cart + 1, 1.0), (cart[:1], cart[:1] + 1, 1.0)]
+    c, e, count = pivots.centre, pivots.rest[upper], len(links)
+    turning = [(r, x + 2, c, links), (r + 1, x + 2, c, links + count)]
+    turning += [(r[inner], x[upper] + 2, e, upper), (r[inner] + 1, x[upper] + 2, e, upper + count)]
+    rows, columns = (np.concatenate([entry[part] for entry in (*still, *turning)]) for part in (0, 1))
+    values = np.concatenate([np.full(len(where), value) for where, _, value in still])
+    arms, turners = (np.concatenate([entry[part] for entry in turning]) for part in (2, 3))
+    return rows, columns, values, arms, turners

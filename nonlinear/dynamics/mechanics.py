@@ -12,9 +12,9 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.types import Floats
-from nonlinear.dynamics import joints
+from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.joints import spring_energy
 from nonlinear.system import Group, Motion, System
 
 
@@ -101,7 +101,7 @@ class Mechanics:
         if self.system.spatial:
             energy = ball_joints.spring_energy(group, np.moveaxis(own, (0, -1), (-1, 0)))
         else:
-            energy = joints.spring_energy(group, np.moveaxis(own, 0, -1))
+            energy = spring_energy(group, np.moveaxis(own, 0, -1))
         return np.moveaxis(energy, -1, 0)
 
     @cached_property
@@ -155,3 +155,27 @@ class Mechanics:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]
         return needed
+
+
+@dataclass(frozen=True, eq=False)
+class Reactions:
+    """Forces (N) at T times.
+
+    `normal` (T,): the rail's push up on the cart, or a fixed support's on everything (R in paper 000, section IV.A).
+    `pivots` (T, L, d): what each link gets from above at its upper joint, along the rail and down (across in between,
+    in space).  `tops` (L,) says which links hang from the support.
+    """
+
+    normal: Floats
+    pivots: Floats
+    tops: Booleans
+
+    @property
+    def R_B(self) -> Floats:
+        """Of the support on the first link of every pendulum, as in paper 000."""
+        return self.pivots[:, self.tops]
+
+    @property
+    def R_P(self) -> Floats:
+        """Of every further link on the one above it: paper 000 draws it on the upper link."""
+        return -self.pivots[:, ~self.tops]

@@ -9,10 +9,10 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.minimal import Suspended
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.spatial_joints import generalized
 from nonlinear.dynamics.spatial_recursion import cross, dot, downward, facing, upward
-from nonlinear.dynamics.suspended import Suspended
 from nonlinear.system import Group
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from modal.assembly import ARRAYS, CartNumbers
 from modal.types import Floats, Ints
-from nonlinear.system import Group, Motion, State, System, unit_vectors, velocities
+from nonlinear.system import Equations, Group, Load, Motion, State, System, unit_vectors, velocities
 
 FAR = 10.0  # radians, or lengths of the longest link
 WIDE = 200  # powers of two of m l² (kg m²)
@@ -232,3 +232,48 @@ def _counted(group: Group, units: dict[str, float], moment: float) -> Group:
     numbers = {name: getattr(group.block, name) / unit for name, unit in units.items()}
     excitation = group.excitation and group.excitation.times(1 / moment)
     return replace(group, block=replace(group.block, **numbers), excitation=excitation)
+
+
+@dataclass(frozen=True, eq=False)
+class Reduced:
+    """The equations `inner` of the last of these symmetries, read as the motion of the whole `system`."""
+
+    system: System
+    inner: Equations
+    symmetries: Sequence[Symmetry]
+
+    @property
+    def words(self) -> str:
+        """What is integrated."""
+        return "; ".join(symmetry.words for symmetry in self.symmetries)
+
+    @property
+    def load(self) -> Load | None:
+        """Nothing acts from outside: it might break the symmetry."""
+        return None
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        return self.inner.scale
+
+    def derivative(self, time: float, y: Floats) -> Floats:
+        """The rate of y, (size,)."""
+        return self.inner.derivative(time, y)
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state."""
+        for symmetry in self.symmetries:
+            state = symmetry.restrict(state)
+        return self.inner.begin(state)
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion of the whole in vectors (T, size)."""
+        motion = self.inner.read(rows)
+        for symmetry in reversed(self.symmetries):
+            motion = symmetry.extend(motion)
+        return motion
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """The nearest y that keeps every constraint, and the largest violation that it mends."""
+        return self.inner.project(y)

@@ -4,11 +4,10 @@ In: trajectories, studies, sweeps.  Out: a `Figure`, an image, or a GIF, MP4 or 
 and with `animation` for films.
 """
 
-from nonlinear.plotting.animation import animate
+from nonlinear.plotting.animation import SECONDS, animate, strobe
 from nonlinear.plotting.branches import branches_figure, draw_branches
 from nonlinear.plotting.chaos import draw_finding, draw_running
 from nonlinear.plotting.run import draw_run
-from nonlinear.plotting.stroboscope import SECONDS, strobe
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
 from nonlinear.plotting.verification import check_figure, draw_check, draw_spectrum

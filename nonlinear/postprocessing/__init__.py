@@ -6,10 +6,10 @@ Start with `summary`.
 
 from nonlinear.postprocessing.averages import last, smooth
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
-from nonlinear.postprocessing.inventory import run_inventory
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
 from nonlinear.postprocessing.spectra import power_spectrum
+from nonlinear.postprocessing.summary import run_inventory
 
 __all__ = [
     "LEAST_PERIODS",

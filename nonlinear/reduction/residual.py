@@ -22,8 +22,8 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics import joints
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.joints import cart_force, joint_torques
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
 
@@ -49,7 +49,7 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
             whole[first:][group.index] = force
     if system.cart:
         x, speed, acceleration = planes[0][:, 0]
-        found[0][0] = system.total_mass * acceleration + system.cart.damping * speed + system.cart.stiffness * x + pull
+        found[0][0] = system.total_mass * acceleration + pull - sum(cart_force(system, x, speed))
     return found
 
 
@@ -63,7 +63,7 @@ def _planar(group: Group, own: list[Floats], felt: Floats) -> tuple[Floats, Any]
     along, up = _inertial(group, second, felt)
     forces = cosine * along - sine * up
     if group.hinged:
-        forces -= joints.moments(group, theta, rate)
+        forces -= joint_torques(group, theta, rate)[0]
     return second, forces[None]
 
 

@@ -24,7 +24,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics import efforts
+from nonlinear.dynamics import acting
 from nonlinear.system import AppliedForces, Group, Load, Motion, State, System
 
 
@@ -129,8 +129,8 @@ class Truncated:
         state, R = self.state(y), self.size
         push = self.load(time, state) if self.load else AppliedForces()
         M = self._constant.copy()
-        force = efforts.on_links(self.system, state, push) @ self.links
-        force += efforts.on_cart(self.system, state, push) * self.cart
+        on_cart, on_links, power = acting(self.system, state, push)
+        force = on_links @ self.links + on_cart * self.cart
         for one in self.turnings:
             place = one.group.index.T
             mass, pull = one.equations(self.cart, state.links[place], state.link_rates[place], self.system.gravity)
@@ -139,8 +139,7 @@ class Truncated:
             found = np.linalg.solve(M, force)
         except np.linalg.LinAlgError:
             raise ComputationError("the reduced mass matrix is singular: keep fewer modes") from None
-        work = [efforts.power(self.system, state, push)] if self.works else []
-        return np.concatenate((y[R : 2 * R], found, work))
+        return np.concatenate((y[R : 2 * R], found, [power] * self.works))
 
     def state(self, y: Floats) -> State:
         """The state in one vector."""

@@ -12,9 +12,8 @@ from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
 from nonlinear.sweeps.executors import WorkerPool
 from nonlinear.sweeps.files import load, save
 from nonlinear.sweeps.measures import MEASURES, parse_measures
-from nonlinear.sweeps.running import Sweep, sweep
+from nonlinear.sweeps.running import Sweep, reasons, sweep, sweep_text
 from nonlinear.sweeps.study import Study
-from nonlinear.sweeps.sweep_tables import reasons, sweep_text
 
 __all__ = [
     "MEASURES",

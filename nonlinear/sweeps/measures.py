@@ -1,15 +1,250 @@
-"""All measures by name."""
+"""Measures: what is asked of every scene of a sweep, by name, as a few named numbers.
+
+A name of a number ends in its unit, `omega_1_rad_per_s`; what is a pure number has none, `damping_ratio_1`.  Some are
+read off the modes that swing, Im λ ≠ 0, others off a run of so many seconds from the scene's own start.
+
+All points of a sweep have the numbers of one table, that of the scene as it is given, so that they go on smoothly where
+dampers appear and where frequencies become equal: the k-th mode that swings, copies counted out, is the k-th there, and
+copies of mode 2 are 2, 2b, 2c, …  A point at which more modes swing, or fewer, has the numbers of its own table.  What
+is beyond double precision is NaN.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
+from math import inf, isfinite, nan, pi
 
-from modal.errors import SceneError, meant
-from nonlinear.sweeps.measure import Measure, RequestedMeasure
-from nonlinear.sweeps.modal_measures import MODAL
-from nonlinear.sweeps.run_measures import RUNS
-from nonlinear.sweeps.sync_measures import SYNC
+import numpy as np
+from numpy.typing import NDArray
 
+from modal.errors import ComputationError, SceneError, meant
+from modal.modes import UNCERTAIN, labelled, natural_modes
+from modal.report import counted
+from modal.scene import Scene
+from modal.types import Floats
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import extremes, last
+from nonlinear.simulation import simulate
+from nonlinear.synchronization import ENDING, Phases, Survival, find_survival, phases_of
+
+Values = NDArray[np.complex128]
+FEW = 4  # pendula whose energies are told one by one
+USUAL, LONGEST = 100.0, 1e6  # seconds
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A function of a scene and one number, `usual` where nobody says which (0: it finds one by itself).
+
+    `words` say what it finds and what of.
+
+    The function stands in a module, not in another function, so that other processes find it.  `whole` says that its
+    number counts something, `numbered` that it is told, third, in the table of which scene modes have their numbers.
+    """
+
+    name: str
+    function: Callable[..., dict[str, float]]
+    usual: float
+    words: str
+    whole: bool = True
+    most: float = 1000
+    numbered: bool = False
+
+
+@dataclass(frozen=True)
+class RequestedMeasure:
+    """A measure with its number."""
+
+    measure: Measure
+    number: float
+
+    def __post_init__(self) -> None:
+        if self.number != self.measure.usual:
+            self.insist()
+
+    def insist(self) -> RequestedMeasure:
+        """Itself; SceneError where its number is out of range."""
+        kind = f"a {'whole ' * self.measure.whole}number above 0 and at most {self.measure.most:g}"
+        fits = isfinite(self.number) and 0 < self.number <= self.measure.most
+        if not fits or (self.measure.whole and self.number != int(self.number)):
+            raise SceneError([f"{self.measure.name}:{self.number:g}: must have {kind}"])
+        return self
+
+    @property
+    def text(self) -> str:
+        """As it is asked for: `frequencies:4`."""
+        return f"{self.measure.name}:{self.number:g}" if self.number else self.measure.name
+
+    def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
+        """Its numbers of a scene; modes have their numbers in the table of `table`, left out of the scene itself."""
+        return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))
+
+
+@lru_cache(maxsize=2)
+def swinging(scene: Scene) -> tuple[Values, tuple[int, ...]]:
+    """λ of all modes that swing, as often as their multiplicity, |λ| ascending, and the number of each."""
+    modes = natural_modes(scene)
+    certain = np.where(modes.error < UNCERTAIN, modes.eigenvalue, np.nan)
+    rows = np.repeat(np.arange(len(modes)), np.where(modes.eigenvalue.imag != 0, modes.multiplicity, 0))
+    return certain[rows], tuple((rows + 1).tolist())
+
+
+def numbers_in(scene: Scene, table: Scene) -> tuple[int, ...]:
+    """The numbers of the modes that swing in a scene by the table of another, by its own where more or fewer swing."""
+    own, given = swinging(scene)[1], swinging(table)[1]
+    return given if len(own) == len(given) else own
+
+
+def frequencies(scene: Scene, count: float, table: Scene) -> dict[str, float]:
+    """The lowest natural frequencies |λ|."""
+    return {f"omega_{name}_rad_per_s": float(abs(value)) for name, value in _first(scene, count, table)}
+
+
+def damping(scene: Scene, count: float, table: Scene) -> dict[str, float]:
+    """Their damping ratios −Re λ/|λ|."""
+    return {f"damping_ratio_{name}": float(-v.real / abs(v) + 0.0) for name, v in _first(scene, count, table)}
+
+
+def _first(scene: Scene, count: float, table: Scene) -> Iterator[tuple[str, np.complex128]]:
+    return islice(zip(labelled(numbers_in(scene, table)), swinging(scene)[0], strict=True), int(count))
+
+
+def splitting(scene: Scene, number: float, table: Scene) -> dict[str, float]:
+    """The distance from one mode to the next."""
+    name, gap = _gap(scene, int(number), table)
+    return {f"splitting_{name}_rad_per_s": gap}
+
+
+def beat(scene: Scene, number: float, table: Scene) -> dict[str, float]:
+    """The time 2π/Δω from one beat of a mode and the next to the following."""
+    name, gap = _gap(scene, int(number), table)
+    return {f"beat_{name}_s": 2 * pi / gap if gap else inf}
+
+
+def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
+    """A mode's number, that of the first that swings for 0, and the gap in Im λ (rad/s) from its last copy upward."""
+    values, listed = swinging(scene)[0].imag, numbers_in(scene, table)
+    order = np.argsort(values, kind="stable")
+    omega, numbers = values[order], [listed[place] for place in order]
+    number = number or next(iter(numbers), 0)
+    last = max((place for place, own in enumerate(numbers) if own == number), default=-1)
+    if last < 0:
+        raise ComputationError(f"mode {number} of the table does not swing: {_those(numbers)}")
+    if last + 1 == len(numbers):
+        raise ComputationError(f"no mode swings after mode {number} of the table: {_those(numbers)}")
+    return number, float(omega[last + 1] - omega[last])
+
+
+def _those(numbers: list[int]) -> str:
+    range_of = f", from {min(numbers)} to {max(numbers)}" if numbers else ""
+    return counted(len(numbers), "mode swings", "modes swing") + range_of
+
+
+NEXT = "mode N (left out, the first that swings) and the next"
+MODAL = (
+    Measure("frequencies", frequencies, 4, "the frequencies of the N slowest modes that swing", numbered=True),
+    Measure("damping", damping, 4, "the damping ratios of the N slowest modes that swing", numbered=True),
+    Measure("splitting", splitting, 0, f"the gap between the frequencies of {NEXT}", numbered=True),
+    Measure("beat", beat, 0, f"the time from one beat of {NEXT} to the next", numbered=True),
+)
+
+
+@lru_cache(maxsize=1)
+def run_of(scene: Scene, seconds: float) -> Trajectory:
+    """The run, kept for the next measure of the same scene; KeyboardInterrupt where Ctrl-C cut it short."""
+    trajectory = simulate(scene, seconds)
+    if trajectory.run.interrupted:
+        raise KeyboardInterrupt
+    return trajectory
+
+
+def energy_drift(scene: Scene, seconds: float) -> dict[str, float]:
+    """The energy certificate of the run, relative."""
+    return {"energy_drift": run_of(scene, seconds).energy_drift()}
+
+
+def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
+    """The largest angle of any link from hanging and how far the cart goes from one side to the other.
+
+    Both are read at the turning points between the samples.
+    """
+    run = run_of(scene, seconds)
+    times, motion = run.times, run.motion
+    if run.system.spatial:
+        height, _ = extremes(times, motion.links[..., 2], motion.link_rates[..., 2])
+        largest = np.arccos(np.clip(height, -1.0, 1.0)).max()
+    else:
+        largest = np.abs(extremes(times, motion.links, motion.link_rates)).max()
+    left, right = extremes(times, motion.cart, motion.cart_rate)
+    return {"largest_angle_deg": float(np.degrees(largest)), "cart_travel_m": float(right - left)}
+
+
+RUNS = (
+    Measure("energy_drift", energy_drift, 10.0, "the relative drift of energy in N seconds", whole=False, most=1e6),
+    Measure("amplitude", amplitude, 10.0, "the largest angle and travel in N seconds", whole=False, most=1e6),
+)
+
+
+@lru_cache(maxsize=1)
+def _phases(scene: Scene, seconds: float) -> Phases:
+    return phases_of(run_of(scene, seconds))
+
+
+@lru_cache(maxsize=1)
+def _survival(scene: Scene, seconds: float) -> Survival:
+    return find_survival(run_of(scene, seconds))
+
+
+def order(scene: Scene, seconds: float) -> dict[str, float]:
+    """The order parameter of the leading own mode, its mean over the last tenth."""
+    phases = _phases(scene, seconds)
+    return {"order": float(_ending(phases, phases.order)[phases.leading])}
+
+
+def survivor(scene: Scene, seconds: float, table: Scene) -> dict[str, float]:
+    """The number in the table of the mode that holds most energy at the end, and its share."""
+    found = _survival(scene, seconds)
+    number, own = found.number, swinging(scene)[1]
+    if number in own:
+        number = numbers_in(scene, table)[own.index(number)]
+    return {"survivor": float(number), "survivor_share": found.survivor_share}
+
+
+def locking(scene: Scene, seconds: float) -> dict[str, float]:
+    """From when on all other rows hold less than a hundredth together; NaN where never."""
+    time = _survival(scene, seconds).locking_time()
+    return {"locking_time_s": nan if time is None else time}
+
+
+def pendulum_energy(scene: Scene, seconds: float) -> dict[str, float]:
+    """Mean energies over the last tenth: of all pendula, of each where they are few, and of the cart."""
+    phases = _phases(scene, seconds)
+    mechanics = phases.trajectory.mechanics
+    each = _ending(phases, phases.energy)
+    found = {"pendula_energy_J": float(each.sum())}
+    if len(each) <= FEW:
+        found |= {f"pendulum_{number}_energy_J": float(value) for number, value in enumerate(each, 1)}
+    if scene.support.kind == "cart":
+        found["cart_energy_J"] = float(_ending(phases, mechanics.cart_kinetic + mechanics.cart_potential))
+    return found
+
+
+def _ending(phases: Phases, values: Floats) -> Floats:
+    return np.asarray(values[last(phases.times, ENDING)].mean(axis=0))
+
+
+SYNC = tuple(
+    Measure(function.__name__, function, USUAL, words, whole=False, most=LONGEST, numbered=function is survivor)
+    for function, words in (
+        (order, "how far the phases agree after N seconds, from 0 to 1"),
+        (survivor, "the mode that holds most energy after N seconds, and its share"),
+        (locking, "from when on it holds 99 %, within N seconds"),
+        (pendulum_energy, "mean energies of pendula and cart after N seconds"),
+    )
+)
 MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC)}
 
 

@@ -1,8 +1,8 @@
-"""Sweeps: a grid of scenes measured on all cores, row by row, each kept as soon as it is known."""
+"""Sweeps: a grid of scenes measured on all cores, row by row, each kept as soon as it is known; a sweep in words."""
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
 from contextlib import closing, nullcontext
@@ -12,8 +12,10 @@ from itertools import islice
 from time import monotonic
 
 import numpy as np
+from tabulate import tabulate
 
 from modal.errors import ComputationError
+from modal.report import visible
 from modal.types import Floats
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.executors import WorkerPool, cores, processes
@@ -23,9 +25,9 @@ PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
 CHUNK, AHEAD = 64, 2
 """The most points that go to a worker together; how many portions a worker has before it, its own included."""
-
 DIED = "its process died, perhaps for want of memory"
-
+MOST_REASONS = 5
+NUMBERED = "Modes have their numbers in the table of the scene as it is given."
 Report = Callable[[float], object]
 Rows = Generator[list[Row], None, None]
 
@@ -166,3 +168,38 @@ def _alone(task: Task, points: Sequence[Point]) -> Rows:
                 except BrokenExecutor:
                     died = True
                     yield [Row(point[0], {}, DIED)]
+
+
+def sweep_text(sweep: Sweep) -> str:
+    """Smallest and largest of every number with their places, then the reasons of points that failed."""
+    return "\n".join(_lines(sweep)) + "\n"
+
+
+def _lines(sweep: Sweep) -> Iterator[str]:
+    yield f"{len(sweep.rows)} of {sweep.study.size} points, {len(sweep.failures)} failed"
+    rows = [_range(sweep, name) for name in sweep.columns]
+    yield tabulate(rows, headers=("number", "smallest", "at", "largest", "at"), disable_numparse=True)
+    yield from reasons(sweep)
+    if any(one.measure.numbered for one in sweep.study.measures):
+        yield NUMBERED
+
+
+def reasons(sweep: Sweep) -> Iterator[str]:
+    """Why points failed, the most frequent reasons first."""
+    found = Counter(sweep.failures.values()).most_common()
+    for reason, count in found[:MOST_REASONS]:
+        yield f"{count} × {visible(reason)}"
+    if len(found) > MOST_REASONS:
+        yield f"and {len(found) - MOST_REASONS} other reasons"
+
+
+def _range(sweep: Sweep, name: str) -> tuple[str, ...]:
+    values = sweep.values(name).ravel()
+    if np.all(np.isnan(values)):
+        return name, "nan", "", "nan", ""
+    ends = int(np.nanargmin(values)), int(np.nanargmax(values))
+    return (name, *(words for end in ends for words in (f"{values[end]:.6g}", _place(sweep, end))))
+
+
+def _place(sweep: Sweep, index: int) -> str:
+    return ", ".join(f"{path} = {value:.6g}" for path, value in sweep.study.point(index).items())

@@ -13,11 +13,9 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.scene import Scene, describe, scene_from
-from modal.scene.parameters import Variation
+from modal.scene.parameters import Variation, vary
 from modal.scene.parameters import validate_variations as insist_varied
-from modal.scene.places import vary
-from nonlinear.sweeps.measure import RequestedMeasure
-from nonlinear.sweeps.measures import parse_measures
+from nonlinear.sweeps.measures import RequestedMeasure, parse_measures
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1

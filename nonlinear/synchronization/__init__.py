@@ -8,14 +8,12 @@ energy; the branches of configurations along a parameter, and a report.
 Start with `study`; `phases` measures, `continuation` follows branches, `report` words both.
 """
 
-from nonlinear.synchronization.branch_tables import branches_csv, branches_text
-from nonlinear.synchronization.branches import Branch, Branches, follow_branches
+from nonlinear.synchronization.continuation import Branch, Branches, follow_branches
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.patterns import agreement
 from nonlinear.synchronization.phases import ENDING, Phases, phases_of
-from nonlinear.synchronization.report import sync_text
+from nonlinear.synchronization.report import branches_csv, branches_text, sync_record, sync_text
 from nonlinear.synchronization.study import SynchronizationStudy, study_synchronization, theory_of_scene
-from nonlinear.synchronization.sync_records import sync_record
 
 __all__ = [
     "ENDING",

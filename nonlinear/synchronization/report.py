@@ -1,17 +1,25 @@
-"""The synchronization of a scene in words: what was predicted, what was seen, and what the theory does not cover."""
+"""The synchronization of a scene in words and in numbers: what was predicted, what was seen, and what is not covered.
+
+Branches of configurations likewise: where each lasts, the critical values, and all of them as CSV.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from math import degrees, isfinite
 from textwrap import TextWrapper, fill
+from typing import Any
 
 import numpy as np
+from tabulate import tabulate
 
 from modal.errors import ComputationError
-from modal.report import WIDTH, capital, counted, grid, listed, percent, rad, short, visible
+from modal.report import WIDTH, capital, counted, csv_rows, finite, grid, listed, percent, rad, short, visible
+from modal.scene import describe
+from modal.types import Floats
 from nonlinear.averaging import ASIDE, Prediction, RelativeEquilibrium
 from nonlinear.postprocessing import last
+from nonlinear.synchronization.continuation import Branch, Branches, Change
 from nonlinear.synchronization.modal_energy import Survival
 from nonlinear.synchronization.patterns import agreement, own_amplitudes
 from nonlinear.synchronization.phases import ENDING
@@ -179,3 +187,125 @@ def _others(system: System, work: float) -> str:
     if any(group.excitation and group.excitation.steady for group in system.groups):
         return f", van der Pol drives and dampers together did {work:.6g} J of work"
     return f", dampers took {-work:.6g} J" if system.dissipates else ""
+
+
+def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
+    """What `json` writes: modes have their numbers in the table; null where there is no value."""
+    theory = found.theory
+    return {
+        "scene": describe(found.scene),
+        "configurations": [_configuration_record(one) for one in theory.configurations] if theory else None,
+        "prediction": _prediction_record(theory.prediction) if theory else None,
+        "no_prediction": found.silent or None,
+        "simulation": _simulation_record(found),
+        "agrees": found.agrees,
+    }
+
+
+def _configuration_record(one: RelativeEquilibrium) -> dict[str, Any]:
+    eta = own_amplitudes(one)
+    return {
+        "mode": one.number,
+        "family": one.averaged.modes[one.row].family,
+        "pendula": agreement(one),
+        "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
+        "phases_deg": (np.rad2deg(np.angle(eta / eta[np.abs(eta).argmax()])) % 360).tolist(),
+        "omega_rad_per_s": one.omega,
+        "lasts": one.lasts,
+        "growth_rate_per_s": finite(one.growth),
+    }
+
+
+def _prediction_record(prediction: Prediction) -> dict[str, Any]:
+    return {
+        "unstable": _configuration_record(prediction.unstable) if prediction.unstable else None,
+        "dies_out": prediction.motion.dies,
+        "survivor": None if prediction.motion.dies else prediction.number,
+        "survivor_share": None if prediction.motion.dies else prediction.share,
+        "certain": prediction.certain,
+        "doubts": list(prediction.doubts),
+        "locking_time_s": prediction.locking_time(),
+        "locking_time_doubts": list(prediction.timing_doubts),
+        "largest_angle_deg": degrees(prediction.averaged.largest(prediction.motion.z[:, -1])),
+    }
+
+
+def _simulation_record(found: SynchronizationStudy) -> dict[str, Any]:
+    trajectory, phases = found.trajectory, found.phases
+    late = last(trajectory.times, ENDING)
+    return {
+        "duration_s": float(trajectory.times[-1]),
+        **(_survival_record(found.survival) if found.survival else {"no_modes": found.unmeasured}),
+        "own_mode": phases.leading + 1,
+        "order_parameter": float(phases.order[late, phases.leading].mean()),
+        **_frequencies(found),
+        "energy_of_pendula_J": phases.energy[late].mean(axis=0).tolist(),
+        "kicks": len(trajectory.kicks.time),
+        "energy_of_kicks_J": float(trajectory.kicks.energy.sum()),
+        "work_J": float(trajectory.motion.work[-1]),
+        "energy_drift": trajectory.energy_drift(),
+    }
+
+
+def _survival_record(survival: Survival) -> dict[str, Any]:
+    try:
+        return {
+            "survivor": survival.number,
+            "survivor_share": survival.survivor_share,
+            "locking_time_s": survival.locking_time(),
+        }
+    except ComputationError as error:
+        return {"survivor": None, "no_survivor": str(error)}
+
+
+def _frequencies(found: SynchronizationStudy) -> dict[str, Any]:
+    try:
+        frequencies = found.phases.frequency.tolist()
+    except ComputationError as error:
+        return {"frequencies_rad_per_s": None, "no_frequencies": str(error)}
+    return {"frequencies_rad_per_s": [finite(one) for one in frequencies], "locked": found.phases.locked}
+
+
+def branches_text(found: Branches) -> str:
+    """One line a branch, counted from 1, then one a critical value."""
+    variation = found.variation
+    values, unit = variation.values, variation.unit
+    where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
+    head = f"{len(found.branches)} configurations over {where}"
+    rows = [_branch_cells(number, one) for number, one in enumerate(found.branches, start=1)]
+    headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", f"exists {unit}".strip(), f"lasts {unit}".strip())
+    parts = [head, tabulate(rows, headers=headers, disable_numparse=True) if rows else "nothing keeps swinging"]
+    if found.changes:
+        turns = [(f"{change.value:.7g}", str(number + 1), change_words(change)) for change, number in found.changes]
+        parts += ["", tabulate(turns, headers=(f"at {unit}".strip(), "", "what happens there"), disable_numparse=True)]
+    return "\n".join(parts) + "\n"
+
+
+def branches_csv(found: Branches) -> str:
+    """One row a branch and value: does it last, frequency, largest angle, growth rate, and how pendula agree."""
+    head = ("branch", found.variation.column, "lasts", "omega_rad_per_s", "angle_deg", "growth_per_s", "pendula")
+    return csv_rows([head, *_branch_rows(found)])
+
+
+def _branch_rows(found: Branches) -> Iterator[tuple[Any, ...]]:
+    for number, one in enumerate(found.branches, start=1):
+        numbers = zip(one.values.tolist(), one.lasts, one.omega.tolist(), one.angle.tolist(), one.states, strict=True)
+        for value, lasts, omega, angle, state in numbers:
+            yield number, value, int(lasts), omega, degrees(angle), state.growth, agreement(state)
+
+
+def change_words(change: Change) -> str:
+    """What happens at a critical value: stops lasting (neighbours beat at 0.063 rad/s)."""
+    return change.kind + (f" (neighbours beat at {change.beat:.3g} rad/s)" if change.beat else "")
+
+
+def _branch_cells(number: int, one: Branch) -> tuple[str, ...]:
+    lasting = ", ".join(f"{low:.7g} to {high:.7g}" for low, high in one.intervals) or "nowhere"
+    exists = f"{one.values[0]:.7g} to {one.values[-1]:.7g}"
+    return str(number), one.words, _ends(one.omega), _ends(np.rad2deg(one.angle)), exists, lasting
+
+
+def _ends(values: Floats) -> str:
+    """From the first value to the last."""
+    ends = dict.fromkeys(f"{value:#.4g}".rstrip(".") for value in (values[0], values[-1]))
+    return " → ".join(ends)

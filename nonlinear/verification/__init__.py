@@ -8,10 +8,9 @@ amplitude,
 and how much of each mode a motion has.  Start with `modes`.
 """
 
-from nonlinear.verification.compare_tables import comparison_table
 from nonlinear.verification.modes import AMPLITUDES_DEG, ONE_PERCENT, Check, ModeCheck, check
 from nonlinear.verification.motion import Comparison, ModeInMotion, compare
-from nonlinear.verification.tables import check_table
+from nonlinear.verification.tables import check_table, comparison_table
 
 __all__ = [
     "AMPLITUDES_DEG",

@@ -17,8 +17,8 @@ from modal.assembly import matrices
 from modal.coupling import explain
 from modal.errors import ComputationError
 from modal.scene import Escapement, InitialCondition, VanDerPol
-from modal.scene.drives import Drive
-from modal.scene.places import vary
+from modal.scene.model import Drive
+from modal.scene.parameters import vary
 from nonlinear.averaging import average, predict, relative_equilibria, relative_equilibrium, settle
 from nonlinear.averaging.equations import MOST_BANDS, ORDER, derivative, lattice
 from nonlinear.averaging.equilibria import FIRST

@@ -24,7 +24,7 @@ from nonlinear.dynamics import undisturbed
 from nonlinear.plotting import animate
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, open_checkpoint
-from nonlinear.sweeps.measure import RequestedMeasure
+from nonlinear.sweeps.measures import RequestedMeasure
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals and limits of POSIX")
 COMMAND = [sys.executable, "-m", "multipendula"]
@@ -138,6 +138,21 @@ def ffmpeg() -> None:
 
 
 @pytest.mark.slow
+def test_ctrl_c_at_the_first_import_is_ctrl_c() -> None:
+    code = (
+        "import sys\n"
+        "class Interrupting:\n"
+        "    def find_spec(self, name, path=None, target=None):\n"
+        "        if name == 'multipendula.cli':\n"
+        "            raise KeyboardInterrupt\n"
+        "from multipendula.__main__ import main\n"
+        "sys.meta_path.insert(0, Interrupting())\n"
+        "sys.exit(main())\n"
+    )
+    ended = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "multipendula: interrupted\n")
+
+
 def test_ctrl_c_during_an_mp4_is_ctrl_c(tmp_path: Path) -> None:
     ffmpeg()
     words = ["animate", "chain-3", "--duration", "600", "--seconds", "600", "-o", str(tmp_path / "f.mp4")]

@@ -16,11 +16,15 @@ import pytest
 from modal import example_names
 from multipendula import completion
 from multipendula.cli import _parser, main
-from multipendula.examples import EXAMPLES, FIRST
-from multipendula.parser import WIDTH, shown
-from multipendula.topics import TELLS, TOPICS
+from multipendula.commands import COMMANDS, FIRST
+from multipendula.commands.scenes import SHELLS
+from multipendula.parser import WIDTH, Page, shown
 
-PAGES = next(action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)).choices
+TOPICS = ("look", "modes", "motion", "coupling and synchronization", "control", "symbols and proof")
+EXAMPLES = {command.name: command.examples for command in COMMANDS}
+PAGES: dict[str, Page] = next(
+    action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)
+).choices
 
 
 def refused(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
@@ -36,9 +40,9 @@ def refused(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
 
 
 def test_every_command_has_a_page_and_a_topic() -> None:
-    topics = [name for names in TOPICS.values() for name in names]
-    assert sorted(topics) == sorted(PAGES) == sorted(TELLS) == sorted(EXAMPLES)
-    assert all(2 <= len(examples) <= 5 for examples in EXAMPLES.values())
+    assert list(PAGES) == [command.name for command in COMMANDS]
+    assert tuple(dict.fromkeys(command.topic for command in COMMANDS)) == TOPICS
+    assert all(command.summary and command.details and 2 <= len(command.examples) <= 5 for command in COMMANDS)
 
 
 @pytest.mark.parametrize("name", ["", *PAGES])
@@ -54,11 +58,18 @@ def test_a_page_shows_every_argument_and_example_within_its_width(name: str) -> 
         assert f"multipendula {command} {words}" in unfolded
 
 
-def test_no_option_is_without_a_title() -> None:
+def test_no_argument_is_without_a_title() -> None:
     for page in PAGES.values():
-        more = page.format_help().partition("\nmore:\n")[2].partition("\n\n")[0]
-        assert more.split()[0] == "-h,"
-        assert len(more.splitlines()) == 1, page.name
+        titled = [action for group in page._action_groups[2:] for action in group._group_actions]
+        assert sorted(map(id, titled)) == sorted(map(id, page._actions)), page.name
+        assert [action.dest for action in page.more._group_actions] == ["help"], page.name
+
+
+def test_every_file_to_write_may_be_standard_output() -> None:
+    files = [action for page in PAGES.values() for action in page._actions if action.metavar == "FILE"]
+    assert len(files) > 15
+    assert [action.help for action in files if not re.search(r"(, or - for|which is -)", action.help or "")] == []
+    assert all("standard output" in str(action.help) for action in files)
 
 
 def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
@@ -73,7 +84,7 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
     ("words", "said", "page"),
     [
         ("tabel chain-3", "did you mean table?", "multipendula --help"),
-        ("tabel chain-3", "there are scenes, table, shapes", "multipendula --help"),
+        ("tabel chain-3", "there are scenes, schema, completion, table, shapes", "multipendula --help"),
         ("table chain-3 --formt json", "--formt: no such option (did you mean --format?)", "multipendula table --help"),
         ("table chain-3 --format jsn", "jsn (did you mean json?)", "multipendula table --help"),
         ("shapes chain-3 --outptu a.png", "(did you mean --output?)", "multipendula shapes --help"),
@@ -167,8 +178,8 @@ def test_options_come_where_nothing_else_may_stand(folder: Path) -> None:
 def test_completing_loads_nothing_that_computes() -> None:
     code = """import sys
 from multipendula.cli import _parser
-from multipendula.completion import _equip, shipped
-_equip(_parser())
+from multipendula.completion import shipped
+_parser()
 shipped()
 print(*sys.modules)"""
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -184,19 +195,23 @@ def test_the_words_are_those_of_the_packages() -> None:
     from nonlinear.integration.methods import METHODS
     from nonlinear.sweeps import MEASURES
 
-    lists, words = completion.LISTS, completion.WORDS
+    def offered(command: str, option: str) -> list[str]:
+        return list(PAGES[command]._option_string_actions[option].completer(""))
+
     assert completion.shipped() == example_names()
-    for offered, there in (
-        *((lists["show"], SECTIONS), (lists["input"], INPUTS), (lists["output"], OUTPUTS)),
-        *((lists["symbolic"], SYMBOLIC), (words["to"], FORMATS), (words["method"], METHODS)),
-        *((words["form"], FORMS), (words["measure"], MEASURES)),
-    ):
-        assert sorted(offered) == sorted(there)
+    assert offered("derive", "--show") == list(SECTIONS)
+    assert offered("derive", "--symbolic") == list(SYMBOLIC)
+    assert sorted(offered("export", "--input")) == sorted(INPUTS)
+    assert sorted(offered("export", "--output")) == sorted(OUTPUTS)
+    assert offered("export", "--to") == list(FORMATS)
+    assert offered("simulate", "--method") == list(METHODS)
+    assert offered("simulate", "--form") == list(FORMS)
+    assert sorted(offered("sweep", "--measure")) == sorted(MEASURES)
     page = PAGES["sweep"].format_help()
     assert [name for name in MEASURES if not re.search(rf"\b{name}\b", page)] == []
 
 
-@pytest.mark.parametrize("shell", completion.SHELLS)
+@pytest.mark.parametrize("shell", SHELLS)
 def test_every_shell_gets_its_lines(capsys: pytest.CaptureFixture[str], shell: str) -> None:
     assert main(["completion", shell]) == 0
     assert "multipendula" in capsys.readouterr().out

@@ -18,7 +18,7 @@ from scenes import extreme_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
 from modal.coupling import Coupling, coupling_report, explain
-from modal.coupling.coupling_words import sections
+from modal.coupling.report import sections
 from modal.plotting import draw_coupling
 from modal.plotting.coupling import draw_mass
 from modal.scene import VanDerPol

@@ -15,7 +15,7 @@ from modal.errors import ComputationError
 from modal.scene import Bob, Cart, Pendulum, Rod, Scene
 from modal.symbolic.papers import cart_dae as dae
 from modal.symbolic.papers.cart import Y, g, links, m_c
-from nonlinear.dynamics import Maximal, saddle
+from nonlinear.dynamics import Maximal, maximal
 from nonlinear.system import Equations, State, System, system_of
 
 SEEDS = range(60)
@@ -130,7 +130,7 @@ def test_sparse_is_dense(monkeypatch: pytest.MonkeyPatch) -> None:
     y = equations.begin(state)
     found = []
     for limit in (0, 10_000):
-        monkeypatch.setattr(saddle, "DENSE", limit)
+        monkeypatch.setattr(maximal, "DENSE", limit)
         found.append(equations.unknowns(0.0, y))
     assert not np.array_equal(*found)
     np.testing.assert_allclose(*found, rtol=0, atol=1e-12 * np.abs(found[0]).max())
@@ -156,7 +156,7 @@ def final(equations: Equations, state: State, **options: float) -> State:
 
 @pytest.mark.parametrize("limit", [0, 10_000])
 def test_a_cart_that_nothing_holds_back_is_refused(limit: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(saddle, "DENSE", limit)
+    monkeypatch.setattr(maximal, "DENSE", limit)
     scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     equations = Maximal(system_of(scene))
     equations.unknowns(0.0, equations.begin(State(np.ones(1), np.ones(1))))

@@ -14,7 +14,7 @@ from test_modes import whole_basis
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
 from modal.assembly import assembled, rig_of
-from modal.eigen import routes
+from modal.eigen import spectrum
 from modal.eigen.recursion import count_and_mass as unsprung
 from modal.eigen.sprung_chains import SprungProblem, count_and_mass
 from modal.modes import Modes
@@ -158,7 +158,7 @@ def test_what_is_too_much_takes_the_dense_route_as_before(monkeypatch: pytest.Mo
     """A massless cart over bobs, whose mass matrix is singular, and more links than are searched together."""
     assert natural_modes(hung(1.0)).route == "exact, mass and moment"
     assert natural_modes(hung(1.0, 0.0)).route == "exact, dense"
-    monkeypatch.setattr(routes, "MOST_LINKS_TOGETHER", 3)
+    monkeypatch.setattr(spectrum, "MOST_LINKS_TOGETHER", 3)
     assert natural_modes(hung(1.0)).route == "exact, dense"
 
 

@@ -28,7 +28,7 @@ from nonlinear import files as recordings
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import Study, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.measure import RequestedMeasure
+from nonlinear.sweeps.measures import RequestedMeasure
 
 Reader = Callable[[Path], object]
 Files = dict[str, tuple[Path, Reader]]

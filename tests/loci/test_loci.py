@@ -29,8 +29,7 @@ from modal.loci import Loci, follow_loci
 from modal.loci.tracking import follow, overlaps, solve_at
 from modal.plotting import draw_loci
 from modal.plotting.loci import encounter_words
-from modal.scene.parameters import parse_variations
-from modal.scene.places import vary
+from modal.scene.parameters import parse_variations, vary
 
 LENGTH = "pendulum[0].links[0].length"
 G = 9.81

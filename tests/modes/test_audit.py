@@ -33,7 +33,7 @@ from modal import (
 from modal.assembly import assembled, rig_of
 from modal.eigen import chains as effective
 from modal.eigen import coupled as crowd
-from modal.eigen import dense, matrix_source, routes, sources
+from modal.eigen import dense, matrix_source, sources, spectrum
 from modal.modes.solution_report import PACKAGES, SolutionReport, report_solution
 
 
@@ -248,7 +248,7 @@ def test_too_large_is_said_before_a_matrix_is_built(
         raise AssertionError("a matrix was built")
 
     monkeypatch.setattr(matrix_source, "assembled", built)
-    monkeypatch.setattr(routes, "MOST_LINKS_TOGETHER", 2)
+    monkeypatch.setattr(spectrum, "MOST_LINKS_TOGETHER", 2)
     with pytest.raises(ComputationError, match=f"{limit + 1} coordinates, at most {limit}"):
         natural_modes(scene(rods(limit, **link), cart=CART))
     with pytest.raises(AssertionError, match="was built"):

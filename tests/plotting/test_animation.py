@@ -18,8 +18,7 @@ from modal.scene import Bob, Body, Cart, InitialCondition, Pendulum, Scene
 from nonlinear.dynamics import vectors
 from nonlinear.integration import Trajectory
 from nonlinear.plotting import animate
-from nonlinear.plotting.animation import Shown
-from nonlinear.plotting.film import Film
+from nonlinear.plotting.animation import Film, Shown
 from nonlinear.plotting.scene import MOST_PENDULA, energies_of, stage_of
 from nonlinear.postprocessing import picked, resample
 from nonlinear.simulation import simulate

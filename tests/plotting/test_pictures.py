@@ -51,8 +51,8 @@ from nonlinear.accuracy import list_candidates, measure_work_precision
 from nonlinear.chaos import Exponent, Finding, lyapunov_exponent, study
 from nonlinear.integration import Trajectory
 from nonlinear.plotting import branches_figure, check_figure, sync_figure, tradeoff_figure
+from nonlinear.plotting.animation import Film
 from nonlinear.plotting.chaos import exponent_figure, finding_figure
-from nonlinear.plotting.film import Film
 from nonlinear.plotting.run import run_figure
 from nonlinear.plotting.sweeps import sweep_figure
 from nonlinear.plotting.verification import spectrum_figure

@@ -19,7 +19,7 @@ from modal.symbolic.system import of_scene
 from nonlinear.dynamics import Banded, Dense, Maximal, Recursion
 from nonlinear.integration import Choice, SimulationError, choose, equations_of, estimate_timescales
 from nonlinear.integration.methods import body_of
-from nonlinear.postprocessing import reaction_forces_of
+from nonlinear.postprocessing import reaction_forces_of, summary
 from nonlinear.simulation import resume, simulate
 from nonlinear.system import (
     AppliedForces,
@@ -250,6 +250,7 @@ def test_the_certificate_sees_small_motion_about_a_standing_rest_and_on_a_coasti
         standing, 60, start=State(np.array([math.pi - 1e-6]), np.zeros(1)), tolerance=1e-2, method="DOP853"
     )
     assert rough.energy_drift() > 1e-3
+    assert "too much to trust" in summary.text(rough)
     cart = modal.load("paper-cart-1")
     coasting = State(np.full(2, 1e-3), np.zeros(2), cart_rate=10.0)
     assert simulate(cart, 60, start=coasting, tolerance=1e-2, method="DOP853").energy_drift() > 1e-4

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from documents import KNOWN, ROOT, Page, WrongPageError, agrees, blocks, divided, tokens
 
-from multipendula.examples import EXAMPLES, FIRST
+from multipendula.commands import COMMANDS, FIRST
 
 pytestmark = pytest.mark.site
 
@@ -24,7 +24,7 @@ def pages() -> dict[str, str]:
     written = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in files}
     helps = {
         f"multipendula {name} --help": "```sh\n" + "".join(f"multipendula {line}\n" for line, _ in examples) + "```\n"
-        for name, examples in {"": FIRST, **EXAMPLES}.items()
+        for name, examples in (("", FIRST), *((command.name, command.examples) for command in COMMANDS))
     }
     return {name: text for name, text in written.items() if not lesson(text)} | helps
 

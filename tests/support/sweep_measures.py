@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from modal.scene import Cart, Scene
-from nonlinear.sweeps.measure import Measure
+from nonlinear.sweeps.measures import Measure
 
 
 def cart_of(scene: Scene) -> Cart:

@@ -22,15 +22,22 @@ from forged import forged
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Scene, SceneError, load, matrices, natural_modes
 from modal.errors import MissingExtraError
 from modal.scene import InitialCondition
-from modal.scene.parameters import MOST_VALUES, Variation, parse_variations, validate_variations
-from modal.scene.places import find_places, vary, with_numbers
+from modal.scene.parameters import (
+    MOST_VALUES,
+    Variation,
+    find_places,
+    parse_variations,
+    validate_variations,
+    vary,
+    with_numbers,
+)
 from nonlinear.plotting import draw_sweep
 from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import MEASURES, Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps.cluster import cluster
-from nonlinear.sweeps.measure import Measure, RequestedMeasure
+from nonlinear.sweeps.measures import Measure, RequestedMeasure
 from nonlinear.sweeps.running import DIED
 from nonlinear.sweeps.study import MOST_POINTS, Row
 
@@ -412,7 +419,7 @@ import sweep_measures as own
 from modal import load
 from modal.scene.parameters import parse_variations
 from nonlinear.sweeps.checkpoint import open_checkpoint
-from nonlinear.sweeps.measure import RequestedMeasure
+from nonlinear.sweeps.measures import RequestedMeasure
 from nonlinear.sweeps import Study
 from nonlinear.sweeps import sweep
 

@@ -18,8 +18,7 @@ from modal import Bob, Body, Cart, Pendulum, Scene
 from modal.assembly import matrices
 from modal.errors import ComputationError, SceneError
 from modal.scene import Escapement, VanDerPol
-from modal.scene.parameters import parse_variations
-from modal.scene.places import vary
+from modal.scene.parameters import parse_variations, vary
 from nonlinear.averaging import RelativeEquilibrium
 from nonlinear.plotting import branches_figure, draw_branches
 from nonlinear.simulation import simulate

@@ -18,11 +18,11 @@ from modal import load
 from modal.errors import ComputationError
 from modal.modes import table_numbers
 from modal.scene import Scene, scene_from
-from modal.scene.places import vary
+from modal.scene.parameters import vary
 from multipendula.cli import main
 from nonlinear.averaging import RelativeEquilibrium, average, predict, relative_equilibria
 from nonlinear.plotting import SECONDS, strobe
-from nonlinear.plotting.stroboscope import APART
+from nonlinear.plotting.animation import APART
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import (
     SynchronizationStudy,

@@ -27,9 +27,8 @@ from nonlinear.plotting import synchronization as sync_figures
 from nonlinear.postprocessing import last, smooth
 from nonlinear.reduction import modal_motion, start_in_mode
 from nonlinear.simulation import simulate
-from nonlinear.sweeps import run_measures
-from nonlinear.sweeps.measure import RequestedMeasure
-from nonlinear.sweeps.sync_measures import SYNC, locking, order, pendulum_energy, survivor
+from nonlinear.sweeps import measures
+from nonlinear.sweeps.measures import SYNC, RequestedMeasure, locking, order, pendulum_energy, survivor
 from nonlinear.synchronization import Phases, find_survival, phases_of
 from nonlinear.system import Motion, state_at_rest, system_of
 
@@ -333,7 +332,7 @@ def test_what_survives_between_two_clocks_is_what_their_angles_show(start: tuple
 @pytest.mark.slow
 def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, runs = bobs(1.0, 1.0, angles=(5.0, -3.0), drive=DRIVE), []
-    monkeypatch.setattr(run_measures, "simulate", lambda *given: runs.append(given) or simulate(*given))
+    monkeypatch.setattr(measures, "simulate", lambda *given: runs.append(given) or simulate(*given))
     run = simulate(scene, 90.0)
     numbers: dict[str, float] = {}
     for measure in SYNC:

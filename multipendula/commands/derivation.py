@@ -1,0 +1,110 @@
+"""The commands for symbols and proof: derive, enclose."""
+
+from __future__ import annotations
+
+import argparse
+
+from multipendula.command import Command
+from multipendula.commands.shared import bar, listed, output, small_swings
+from multipendula.completion import scenes
+from multipendula.options import add_format, add_scene, add_text, add_words, offer, whole
+from multipendula.parser import Page
+
+TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
+
+
+def derive(options: argparse.Namespace) -> None:
+    """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
+    from modal.errors import SceneError
+    from modal.symbolic import derivation, typesetting
+    from modal.symbolic.papers import catalogue
+
+    show, symbols, ways = (listed(getattr(options, name)) for name in ("show", "symbolic", "equilibrium"))
+    if unknown := [word for word in show if word not in derivation.SECTIONS]:
+        raise SceneError([f"--show {word}: must be one of {', '.join(derivation.SECTIONS)}" for word in unknown])
+    if options.target.startswith("paper:"):
+        if show or symbols or ways or options.links != "bob":
+            raise SceneError([f"{options.target}: takes none of --show, --symbolic, --links and --equilibrium"])
+        title, sections = catalogue.paper(options.target.removeprefix("paper:"))
+    else:
+        system, scene = derivation.target(options.target, options.links, symbols, ways)
+        title = system.title
+        sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and small_swings(scene)))
+    with output(options.output) as write:
+        write(typesetting.typeset(title, sections, options.format))
+
+
+def _derive_arguments(page: Page) -> None:
+    target = page.asked.add_argument(
+        "target",
+        metavar="TARGET",
+        help="chain:N, cart:N (a chain of N links on a cart), cart:PxN (P of them), "
+        "paper:000, paper:001 or paper:002 (what it prints and what is right), or a scene",
+    )
+    offer(target, scenes((".toml",), TARGETS))
+    symbols = ("masses", "lengths", "gravity", "cart")
+    words = f"in symbols, each link its own: {','.join(symbols)}"
+    add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
+    sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
+    add_words(page.written, "--show", sections, metavar="WORDS", help=f"only these: {','.join(sections)}")
+    page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
+    page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
+    page.asked.add_argument("--links", choices=("bob", "rod"), default="bob", help="what chain: and cart: are made of")
+    words = "where the links of chain: and cart: point at rest"
+    add_words(page.asked, "--equilibrium", ("down", "up"), metavar="down,up", help=words)
+    add_format(page, ("text", "latex", "markdown"))
+    add_text(page)
+
+
+def enclose(options: argparse.Namespace) -> None:
+    """Print every natural frequency in a proved enclosure, to as many digits as asked for."""
+    from modal.exact import enclose
+    from modal.scene import load
+
+    with output(options.output) as write, bar(1.0, "scene") as report:
+        for row in enclose(small_swings(load(options.scene)), options.digits, report):
+            folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
+            write(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}\n")
+
+
+def _enclose_arguments(page: Page) -> None:
+    add_scene(page)
+    words = "relative width 10^-N (default 30)"
+    page.asked.add_argument("--digits", metavar="N", type=whole(1000), default=30, help=words)
+    add_text(page)
+
+
+COMMANDS = (
+    Command(
+        name="derive",
+        topic="symbols and proof",
+        run=derive,
+        arguments=_derive_arguments,
+        details=(
+            "The whole derivation from the Lagrangian to the modes, to read or to paste into a lecture, each step "
+            "confirmed by a second route. paper:000, paper:001 and paper:002 print a paper's equations as printed and "
+            "as they should read."
+        ),
+        examples=(
+            ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
+            ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
+            ("derive cart:3x2 --links rod --show polynomial,modes", "three double rods on a cart"),
+            ("derive paper-cart-2 --show polynomial", "of a scene, in exact integers"),
+            ("derive paper:002", "the equations of a paper, as they should read"),
+        ),
+    ),
+    Command(
+        name="enclose",
+        topic="symbols and proof",
+        run=enclose,
+        arguments=_enclose_arguments,
+        details=(
+            "Two decimals a frequency between which it provably lies, by ball arithmetic. Needs the extra `certified`, "
+            "and a scene without dampers, joint springs and standing links."
+        ),
+        examples=(
+            ("enclose chain-3", "30 digits, proved"),
+            ("enclose paper-cart-2 --digits 50", "more of them"),
+        ),
+    ),
+)

@@ -1,0 +1,104 @@
+"""What commands share: the files that they write, progress, and words that they read."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import IO, TYPE_CHECKING
+
+from multipendula.options import FILMS, PICTURES
+
+if TYPE_CHECKING:
+    from modal.scene import Scene
+
+
+@contextmanager
+def output(path: str | None) -> Iterator[Callable[[str], object]]:
+    """What writes text to a file, or to standard output where there is none."""
+    if path is None:
+        yield sys.stdout.write
+        return
+    from modal.scene import whole_file
+
+    with whole_file(path) as stream:
+        yield lambda text: stream.write(text.encode())
+
+
+@contextmanager
+def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
+    """A file for a picture or a film, and the theme that it is drawn in."""
+    from modal.plotting import style as pictures
+    from modal.scene import files
+
+    with pictures.theme(theme), files.whole_file(name) as stream:
+        yield stream
+
+
+def picture(name: str, option: str = "-o") -> str:
+    """The kind of picture that a file name asks for."""
+    from modal.scene import kind_of
+
+    return kind_of(name, PICTURES, f"{option} ")
+
+
+def film_form(name: str, option: str = "-o") -> str:
+    """The kind of film that a file name asks for."""
+    from modal.scene import kind_of
+
+    return kind_of(name, FILMS, f"{option} ")
+
+
+def in_a_folder(path: str | None) -> None:
+    """SceneError for a file to be written where there is no folder, before anything is computed."""
+    from pathlib import Path
+
+    from modal.errors import SceneError
+
+    if path and not Path(path).absolute().parent.is_dir():
+        raise SceneError([f"-o {path}: there is no folder {Path(path).parent}"])
+
+
+@contextmanager
+def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
+    """A progress bar, by default in seconds of pendulum time, on a terminal and for what takes a while."""
+    if not sys.stderr.isatty():
+        yield lambda elapsed: None
+        return
+    from tqdm import tqdm
+
+    with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False) as shown:
+        yield lambda elapsed: shown.update(elapsed - shown.n)
+
+
+def small_swings(scene: Scene) -> Scene:
+    """The scene itself, with a word on what its small swings leave out."""
+    from modal.modes import UNDRIVEN
+
+    if scene.is_driven:
+        print(f"multipendula: {UNDRIVEN}", file=sys.stderr)
+    return scene
+
+
+def listed(text: str | None) -> tuple[str, ...]:
+    """The words of a list with commas."""
+    return tuple(word.strip() for word in text.split(",")) if text else ()
+
+
+def chosen(text: str | None, total: int, option: str = "--modes") -> range:
+    """Indices from 0 of `first:last`, counted from 1 and inclusive; either end, or all of it, may be left out."""
+    from modal.errors import SceneError
+
+    if text is None:
+        return range(total)
+    first, colon, last = text.partition(":")
+    try:
+        low = int(first) if first or not colon else 1
+        high = (int(last) if last else total) if colon else low
+    except ValueError:
+        raise SceneError([f"{option} {text}: must be a number or a range such as 1:10"]) from None
+    if colon and low > high and (last or low <= total):
+        raise SceneError([f"{option} {text}: begins after its end"])
+    if low < 1 or low > total:
+        raise SceneError([f"{option} {text}: the scene has modes 1 to {total}"])
+    return range(low - 1, min(high, total))
