@@ -56,8 +56,10 @@ def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
     """The whole A (kg m²) as nested lists; a chain itself needs only l, b and the diagonal."""
     b = first_moments(mass, length, centre)
     diagonal = second_moments(mass, length, centre, inertia)
-    indices = range(len(b))
-    return [[diagonal[i] if i == j else length[min(i, j)] * b[max(i, j)] for j in indices] for i in indices]
+    return [
+        [*(l * b[i] for l in length[:i]), diagonal[i], *(length[i] * below for below in b[i + 1 :])]
+        for i in range(len(b))
+    ]
 
 
 class Constants(NamedTuple):

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import argparse
 import math
+from functools import cache
 
 import numpy as np
 from scipy.linalg import eigh
@@ -57,6 +58,7 @@ def modes(scene: Scene) -> tuple[Floats, Floats, Floats]:
     return np.sqrt(squared[chosen]), shapes[:, chosen], found.M
 
 
+@cache
 def shares(scene: Scene, start: int, seconds: float = SECONDS) -> Floats:
     """Of the energy of the four modes at first and at the end of a run that begins in one of them, (2, 4)."""
     omega, shapes, M = modes(scene)

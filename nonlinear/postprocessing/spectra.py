@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import periodogram
 
 from modal.types import Floats
 
@@ -14,6 +13,8 @@ def power_spectrum(times: Floats, values: Floats) -> tuple[Floats, Floats]:
     A straight line through the signal is taken out first, so that a link that goes round and round leaves a spectrum of
     how it does; the Blackman-Harris window keeps the feet of strong lines 92 dB down (Harris, Proc. IEEE 66, 51, 1978).
     """
+    from scipy.signal import periodogram
+
     step = (times[-1] - times[0]) / (len(times) - 1)
     frequency, density = periodogram(values, fs=1 / step, window="blackmanharris", detrend="linear")
     return np.asarray(2 * np.pi * frequency), np.asarray(density)

@@ -11,7 +11,7 @@ from math import nan, pi, radians
 
 import numpy as np
 import pytest
-from motion_scenes import motion_scene
+from scenes import motion_scene
 from scipy.linalg import expm
 
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, matrices, natural_modes
@@ -34,6 +34,8 @@ from nonlinear.reduction import CORRECTED, LINEAR, deflection, rest_angles, star
 from nonlinear.reduction.two_planes import join, split
 from nonlinear.simulation import simulate
 from nonlinear.system import Motion, State, apart, initial_state, of_plane, system_of
+
+pytestmark = pytest.mark.xdist_group("work precision")  # one result serves several tests
 
 PAPER = load("paper-cart-2")
 MODES = natural_modes(PAPER)

@@ -9,6 +9,7 @@ from math import acos, pi, radians, sin, sqrt
 import numpy as np
 import pytest
 import survivors
+from amounts import usually
 from scipy.optimize import brentq
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
@@ -316,14 +317,15 @@ def test_resonances_are_of_up_to_four_frequencies() -> None:
         assert not resonant(np.array(omega), 0.1)
 
 
-SAMPLE = (2104, 2112, 2115, 2118, 2119, 2127, 2006, 2010, 2011, 2015, 2016)
+EVERY = (2104, 2112, 2115, 2118, 2119, 2127, 2006, 2010, 2011, 2015, 2016)
+SAMPLE = usually((2112, 2115, 2119, 2011, 2015), EVERY)
 
 
 @pytest.mark.slow
 def test_certain_survivors_survive() -> None:
     cases = [survivors.judged(seed) for seed in SAMPLE]
-    assert sum(case.certain for case in cases) >= 10
-    assert sum(case.timed for case in cases) >= 6
+    assert sum(case.certain for case in cases) >= len(SAMPLE) - 1
+    assert sum(case.timed for case in cases) > len(SAMPLE) / 2
     for case in cases:
         assert case.right or not case.certain, case
         assert case.close or not case.timed, case

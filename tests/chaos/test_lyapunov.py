@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy as sp
-from random_scenes import random_scene
+from scenes import extreme_scene
 from scipy.integrate import solve_ivp
 
 from modal.errors import SceneError
@@ -21,6 +21,8 @@ from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Dense, Mechanics, Minimal
 from nonlinear.plotting import draw_finding, draw_running
 from nonlinear.system import State, system_of
+
+pytestmark = pytest.mark.xdist_group("exponents")  # one result serves several tests
 
 G = 9.81
 
@@ -47,7 +49,7 @@ DAMPED = Scene(
 # ------------------------------------------------------------------------------------------------ tangent dynamics
 
 
-@pytest.mark.parametrize("scene", [DAMPED, chain(3), *map(random_scene, (4, 8, 15))], ids=range(5))
+@pytest.mark.parametrize("scene", [DAMPED, chain(3), *map(extreme_scene, (4, 8, 15))], ids=range(5))
 def test_the_tangent_is_the_slope_of_the_derivative(scene: Scene) -> None:
     tangent, rng = Tangent(system_of(scene)), np.random.default_rng(3)
     size = tangent.equations.layout.size

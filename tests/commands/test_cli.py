@@ -61,7 +61,7 @@ def test_json_table(capsys: pytest.CaptureFixture[str], name: str) -> None:
     found = strict(printed(capsys, "table", name, "--format", "json"))
     assert parse(json_as_toml(found["scene"])) == load(name)
     rows = found["modes"]
-    assert all(rows[0].keys() >= KEYS for _ in rows)
+    assert all(row.keys() >= KEYS for row in rows)
     omega = [row["omega_rad_per_s"] for row in rows]
     assert omega == sorted(set(omega))
     assert omega == pytest.approx(natural_modes(load(name)).omega.tolist(), rel=1e-14)

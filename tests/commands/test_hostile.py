@@ -8,13 +8,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from amounts import usually
 from hostility import damage, interruptions, judge, options, scene_files
 
 MANY, CALLS, STOPPED = 40, 60, 6
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("block", range(5))
+@pytest.mark.parametrize("block", usually(range(3), range(5)))
 def test_scene_files(block: int, tmp_path: Path) -> None:
     for number in range(100_000 + block * MANY, 100_000 + (block + 1) * MANY):
         folder = tmp_path / str(number)
@@ -23,7 +24,7 @@ def test_scene_files(block: int, tmp_path: Path) -> None:
         assert (ended.words, ended.faults) == (ended.words, ())
 
 
-@pytest.mark.parametrize("block", range(4))
+@pytest.mark.parametrize("block", usually(range(2), range(4)))
 def test_options(block: int, tmp_path: Path) -> None:
     for place, call in enumerate(random.Random(block).sample(options.calls(), CALLS)):
         folder = tmp_path / str(place)
@@ -45,7 +46,7 @@ def test_damaged_files(name: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="processes are looked for in /proc")
-@pytest.mark.parametrize("number", range(100_000, 100_000 + STOPPED))
+@pytest.mark.parametrize("number", usually(range(100_001, 100_004), range(100_000, 100_000 + STOPPED)))
 def test_interruptions(number: int, tmp_path: Path) -> None:
     done, faults = interruptions.case(number, tmp_path)
     assert (done, faults) == (done, [])

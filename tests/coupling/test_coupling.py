@@ -14,7 +14,7 @@ import scipy.linalg
 from compare import flat_omega
 from matplotlib.figure import Figure
 from oracle import Dense, dense
-from random_scenes import random_scene
+from scenes import extreme_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, matrices, natural_modes
 from modal.coupling import Coupling, coupling_report, explain
@@ -39,7 +39,7 @@ def double(count: int = 1, **link: float) -> Pendulum:
 HELD = scene(Cart(mass=5.0, stiffness=60.0), bob(1, 1, 2), bob(1, 0.8))
 SPRUNG = scene(Cart(mass=5.0), double(2, stiffness=1.5), bob(1, 0.8), double())
 COINCIDENT = scene(Cart(mass=20.0), bob(1, 1), bob(3, 1), bob(2, 1, 2), bob(1, 0.5))
-CARTS = {f"random {seed}": random_scene(seed, copies=True) for seed in range(60)}
+CARTS = {f"random {seed}": extreme_scene(seed, copies=True) for seed in range(60)}
 CARTS = {name: one for name, one in CARTS.items() if one.support.kind == "cart"}
 MILD = {"held": HELD, "sprung": SPRUNG, "coincident": COINCIDENT, "paper": load("paper-cart-3")}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import random
 import subprocess
 import sys
 from collections.abc import Callable
@@ -12,10 +11,10 @@ from typing import Any
 import mpmath as mp
 import numpy as np
 import pytest
-from motion_scenes import motion_scene, random_state
+from scenes import long_scene, motion_scene, random_state
 from scipy.integrate import solve_ivp
 
-from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, load, natural_modes, pair
+from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, natural_modes, pair
 from modal.errors import MissingExtraError
 from modal.types import Floats
 from nonlinear.dynamics import Banded, Dense, Minimal, Recursion, Small, banded, compiled, joints
@@ -33,25 +32,6 @@ series = pytest.mark.skipif(not taylor.available(), reason="heyoka is not instal
 def minimal(scene: Scene, body: type = Recursion, load: object = None) -> Minimal:
     system = system_of(scene)
     return Minimal(system, tuple(body(group) for group in system.groups), load)
-
-
-def random_link(rng: random.Random) -> Bob | Rod | Body:
-    """With a damper and a spring at its joint, now and then."""
-    m, l = (10 ** rng.uniform(-0.5, 0.5) for _ in range(2))
-    joint = {"damping": rng.choice([0.0, rng.random()]), "stiffness": rng.choice([0.0, rng.random()])}
-    body = Body(mass=m, length=l, centre=rng.uniform(0.2, 1.5) * l, inertia=m * (rng.uniform(0, 0.5) * l) ** 2, **joint)
-    return rng.choice([Bob(mass=m, length=l, **joint), Rod(mass=m, length=l, **joint), body])
-
-
-def random_scene(seed: int, longest: int = 30) -> Scene:
-    """Up to four kinds of chains with dampers and springs, some of them copies, some on a cart."""
-    rng = random.Random(seed)
-    pendula = [
-        Pendulum(links=[random_link(rng) for _ in range(rng.randint(1, longest))], count=rng.randint(1, 3))
-        for _ in range(rng.randint(1, 4))
-    ]
-    cart = Cart(mass=10 ** rng.uniform(-2, 2), damping=rng.choice([0, 1.5]), stiffness=rng.choice([0, 2.5]))
-    return Scene(gravity=9.81, support=rng.choice([Fixed(), cart]), pendulum=pendula)
 
 
 def random_y(equations: Minimal, seed: int = 0) -> Floats:
@@ -80,11 +60,11 @@ def exact(scene: Scene, y: Floats) -> Floats:
 
 @pytest.mark.parametrize("seed", range(60))
 def test_bodies_agree(seed: int) -> None:
-    plain = minimal(random_scene(seed))
+    plain = minimal(long_scene(seed))
     y = random_y(plain, seed)
     expected = plain.derivative(0.0, y)
-    assert apart(minimal(random_scene(seed), Dense).derivative(0.0, y), expected) < 1e-10
-    assert apart(minimal(random_scene(seed), Banded).derivative(0.0, y), expected) < 1e-11
+    assert apart(minimal(long_scene(seed), Dense).derivative(0.0, y), expected) < 1e-10
+    assert apart(minimal(long_scene(seed), Banded).derivative(0.0, y), expected) < 1e-11
     if compiled.available():
         assert apart(Compiled(plain.system).derivative(0.0, y), expected) < 1e-14
 
@@ -150,7 +130,7 @@ def energy(equations: Minimal, y: Any) -> Any:
 @fast
 @pytest.mark.parametrize("seed", range(5))
 def test_compiled_under_a_load(seed: int) -> None:
-    scene = random_scene(seed, 6)
+    scene = long_scene(seed, 6)
 
     def push(time: float, state: State) -> AppliedForces:
         return AppliedForces(time + state.cart, np.cos(state.links) * state.link_rates)
@@ -164,7 +144,7 @@ def test_compiled_under_a_load(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(8))
 def test_compiled_work_is_the_change_of_energy(seed: int) -> None:
     """The last component of y' is dE/dt along y', E from the pair, by a complex step."""
-    equations = Compiled(system_of(random_scene(seed, 5)))
+    equations = Compiled(system_of(long_scene(seed, 5)))
     y = random_y(equations, seed)
     found = equations.derivative(0.0, y)
     rate = energy(equations, y + 1e-30j * found).imag / 1e-30
@@ -205,7 +185,7 @@ def test_one_dense_matrix_is_the_recursion(seed: int) -> None:
         moments = np.sin(time + np.arange(len(state.links)))
         return AppliedForces(2.0 * time if scene.support.kind == "cart" else 0.0, moments)
 
-    system, state = system_of(scene), random_state(scene, seed)
+    system, state = system_of(scene), random_state(system_of(scene), seed)
     for pushed in (None, load):
         plain, dense = Minimal(system, tuple(map(Recursion, system.groups)), pushed), Small(system, load=pushed)
         y = plain.begin(state)
@@ -294,7 +274,7 @@ def test_the_first_step() -> None:
 @series
 @pytest.mark.parametrize("seed", [1, 4, 7])
 def test_series_of_damped_and_sprung_scenes(seed: int) -> None:
-    equations = minimal(random_scene(seed, 3))
+    equations = minimal(long_scene(seed, 3))
     y0 = random_y(equations, seed)
     y0[-1] = 0.0 if equations.layout.works else y0[-1]
     expected = by_runge_kutta(equations, y0, 0.2)

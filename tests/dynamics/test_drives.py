@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from motion_scenes import motion_scene, random_state
+from amounts import usually
+from scenes import motion_scene, random_state
 from scipy.integrate import solve_ivp
 
 from modal import load, natural_modes
@@ -123,7 +124,7 @@ def own_torques(scene: Scene, angles: Floats, rates: Floats) -> Floats:
 def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_power_in_every_body(seed: int) -> None:
     bare = motion_scene(seed)
     scene = with_drives(bare, seed, "vv-")
-    system, free, state = system_of(scene), system_of(bare), random_state(scene, seed)
+    system, free, state = system_of(scene), system_of(bare), random_state(system_of(scene), seed)
     systems = [
         Small(system),
         *(Minimal(system, tuple(map(body, system.groups))) for body in (Recursion, Dense, Banded)),
@@ -145,7 +146,7 @@ def test_a_van_der_pol_torque_adds_its_moments_over_the_mass_matrix_and_its_powe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 3])
+@pytest.mark.parametrize("seed", usually([3], [1, 3]))
 def test_every_form_and_method_goes_the_same_way_with_van_der_pol(seed: int) -> None:
     scene = with_drives(motion_scene(seed, standing=False, longest=2, most=2), seed, "v")
     ways = [{}, {"form": "maximal"}, {"form": "hamiltonian"}, {"method": "Radau"}, {"method": "LSODA"}]
@@ -202,7 +203,8 @@ def scaled(scene: Scene, mass: float, length: float) -> Scene:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("mass", "length"), [(1e12, 1e-12), (1e-12, 1e12), (1e12, 1e12), (1e-12, 1e-12)])
+@pytest.mark.parametrize("length", [1e-12, 1e12])
+@pytest.mark.parametrize("mass", usually([1e12], [1e12, 1e-12]))
 def test_units_change_neither_motion_nor_kicks(mass: float, length: float) -> None:
     steady = Bob(mass=0.5, length=0.3, damping=0.001, drive=VanDerPol(strength=0.02, angle_deg=5))
     pendulum = Pendulum(links=(steady,), start=InitialCondition(angles_deg=(7,)))
@@ -232,7 +234,7 @@ def test_a_kick_of_a_single_pendulum_changes_its_rate_by_the_impulse_over_its_mo
 @pytest.mark.parametrize("seed", range(6))
 def test_kicks_at_any_joints_are_a_dense_solve_and_feed_what_the_kinetic_energy_gains(seed: int) -> None:
     scene = with_drives(motion_scene(seed, standing=seed % 2 == 1), seed, "e")
-    system, state = system_of(scene), random_state(scene, seed)
+    system, state = system_of(scene), random_state(system_of(scene), seed)
     joints, on_cart = escaping(system), int(system.cart is not None)
     rng = np.random.default_rng(seed)
     kick = joints.impulse * rng.choice([-1.0, 0.0, 1.0], len(joints.impulse))

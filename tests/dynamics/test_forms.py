@@ -1,6 +1,6 @@
 """One motion, three sets of equations: random scenes away from chaos, nine digits.
 
-Ten of fifty scenes move for ten seconds, the others for two; with MULTIPENDULA_SCENES=all, a hundred for ten.
+Five of twenty scenes move for ten seconds, the others for two; with MULTIPENDULA_SCENES=all, a hundred for ten.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ import random
 import numpy as np
 import pytest
 from amounts import usually
-from motion_scenes import motion_scene
+from scenes import motion_scene
 
 from modal import Cart, Scene
 from nonlinear.integration import Trajectory
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
 
-SEEDS = usually(range(0, 100, 2), range(100))
-LONG = usually(range(2, 100, 10), range(100))
+SEEDS = usually(range(0, 100, 5), range(100))
+LONG = usually(range(0, 100, 20), range(100))
 
 
 def moving(seed: int) -> Scene:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from plane_scenes import blowing, minimal, plane_scene, random_state
+from scenes import blowing, minimal, plane_scene, random_state
 from test_identities import centres
 from test_maximal import final
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 import sympy as sp
-from plane_scenes import blowing, minimal, plane_scene, random_state
+from scenes import blowing, minimal, plane_scene, random_state
 from scipy.integrate import solve_ivp
 from test_identities import centres
 

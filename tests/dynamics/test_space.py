@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import random
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
-from random_scenes import random_link
+from scenes import spatial_scene
 from scipy.integrate import solve_ivp
 
 from modal import pair
-from modal.scene import Bob, Body, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene
+from modal.scene import Bob, Body, Cart, InitialCondition, Pendulum, Rod, Scene
 from nonlinear.dynamics import Minimal, Spatial, joints, minimal, spatial
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.spatial_recursion import facing
@@ -21,28 +20,6 @@ from nonlinear.system import AppliedForces, Load, State, of_plane, system_of, un
 from nonlinear.system.directions import angles_of
 
 EZ = np.array([0.0, 0.0, 1.0])
-
-
-def some_link(rng: random.Random) -> Bob | Rod | Body:
-    """A link of which no constant is tiny: in space a link without inertia under a load is next to singular."""
-    m, l = rng.uniform(0.3, 3), rng.uniform(0.3, 2)
-    c, I = rng.uniform(0.1, 1.5) * l, rng.choice([0, rng.uniform(0, 0.5)]) * m * l**2
-    return rng.choice([Bob(mass=m, length=l), Rod(mass=m, length=l), Body(mass=m, length=l, centre=c, inertia=I)])
-
-
-def scene_of(seed: int, *, still: bool = False, odd: bool = False) -> Scene:
-    """One to three pendula of one to four links with dampers, springs and standing rests, mostly on a cart."""
-    rng = random.Random(seed)
-    pendula = []
-    for _ in range(rng.randint(1, 3)):
-        links = [random_link(rng, 0.3) if odd else some_link(rng) for _ in range(rng.randint(1, 4))]
-        extras = [{"damping": rng.choice([0, 0.3]), "stiffness": rng.choice([0, 2.0])} for _ in links]
-        links = [link.model_copy(update=extra) for link, extra in zip(links, extras, strict=True)]
-        ways = tuple(rng.choice(["down", "up"]) for _ in links)
-        pendula.append(Pendulum(links=tuple(links), count=rng.randint(1, 2), equilibrium=ways))
-    cart = Cart(mass=rng.uniform(0.1, 9), damping=rng.choice([0, 0.7]), stiffness=rng.choice([0, 3.0]))
-    support = Fixed() if still or rng.random() < 0.2 else cart
-    return Scene(gravity=rng.uniform(1, 20), space="space", support=support, pendulum=tuple(pendula))
 
 
 def spatial_of(scene: Scene, load: Load | None = None, tail: int = 0) -> Spatial:
@@ -88,7 +65,7 @@ def central(f: Callable[[np.ndarray], Any], at: np.ndarray, along: np.ndarray, s
 
 @pytest.mark.parametrize("seed", range(50))
 def test_in_the_plane_of_the_rail_space_is_the_plane(seed: int) -> None:
-    scene, rng = scene_of(seed, odd=True), np.random.default_rng(seed)
+    scene, rng = spatial_scene(seed, odd=True), np.random.default_rng(seed)
     equations, flat = spatial_of(scene, pushed_in_space), flat_of(scene, pushed)
     state = flat_state(equations, rng)
     state = State(unwound(equations, state.links), state.link_rates, state.cart, state.cart_rate)
@@ -213,9 +190,9 @@ def moments_for(equations: Spatial, rng: np.random.Generator) -> AppliedForces:
 @pytest.mark.parametrize("seed", range(40))
 def test_accelerations_are_those_of_lagrange_with_multipliers(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    plain = spatial_of(scene_of(seed))
+    plain = spatial_of(spatial_scene(seed))
     push = moments_for(plain, rng)
-    equations = spatial_of(scene_of(seed), lambda time, state: push)
+    equations = spatial_of(spatial_scene(seed), lambda time, state: push)
     state = any_state(equations, rng)
     x2, u2 = parts(equations, equations.derivative(0.0, equations.begin(state)))
     expected = oracle(equations, state, push)
@@ -224,7 +201,7 @@ def test_accelerations_are_those_of_lagrange_with_multipliers(seed: int) -> None
 
 def test_a_load_reaches_the_links() -> None:
     """The comparison with Lagrange would fail on a moment left out."""
-    scene, rng = scene_of(1), np.random.default_rng(1)
+    scene, rng = spatial_scene(1), np.random.default_rng(1)
     equations = spatial_of(scene, lambda time, state: AppliedForces(0.0, np.ones_like(state.links)))
     y = equations.begin(any_state(equations, rng))
     assert np.abs(equations.derivative(0, y)[: equations.layout.half * 2] - free(scene, y)).max() > 1e-3
@@ -240,7 +217,7 @@ def free(scene: Scene, y: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_on_a_fixed_support_no_azimuth_is_special(seed: int) -> None:
-    equations, rng = spatial_of(scene_of(seed, still=True)), np.random.default_rng(seed)
+    equations, rng = spatial_of(spatial_scene(seed, still=True)), np.random.default_rng(seed)
     state, phi = any_state(equations, rng), rng.uniform(0, 6)
     R = np.array([[np.cos(phi), -np.sin(phi), 0], [np.sin(phi), np.cos(phi), 0], [0, 0, 1]])
     _, still = parts(equations, equations.derivative(0, equations.begin(state)))
@@ -270,8 +247,8 @@ def energy(equations: Spatial, y: np.ndarray) -> Any:
 @pytest.mark.parametrize("seed", range(15))
 def test_the_work_counted_is_what_the_energy_gains(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    push = moments_for(spatial_of(scene_of(seed)), rng)
-    equations = spatial_of(scene_of(seed), lambda time, state: push)
+    push = moments_for(spatial_of(spatial_scene(seed)), rng)
+    equations = spatial_of(spatial_scene(seed), lambda time, state: push)
     y = equations.begin(any_state(equations, rng))
     rates, h = equations.derivative(0, y), 1e-30
     gained = energy(equations, y + 1j * h * rates).imag / h
@@ -296,16 +273,16 @@ def spins(equations: Spatial, y: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", [0, 3, 7])
 def test_trajectories_side_by_side_are_those_one_by_one(seed: int) -> None:
-    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    equations, rng = spatial_of(spatial_scene(seed)), np.random.default_rng(seed)
     Y = np.stack([equations.begin(any_state(equations, rng)) for _ in range(4)], axis=1)
-    found = spatial_of(scene_of(seed), tail=1).derivative(0, Y)
+    found = spatial_of(spatial_scene(seed), tail=1).derivative(0, Y)
     one_by_one = np.stack([equations.derivative(0, y) for y in Y.T], axis=1)
     np.testing.assert_allclose(found, one_by_one, rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(8))
 def test_complex_steps_are_tangents(seed: int) -> None:
-    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    equations, rng = spatial_of(spatial_scene(seed)), np.random.default_rng(seed)
     y, along = equations.begin(any_state(equations, rng)), rng.normal(size=equations.layout.size)
     exact = equations.derivative(0, y + 1e-30j * along).imag / 1e-30
     scale = np.abs(exact).max()
@@ -315,7 +292,7 @@ def test_complex_steps_are_tangents(seed: int) -> None:
 
 
 def test_the_sign_of_the_mirror_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    equations, rng = spatial_of(scene_of(5)), np.random.default_rng(5)
+    equations, rng = spatial_of(spatial_scene(5)), np.random.default_rng(5)
     y = equations.begin(any_state(equations, rng))
     before = equations.derivative(0, y)
     monkeypatch.setattr(spatial, "facing", lambda u: -facing(u))
@@ -326,7 +303,7 @@ def test_the_sign_of_the_mirror_changes_nothing(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.mark.parametrize("seed", [1, 5, 8])
 def test_nor_does_it_where_a_stage_of_a_step_has_left_the_sphere(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    equations, rng = spatial_of(spatial_scene(seed)), np.random.default_rng(seed)
     y = equations.begin(any_state(equations, rng))
     y[: equations.layout.half] *= 1.01
     before = equations.derivative(0, y)
@@ -413,7 +390,7 @@ def test_over_the_top_and_through_the_bottom_in_an_oblique_plane() -> None:
 
 
 def test_project_mends_what_is_violated_and_says_how_much() -> None:
-    equations, rng = spatial_of(scene_of(3)), np.random.default_rng(3)
+    equations, rng = spatial_of(spatial_scene(3)), np.random.default_rng(3)
     state = any_state(equations, rng)
     y, half = equations.begin(state), equations.layout.half
     assert equations.project(y)[1] < 1e-15
@@ -433,7 +410,7 @@ def test_project_mends_what_is_violated_and_says_how_much() -> None:
 
 
 def test_projection_keeps_a_run_on_its_constraints() -> None:
-    equations, rng = spatial_of(scene_of(4)), np.random.default_rng(4)
+    equations, rng = spatial_of(spatial_scene(4)), np.random.default_rng(4)
     begun = equations.begin(any_state(equations, rng))
     drifts = []
     for mend in (lambda y: equations.project(y)[0], lambda y: y):
@@ -462,7 +439,7 @@ def gathered(values: np.ndarray, index: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("seed", range(8))
 def test_joint_forces_are_minus_the_gradients(seed: int) -> None:
     """Of the energy by central differences along random turns, of the Rayleigh function by its power."""
-    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    equations, rng = spatial_of(spatial_scene(seed)), np.random.default_rng(seed)
     state = any_state(equations, rng)
     for group in equations.system.groups:
         u, w = gathered(state.links, group.index), gathered(state.link_rates, group.index)
@@ -479,7 +456,7 @@ def test_joint_forces_are_minus_the_gradients(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(8))
 def test_joints_in_the_plane_are_those_of_the_plane(seed: int) -> None:
-    equations, rng = spatial_of(scene_of(seed)), np.random.default_rng(seed)
+    equations, rng = spatial_of(spatial_scene(seed)), np.random.default_rng(seed)
     drawn = flat_state(equations, rng)
     flat = State(unwound(equations, drawn.links), drawn.link_rates)
     state = of_plane(flat)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from motion_scenes import motion_scene
+from scenes import motion_scene
 
 from modal.scene import Bob, Cart, InitialCondition, Pendulum, Scene
 from nonlinear import AppliedForces, State, level_crossing, load, resume, save, simulate, state_at_rest

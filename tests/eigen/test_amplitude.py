@@ -5,8 +5,8 @@ from __future__ import annotations
 import mpmath as mp
 import numpy as np
 import pytest
+from scenes import mild_scene
 from test_identities import chains
-from test_modes import mild
 
 from modal import Cart, Scene, natural_modes
 from modal.eigen import one_percent_amplitude
@@ -56,7 +56,7 @@ def fourth_order_average(scene: Scene, phi: list[float], omega: float) -> mp.mpf
 @pytest.mark.parametrize("seed", range(10))
 def test_kappa_is_the_average_of_the_fourth_order_lagrangian(seed: int) -> None:
     """With ∂⟨L⟩/∂a = 0: ω² shifts by −4Γ/(φᵀMφ)·2 a², Γ = ⟨L₄⟩, so κ = −4Γ/(φᵀMφ ω²) for q = a φ cos τ."""
-    scene = mild(seed)
+    scene = mild_scene(seed)
     modes = natural_modes(scene)
     for number, row in enumerate(modes):
         if row.omega == 0 or row.multiplicity > 1 or row.family.startswith("cart still"):

@@ -11,7 +11,7 @@ import pytest
 from many_digits import Counter, eigenvalues, pencil, squares, unlike
 from modes import case, judge_of
 from modes_families import FAMILIES, Family, crowd, damped_cart, damped_joints, detuned, equal, geometric, near_buckling
-from random_scenes import random_scene
+from scenes import extreme_scene
 
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, matrices, natural_modes
 from modal.modes import all_shapes
@@ -83,7 +83,7 @@ def test_the_rivals_lose_what_the_figure_shows() -> None:
 @pytest.mark.parametrize("seed", range(12))
 def test_two_oracles_agree(seed: int) -> None:
     """The pencil over angles and the count over joints, formulated apart, in many digits."""
-    scene = random_scene(seed, copies=True)
+    scene = extreme_scene(seed, copies=True)
     counter, exact = Counter(scene, 400), squares(scene)
     for number, square in enumerate(exact):
         with mp.workdps(400):
@@ -141,7 +141,7 @@ def every_route() -> list[Scene]:
         Scene(gravity=9.81, support=Cart(mass=2.2, damping=0.3, stiffness=1.7), pendulum=[damped]),
         Scene(gravity=9.81, support=Cart(mass=2.2), pendulum=[stands]),
     ]
-    return [*(random_scene(seed, copies=True) for seed in range(8)), crowd(700, 0.1), *dense]
+    return [*(extreme_scene(seed, copies=True) for seed in range(8)), crowd(700, 0.1), *dense]
 
 
 @pytest.mark.parametrize("scene", every_route())

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import random
-
 import mpmath as mp
 import numpy as np
 import pytest
 import test_extremes_modes
 from compare import assert_certified, assert_shapes
 from many_digits import squares
-from random_scenes import random_link
+from scenes import sprung_scene
 from scipy.linalg import eigh
 from test_modes import whole_basis
 
@@ -25,27 +23,6 @@ from modal.modes.solution_report import report_solution
 EVERY_DIGIT = 1e-15
 EXTREMES = (0.3, 3.0, 12.0)
 """Decades either way of masses, lengths, springs and carts."""
-
-
-def sprung(seed: int, spread: float, *, standing: bool = False) -> Scene:
-    """A random scene with joint springs in most joints, alone or on a free or held cart."""
-    rng = random.Random(seed)
-
-    def decades() -> float:
-        return 10.0 ** rng.uniform(-spread, spread)
-
-    def pendulum() -> Pendulum:
-        links = [random_link(rng, spread) for _ in range(rng.randint(1, 4))]
-        held = [{"stiffness": 10 * l.mass * l.length * decades() if rng.random() < 0.8 else 0.0} for l in links]
-        ways = tuple(rng.choice(["up", "down"]) if standing else "down" for _ in links)
-        links = [link.replace(**spring) for link, spring in zip(links, held, strict=True)]
-        return Pendulum(links=tuple(links), count=rng.choice([1, 1, 2]), equilibrium=ways)
-
-    pendula = [pendulum() for _ in range(rng.choice([1, 1, 2, 3]))]
-    total = sum(link.mass for p in pendula for link in p.links)
-    held = rng.choice([0.0, 0.0, total * decades()])
-    support = Fixed() if rng.random() < 0.3 else Cart(mass=total * decades(), stiffness=held)
-    return Scene(gravity=9.81, support=support, pendulum=tuple(pendula))
 
 
 def signed(modes: Modes) -> tuple[np.ndarray, np.ndarray]:
@@ -74,7 +51,7 @@ def assert_every_digit(scene: Scene) -> Modes:
 @pytest.mark.parametrize("spread", EXTREMES)
 @pytest.mark.parametrize("seed", range(6))
 def test_joint_springs_keep_every_digit(seed: int, spread: float) -> None:
-    modes = assert_every_digit(sprung(seed, spread))
+    modes = assert_every_digit(sprung_scene(seed, spread))
     assert modes.error.max() < 1e-13
     assert_shapes(modes, assert_certified(modes, EVERY_DIGIT), relative=1e-9, floor=1e-12)
     if modes.rig.cart:
@@ -86,7 +63,7 @@ def test_joint_springs_keep_every_digit(seed: int, spread: float) -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_standing_links_keep_every_digit(seed: int, spread: float) -> None:
     """Frequencies and growth rates, with what gravity and springs cancel in the bound."""
-    modes = assert_every_digit(sprung(seed, spread, standing=True))
+    modes = assert_every_digit(sprung_scene(seed, spread, standing=True))
     assert max(row.residual for row in modes) < 1e-12
 
 
@@ -113,7 +90,7 @@ def test_near_buckling_the_bound_follows_what_is_cancelled(above: float) -> None
 
 @pytest.mark.parametrize("x", [0.1, 1.0, 7.0, 1e3, 1e8])
 def test_without_springs_it_is_the_effective_mass(x: float) -> None:
-    block = rig_of(sprung(3, 0.3)).natural()[0].blocks[-1]
+    block = rig_of(sprung_scene(3, 0.3)).natural()[0].blocks[-1]
     still = block.take(np.arange(block.size))
     object.__setattr__(still, "stiffness", np.zeros_like(still.stiffness))
     below, mass = count_and_mass(still, np.array([x]))
@@ -188,7 +165,7 @@ def test_what_is_too_much_takes_the_dense_route_as_before(monkeypatch: pytest.Mo
 def test_the_count_is_that_of_the_matrices() -> None:
     """At trial values of either sign, by Sylvester's law on K − xM."""
     for seed in range(6):
-        scene = sprung(seed, 0.3, standing=True)
+        scene = sprung_scene(seed, 0.3, standing=True)
         rig, _ = rig_of(scene).natural()
         heavy = tuple(block.heavier(block.count) for block in rig.blocks)
         if not rig.cart:

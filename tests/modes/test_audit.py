@@ -8,6 +8,7 @@ import sys
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import product
 from typing import Any
 
@@ -313,6 +314,7 @@ WORDS = {
 }
 
 
+@cache
 def found_in(name: str) -> SolutionReport:
     return report_solution(natural_modes(ROUTES[name][0]))
 

@@ -8,7 +8,7 @@ import pytest
 import scipy.linalg
 from compare import assert_certified
 from oracle import dense
-from random_scenes import random_scene
+from scenes import extreme_scene, mild_scene
 
 from modal import (
     Bob,
@@ -30,22 +30,6 @@ from modal.statespace import state_space
 from nonlinear import simulate
 
 
-def mild(seed: int, **link: float) -> Scene:
-    """A well-conditioned random scene on a cart with copies; `link` adds dampers or springs to every joint."""
-    rng = np.random.default_rng(seed)
-    pendula = [
-        Pendulum(
-            links=[
-                Body(mass=m, length=l, centre=c * l, inertia=i, **link) for m, l, c, i in rng.uniform(0.2, 2, (n, 4))
-            ],
-            count=int(rng.integers(1, 4)),
-        )
-        for n in rng.integers(1, 4, size=rng.integers(1, 4))
-    ]
-    cart = Cart(mass=rng.uniform(0.1, 5), stiffness=float(rng.choice([0.0, 2.0])), damping=0.0)
-    return Scene(gravity=9.81, support=cart if seed % 4 else Fixed(), pendulum=pendula)
-
-
 def whole_basis(modes: Modes, normalise: str) -> np.ndarray:
     """Every basis vector of every mode as a column (cart first)."""
     columns = []
@@ -58,7 +42,7 @@ def whole_basis(modes: Modes, normalise: str) -> np.ndarray:
 
 @pytest.mark.parametrize("seed", range(24))
 def test_mass_normalised_shapes_diagonalise_M_and_K(seed: int) -> None:
-    modes = natural_modes(mild(seed))
+    modes = natural_modes(mild_scene(seed))
     phi, found = whole_basis(modes, "mass"), matrices(modes.scene)
     omega = np.repeat(modes.omega, modes.multiplicity)
     np.testing.assert_allclose(phi.T @ found.M @ phi, np.eye(len(phi)), atol=1e-11)
@@ -67,7 +51,7 @@ def test_mass_normalised_shapes_diagonalise_M_and_K(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(24))
 def test_shapes_are_normalised_with_a_deterministic_sign(seed: int) -> None:
-    modes = natural_modes(mild(seed))
+    modes = natural_modes(mild_scene(seed))
     for angles in whole_basis(modes, "angle").T[:, 1 if modes.rig.cart else 0 :]:
         if angles.any():
             leading = angles[np.argmax(np.abs(angles) >= np.abs(angles).max() * (1 - 1e-9))]
@@ -77,7 +61,7 @@ def test_shapes_are_normalised_with_a_deterministic_sign(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(24))
 def test_sum_rules(seed: int) -> None:
     """Σ effective masses = bᵀA⁻¹b (fixed) or the total mass (cart); participations sum to 1, energy shares too."""
-    modes = natural_modes(mild(seed))
+    modes = natural_modes(mild_scene(seed))
     rows = list(modes)
     found = matrices(modes.scene)
     if modes.rig.cart:
@@ -146,7 +130,7 @@ def test_one_bob_on_a_massless_free_cart_has_the_rigid_translation_alone() -> No
 
 @pytest.mark.parametrize("seed", range(12))
 def test_antiphase_leaves_the_cart_exactly_still(seed: int) -> None:
-    modes = natural_modes(mild(4 * seed + 1))
+    modes = natural_modes(mild_scene(4 * seed + 1))
     still = [row for row in modes if row.family.startswith("cart still")]
     copies = sum(count - 1 for _, _, count in modes.rig.members)
     assert len(modes.rig.members) != modes.rig.n_kinds or sum(r.multiplicity for r in still) >= bool(copies)
@@ -179,7 +163,7 @@ def test_space_is_two_plane_problems() -> None:
 
 
 def test_a_cart_in_space_is_a_fixed_support_across_the_rail() -> None:
-    scene = mild(5).model_copy(update={"space": "space"})
+    scene = mild_scene(5).model_copy(update={"space": "space"})
     modes = natural_modes(scene)
     along = natural_modes(scene.model_copy(update={"space": "plane"}))
     across = natural_modes(scene.model_copy(update={"space": "plane", "support": Fixed()}))
@@ -190,7 +174,7 @@ def test_a_cart_in_space_is_a_fixed_support_across_the_rail() -> None:
 
 @pytest.mark.parametrize("seed", range(16))
 def test_joint_springs_agree_with_the_many_digit_pencil(seed: int) -> None:
-    modes = natural_modes(mild(seed, stiffness=1.5))
+    modes = natural_modes(mild_scene(seed, stiffness=1.5))
     assert "mass and moment" in modes.route
     exact = dense(modes.scene)
     j = 0
@@ -206,7 +190,7 @@ def test_joint_springs_agree_with_the_many_digit_pencil(seed: int) -> None:
 @pytest.mark.parametrize("seed", range(16))
 def test_damped_modes_satisfy_the_quadratic_eigenproblem(seed: int) -> None:
     """Against the generalised companion pencil of the whole scene in SciPy."""
-    scene = mild(seed, damping=0.3)
+    scene = mild_scene(seed, damping=0.3)
     modes, found = natural_modes(scene), matrices(scene)
     n, eye, zero = len(found.M), np.eye(len(found.M)), np.zeros_like(found.M)
     values = scipy.linalg.eigvals(
@@ -296,7 +280,7 @@ def test_unstable_modes_are_recognised() -> None:
 
 def test_units_of_powers_of_two_change_nothing() -> None:
     for seed in range(40):
-        scene = random_scene(seed)
+        scene = extreme_scene(seed)
         scaled = rescaled(scene, mass=2.0**70, length=2.0**-40)
         found, expected = natural_modes(scaled).omega, natural_modes(scene).omega * 2.0**20
         np.testing.assert_allclose(found, expected, rtol=4e-16)
@@ -335,7 +319,7 @@ def test_equal_frequencies_of_different_pendula_are_one_row() -> None:
 @pytest.mark.parametrize("seed", range(5000, 5200))
 def test_sum_rules_at_the_extremes(seed: int) -> None:
     """Also where a mode that moves the cart has, to the last bit, the frequency of one that does not."""
-    scene = random_scene(seed, copies=True)
+    scene = extreme_scene(seed, copies=True)
     modes = natural_modes(scene.model_copy(update={"space": "space"}) if seed % 3 == 0 else scene)
     rows = list(modes)
     assert all(row.residual < 2e-15 for row in rows)
@@ -422,7 +406,7 @@ def state_eigenvalues(scene: Scene) -> list[complex]:
 @pytest.mark.parametrize("seed", range(24))
 def test_damped_error_bounds_hold(seed: int) -> None:
     """Dampers over eight decades, on joints and, every other time, on the cart."""
-    scene = mild(seed, damping=float(10 ** np.random.default_rng(seed).uniform(-4, 4)))
+    scene = mild_scene(seed, damping=float(10 ** np.random.default_rng(seed).uniform(-4, 4)))
     scene = scene.model_copy(update={"pendulum": tuple(p.model_copy(update={"count": 1}) for p in scene.pendulum)})
     if seed % 2 and isinstance(scene.support, Cart):
         scene = scene.model_copy(update={"support": scene.support.model_copy(update={"damping": 1.5})})
@@ -447,7 +431,7 @@ def test_an_unknown_normalisation_is_refused() -> None:
 @pytest.mark.parametrize("seed", range(16))
 def test_damped_participations_are_the_response_to_a_push(seed: int) -> None:
     """Against the left and right eigenvectors of the state matrix: x'(0+) after a unit push on the cart."""
-    scene = mild(seed, damping=0.0 if seed % 3 == 0 else 2.0)
+    scene = mild_scene(seed, damping=0.0 if seed % 3 == 0 else 2.0)
     if not isinstance(scene.support, Cart):
         scene = scene.model_copy(update={"support": Cart(mass=1.5, stiffness=1.0)})
     scene = scene.model_copy(update={"support": scene.support.model_copy(update={"damping": 0.7 * (seed % 2)})})

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 import sympy as sp
+from amounts import usually
 
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.modes import Modes
@@ -96,7 +97,7 @@ def assert_close(found: float, expected: float, scale: float) -> None:
 
 
 @pytest.mark.parametrize(("stiffness", "standing"), [(0.0, False), (1.5, False), (0.0, True)])
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", usually(range(0, 8, 2), range(8)))
 def test_links_agree_with_central_differences(seed: int, stiffness: float, standing: bool) -> None:
     scene = mixed(seed, stiffness, standing=standing)
     modes, apart = natural_modes(scene), counted_out(scene)
@@ -115,7 +116,7 @@ def test_links_agree_with_central_differences(seed: int, stiffness: float, stand
                 assert_close(getattr(found, name)[index], expected, modes.omega[number] / value)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", usually(range(0, 12, 2), range(12)))
 def test_cart_and_gravity_agree_with_central_differences(seed: int) -> None:
     scene = mixed(seed, stiffness=1.5 * (seed % 3 == 0))
     modes = natural_modes(scene)

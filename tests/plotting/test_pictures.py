@@ -245,8 +245,8 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("kind", FIGURES)
 @pytest.mark.parametrize("name", THEMES)
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.xdist_group(kind)) for kind in FIGURES])
 def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     with theme(name):
         figure = FIGURES[kind]()

@@ -6,8 +6,7 @@ from math import inf
 
 import numpy as np
 import pytest
-from motion_scenes import motion_scene
-from plane_scenes import minimal
+from scenes import minimal, motion_scene
 from scipy.signal import cont2discrete
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes

@@ -7,7 +7,8 @@ from dataclasses import replace
 import few_modes
 import numpy as np
 import pytest
-from plane_scenes import blowing, minimal, plane_scene, random_state
+from amounts import usually
+from scenes import blowing, minimal, plane_scene, random_state
 from test_hamiltonian import dense_M, vectors
 
 from modal.errors import SceneError
@@ -76,7 +77,7 @@ def test_the_reduced_equations_are_the_scenes_own_projected(seed: int) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 2, 3, 5, 7, 9])
+@pytest.mark.parametrize("seed", usually([2, 3, 5], [0, 2, 3, 5, 7, 9]))
 def test_all_modes_are_the_whole_scene(seed: int) -> None:
     """With springs, dampers, standing links and a cart, far from rest."""
     scene = plane_scene(seed)
@@ -140,7 +141,7 @@ def test_the_backbone_is_right_with_any_number_of_modes(count: int, number: int)
 @pytest.mark.slow
 def test_the_stated_error_is_honest() -> None:
     ratios = []
-    for seed in range(30):
+    for seed in usually(range(0, 30, 2), range(30)):
         support = [Fixed(), Cart(mass=3.0), Cart(mass=8.0, stiffness=5.0)][seed % 3]
         scene = chain(seed, 4 + seed % 6, support)
         start = start_of(scene, seed)
@@ -182,7 +183,7 @@ def test_the_judge_holds_every_mode_in_resonance_with_a_kept_one(kept: int) -> N
     assert kept < 6 or max(near) > kept + 8
 
 
-@pytest.mark.parametrize("seed", [710003, 710006, 710007, 710010, 710012, 710016])
+@pytest.mark.parametrize("seed", usually([710003, 710007, 710012], [710003, 710006, 710007, 710010, 710012, 710016]))
 def test_no_error_is_stated_below_the_true_one(seed: int) -> None:
     """A share of `benchmarks/few_modes.py`: chains in and out of resonance, at every instant."""
     found = few_modes.judged(replace(few_modes.held(seed), duration=8.0))

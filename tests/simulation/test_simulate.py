@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from motion_scenes import motion_scene, random_state
+from scenes import motion_scene, random_state
 from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
@@ -46,7 +46,7 @@ def minimal(scene: Scene) -> Equations:
 @pytest.mark.parametrize("seed", range(12))
 def test_accelerations_solve_lagranges_equations_from_cartesian_positions(seed: int) -> None:
     scene = motion_scene(seed, longest=2)
-    state, equations = random_state(scene, seed), minimal(scene)
+    state, equations = random_state(system_of(scene), seed), minimal(scene)
     rate = equations.derivative(0.0, equations.begin(state))
     found, exact = equations.read(rate[None])[0], derive_lagrangian(of_scene(scene))
     on_cart = scene.support.kind == "cart"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from test_symbolic import random_scene
+from scenes import decimal_scene
 
 from modal import Bob, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, SceneError, load, matrices, natural_modes
 from modal.statespace import StateSpace, state_space
@@ -18,7 +18,7 @@ def transfer(model: StateSpace, s: complex) -> np.ndarray:
 
 
 def on_a_cart(seed: int) -> Scene:
-    scene = random_scene(seed)
+    scene = decimal_scene(seed)
     cart = Cart(mass=1.5 + seed % 3, damping=0.3 * (seed % 2), stiffness=2.0 * (seed % 3 == 0))
     return scene.model_copy(update={"support": cart})
 
@@ -36,7 +36,7 @@ def test_poles_are_the_table_s(name: str) -> None:
 @pytest.mark.parametrize("seed", range(30))
 def test_transfer_functions_of_forces_and_torques(seed: int) -> None:
     """Y0 (s²M + sD + K)⁻¹ F, its s- and s²-fold, from matrices and rows alone."""
-    scene = on_a_cart(seed) if seed % 3 else random_scene(seed).model_copy(update={"support": Fixed()})
+    scene = on_a_cart(seed) if seed % 3 else decimal_scene(seed).model_copy(update={"support": Fixed()})
     found, geometry, s = matrices(scene), geometry_of(scene), 0.7 + 2.3j
     inputs = (*(["cart_force"] if geometry.on_cart else []), "joint_torques", "link_forces")
     outputs = tuple(name for name in OUTPUTS if geometry.on_cart or not name.startswith("cart"))
@@ -88,7 +88,7 @@ def test_pivot_forces_move_the_cart(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_rows_are_the_derivatives_of_exact_positions(seed: int) -> None:
-    scene = random_scene(seed)
+    scene = decimal_scene(seed)
     geometry = geometry_of(scene)
     rng, h = np.random.default_rng(seed), 1e-6
     q = rng.normal(size=geometry.size)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from amounts import usually
 from scipy.optimize import brentq, fsolve, minimize_scalar
 
 import modal
@@ -35,6 +36,8 @@ from nonlinear.synchronization import (
 from nonlinear.synchronization.continuation import RESOLUTION, Walk
 from nonlinear.synchronization.patterns import own_amplitudes
 from nonlinear.system import State
+
+pytestmark = pytest.mark.xdist_group("branches")  # several tests look at one branch
 
 GRAVITY, ANGLE = 9.81, 5.0
 GENTLE = 0.01  # N m s/rad: a drive that leaves no trace of e/ω in what first order says
@@ -136,7 +139,7 @@ def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("mass", [4000.0, 1500.0])
+@pytest.mark.parametrize("mass", usually([1500.0], [4000.0, 1500.0]))
 def test_critical_detuning_is_that_of_two_amplitude_equations(mass: float) -> None:
     found = followed(clocks(mass, 5.0, strength=GENTLE), f"{LENGTH}=1:{1 + 10 / mass}:5")
     end = critical(named(found, "in phase"), "disappears") - 1
@@ -151,7 +154,7 @@ def test_the_simulator_locks_within_the_critical_detuning_and_drifts_beyond(part
     scene = clocks(200.0, 5.0)
     one = named(followed(scene, f"{LENGTH}=1:1.01:5"), "in phase")
     value = 1 + part * (critical(one, "disappears") - 1)
-    phases = run_from(scene, LENGTH, value, near(one, scene, value), 5000.0, 1.0)
+    phases = run_from(scene, LENGTH, value, near(one, scene, value), 3000.0, 1.0)
     assert phases.locked == locked
     assert (np.ptp(phases.frequency) < 1e-6) == locked
     assert (abs(np.ptp(difference(phases))) < 0.1) == locked

@@ -10,6 +10,7 @@ import koluda
 import numpy as np
 import pantaleone
 import pytest
+from amounts import usually
 
 from modal import load
 from nonlinear.simulation import simulate
@@ -40,7 +41,7 @@ def test_a_clock_alone_takes_the_larger_amplitude_and_dies_below_the_smaller() -
         assert found == pytest.approx(expected, rel=0.02) if expected else found < 0.9 * needed
 
 
-@pytest.mark.parametrize("mass", [0.1, 1.0, 10.0])
+@pytest.mark.parametrize("mass", usually([0.1, 10.0], [0.1, 1.0, 10.0]))
 def test_antiphase_survives_on_any_beam(mass: float) -> None:
     assert huygens.outcome(huygens.on(mass), (7.0, -4.0), 200.0) == "antiphase"
 
@@ -57,7 +58,7 @@ def test_in_phase_both_stop_on_beams_lighter_than_derived() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("damping", [0.0, 0.4])
+@pytest.mark.parametrize("damping", usually([0.4], [0.0, 0.4]))
 def test_antiphase_of_metronomes_loses_its_stability_where_derived(damping: float) -> None:
     base = pantaleone.Base(0.005, damping=damping)
     assert pantaleone.multiplier(base, 0.90 * base.limit_deg) < 1
@@ -96,9 +97,9 @@ def test_on_the_shipped_beam_fast_antiphase_shares_its_energy_for_ever() -> None
 
 @pytest.mark.slow
 def test_on_heavy_and_light_beams_one_configuration_gives_way() -> None:
-    assert koluda.attracts(koluda.varied(2.0, 0.5), 1) == "to 4"
+    assert koluda.attracts(koluda.varied(2.0, 0.5), 1, 250.0) == "to 4"
     assert koluda.averages(koluda.varied(2.0, 0.5))[1] == "none"
-    assert koluda.attracts(koluda.varied(20.0, 0.5), 2, 300.0) == "to 4"
+    assert koluda.attracts(koluda.varied(20.0, 0.5), 2, 150.0) == "to 4"
     assert koluda.averages(koluda.varied(20.0, 0.5))[2] == "is left"
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from motion_scenes import motion_scene, random_state
+from scenes import motion_scene, random_state
 
 import modal
 from modal import Bob, Cart, Fixed, Pendulum, Scene
@@ -170,7 +170,7 @@ def test_whole_turns_do_not_count() -> None:
 @pytest.mark.parametrize("seed", range(6))
 def test_energies_are_those_of_the_pendula_and_cart_by_themselves(seed: int) -> None:
     scene = motion_scene(seed, standing=False)
-    states = [random_state(scene, at) for at in range(3)]
+    states = [random_state(system_of(scene), at) for at in range(3)]
     columns = [np.array([getattr(one, name) for one in states]) for name in ("links", "link_rates")]
     cart = [np.array([getattr(one, name) for one in states]) for name in ("cart", "cart_rate")]
     run = closed(scene, [0.0, 1.0, 2.0], *columns, *cart)
