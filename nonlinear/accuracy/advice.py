@@ -10,12 +10,11 @@ Two runs that differ by d say that the tighter one is off by no more than SAFETY
 factors of ten, wherever steps are few or held down by something else than the tolerance, as by stiff joints, and both
 may share one.  Where a third has shown how errors follow the tolerance, e ∝ τ^p with p at most 1, that is credited,
 
-    e(τ) ≤ min(SAFETY / R^p, ALONE) d
+    e(τ) ≤ min(SAFETY / R^p, JUDGED) d
 
-at R times the tolerance of the run before.
-Where that is too much the next tolerance follows from C in e ≈ Cτ: a few times the motion's size where little grows,
-more over many periods and at large angles, and millions where small errors grow.  Where even the finest tolerance is
-too coarse the motion is known up to a horizon and no further.
+for a tolerance R times tighter.  Where that is too much the next tolerance follows from C in e ≈ Cτ: a few times the
+motion's size where little grows, more over many periods and at large angles, and millions where small errors grow.
+Where even the finest tolerance is too coarse the motion is known up to a horizon and no further.
 
 Two runs that share a symmetry agree longer than they are right.  Where the start has one that holds digit by digit, or
 is an unstable rest, a twin in the same way from a start that differs in its last digits (`nonlinear.integration.twins`)
@@ -38,7 +37,7 @@ from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, Simulation
 from nonlinear.system import apart
 
 RATIO, CLIMB = 10.0, 16.0  # of the first two tolerances, and of the next ones at least
-ALONE, SAFETY = 2.0, 16.0  # what is promised at most over what two runs differ by, with a third run and without
+JUDGED, SAFETY = 2.0, 16.0  # what is promised at most over what two runs differ by, with a third run and without
 SHORTER = 0.7  # share by which steps are shorter from run to run where not the tolerance holds them down
 NEAREST = 4.0  # ratio of tolerances below which two runs may be one
 FARTHEST = 100.0  # ratio beyond which none is trusted to be better still
@@ -166,7 +165,7 @@ def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
         ratio = min(before.attempt.tolerance / found.attempt.tolerance, FARTHEST)
         fallen = _difference(found.trajectory, runs[-2].trajectory), difference
         order = _order(*fallen, runs[-2].attempt.tolerance / before.attempt.tolerance)
-        credit = np.maximum(ratio**order / SAFETY, 1 / ALONE)
+        credit = np.maximum(ratio**order / SAFETY, 1 / JUDGED)
     errors = np.maximum.accumulate(difference / credit) + rounding * (difference > 0)
     return replace(found, errors=errors, attempt=replace(found.attempt, error=float(errors[-1])))
 

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from advice import held
 from amounts import usually
 from scenes import motion_scene
 from scipy.special import ellipj, ellipk
@@ -70,8 +71,16 @@ def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_
         spent.append(sum(attempt.calls for attempt in advice.attempts))
         needed.append(found.run.calls)
     ratios = np.array(spent) / needed
-    assert np.median(ratios) < 3
-    assert ratios.max() < 5
+    assert np.median(ratios) < 4
+    assert ratios.max() < 6
+
+
+def test_two_runs_that_share_an_error_are_not_believed() -> None:
+    """Both have the phase of the fastest swing, on a stiff joint, wrong by nearly the same."""
+    scene, start, duration, accuracy = held(910_167)
+    advice = advise(scene, duration, accuracy, start=start)
+    sure = simulate(scene, duration, start=start, method="DOP853", tolerance=1e-12, output=advice.trajectory.times)
+    assert apart(advice.trajectory.motion, sure.motion).max() <= min(advice.attempts[-1].error, accuracy)
 
 
 def found_with(tolerance: float, error: float) -> Found:
