@@ -20,7 +20,7 @@ import numpy as np
 
 from modal.report import csv_comment
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
-from modal.scene.sealed import finite, index, insist_keys, reading
+from modal.scene.sealed import finite, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
@@ -70,7 +70,7 @@ def as_csv(header: dict[str, Any], lines: Iterable[str]) -> bytes:
 def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
     """The header, and what stands below it."""
     found = sealed.content(path)
-    sealed.insist_sealed_text(found, COMMENT)
+    sealed.verify_sealed_text(found, COMMENT)
     first, _, rest = found.decode().partition("\n")
     header: dict[str, Any] = json.loads(first.removeprefix("# "))
     del header["sha256"]
@@ -108,14 +108,14 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
-    insist_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
+    require_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
     if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
         raise ValueError
     scene = scene_from(header["scene"])
     system = system_of(scene)
     shape = (len(times), system.n_links, *([3] if system.spatial else []))
     shapes = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
-    insist_keys(parts, *PARTS)
+    require_keys(parts, *PARTS)
     motion = Motion(**{name: finite(parts[name], *shapes[name]) for name in PARTS})
     if len(times) == 0 or np.any(np.diff(finite(times, len(times))) <= 0):
         raise ValueError
@@ -138,14 +138,14 @@ def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
 
 
 def _happening(event: dict[str, Any], shape: tuple[int, ...]) -> EventRecord:
-    insist_keys(event, "name", "time_s", *PARTS[:4])
+    require_keys(event, "name", "time_s", *PARTS[:4])
     time, cart, cart_rate = finite([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
     state = State(finite(event["links"], *shape), finite(event["link_rates"], *shape), cart, cart_rate)
     return EventRecord(str(event["name"]), time, state)
 
 
 def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
-    insist_keys(found, *NO_KICKS._fields)
+    require_keys(found, *NO_KICKS._fields)
     size = len(found["time"])
     link = np.array([index(own, n_links) for own in found["link"]], dtype=np.int64)
     if len(link) != size:

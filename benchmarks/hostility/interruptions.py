@@ -34,8 +34,14 @@ COMMANDS = (
     "sync huygens --duration 30 -o sync.png",
 )
 SIGNALS = (*(signal.SIGINT,) * 3, signal.SIGTERM, *([signal.SIGKILL] if hasattr(signal, "SIGKILL") else []))
-START = "import os; os.write({}, b'!'); import sys; from multipendula.__main__ import main; sys.exit(main())"
-"""What the installed command does, after a sign that the interpreter is up and this project's code begins."""
+START = (
+    "import os, _signal; _signal.signal(2, _signal.default_int_handler); os.write({}, b'!'); "
+    "import sys; from multipendula.__main__ import main; sys.exit(main())"
+)
+"""What the installed command does, after a sign that the interpreter is up and this project's code begins.
+
+A shell's background jobs ignore Ctrl-C, and so would what they start.
+"""
 LATEST, PATIENCE, GRACE = 5.0, 60.0, 5.0  # s
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modal.exports.text import digits, matrices
-from modal.scene.sealed import Source, content, finite, insist_keys, insist_sealed_text, reading, sealed_text
+from modal.scene.sealed import Source, content, finite, reading, require_keys, sealed_text, verify_sealed_text
 from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
@@ -31,9 +31,9 @@ def read_json(source: Source) -> StateSpace:
     """The model that was written, from the bytes of the file or its path; SceneError for any other content."""
     with reading(source, "model"):
         found = content(source)
-        insist_sealed_text(found, OPENING)
+        verify_sealed_text(found, OPENING)
         data: dict[str, Any] = json.loads(found)
-        insist_keys(data, "sha256", "title", "dt", "operating_point", *KINDS, *SHAPES)
+        require_keys(data, "sha256", "title", "dt", "operating_point", *KINDS, *SHAPES)
         signals = {kind: [(s["name"], s["unit"], s["meaning"]) for s in data[kind]] for kind in KINDS}
         resting = [(angle["name"], angle["value"]) for angle in data["operating_point"]]
         return assembled(data, signals, resting)

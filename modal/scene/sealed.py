@@ -64,11 +64,11 @@ def content(source: Source) -> bytes:
         found = os.fstat(stream.fileno())
         if not S_ISREG(found.st_mode):
             raise SceneError(["is not a file"])
-        _insist_size(found.st_size)
+        _limit_size(found.st_size)
         return stream.read()
 
 
-def _insist_size(size: int) -> None:
+def _limit_size(size: int) -> None:
     if size > LARGEST:
         raise SceneError([f"is larger than {LARGEST} bytes"])
 
@@ -80,7 +80,7 @@ def sealed(before: bytes, after: bytes = b"") -> bytes:
     return b"".join((before, checksum.hexdigest().encode(), after))
 
 
-def insist_whole(found: bytes, before: int) -> None:
+def verify_whole(found: bytes, before: int) -> None:
     """ValueError where no checksum stands after so many bytes, SceneError where it does not hold."""
     own, others = found[before : before + DIGITS], memoryview(found)
     if not re.fullmatch(rb"[0-9a-f]{%d}" % DIGITS, own):
@@ -99,12 +99,12 @@ def sealed_text(before: str, after: str) -> bytes:
     return sealed(before.encode() + KEY, b'",' + after.encode())
 
 
-def insist_sealed_text(found: bytes, before: str) -> None:
+def verify_sealed_text(found: bytes, before: str) -> None:
     """ValueError or SceneError where a text is not what `sealed_text` made with the same `before`."""
     head = before.encode() + KEY
     if not found.startswith(head):
         raise ValueError
-    insist_whole(found, len(head))
+    verify_whole(found, len(head))
 
 
 # --------------------------------------------------------------------------------------------------------- arrays
@@ -112,7 +112,7 @@ def insist_sealed_text(found: bytes, before: str) -> None:
 
 def archive(arrays: Mapping[str, Any]) -> bytes:
     """An .npz file; SceneError where it would be larger than what is read."""
-    _insist_size(sum(np.asarray(values).nbytes for values in arrays.values()))
+    _limit_size(sum(np.asarray(values).nbytes for values in arrays.values()))
     stream = BytesIO()
     np.savez_compressed(stream, **arrays)
     with ZipFile(stream, "a") as zipped:
@@ -125,10 +125,10 @@ def unpacked(found: bytes, names: Collection[str] | None = None) -> dict[str, An
 
     Nothing is unpacked before the checksum, all sizes and all names have been looked at.
     """
-    insist_whole(found, len(found) - DIGITS)
+    verify_whole(found, len(found) - DIGITS)
     with ZipFile(BytesIO(found)) as zipped:
         members = {member.filename.removesuffix(".npy"): member for member in zipped.infolist()}
-        _insist_size(sum(member.file_size for member in members.values()))
+        _limit_size(sum(member.file_size for member in members.values()))
         if len(members) != len(zipped.infolist()) or (names is not None and members.keys() != set(names)):
             raise ValueError
         return {name: _array(zipped, member) for name, member in members.items()}
@@ -155,7 +155,7 @@ def _head(stream: IO[bytes]) -> bytes:
 # ------------------------------------------------------------------------------------------------------- contents
 
 
-def insist_keys(found: dict[str, Any], *known: str) -> None:
+def require_keys(found: dict[str, Any], *known: str) -> None:
     """ValueError for a mapping with other keys than these."""
     if found.keys() != set(known):
         raise ValueError

@@ -52,7 +52,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
     if model.dt:
         raise ComputationError("balanced reduction is of the continuous model")
     values, V = np.linalg.eig(model.A)
-    _insist_on_damping(values)
+    _require_damping(values)
     reach, sight = (
         _root(_gramian(model.A, values, V, model.B)),
         _root(_gramian(model.A.T, *_duals(values, V), model.C.T)),
@@ -70,7 +70,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
     return Balanced(reduced, hankel, float(2 * hankel[count:].sum()))
 
 
-def _insist_on_damping(values: Complexes) -> None:
+def _require_damping(values: Complexes) -> None:
     upper = values[values.imag >= 0]
     upper = upper[np.argsort(np.abs(upper), kind="stable")]
     rounding = UNDAMPED * np.abs(values).max()

@@ -65,7 +65,7 @@ def _lagrangian(system: SymbolicSystem) -> Section:
         lines.append(Line("dissipation function", equal(sp.Symbol("R"), found.R)))
     lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
     if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
-        _insist(vanishes(found.T - T))
+        _require(vanishes(found.T - T))
         lines.append(Line("T is that of the Cartesian velocities of all masses: checked term by term"))
     return Section("Lagrangian", lines)
 
@@ -82,7 +82,7 @@ def _equations(system: SymbolicSystem) -> Section:
     lines = [Line(f"of {c.q}", equal(form, 0)) for c, form in zip(system.coordinates, found, strict=True)]
     if len(system.links) <= CHECKED_UP_TO:
         derived = derive_lagrangian(system).equations
-        _insist(all(vanishes(a - b) for a, b in zip(derived, found, strict=True)))
+        _require(all(vanishes(a - b) for a, b in zip(derived, found, strict=True)))
         lines.append(Line("these are Lagrange's equations of the Cartesian L: checked term by term"))
     return Section(title, lines)
 
@@ -123,7 +123,7 @@ def _ways(system: SymbolicSystem) -> str:
     )
 
 
-def _insist(holds: bool) -> None:
+def _require(holds: bool) -> None:
     if not holds:
         raise SceneError(["the Cartesian derivation and the pair disagree: please report this scene"])
 

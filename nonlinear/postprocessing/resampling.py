@@ -27,7 +27,7 @@ def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     if len(times) < 2:
         raise ComputationError("the run holds a single instant: there is no motion to draw")
     place = _placed(times, at)
-    _insist(times, motion, place)
+    _validate(times, motion, place)
     links, link_rates = _between(place, motion.links, motion.link_rates)
     if links.ndim == 3:
         links, link_rates = _unit(links, link_rates)
@@ -82,7 +82,7 @@ def _unit(u: Floats, w: Floats) -> tuple[Floats, Floats]:
     return u, w - u * np.sum(u * w, axis=-1, keepdims=True)
 
 
-def _insist(times: Floats, motion: Motion, place: _Place) -> None:
+def _validate(times: Floats, motion: Motion, place: _Place) -> None:
     first, last = int(place.before.min()), int(place.before.max()) + 2
     h = np.diff(times[first:last]).reshape(-1, *[1] * (motion.links.ndim - 1))
     links, rates = motion.links[first:last], motion.link_rates[first:last]

@@ -167,7 +167,7 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
         for number, phi, eta, rate in zip(found.number, found.shapes.T, found.coordinate[0], found.rate[0], strict=True)
     ]
     each += [_drift(scene, modes, number, *deflection(scene, here)) for number in drifting]
-    _insist(each, *deflection(scene, here))
+    _validate(each, *deflection(scene, here))
     return each
 
 
@@ -189,7 +189,7 @@ def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swi
     return Swing(phi, 0j, 0.0, eta, rate, damped=False)
 
 
-def _insist(each: list[Swing], q: Floats, v: Floats) -> None:
+def _validate(each: list[Swing], q: Floats, v: Floats) -> None:
     linear = [replace(one, kappa=0.0) for one in each]
     missing = np.array([q, v]) - sum(one.motion(np.zeros(1))[:2] for one in linear)
     if not all(np.abs(gap).max() <= SPANNED * max(np.abs(q).max(), np.abs(v).max()) for gap in missing):

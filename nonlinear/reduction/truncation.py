@@ -171,7 +171,7 @@ def simulate_truncated(
     had, SimulationError where the integrator gives up.
     """
     validate_numbers(duration, tolerance, 0.0)
-    _insist(scene, modes, method)
+    _validate(scene, modes, method)
     system = system_of(scene)
     state, times = validate(
         lambda: validate_state(start if start is not None else initial_state(scene), system),
@@ -217,7 +217,7 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
     return np.asarray(np.maximum.accumulate(values)[last])
 
 
-def _insist(scene: Scene, modes: int | None, method: str) -> None:
+def _validate(scene: Scene, modes: int | None, method: str) -> None:
     problems = [] if scene.space == "plane" else ["space: modal truncation is of motion in the plane"]
     whole = isinstance(modes, Integral) and not isinstance(modes, bool)
     if modes is not None and not (whole and modes >= 1):

@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.report import csv_cell, csv_rows
 from modal.scene import whole_file
-from modal.scene.sealed import index, insist_keys, reading
+from modal.scene.sealed import index, reading, require_keys
 from modal.types import Floats
 from nonlinear.files import as_csv, as_npz, checked_kind, from_csv, from_npz
 from nonlinear.sweeps.running import Sweep
@@ -70,7 +70,7 @@ class _Kept(NamedTuple):
 
 
 def _kept(header: dict[str, Any]) -> _Kept:
-    insist_keys(header, "multipendula_sweep", "columns", "failed", "done")
+    require_keys(header, "multipendula_sweep", "columns", "failed", "done")
     study, columns, done = study_from(header["multipendula_sweep"]), tuple(header["columns"]), header["done"]
     indices = tuple(range(study.size) if done is None else (index(own, study.size) for own in done))
     failed = {int(own): reason for own, reason in header["failed"].items()}
@@ -93,7 +93,7 @@ def _npz(sweep: Sweep) -> bytes:
 def _read_npz(name: str) -> Sweep:
     header, arrays = from_npz(name)
     kept = _kept(header)
-    insist_keys(arrays, *kept.axes, *kept.columns)
+    require_keys(arrays, *kept.axes, *kept.columns)
     axes = zip(kept.axes, kept.study.variations, strict=True)
     if not all(np.array_equal(arrays[axis], own.values) for axis, own in axes):
         raise ValueError

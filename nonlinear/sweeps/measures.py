@@ -63,9 +63,9 @@ class RequestedMeasure:
 
     def __post_init__(self) -> None:
         if self.number != self.measure.usual:
-            self.insist()
+            self.validate()
 
-    def insist(self) -> RequestedMeasure:
+    def validate(self) -> RequestedMeasure:
         """Itself; SceneError where its number is out of range."""
         kind = f"a {'whole ' * self.measure.whole}number above 0 and at most {self.measure.most:g}"
         fits = isfinite(self.number) and 0 < self.number <= self.measure.most
@@ -277,7 +277,9 @@ def _asked(text: str) -> RequestedMeasure:
         raise SceneError([f"{text}: no such measure{hint}"])
     measure = MEASURES[name]
     try:
-        return RequestedMeasure(measure, float(number)).insist() if colon else RequestedMeasure(measure, measure.usual)
+        return (
+            RequestedMeasure(measure, float(number)).validate() if colon else RequestedMeasure(measure, measure.usual)
+        )
     except ValueError as error:
         if isinstance(error, SceneError):
             raise

@@ -13,8 +13,7 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.scene import Scene, describe, scene_from
-from modal.scene.parameters import Variation, vary
-from modal.scene.parameters import validate_variations as insist_varied
+from modal.scene.parameters import Variation, validate_variations, vary
 from nonlinear.sweeps.measures import RequestedMeasure, parse_measures
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
@@ -38,7 +37,7 @@ class Study:
         if not self.measures:
             problems.append("a sweep measures something: frequencies, for example")
         try:
-            insist_varied(self.scene, self.variations)
+            validate_variations(self.scene, self.variations)
         except SceneError as error:
             problems += error.problems
         if problems:

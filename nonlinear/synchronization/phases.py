@@ -109,7 +109,7 @@ class Phases:
         """
         late = last(self.times, SETTLED)
         times, z = self.times[late], self.z[late, :, self.leading]
-        self._insist(times, z)
+        self._validate(times, z)
         half = (times[-1] - times[0]) / 2
         weight = 1 + np.cos(pi * ((times - times[0]) / half - 1))
         from_middle = times - np.average(times, weights=weight)
@@ -117,7 +117,7 @@ class Phases:
         slope = pull @ np.unwrap(np.angle(z), axis=0) / (pull @ from_middle)
         return np.where(np.all(z != 0, axis=0), slope, np.nan)
 
-    def _insist(self, times: Floats, z: Complexes) -> None:
+    def _validate(self, times: Floats, z: Complexes) -> None:
         """By the own frequencies, and by √(mean η'²/mean η²), which sees any, however few the samples."""
         if len(times) < 3:
             raise ComputationError("the run holds too few instants to measure frequencies")
