@@ -35,8 +35,8 @@ COMMANDS = (
 )
 SIGNALS = (*(signal.SIGINT,) * 3, signal.SIGTERM, *([signal.SIGKILL] if hasattr(signal, "SIGKILL") else []))
 START = (
-    "import os, _signal; _signal.signal(2, _signal.default_int_handler); os.write({}, b'!'); "
-    "import sys; from multipendula.__main__ import main; sys.exit(main())"
+    "import os, sys, _signal; _signal.signal(2, _signal.default_int_handler); "
+    "from multipendula.__main__ import main; os.write({}, b'!'); sys.exit(main())"
 )
 """What the installed command does, after a sign that the interpreter is up and this project's code begins.
 
