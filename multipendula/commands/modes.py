@@ -109,14 +109,14 @@ COMMANDS = (
         run=table,
         arguments=_table_arguments,
         details=(
-            "One row a mode: frequency and period, how many shapes share it, its family in words, how much the cart "
+            "One row a mode: frequency and period, how many shapes share it, its description, how much the cart "
             "takes part, its modal effective mass, the angle up to which the linear frequency is right to 1 %, and a "
-            "bound on its relative error. With dampers damping ratios come in, where links stand up growth rates."
+            "bound on its relative error. Dampers add damping ratios, an inverted equilibrium growth rates."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
             ("table rope --modes 1:5", "the first five of a rope of 1000 links"),
-            ("table cart-upright", "about a rest in which links stand: growth rates"),
+            ("table cart-upright", "about an inverted equilibrium: growth rates"),
             ("table crane-hook --format latex -o crane.tex", "to paste into a paper"),
             ("table paper-cart-2 --format json --shapes", "every digit, with shapes and energy shares"),
         ),

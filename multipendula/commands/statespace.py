@@ -118,7 +118,7 @@ def shaper(options: argparse.Namespace) -> None:
 
 def _shaper_arguments(page: Page) -> None:
     add_scene(page)
-    words = "zvd bears more error in the frequencies"
+    words = "zvd tolerates more error in the frequencies"
     page.asked.add_argument("--kind", choices=("zv", "zvd"), default="zv", help=words)
     words = "for the K slowest modes (default 1)"
     page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)

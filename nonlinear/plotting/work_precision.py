@@ -58,7 +58,7 @@ def _bounds(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
 def _front(axis: Axes, found: WorkPrecision) -> None:
     points = [(row.seconds, found.judged(row)) for row in found.pareto]
     look: dict[str, Any] = {"color": rest(), "lw": 8, "drawstyle": "steps-post", "gid": QUIET}
-    axis.plot(*zip(*points, strict=True), zorder=1, label="none is better", **look)
+    axis.plot(*zip(*points, strict=True), zorder=1, label="Pareto front", **look)
 
 
 def _family(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
