@@ -12,10 +12,11 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics import Minimal, Reduced, Symmetry, find_symmetries
+from nonlinear.dynamics import Generated, Minimal, Reduced, Symmetry, find_symmetries
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.driver import Drive, Record
 from nonlinear.integration.escapements import escapements
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.timescales import estimate_timescales
@@ -178,15 +179,17 @@ def _stepper(
 ) -> Stepper:
     """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
     first, last = float(times[0]), float(times[-1])
+    inner = equations.inner if isinstance(equations, Reduced) else equations
     if choice.method == "taylor":
         from nonlinear.integration import taylor
 
         pace = replace(pace, first=taylor.first_step(estimate_timescales(scene).swing))
-        series = equations.inner if isinstance(equations, Reduced) else equations
-        return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, pace)
+        return taylor.TaylorStepper(cast("Minimal", inner), y, first, last, choice.tolerance * size, pace)
     relative = choice.tolerance * sharpened(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
     pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
+    if choice.method == "DOP853" and isinstance(inner, Generated):
+        return FloatStepper(inner, first, y, last, relative, absolute, pace)
     return SciPyStepper(choice.method, equations.derivative, first, y, last, relative, absolute, pace)
 
 

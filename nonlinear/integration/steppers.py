@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt, ulp
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from scipy import integrate
@@ -110,6 +110,19 @@ class Stepper(Protocol):
         ...
 
 
+@runtime_checkable
+class Sweeper(Stepper, Protocol):
+    """An integrator of equations without constraints that takes many steps at once."""
+
+    def sweep(self, times: Floats) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]]]:
+        """Some steps on towards the last of these times (ascending), at least one.
+
+        Gives the y (T, size) at those of them that are reached, and where (s, y) every step ended.  ComputationError
+        where not even the first step can be.
+        """
+        ...
+
+
 class SciPyStepper:
     """A method of `scipy.integrate` (see there for the papers behind each).
 
@@ -145,7 +158,10 @@ class SciPyStepper:
         longest = self.pace.most(max(self._low, self.start), min(self._high, self.end))
         options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
         f = self._beside if self.pace.breaks else self.f
-        return SCIPY[self.method](f, time, y, end, max_step=longest, **options)
+        return self._solver_of(f, time, y, end, max_step=longest, **options)
+
+    def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> integrate.OdeSolver:
+        return SCIPY[self.method](f, time, y, end, **options)
 
     def _beside(self, time: float, y: Floats) -> Floats:
         """The derivative, as it is between the breaks around."""
