@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
@@ -22,6 +22,9 @@ from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper,
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
 from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, System
+
+if TYPE_CHECKING:
+    from nonlinear.dynamics.compiled import Compiled
 
 FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
 HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much
@@ -190,6 +193,10 @@ def _stepper(
     pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
     if choice.method == "DOP853" and isinstance(inner, Generated):
         return FloatStepper(inner, first, y, last, relative, absolute, pace)
+    if choice.method == "DOP853" and choice.compiled:
+        from nonlinear.integration.compiled import CompiledStepper
+
+        return CompiledStepper(cast("Compiled", inner), first, y, last, relative, absolute, pace)
     return SciPyStepper(choice.method, equations.derivative, first, y, last, relative, absolute, pace)
 
 

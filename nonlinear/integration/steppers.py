@@ -185,18 +185,26 @@ class SciPyStepper:
 
     def step(self) -> None:
         """Go one step on."""
-        if self._high <= self.time < self.end:
-            self._done += self._solver.nfev
-            self._solver = self._begun(self.time, self.y, self.pace.first)
+        solver = self._on_its_way()
         self.before, self.y_before, self._within = self.time, self.y, None
         try:
-            message = self._solver.step()
+            message = solver.step()
         except ValueError:
             if np.all(np.isfinite(getattr(self._solver, "J", 0.0))):
                 raise
             message = "its Jacobian overflows"
         if message or self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
-            raise ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message or 'not finite'}")
+            raise self._stopped(message or "not finite")
+
+    def _on_its_way(self) -> integrate.OdeSolver:
+        """The integrator, a new one where a break has been reached."""
+        if self._high <= self.time < self.end:
+            self._done += self._solver.nfev
+            self._solver = self._begun(self.time, self.y, self.pace.first)
+        return self._solver
+
+    def _stopped(self, message: str) -> ComputationError:
+        return ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message}")
 
     def inside(self, times: Floats) -> Floats:
         """By the method's own interpolation."""

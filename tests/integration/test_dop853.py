@@ -1,8 +1,12 @@
-"""Equations written out in floats, and DOP853 under them: the lines and the steps of the route in NumPy."""
+"""DOP853 in floats and compiled: the equations and the steps of the route in NumPy."""
 
 from __future__ import annotations
 
+import os
+import sys
 from math import inf, pi
+from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,12 +18,14 @@ from modal import Bob, Cart, Pendulum, Scene, load
 from modal.scene import VanDerPol
 from modal.types import Floats
 from nonlinear.dynamics import Dense, Elimination, Generated, Minimal, Recursion, Reduced
+from nonlinear.dynamics.compiled import COMPILING, Compiled, announced, available
 from nonlinear.dynamics.generated import function_in
-from nonlinear.integration import Pace, SciPyStepper, methods
+from nonlinear.integration import Choice, Pace, Request, SciPyStepper, methods
 from nonlinear.integration.driver import Drive
 from nonlinear.integration.floats import FloatStepper
+from nonlinear.integration.steppers import Sweeper
 from nonlinear.simulation import simulate
-from nonlinear.system import State, System, initial_state, state_at_rest, system_of
+from nonlinear.system import Event, State, System, initial_state, state_at_rest, system_of
 
 ENOUGH = 1.5  # s, before chaos has had time
 
@@ -102,25 +108,41 @@ def test_what_has_no_number_is_nan_or_inf_as_in_numpy() -> None:
 # ------------------------------------------------------------------------------------------------------------ steps
 
 
-def both(scene: Scene, tolerance: float, pace: Pace, duration: float = 3.0) -> tuple[FloatStepper, SciPyStepper]:
-    """The stepper in floats and SciPy's for the same equations."""
+def both(
+    engine: str, scene: Scene, tolerance: float, pace: Pace, duration: float = 3.0
+) -> tuple[SciPyStepper, SciPyStepper]:
+    """The stepper of an engine and SciPy's for the same equations."""
     system = system_of(scene)
-    equations = Generated(system)
+    equations = Generated(system) if engine == "floats" else Compiled(system)
+    made: Any = FloatStepper if engine == "floats" else stepper_compiled()
     start = initial_state(scene) if any(each.start for each in scene.pendulum) else leaning(scene)
     given = (0.0, equations.begin(start), duration, tolerance, 0.1 * tolerance * equations.scale, pace)
-    return FloatStepper(equations, *given), SciPyStepper("DOP853", equations.derivative, *given)
+    return made(equations, *given), SciPyStepper("DOP853", equations.derivative, *given)
 
 
+def stepper_compiled() -> Any:
+    from nonlinear.integration.compiled import CompiledStepper
+
+    return CompiledStepper
+
+
+ENGINES = [
+    "floats",
+    pytest.param("compiled", marks=pytest.mark.skipif(not available(), reason="numba is not installed")),
+]
+engines = pytest.mark.parametrize("engine", ENGINES)
+NEVER = Event("never", lambda state: 1.0)
 PACES = (Pace(), Pace(first=0.02), Pace(first=0.5), Pace(longest=0.03), Pace(breaks=(0.7, 1.3), share=0.4))
 
 
+@engines
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("pace", PACES, ids=str)
 @pytest.mark.parametrize("scene", [load("chain-3"), load("huygens"), mixed()], ids=lambda scene: scene.title or "mixed")
-def test_its_steps_are_those_of_scipy(scene: Scene, pace: Pace, tolerance: float) -> None:
+def test_its_steps_are_those_of_scipy(engine: str, scene: Scene, pace: Pace, tolerance: float) -> None:
     """Estimates of errors are differences of about the tolerance, so that their rounding is some 1e-15 over that."""
     near = 1e-13 / tolerance
-    ours, theirs = both(scene, tolerance, pace)
+    ours, theirs = both(engine, scene, tolerance, pace)
     while theirs.time < ENOUGH:
         ours.step()
         theirs.step()
@@ -141,28 +163,45 @@ def test_its_steps_are_those_of_scipy(scene: Scene, pace: Pace, tolerance: float
     assert apart(ours.y, theirs.y) < 100 * near
 
 
-@pytest.mark.parametrize("scene", ["paper-cart-3", "chain-3"])
-def test_samples_of_many_steps_at_once_are_those_of_each(scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@engines
+@pytest.mark.parametrize("pace", [Pace(), Pace(breaks=(0.7, 1.3)), Pace(longest=0.002)], ids=str)
+@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3", "mixed"])
+def test_samples_of_many_steps_at_once_are_those_of_each(name: str, pace: Pace, engine: str) -> None:
+    scene = mixed() if name == "mixed" else load(name)
     times = np.sort(np.random.default_rng(0).uniform(0.0, 3.0, 300))
     times[0], times[-1] = 0.0, 3.0
-    far, near = (Drive(each, each.equations, times) for each in (both(load(scene), 1e-8, Pace())[0] for _ in range(2)))
-    far, near = far.run(), (monkeypatch.delattr(FloatStepper, "sweep"), near.run())[1]
-    assert (far.steps, far.last[0]) == (near.steps, near.last[0])  # type: ignore[index]
-    assert apart(far.rows, near.rows) < 1e-13
-    assert far.rows[-1].tolist() == list(far.last[1])  # type: ignore[index]
+    (far, _), (near, _) = (both(engine, scene, 1e-8, pace) for _ in range(2))
+    assert isinstance(far, Sweeper)
+    rows, ends = [far.y[None]], []
+    while sum(map(len, rows)) < len(times):
+        found, passed = far.sweep(times[sum(map(len, rows)) :])
+        rows.append(found)
+        ends += passed
+    for at, (time, y) in enumerate(ends):
+        near.step()
+        assert (near.time, near.y.tolist()) == (time, list(y)), at
+    by_step = Drive(both(engine, scene, 1e-8, pace)[0], Generated(system_of(scene)), times, events=(NEVER,)).run()
+    assert by_step.steps == len(ends)
+    assert apart(np.concatenate(rows), by_step.rows) < 1e-13
+    assert far.calls == near.calls + 3 * len({np.searchsorted([time for time, _ in ends], when) for when in times[1:]})
 
 
+@engines
 @pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-11])
 @pytest.mark.parametrize("name", ["paper-cart-3", "chain-3", "huygens", "mixed"])
-def test_a_run_in_floats_is_the_run_in_numpy(name: str, tolerance: float, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = mixed() if name == "mixed" else load(name)
     start = leaning(scene) if name == "mixed" else None
-    monkeypatch.setattr(methods, "find_spec", lambda name: None)
-    ours = simulate(scene, 2.0, start=start, tolerance=tolerance, method="DOP853")
-    monkeypatch.setattr(methods, "WRITTEN", 0)
-    theirs = simulate(scene, 2.0, start=start, tolerance=tolerance, method="DOP853")
-    inner = [each.equations.inner if isinstance(each.equations, Reduced) else each.equations for each in (ours, theirs)]
-    assert [isinstance(each, Generated) for each in inner] == [True, False]
+    found = []
+    for compiled, written in ((engine == "compiled", 100), (False, 0)):
+        way = Choice("minimal", "DOP853", compiled, "", tolerance)
+        monkeypatch.setattr(methods, "WRITTEN", written)
+        monkeypatch.setattr(Request, "choice", lambda self, tolerance, way=way: way)
+        found.append(simulate(scene, 2.0, start=start, tolerance=tolerance))
+    ours, theirs = found
+    inner: list[Any] = [each.equations for each in found]
+    kinds = [type(each.inner if isinstance(each, Reduced) else each).__name__ for each in inner]
+    assert kinds == [{"floats": "Generated", "compiled": "Compiled"}[engine], "Small"]
     assert (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
     assert len(ours.kicks.time) == len(theirs.kicks.time)
     for part in ("links", "link_rates", "cart", "work"):
@@ -200,3 +239,41 @@ def test_angles_far_beyond_any_turn_end_in_words() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
     found = simulate(scene, 1e-3, start=state_at_rest(scene, [1e5]), output=3)
     assert found.complete
+
+
+# --------------------------------------------------------------------------------------------------------- compiling
+
+
+class NotYet:
+    """A function that nobody has compiled here; `folder` is where it would be kept."""
+
+    signatures: tuple[Any, ...] = ()
+    __name__ = "kernel"
+
+    def __init__(self, folder: Path | None) -> None:
+        self.py_func, self.stats = leaning, SimpleNamespace(cache_path=folder)
+
+
+def test_compiling_is_announced_on_a_terminal_where_nothing_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for folder in (None, tmp_path):
+        with announced(NotYet(folder)):
+            pass
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+        with announced(NotYet(folder)):
+            pass
+        assert capsys.readouterr().err == COMPILING + "\n"
+        monkeypatch.undo()
+    kept = NotYet(tmp_path)
+    file = tmp_path / f"test.kernel-{leaning.__code__.co_firstlineno}.py311.nbi"
+    file.touch()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with announced(kept):
+        pass
+    assert capsys.readouterr().err == ""
+    os.utime(file, (0, 0))
+    with announced(kept):
+        pass
+    assert capsys.readouterr().err == COMPILING + "\n"
