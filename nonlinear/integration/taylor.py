@@ -187,6 +187,7 @@ def _admitted(equations: Minimal) -> Generated:
     if longest > LONGEST_CHAIN or links > MOST_LINKS:
         limit = f"at most {LONGEST_CHAIN} links a chain and {MOST_LINKS} in all, not {longest} and {links}"
         raise ComputationError(f"Taylor series take {limit}: choose another method")
+    _heyoka()
     return equations if isinstance(equations, Generated) else Generated(equations.system)
 
 
