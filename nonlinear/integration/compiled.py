@@ -228,7 +228,7 @@ class CompiledStepper(SciPyStepper):
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> CompiledDOP853:
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
 
-    def sweep(self, times: Floats) -> tuple[Floats, list[tuple[float, Floats]]]:
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """As `Sweeper` says."""
         solver = cast("CompiledDOP853", self._on_its_way())
         rows, ends, states = solver.advance(times, max(1, min(MOST, NUMBERS // solver.n)))
@@ -238,4 +238,5 @@ class CompiledStepper(SciPyStepper):
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
         reached = int(np.searchsorted(times[: len(rows)], ends[good - 1], side="right"))
-        return rows[:reached], list(zip(ends[:good].tolist(), states[:good], strict=True))
+        shown = slice(0 if every else good - 1, good)
+        return rows[:reached], list(zip(ends[shown].tolist(), states[shown], strict=True)), good

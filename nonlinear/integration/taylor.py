@@ -84,14 +84,14 @@ class TaylorStepper:
             self.integrator.time = until
         self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
 
-    def sweep(self, times: Floats) -> tuple[Floats, list[tuple[float, Floats]]]:
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """As `Sweeper` says: heyoka goes over the times by itself, but for the first step after a break."""
         if self._failure:
             raise self._failure
         start, (since, until) = self.time, self._stretch()
         if start == since:
             self.step()
-            return self.inside(times[times <= self.time]), [(self.time, self.y)]
+            return self.inside(times[times <= self.time]), [(self.time, self.y)], 1
         ends: list[tuple[float, Floats]] = []
 
         def passed(integrator: Any) -> bool:
@@ -100,18 +100,22 @@ class TaylorStepper:
 
         within = times[times <= until]
         grid = np.unique(np.concatenate(([start], within, [until])))
-        found = self.integrator.propagate_grid(
-            grid, max_steps=AT_ONCE, max_delta_t=self.pace.most(since, until), callback=passed
+        outcome, _, _, steps, _, rows = self.integrator.propagate_grid(
+            grid, max_steps=AT_ONCE, max_delta_t=self.pace.most(since, until), callback=passed if every else None
         )
+        now = self.time
+        reached = int(np.searchsorted(within, now, side="right"))
         try:
-            self._judge(found[0], ends[-1][0] if ends else start)
+            self._judge(outcome, now)
+            last = now, self.y
         except ComputationError as error:
             self._failure = error
-            if not ends:
+            if not steps:
                 raise
-        self.calls += len(ends)
-        self._coefficients, self._from = np.array(self.integrator.tc).T, ends[-2][0] if len(ends) > 1 else start
-        return found[-1][1 : 1 + int(np.searchsorted(within, ends[-1][0], side="right"))], ends
+            last = float(grid[reached]), rows[reached]
+        self.calls += steps
+        self._coefficients, self._from = np.array(self.integrator.tc).T, now - self.integrator.last_h
+        return rows[1 : 1 + reached], ends[:steps] or [last], steps
 
     def _stretch(self) -> tuple[float, float]:
         """The breaks around, or the ends of the run."""

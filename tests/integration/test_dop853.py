@@ -170,7 +170,7 @@ def test_samples_of_many_steps_at_once_are_those_of_each(name: str, pace: Pace, 
     assert isinstance(far, Sweeper)
     rows, ends = [far.y[None]], []
     while sum(map(len, rows)) < len(times):
-        found, passed = far.sweep(times[sum(map(len, rows)) :])
+        found, passed, _ = far.sweep(times[sum(map(len, rows)) :])
         rows.append(found)
         ends += passed
     for at, (time, y) in enumerate(ends):

@@ -9,7 +9,7 @@ import pytest
 
 from modal import Bob, Cart, ComputationError, Pendulum, Scene, load
 from nonlinear.dynamics import Generated
-from nonlinear.integration import Pace, taylor
+from nonlinear.integration import Pace, SimulationError, silent, taylor
 from nonlinear.integration.steppers import Sweeper
 from nonlinear.integration.taylor import TaylorStepper
 from nonlinear.simulation import simulate
@@ -39,7 +39,7 @@ def test_samples_of_many_steps_are_those_of_each(name: str, pace: Pace) -> None:
     rows: list[Any] = []
     ends: list[float] = []
     while len(rows) < len(times):
-        found, passed = far.sweep(times[len(rows) :])
+        found, passed, _ = far.sweep(times[len(rows) :])
         rows += list(found)
         ends += [time for time, _ in passed]
         assert np.array_equal(passed[-1][1], far.y)
@@ -83,6 +83,27 @@ def test_only_so_many_series_are_kept(monkeypatch: pytest.MonkeyPatch) -> None:
         )
         assert taylor.ready(system_of(double(1.0, 1.0)), tolerance)
     assert len(taylor._COMPILED) == 2
+
+
+@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3"])
+def test_a_run_that_nobody_watches_takes_the_same_steps(name: str) -> None:
+    heard: list[float] = []
+    watched = simulate(load(name), 3.0, method="taylor", report=heard.append)
+    alone = simulate(load(name), 3.0, method="taylor")
+    assert (watched.run.steps, watched.run.calls) == (alone.run.steps, alone.run.calls) == (len(heard), len(heard))
+    assert np.array_equal(watched.motion.links, alone.motion.links)
+
+
+@pytest.mark.parametrize("report", [silent, lambda elapsed: None])
+def test_a_series_that_breaks_down_on_the_way_keeps_what_it_has(report: Any) -> None:
+    scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    start = state_at_rest(scene, [60.0])
+    with pytest.raises(SimulationError, match=r"taylor stopped at [\d.]+ s") as caught:
+        simulate(scene, 10.0, method="taylor", start=start, report=report)
+    found = caught.value.trajectory
+    assert 0.1 < found.times[-1] < 2.0
+    assert np.isfinite(found.motion.links).all()
+    assert found.run.steps > 5
 
 
 def test_what_leaves_the_finite_numbers_stops_in_words() -> None:
