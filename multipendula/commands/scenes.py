@@ -33,11 +33,10 @@ def _scenes_arguments(page: Page) -> None:
 
 def schema(options: argparse.Namespace) -> None:
     """Print the JSON Schema of a scene file."""
-    import json
-
+    from modal.report import as_json
     from modal.scene import files
 
-    print(json.dumps(files.schema(), indent=2))
+    sys.stdout.write(as_json(files.schema()))
 
 
 def _schema_arguments(page: Page) -> None:

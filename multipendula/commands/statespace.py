@@ -104,6 +104,7 @@ def _response_arguments(page: Page) -> None:
 
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
+    from modal.report import csv_rows
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words
 
@@ -111,9 +112,8 @@ def shaper(options: argparse.Namespace) -> None:
     found = shaper_for(scene, options.count, options.kind, options.drive)
     for words in swing_words(scene, options.count, options.drive):
         print(f"# {words}")
-    print("time_s,amplitude")
-    for time, amplitude in zip(found.times, found.amplitudes, strict=True):
-        print(f"{float(time)!r},{float(amplitude)!r}")
+    impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
+    sys.stdout.write(csv_rows([("time_s", "amplitude"), *impulses]))
 
 
 def _shaper_arguments(page: Page) -> None:
