@@ -154,7 +154,7 @@ def resume(
     scene.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:
-        raise SceneError(["load: this run was driven, and forces from outside are not kept with it"])
+        raise SceneError(["load: this run had applied forces, which are not saved with it"])
     run, last = trajectory.run, float(trajectory.times[-1])
     if options.get("accuracy") is None and run.form in FORMS:
         method = method or (run.method if run.reason.startswith(ASKED) else None)

@@ -40,7 +40,7 @@ ROUGH = 0.02
 """Relative difference of a splitting from that under a steady m_r, from which both are but a guide."""
 UNEVEN = 1e-3
 """How far rates of decay within a family may differ, over its splitting and the largest."""
-STANDS = "the coupling is explained for pendula that hang: a link that stands up has no frequency of its own"
+STANDS = "the coupling is explained for hanging pendula: an inverted link has no frequency of its own"
 
 
 @dataclass(frozen=True)

@@ -114,7 +114,7 @@ def of_scene(scene: Scene) -> list[Factor]:
     factor x.  Raises ComputationError where there are dampers.
     """
     if scene.has_damping:
-        raise ComputationError("a damped scene has no polynomial in ω²: leave the dampers out")
+        raise ComputationError("a damped scene has no polynomial in ω²: remove the dampers")
     g, passed = exact(scene.gravity), 0
     counts: dict[Links, int] = {}
     names: dict[Links, str] = {}

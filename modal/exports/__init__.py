@@ -55,7 +55,7 @@ FORMATS = {
     "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "matlab.write_m"),
     "json": Format(".json", "everything, exactly; `modal.exports.json_.read_json` reads it back", "json_.write_json"),
     "npz": Format(".npz", "everything, exactly; `modal.exports.npz.read_npz` reads it back", "npz.write_npz"),
-    "csv": Format(".csv", "everything, exactly, a number a row", "csv_.write_csv"),
+    "csv": Format(".csv", "everything, exactly, one number per row", "csv_.write_csv"),
     "c": Format(
         ".h",
         "a header for C99 and C++ with the discrete matrices and a step function, no allocation, no includes",
@@ -63,8 +63,8 @@ FORMATS = {
     ),
     "fmu": Format(
         ".fmu",
-        "an FMI 2.0 co-simulation unit: source, and a Linux binary where a C compiler is found; inputs are held over "
-        "every communication step",
+        "an FMI 2.0 co-simulation unit: source, and a Linux binary if a C compiler is found; inputs are held "
+        "constant over each communication step",
         "fmu.write_fmu",
         "fmu.note",
     ),

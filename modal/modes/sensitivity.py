@@ -81,14 +81,14 @@ def _refuse(modes: Modes, number: int) -> None:
     value, fold = modes.eigenvalue[number], modes.multiplicity[number]
     name = f"mode index {number} ({modes.omega[number]:.6g} rad/s)"
     if not modes.error[number] < UNCERTAIN:
-        raise ComputationError(f"{name} is beyond double precision: it has no derivative")
+        raise ComputationError(f"{name} is beyond double precision: its derivative is not available")
     if value.real:
         ratio = -value.real / abs(value)
         raise ComputationError(f"{name} has a damping ratio of {ratio:.3g}: sensitivities are for undamped modes")
     if fold > 1:
         raise ComputationError(
-            f"{name} is shared by {fold} modes: a repeated frequency splits when one link changes, so it has no one "
-            f"derivative"
+            f"{name} is shared by {fold} modes: a repeated frequency splits when one link changes, so it has no "
+            f"single derivative"
         )
 
 

@@ -138,13 +138,13 @@ def _coordinates_left_out(rig: Rig) -> Iterator[str]:
         yield (
             "no cart coordinate across the rail, where it cannot move"
             if rig.cart
-            else "one vertical plane instead of two: about rest both swing alike"
+            else "one vertical plane instead of two: about equilibrium both are equivalent"
         )
     pendula = sum(int(block.count.sum()) for block in rig.blocks)
     if pendula > rig.n_kinds:
         most = max(int(block.count.max()) for block in rig.blocks)
         times = f" with {most if rig.n_kinds == 1 else f'up to {most}'} times the masses" if rig.cart else ""
-        alike = "equal ones move alike" + (" or hold the cart still" if rig.cart else "")
+        alike = "equal ones move alike" + ("   or hold the cart still" if rig.cart else "")
         yield f"{counted(rig.n_kinds, 'pendulum', 'pendula')}{times} instead of {pendula}: {alike}"
 
 

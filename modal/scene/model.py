@@ -124,7 +124,7 @@ class Body(Link):
     @model_validator(mode="after")
     def _turns(self) -> Body:
         if self.centre == 0 and self.inertia == 0:
-            raise ValueError(".inertia = 0.0: must be positive where the centre is on the pivot")
+            raise ValueError(".inertia = 0.0: must be positive if the centre is at the pivot")
         return self
 
 
@@ -170,11 +170,11 @@ class Pendulum(Checked):
 
     def _problems(self) -> Iterator[str]:
         if self.n_links > MAX_CHAIN:
-            yield f".links: has {self.n_links} links, runs counted out: at most {MAX_CHAIN}"
+            yield f".links: has {self.n_links} links, counting repeats: at most {MAX_CHAIN}"
             return
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
-            yield f"{at}: must be positive in the last link, or it feels no gravity"
+            yield f"{at}: must be positive in the last link, or gravity does not act on it"
         lists = [("equilibrium", self.equilibrium), *((f"start.{name}", values) for name, values in self.start or ())]
         for name, values in lists:
             if values is not None and len(values) != self.n_links:
@@ -287,7 +287,7 @@ def validate_scene(given: object) -> Scene:
     if isinstance(given, Scene):
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
-    raise SceneError([f"a scene is needed, and this is of type {type(given).__name__}{meant}"])
+    raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
 
 
 def scene_from(data: object) -> Scene:

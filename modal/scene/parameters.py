@@ -197,7 +197,7 @@ def _values(words: str) -> tuple[tuple[float, ...], bool]:
     if not -LARGEST <= low < high <= LARGEST:
         raise ValueError("a range goes from a smaller to a larger finite number")
     if log and low <= 0:
-        raise ValueError("a range in equal ratios begins above 0")
+        raise ValueError("a logarithmic range begins above 0")
     return tuple((np.geomspace if log else np.linspace)(low, high, count).tolist()), log
 
 
@@ -213,8 +213,8 @@ def _problem(values: Sequence[float], log: bool) -> str:
     if not all(abs(value) <= LARGEST for value in values):
         return f"values must be finite and at most {LARGEST:g}"
     if any(later <= earlier for earlier, later in pairwise(values)):
-        return "values must ascend, each a different number"
-    return "values in equal ratios must be positive" if log and values[0] <= 0 else ""
+        return "values must be strictly ascending"
+    return "logarithmically spaced values must be positive" if log and values[0] <= 0 else ""
 
 
 def _quoted(text: str) -> str:

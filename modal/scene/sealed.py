@@ -53,7 +53,7 @@ def reading(source: Source, what: str) -> Iterator[None]:
     except OSError as error:
         raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
     except UNREADABLE:
-        raise SceneError([f"{name}: is torn, or is not a {what} that this version of multipendula has saved"]) from None
+        raise SceneError([f"{name}: is incomplete, or is not a {what} saved by this version of multipendula"]) from None
 
 
 def content(source: Source) -> bytes:
@@ -88,7 +88,7 @@ def verify_whole(found: bytes, before: int) -> None:
     checksum = sha256(others[:before])
     checksum.update(others[before + DIGITS :])
     if checksum.hexdigest().encode() != own:
-        raise SceneError(["is damaged: its checksum does not hold"])
+        raise SceneError(["is damaged: its checksum does not match"])
 
 
 # ----------------------------------------------------------------------------------------------------------- text

@@ -104,13 +104,13 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     two modes one.
     """
     if model.dt:
-        raise ComputationError("modes are those of the continuous model: a discrete one is not taken apart")
+        raise ComputationError("modal form needs a continuous model")
     driven = any(signal.name in DRIVES for signal in model.inputs)
     found = held(modes) if driven else modes
     n, on_cart = len(model.A), int(found.on_cart)
     size = found.scene.n_links + on_cart
     if n - 2 * size not in ((1, 2) if driven else (0,)):
-        raise ValueError(f"the model has {n} states: it is not one of this scene, which has {size} coordinates")
+        raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     blocks = [*(_cart(model, n - 2 * size, size) if driven else ()), *_own(found, n, size, first=int(driven))]
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")

@@ -67,7 +67,9 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     model = state_space(fold.scene, inputs, outputs)
     inside = [signal.name for signal in model.inputs if signal.name not in OF_A_CART]
     if inside and max(fold.copies) > 1:
-        raise SceneError([f"input {name}: tells equal pendula apart, so they do not fold" for name in inside])
+        raise SceneError(
+            [f"input {name}: acts differently on equal pendula, so they cannot be merged" for name in inside]
+        )
     model = _read_off_the_first(fold, model)
     form = to_modal_form(natural_modes(fold.scene), model)
     blocks = [_rate_alone(form, block) for block in essential(form)]
@@ -170,7 +172,7 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     than the model has.
     """
     if count < 0 or by not in get_args(Choice):
-        raise ValueError(f'count = {count}, by = {by!r}: a count of modes, by "contribution" or "lowest"')
+        raise ValueError(f'count = {count}, by = {by!r}: must be a number of modes, by "contribution" or "lowest"')
     form = to_modal_form(modes, model)
     if count > (total := sum(block.mode is not None for block in form.blocks)):
         raise SceneError([f"{count} modes: the model has {total}"])

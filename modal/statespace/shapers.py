@@ -88,7 +88,7 @@ def shaper(swings: Sequence[Swing], kind: Kind = "zv") -> Shaper:
     Raises ValueError for another kind and for no modes, ComputationError for a mode that does not swing.
     """
     if kind not in BEATS or not swings:
-        raise ValueError(f'kind = {kind!r} for {len(swings)} modes: "zv" or "zvd", of one mode at least')
+        raise ValueError(f'kind = {kind!r} for {len(swings)} modes: must be "zv" or "zvd", for at least one mode')
     return reduce(Shaper.__mul__, (_single(swing, BEATS[kind]) for swing in swings))
 
 
@@ -98,7 +98,7 @@ def shaper_for(
     """The shaper of `count` of the modes that `swings_of` finds, from index `first` on."""
     found = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(found):
-        raise ComputationError(f"{count} modes from index {first}: this drive makes {len(found)} modes swing")
+        raise ComputationError(f"{count} modes from index {first}: this drive excites {len(found)} modes")
     return shaper(found[first : first + count], kind)
 
 
@@ -119,7 +119,7 @@ def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
         [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
     )
     if scene.support.kind != "cart":
-        problems.append("the support is fixed: a shaper is for what moves a cart")
+        problems.append("the support is fixed: a shaper needs a cart")
     if problems:
         raise SceneError(problems)
     pushed = drive == "cart_force"
@@ -127,7 +127,8 @@ def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     every = list(modes)
     if growing := next((mode for mode in every if mode.growth_rate), None):
         raise ComputationError(
-            f"the rest is unstable: it is left at {growing.growth_rate:.4g} 1/s, and no shaper brings that to rest"
+            f"the equilibrium is unstable, with a growth rate of {growing.growth_rate:.4g} "
+            "1/s: no shaper can suppress that"
         )
     return modes, [mode.number - 1 for mode in every if mode.oscillates and (not pushed or mode.cart_participation)]
 
@@ -170,7 +171,7 @@ def insensitivity(shaper: Shaper, swing: Swing, tolerance: float = TOLERANCE) ->
         return np.asarray(residual_vibration(shaper, omega, swing.zeta) <= tolerance, dtype=np.bool_)
 
     if not works(np.array([swing.omega]))[0]:
-        raise ComputationError(f"at ω = {swing.omega:g} rad/s more than {tolerance:.2g} of the vibration is left")
+        raise ComputationError(f"at ω = {swing.omega:g} rad/s the residual vibration exceeds {tolerance:.2g}")
     steps = np.arange(1, REACH * RUNGS + 1) / RUNGS
     return _edge(works, swing.omega * steps[RUNGS - 1 :: -1]), _edge(works, swing.omega * steps[RUNGS - 1 :])
 
@@ -225,7 +226,9 @@ def _single(swing: Swing, beats: tuple[int, ...]) -> Shaper:
     """Impulses half a period apart of amplitudes like those of (1 + K)ⁿ."""
     omega, zeta = swing
     if not (omega > 0 and 0 <= zeta < 1):
-        raise ComputationError(f"a mode of ω = {omega:g} rad/s and ζ = {zeta:g} does not swing: no shaper silences it")
+        raise ComputationError(
+            f"a mode of ω = {omega:g} rad/s and ζ = {zeta:g} does not oscillate: a shaper cannot suppress it"
+        )
     root = sqrt((1 - zeta) * (1 + zeta))
     beat = np.arange(len(beats), dtype=np.float64)
     amplitudes: Floats = np.array(beats) * exp(-zeta * pi / root) ** beat

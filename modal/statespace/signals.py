@@ -170,7 +170,7 @@ def _pendula(geometry: Geometry) -> range:
 READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
     "cart_position": lambda g: OutputGroup([Signal("x", "m", "position of the cart")], np.eye(g.size)[:1]),
     "cart_velocity": lambda g: OutputGroup([Signal("x_dot", "m/s", "velocity of the cart")], rate=np.eye(g.size)[:1]),
-    "angles": lambda g: OutputGroup(_named("theta", "rad", "angle from the rest", g.labels), g.angles),
+    "angles": lambda g: OutputGroup(_named("theta", "rad", "angle from equilibrium", g.labels), g.angles),
     "rates": lambda g: OutputGroup(_named("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
     "relative_angles": lambda g: OutputGroup(_named("rel", "rad", "angle to the link above", g.labels), g.relative),
     "relative_rates": lambda g: OutputGroup(

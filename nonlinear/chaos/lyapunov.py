@@ -179,13 +179,13 @@ class Exponent:
             lines.append(f"  {self.equation}: not distinguishable from zero in so long a run")
         lines.append(
             f"  {self.ensemble} starts over {self.duration:.4g} s each, after {self.times[self._first]:.3g} s; "
-            f"{self.chaotic} of them above {self.floor:.2g} 1/s, what regular motion can look like"
+            f"{self.chaotic} of them above {self.floor:.2g} 1/s, the limit for regular motion"
         )
         if FEWEST <= self.chaotic < self.ensemble:
             lines.append(f"  of those alone {self.of_the_chaotic.equation}")
         if not self.by_starts:
             lines.append(
-                f"  the uncertainty rests on blocks of time, widened {STICKY:g}-fold: take {FEWEST} starts or more"
+                f"  the uncertainty rests on blocks of time, widened {STICKY:g}-fold: use {FEWEST} starts or more"
             )
         if np.isfinite(self.energy_drift):
             lines.append(f"  energy drift {self.energy_drift:.1e}")
@@ -238,7 +238,7 @@ def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator)
 def _check(scene: Scene, duration: float, least: float, ensemble: int) -> None:
     problems = ['space = "space": Lyapunov exponents are computed in the plane'] if scene.space == "space" else []
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
-        problems.append("drive: Lyapunov exponents are of smooth motion, without the kicks of escapements")
+        problems.append("drive: Lyapunov exponents need smooth motion, without the impulses of escapements")
     if not least <= duration < float("inf"):
         problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
     if ensemble < 1:

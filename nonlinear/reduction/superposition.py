@@ -33,7 +33,7 @@ from nonlinear.system import Motion, State
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is no correction any more
 SPANNED = 1e-6  # part of a start that the modes may miss
-INCOMPLETE = "the modes do not add up to this start: some of them share an eigenvalue and a shape"
+INCOMPLETE = "the modes do not span this start: some of them share an eigenvalue and a mode shape"
 
 
 @dataclass(frozen=True, eq=False)

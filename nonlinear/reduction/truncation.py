@@ -218,12 +218,12 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
 
 
 def _validate(scene: Scene, modes: int | None, method: str) -> None:
-    problems = [] if scene.space == "plane" else ["space: modal truncation is of motion in the plane"]
+    problems = [] if scene.space == "plane" else ["space: modal truncation is implemented in the plane only"]
     whole = isinstance(modes, Integral) and not isinstance(modes, bool)
     if modes is not None and not (whole and modes >= 1):
         problems.append(f"modes {modes!r}: must be a whole number from 1")
     if scene.is_driven:
-        problems.append("drive: motion that excites itself is not kept to a few modes")
+        problems.append("drive: a scene with drives cannot be reduced to a few modes")
     if method not in SCIPY:
         problems.append(f"method {method}: must be one of {', '.join(SCIPY)}")
     if problems:

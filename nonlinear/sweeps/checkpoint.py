@@ -83,14 +83,18 @@ def _rows(name: str, content: bytes, first: bytes, study: Study) -> dict[int, Ro
     head, *lines = content.removesuffix(b"\n").split(b"\n")
     if head + b"\n" != first:
         known = head.startswith(KNOWN)
-        words = "belongs to another sweep: remove it or write elsewhere" if known else "is not the journal of a sweep"
+        words = (
+            "belongs to another sweep: remove it, or write to another file"
+            if known
+            else "is not the journal of a sweep"
+        )
         raise SceneError([f"{name}: {words}"])
     rows = {}
     for number, line in enumerate(lines, 2):
         try:
             row = _row(line, study)
         except (ValueError, TypeError, AttributeError, RecursionError):
-            words = "is damaged: remove it, and what it holds is measured again"
+            words = "is damaged: remove it, and its point is computed again"
             raise SceneError([f"{name}: line {number} {words}"]) from None
         rows[row.index] = row
     return rows

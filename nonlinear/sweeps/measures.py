@@ -132,23 +132,23 @@ def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
     number = number or next(iter(numbers), 0)
     last = max((place for place, own in enumerate(numbers) if own == number), default=-1)
     if last < 0:
-        raise ComputationError(f"mode {number} of the table does not swing: {_those(numbers)}")
+        raise ComputationError(f"mode {number} of the table does not oscillate: {_those(numbers)}")
     if last + 1 == len(numbers):
-        raise ComputationError(f"no mode swings after mode {number} of the table: {_those(numbers)}")
+        raise ComputationError(f"no mode oscillates after mode {number} of the table: {_those(numbers)}")
     return number, float(omega[last + 1] - omega[last])
 
 
 def _those(numbers: list[int]) -> str:
     range_of = f", from {min(numbers)} to {max(numbers)}" if numbers else ""
-    return counted(len(numbers), "mode swings", "modes swing") + range_of
+    return counted(len(numbers), "mode oscillates", "modes oscillate") + range_of
 
 
-NEXT = "mode N (left out, the first that swings) and the next"
+NEXT = "mode N (default: the first oscillating mode) and the next"
 MODAL = (
-    Measure("frequencies", frequencies, 4, "the frequencies of the N slowest modes that swing", numbered=True),
-    Measure("damping", damping, 4, "the damping ratios of the N slowest modes that swing", numbered=True),
+    Measure("frequencies", frequencies, 4, "the frequencies of the N slowest oscillating modes", numbered=True),
+    Measure("damping", damping, 4, "the damping ratios of the N slowest oscillating modes", numbered=True),
     Measure("splitting", splitting, 0, f"the gap between the frequencies of {NEXT}", numbered=True),
-    Measure("beat", beat, 0, f"the time from one beat of {NEXT} to the next", numbered=True),
+    Measure("beat", beat, 0, f"the beat period of {NEXT}", numbered=True),
 )
 
 
@@ -184,7 +184,9 @@ def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
 
 RUNS = (
     Measure("energy_drift", energy_drift, 10.0, "the relative drift of energy in N seconds", whole=False, most=1e6),
-    Measure("amplitude", amplitude, 10.0, "the largest angle and travel in N seconds", whole=False, most=1e6),
+    Measure(
+        "amplitude", amplitude, 10.0, "the largest angle and the cart's travel in N seconds", whole=False, most=1e6
+    ),
 )
 
 
@@ -239,10 +241,10 @@ def _ending(phases: Phases, values: Floats) -> Floats:
 SYNC = tuple(
     Measure(function.__name__, function, USUAL, words, whole=False, most=LONGEST, numbered=function is survivor)
     for function, words in (
-        (order, "how far the phases agree after N seconds, from 0 to 1"),
-        (survivor, "the mode that holds most energy after N seconds, and its share"),
-        (locking, "from when on it holds 99 %, within N seconds"),
-        (pendulum_energy, "mean energies of pendula and cart after N seconds"),
+        (order, "the order parameter of the phases after N seconds, from 0 to 1"),
+        (survivor, "the mode with most energy after N seconds, and its share"),
+        (locking, "the time from which it has 99 %, within N seconds"),
+        (pendulum_energy, "the mean energies of pendula and cart after N seconds"),
     )
 )
 MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC)}
@@ -261,7 +263,7 @@ def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:
             one = _asked(text)
             name = one.text if one.measure.whole else one.measure.name
             if name in found:
-                raise SceneError([f"{text}: {name} is asked for twice"])
+                raise SceneError([f"{text}: {name} is requested twice"])
             found[name] = one
         except SceneError as error:
             problems += error.problems
@@ -273,7 +275,7 @@ def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:
 def _asked(text: str) -> RequestedMeasure:
     name, colon, number = text.partition(":")
     if name not in MEASURES:
-        hint = meant(name, MEASURES) or f" (there are {', '.join(MEASURES)})"
+        hint = meant(name, MEASURES) or f" (must be one of {', '.join(MEASURES)})"
         raise SceneError([f"{text}: no such measure{hint}"])
     measure = MEASURES[name]
     try:

@@ -24,9 +24,9 @@ PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
 CHUNK, AHEAD = 64, 2
 """The most points that go to a worker together; how many portions a worker has before it, its own included."""
-DIED = "its process died, perhaps for want of memory"
+DIED = "its process died, perhaps for lack of memory"
 MOST_REASONS = 5
-NUMBERED = "Modes have their numbers in the table of the scene as it is given."
+NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
 Rows = Generator[list[Row], None, None]
 
@@ -139,7 +139,7 @@ def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generat
                 del flying[future]
         return [point for portion in flying.values() for point in portion]
     except Exception as error:
-        raise ComputationError(f"a worker cannot work: {type(error).__name__}: {error}") from error
+        raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
     finally:
         for future in flying:
             future.cancel()

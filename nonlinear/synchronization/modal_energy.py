@@ -52,7 +52,7 @@ class Survival:
     @cached_property
     def _place(self) -> int:
         if not np.all(np.isfinite(self.share[-1])):
-            raise ComputationError("nothing swings at the end of the run: no mode survives")
+            raise ComputationError("nothing moves at the end of the run: no mode survives")
         return int(np.argmax(self.share[-1]))
 
     @property
@@ -88,15 +88,15 @@ def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Surviva
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.support.kind == "cart")
     if trajectory.system.spatial:
-        raise ComputationError("energies by modes: only of motion in the plane")
+        raise ComputationError("energies by modes: only for motion in the plane")
     if size > MOST:
-        raise ComputationError(f"energies by modes: this scene has {size} coordinates, at most {MOST} are told apart")
+        raise ComputationError(f"energies by modes: this scene has {size} coordinates, more than {MOST}")
     links = rest_angles(scene) + from_rest(trajectory.system, trajectory.motion.links)
     q, v = deflection(scene, replace(trajectory.motion, links=links))
     modes = modes or natural_modes(scene)
     swinging = np.flatnonzero(modes.eigenvalue.imag)
     if not swinging.size:
-        raise ComputationError("no mode of this scene swings")
+        raise ComputationError("no mode of this scene oscillates")
     omega = modes.omega[swinging]
     energy = _energies(modes, swinging, q, v)
     period = 2 * pi / float(omega[np.argmax(energy.sum(0))])

@@ -14,7 +14,7 @@ from nonlinear.system.state import State
 from nonlinear.system.system import System
 
 NO_START = (
-    "no pendulum has a start: add `start = { angles_deg = [...] }` with one angle a link to an entry of the file, "
+    "no pendulum has a start: add `start = { angles_deg = [...] }` with one angle per link to an entry of the file, "
     "or give another start: a mode at its largest angle, or angles at rest"
 )
 

@@ -105,11 +105,11 @@ def _reason(modes: Modes, mode: Mode) -> str:
     if mode.is_uncertain:
         return "its frequency is beyond double precision"
     if mode.omega == 0:
-        return "a rigid translation: nothing swings"
+        return "a rigid translation does not oscillate"
     if np.any(modes.eigenvalue.real > GROWS * modes.omega):
-        return "the rest is unstable: every motion leaves it"
+        return "the equilibrium is unstable"
     if not mode.oscillates:
-        return "overdamped: it does not swing"
+        return "overdamped: it does not oscillate"
     if _periods_left(mode) < LEAST_SWINGS:
         return f"it dies out within {_periods_left(mode):.2g} periods"
     if not along_rail(modes, mode.number - 1)[0]:

@@ -82,7 +82,7 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
 
 def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[Line, ...], str]:
     if not value.imag:
-        return (), "does not swing"
+        return (), "does not oscillate"
     try:
         found = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
     except ComputationError as error:
