@@ -1,4 +1,4 @@
-"""A header in C99 and C++ for controllers: the discrete matrices and one step, no includes, no memory of its own."""
+"""A C99 and C++ header for controllers: the discrete matrices and a step function, without includes or allocation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Python script that needs python-control alone and builds the model, units beside the names."""
+"""A Python script that builds the model and needs only python-control; comments give the units."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What every text format needs: numbers that read back bit for bit, and what a file says of itself."""
+"""Helpers of all text formats: numbers that read back bit for bit, and the descriptive header of a file."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""Frequency loci: how every natural frequency of a scene moves with a parameter, and how loci meet.
+"""Frequency loci: how every natural frequency of a scene depends on a parameter, and how loci meet.
 
-Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape turns too far is halved; where two
-loci exchange their order the place is closed in on, until the gap is gone in error bounds, or until near it shapes are
-seen to turn into each other (`modal.loci.crossings`).
+Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape changes too much is halved.  Where
+two loci exchange their order, the interval is refined until the gap is below the error bounds, or until the shapes are
+seen to interchange (`modal.loci.crossings`).
 """
 
 from __future__ import annotations
@@ -173,7 +173,7 @@ def loci_text(found: Loci) -> str:
 
 
 def loci_csv(found: Loci) -> str:
-    """One row a value: the parameter, then ω of every locus."""
+    """One row per value: the parameter, then ω of every locus."""
     head = [found.variation.column, *(f"locus_{name}_rad_per_s" for name in found.names)]
     rows = zip(found.values.tolist(), found.omega.tolist(), strict=True)
     return csv_rows([head, *((value, *omega) for value, omega in rows)])

@@ -1,4 +1,4 @@
-"""What was built for the modes of a scene, what was left out, and which packages that took: only what it requires.
+"""A record of how the modes of a scene were computed: problem sizes, what was avoided, and packages loaded.
 
 The sources of the modes tell what they were built from, the process which packages it has loaded; nothing here is a
 forecast.  An audit is a snapshot, and packages loaded for something else count as well.
@@ -42,7 +42,7 @@ class Matrix:
 
 @dataclass(frozen=True)
 class SolutionReport:
-    """What was built for the modes of a scene.
+    """A record of what was computed for the modes of a scene.
 
     `coordinates` counts those of the whole scene: every copy, both directions in space, the cart.  `left_out` are
     sentences, `modules` the larger packages that this process has loaded.
@@ -90,7 +90,7 @@ class SolutionReport:
 
 
 def report_solution(modes: Modes) -> SolutionReport:
-    """What was built for these modes."""
+    """The record of what was computed for these modes."""
     return SolutionReport(
         coordinates=coordinates(modes.rig),
         parts=_parts(modes.spectrum),

@@ -21,7 +21,7 @@ Value = float | int | str | bool | None
 
 @dataclass(frozen=True)
 class Column:
-    """A machine name with its unit, its value and, where people see it, a heading, plain and in LaTeX, and a form."""
+    """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format."""
 
     key: str
     value: Callable[[Mode], Value]

@@ -1,7 +1,7 @@
-"""Files that are read back: a checksum over the whole of them, and arrays unpacked only where their sizes hold.
+"""Files that are read back: a checksum over the whole file, and arrays that are unpacked only if their sizes fit.
 
-The checksum is the SHA-256 of all other bytes of the file.  Text has it as the first key of the JSON that it begins
-with, an archive as its last bytes, in the comment that ZIP allows there: both stay what they are to other programs.
+The checksum is the SHA-256 of all other bytes of the file.  Text has it as the first key of its initial JSON, an
+archive as its last bytes, in the ZIP comment.  Other programs can read both.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A scene's model taken apart into its modes, each a block of one or two states of its own.
+"""A scene's model in modal form: one block of one or two states for each mode.
 
 With φ as in `Modes.shape` (so that equal and zero frequencies are as well separated as any) and z = (q, q'),
 
@@ -7,8 +7,8 @@ With φ as in `Modes.shape` (so that equal and zero frequencies are as well sepa
     real λ     α' = λα + ℓᵀB u,             z = rα,                      s = φᵀ(2λM + D)φ
 
 (Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
-whose acceleration or velocity is prescribed does not answer to the pendula: it is a block by itself, and the modes are
-those of the pendula on a support that stands still.
+whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
+the fixed-base modes of the pendula.
 """
 
 from __future__ import annotations

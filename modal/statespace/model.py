@@ -1,6 +1,6 @@
-"""Named state-space models of a scene: z' = A z + B u, y = C z + D u about its rest.
+"""State-space models of a scene with named signals: z' = A z + B u, y = C z + D u about its equilibrium.
 
-With M q'' + D q' + K q = F u over q = (x, θ_1, …), deviations from the rest, z = (q, q'),
+With M q'' + D q' + K q = F u over q = (x, θ_1, …), deviations from the equilibrium, z = (q, q'),
 
     A = [[0, 1], [−M⁻¹K, −M⁻¹D]],    B = [[0], [M⁻¹F]].
 

@@ -1,21 +1,20 @@
-"""Input shapers: a command split into a few delayed parts that leave no vibration of chosen modes behind.
+"""Input shapers: a command split into a few delayed parts that leave no residual vibration in chosen modes.
 
 With T_d = 2π/(ω√(1−ζ²)) and K = exp(−ζπ/√(1−ζ²))
 
     ZV     amplitudes (1, K)/(1+K)         at 0, T_d/2
     ZVD    amplitudes (1, 2K, K²)/(1+K)²   at 0, T_d/2, T_d      (also insensitive to ω, to first order)
 
-and for several modes the convolution of one shaper for each.  What impulses A_i at t_i leave of a mode, relative to one
-impulse of the same sum at the start, is after the last of them
+and for several modes the convolution of one shaper for each.  After the last of the impulses A_i at t_i, the residual
+vibration of a mode, relative to a single impulse of the same sum at the start, is
 
     V(ω, ζ) = e^{−ζωt_n} |Σ A_i e^{(ζω + iω√(1−ζ²)) t_i}|.
 
 (Singer & Seering, J. Dyn. Syst. Meas. Control 112, 76 (1990); robustness as the range of V ≤ 5 %: Singhose, Seering &
 Singer, J. Mech. Des. 116, 654 (1994).)
 
-Which frequencies: a drive that makes its trolley follow an acceleration or a velocity does so whatever hangs from it,
-and the load swings as on a support that stands still; a trolley that is only pushed swings with its load, at the free
-frequencies.
+Which frequencies: if a drive makes its trolley follow an acceleration or a velocity whatever hangs from it, the load
+swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What can be put into a scene and read off it: groups of named inputs and outputs as rows over q = (x, θ_1, …).
+"""The inputs and outputs of a scene: groups of named signals as rows over q = (x, θ_1, …).
 
-A horizontal displacement to first order about the rest is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
+A horizontal displacement, to first order, is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
 of a lower joint e_x + Σ σ l.  A horizontal force at that point acts on q with hᵀ; the force of pendulum p on its pivot
 is −Σ m h q'' plus whatever is pushed at its links.
 """
@@ -61,7 +61,7 @@ class Geometry:
 
 
 def geometry_of(scene: Scene) -> Geometry:
-    """The rows of a scene, copies counted out."""
+    """The rows of a scene, one for each copy."""
     rig = rig_of(scene)
     on_cart = rig.cart is not None
     hung = [(rig.blocks[block], column) for block, column, count in rig.members for _ in range(count)]
