@@ -18,12 +18,17 @@ from functools import cached_property
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.bisection import above_all, smallest_where
+from modal.eigen.bisection import confirmed, located, searched
 from modal.eigen.counts import Built, counted
-from modal.eigen.recursion import Swept, at_infinity, count_and_mass, from_above, from_below, joint_masses, kinetic
+from modal.eigen.rayleigh import at_pivot, twisted, without_each
+from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
+from modal.eigen.seeds import LARGEST, seed_matrices, seeds
+from modal.eigen.sturm import ROOM, Suspension
 from modal.types import Booleans, Floats, Ints
 
 ROUNDING = 1e-15
+FARTHER = 16
+"""Units in the last place about a second guess."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +48,34 @@ class Motion:
     residual: Floats
 
 
-def lowest_possible(blocks: tuple[Block, ...], spring: float = 0.0, mass: float = 0.0) -> float:
-    """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M)."""
-    trace = sum(float((block.diagonal / block.b).sum()) for block in blocks)
-    if spring > 0:
-        trace += mass / spring
-    return float(_below_all(np.float64(trace)))
+def squares_of(suspension: Suspension, wanted: Ints, modes: int) -> Floats:
+    """ω² (R, S) with these places (R,), from 0, among the oscillatory modes of each support."""
+    if not wanted.size:
+        return np.zeros((0, suspension.supports))
+    if suspension.size > LARGEST:
+        return located(suspension, wanted, modes)
+    step = max(1, ROOM // suspension.size**2)
+    pieces = [np.arange(at, min(at + step, suspension.supports)) for at in range(0, suspension.supports, step)]
+    return np.concatenate([_near_seeds(suspension.take(piece), wanted, modes) for piece in pieces], axis=1)
 
 
-def _below_all(trace: Floats | np.float64) -> Floats:
-    bound: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
-    return bound
+def _near_seeds(suspension: Suspension, wanted: Ints, modes: int) -> Floats:
+    """By a Rayleigh quotient step from each seed, on another shape where the count does not confirm the first."""
+    try:
+        guess, error = (values[wanted] for values in seeds(suspension))
+    except np.linalg.LinAlgError:
+        return located(suspension, wanted, modes)
+    found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
+    for step in (twisted, None):
+        if not missed.any():
+            break
+        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
+        part, some = np.ix_(rows, supports), suspension.take(supports)
+        if step:
+            found[part], missed[part] = confirmed(some, wanted[rows], step(some, guess[part]), FARTHER)
+        else:
+            found[part] = searched(some, wanted[rows], guess[part], error[part], modes)
+    return found
 
 
 # ---------------------------------------------------------------------------------------------- fixed support
@@ -61,15 +83,7 @@ def _below_all(trace: Floats | np.float64) -> Floats:
 
 def fixed_squares(block: Block) -> Floats:
     """ω² of every chain on a fixed support, shape (n, P), ascending."""
-    order = np.arange(block.n)
-    low = _below_all((block.diagonal / block.b).sum(0))[:, None]
-    high = above_all(lambda x: count_and_mass(block, x)[0], low, np.full((block.size, 1), block.n))
-    shape = (block.size, block.n)
-    return smallest_where(
-        lambda x: count_and_mass(block, x)[0] > order,
-        np.broadcast_to(low, shape),
-        np.broadcast_to(high, shape),
-    ).T
+    return squares_of(Suspension.fixed(block), np.arange(block.n), block.n)
 
 
 def fixed_shapes(chains: Block, x: Floats) -> Motion:
@@ -81,13 +95,12 @@ def fixed_shapes(chains: Block, x: Floats) -> Motion:
     y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
     energies = kinetic(chains, y, a)
     modal_mass = energies.sum(0)[:, 0]
-    top = chains.constants[0]
     return Motion(
         cart=np.zeros(len(x)),
         turns=(a.swapaxes(1, 2),),
         energies=(energies.swapaxes(1, 2),),
         modal_mass=modal_mass,
-        momentum=a[0, :, 0] * (top.k / x + top.q),
+        momentum=a[0, :, 0] * (chains.constants.k[0] / x + chains.constants.q[0]),
         residual=np.where(twist, gap, 0.0).sum(0)[:, 0] / modal_mass,
     )
 
@@ -98,6 +111,11 @@ def fixed_shapes(chains: Block, x: Floats) -> Motion:
 def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     """m_c + Σ residual masses: what a force on the cart feels at infinite frequency; 0 where M is singular."""
     return cart.mass + float(sum(at_infinity(block)[0].sum() for block in blocks))
+
+
+def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
+    """Whether M is: no inertia holds a massless cart over bobs."""
+    return cart.mass == 0 and bare_mass(blocks, cart) == 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,38 +135,19 @@ class CartProblem:
     def built(self) -> Built:
         """All chains and the cart."""
         links = sum(block.mass.size for block in self.blocks)
-        return Built(f"cart and {counted(links, 'link')}", 1, links + 1)
+        return Built(f"cart and {counted(links, 'link')}", 1, links + 1, seed_matrices(links, 1))
 
     @property
     def n_modes(self) -> int:
         """Oscillatory modes: a free cart's rigid translation is one of the coordinates, not one of these."""
         links = sum(block.n * block.size for block in self.blocks)
-        return links + (self.cart.stiffness > 0) - (bare_mass(self.blocks, self.cart) == 0)
-
-    def count(self, x: Floats) -> Ints:
-        """Number of oscillatory modes below each trial x (R,)."""
-        total: Ints = np.zeros(x.shape, dtype=np.int64)
-        felt = np.full(x.shape, self.cart.mass)
-        for block in self.blocks:
-            below, mu = count_and_mass(block, x[None])
-            total += below.sum(0)
-            felt += mu.sum(0)
-        return total + (felt > self.cart.stiffness / x) - (self.cart.stiffness == 0)
+        return links + (self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
 
     @cached_property
     def squares(self) -> Floats:
         """ω² of every other oscillatory mode, (R,), ascending."""
-        total = self.cart.mass + sum(float(block.mass.sum()) for block in self.blocks)
-        low = np.array([lowest_possible(self.blocks, self.cart.stiffness, total)])
         wanted = np.delete(np.arange(self.n_modes), self.known)
-        if not wanted.size:
-            return np.zeros(0)
-        high = above_all(self.count, low, np.array([self.n_modes]))
-        return smallest_where(
-            lambda x: self.count(x) > wanted,
-            np.broadcast_to(low, wanted.shape),
-            np.broadcast_to(high, wanted.shape),
-        )
+        return squares_of(Suspension.on_cart(self.blocks, self.cart), wanted, self.n_modes)[:, 0]
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these modes, all chains and the cart together."""
@@ -171,8 +170,8 @@ class CartProblem:
     def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
         """Elimination from the free ends, and from the cart with all the other chains on it."""
         below = [from_below(block, x[None]) for block in self.blocks]
-        others = _without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
-        energy = _without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
+        others = without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
+        energy = without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
         above = [from_above(block, x[None], *felt) for block, *felt in zip(self.blocks, others, energy, strict=True)]
         pivot = self.cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
         for swept in below:
@@ -185,15 +184,6 @@ class CartProblem:
         for masses in own:
             masses[0] = pivot
         return own
-
-
-def _without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
-    """Own + Σ of all rows but each one, for rows (P, R) in several arrays; nothing is subtracted."""
-    rows = np.concatenate(parts)
-    before, after = np.zeros_like(rows), np.zeros_like(rows)
-    np.cumsum(rows[:-1], axis=0, out=before[1:])
-    after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
-    return np.split(own + (before + after), np.cumsum([len(part) for part in parts])[:-1])
 
 
 def _mismatch(below: Swept, above: Swept, own: Floats) -> tuple[Floats, Floats]:

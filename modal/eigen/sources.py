@@ -9,6 +9,7 @@ These are the structured forms; `modal.eigen.matrix_source` is for dampers.  All
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import log2
@@ -22,6 +23,7 @@ from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import Motion, fixed_shapes, fixed_squares
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import at_infinity
+from modal.eigen.seeds import seed_matrices
 from modal.types import Floats, Ints
 
 ROUNDOFF = 2.0**-53
@@ -113,7 +115,7 @@ class Rigid:
 
     blocks: tuple[Block, ...]
     total_mass: float
-    bare_accelerance: float
+    accelerance: Callable[[], float]
     dragged: bool
     route = "exact"
     eigenvalue = np.zeros(1, dtype=complex)
@@ -127,7 +129,7 @@ class Rigid:
             modal_mass=zero + self.total_mass,
             momentum=zero + (np.nan if self.dragged else self.total_mass),
             cart=zero + 1.0,
-            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.bare_accelerance),
+            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.accelerance()),
             kappa=zero,
             residual=zero,
             angles=tuple(np.zeros((*b.mass.shape, len(rows))) for b in self.blocks),
@@ -145,14 +147,15 @@ class Alone:
     @property
     def built(self) -> Built:
         """Every chain for itself."""
-        return Built(f"chain of {counted(self.block.n, 'link')}, support still", self.block.size, self.block.n)
+        n, chains = self.block.n, self.block.size
+        return Built(f"chain of {counted(n, 'link')}, support still", chains, n, seed_matrices(n, chains))
 
     @cached_property
     def squares(self) -> Floats:
         """ω², shape (n, P)."""
         return fixed_squares(self.block)
 
-    @property
+    @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """iω."""
         return _oscillating(self.squares.ravel())
@@ -173,12 +176,15 @@ class Alone:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """One heavy pendulum of each kind and the cart, with the modes that a problem finds for them."""
+    """One heavy pendulum of each kind and the cart, with the modes that a problem finds for them.
+
+    `accelerance` gives Σ φ_x² over all finite modes where a table asks for it.
+    """
 
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
     problem: Problem
-    bare_accelerance: float
+    accelerance: Callable[[], float]
 
     @property
     def route(self) -> str:
@@ -190,7 +196,7 @@ class Together:
         """The problem's."""
         return self.problem.built
 
-    @property
+    @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """iω."""
         return _oscillating(self.problem.squares)
@@ -207,7 +213,7 @@ class Together:
         angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
         parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
         return _details(
-            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.bare_accelerance
+            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.accelerance()
         )
 
 

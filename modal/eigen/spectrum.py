@@ -8,16 +8,16 @@ pendula.  In space the motion across the rail is that on a fixed support.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers, Rig
-from modal.eigen.chains import CartProblem, bare_mass
+from modal.eigen.chains import CartProblem, is_singular
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
@@ -131,7 +131,7 @@ def _sprung(matrices: FromMatrices) -> Source:
     many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
     if matrices.is_damped or matrices.is_singular or many:
         return matrices
-    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), matrices.bare_accelerance)
+    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), lambda: matrices.bare_accelerance)
 
 
 def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
@@ -139,7 +139,7 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]
     counts = tuple(block.count for block in rig.blocks)
     special = _needs_more(rig)
     matrices = FromMatrices(heavy, counts, cart)
-    accelerance = matrices.bare_accelerance if special else bare_accelerance(heavy, cart)
+    accelerance = cache(lambda: matrices.bare_accelerance if special else bare_accelerance(heavy, cart))
     if cart.stiffness == 0:
         yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged=cart.damping > 0))
     if special:
@@ -152,7 +152,11 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]
 
 
 def _different(
-    heavy: tuple[Block, ...], counts: tuple[Ints, ...], cart: CartNumbers, own: tuple[Floats, ...], accelerance: float
+    heavy: tuple[Block, ...],
+    counts: tuple[Ints, ...],
+    cart: CartNumbers,
+    own: tuple[Floats, ...],
+    accelerance: Callable[[], float],
 ) -> Iterator[Batch]:
     """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
     gathered = degenerate_modes(own)
@@ -175,7 +179,7 @@ def _moving(source: Source) -> Batch:
 
 def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
     """What was left out or taken as equal by these `sources`, and why."""
-    massless = rig.cart is not None and bare_mass(rig.blocks, rig.cart) == 0
+    massless = rig.cart is not None and is_singular(rig.blocks, rig.cart)
     problems = [source.problem for source in sources if isinstance(source, Together)]
     merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
     return (MASSLESS,) * massless + (MERGED,) * merged
