@@ -82,6 +82,13 @@ def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) 
     return found, reached[0] | ~reached[-1]
 
 
+def lies_within(problem: Counting, wanted: Ints, guess: Floats, error: Floats | float) -> Booleans:
+    """Whether each lies within a relative error of its guess (R, S)."""
+    ends = np.stack([guess * (1 - error), guess * (1 + error)])
+    reached = _reached(problem, wanted, ends.view(np.int64))
+    return np.asarray(~reached[0] & reached[1])
+
+
 def searched(problem: Counting, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
     """The same from guesses (R, S) with these relative errors (R, S), infinite where there is none."""
     least = problem.low[None].view(np.int64)

@@ -14,11 +14,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.bisection import confirmed, located, searched
+from modal.eigen.bisection import confirmed, lies_within, located, searched
 from modal.eigen.counts import Built, counted
 from modal.eigen.rayleigh import at_pivot, twisted, without_each
 from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
@@ -27,8 +28,20 @@ from modal.eigen.sturm import ROOM, Suspension
 from modal.types import Booleans, Floats, Ints
 
 ROUNDING = 1e-15
+LONG, FEW = 500, 20
+"""Links of a chain whose seeds cost more than a search for one mode in so many."""
 FARTHER = 16
 """Units in the last place about a second guess."""
+
+
+class Limits(NamedTuple):
+    """What is asked of a spectrum: ω to this relative accuracy (0: every digit), and so many of the lowest modes."""
+
+    accuracy: float = 0.0
+    lowest: int | None = None
+
+
+EVERYTHING = Limits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,23 +61,62 @@ class Motion:
     residual: Floats
 
 
-def squares_of(suspension: Suspension, wanted: Ints, modes: int) -> Floats:
-    """ω² (R, S) with these places (R,), from 0, among the oscillatory modes of each support."""
+class Squares(NamedTuple):
+    """ω² and bounds on what their relative errors exceed rounding by, of one shape."""
+
+    x: Floats
+    error: Floats
+
+    @classmethod
+    def exact(cls, x: Floats) -> Squares:
+        """To rounding."""
+        return cls(x, np.zeros(x.shape))
+
+    @property
+    def route(self) -> str:
+        """Where they come from, in words."""
+        dense = self.error > 0
+        return "dense" if dense.all() and dense.size else "dense, effective mass" if dense.any() else "effective mass"
+
+
+def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float = 0.0) -> Squares:
+    """ω² (R, S) with these places (R,), from 0, among the oscillatory modes of each support.
+
+    Where dense eigenvalues are within `accuracy`, relative in ω, they are taken as they are.
+    """
     if not wanted.size:
-        return np.zeros((0, suspension.supports))
-    if suspension.size > LARGEST:
-        return located(suspension, wanted, modes)
+        return Squares.exact(np.zeros((0, suspension.supports)))
+    if suspension.size > LARGEST or (suspension.size > LONG and FEW * len(wanted) < suspension.size):
+        return Squares.exact(located(suspension, wanted, modes))
     step = max(1, ROOM // suspension.size**2)
-    pieces = [np.arange(at, min(at + step, suspension.supports)) for at in range(0, suspension.supports, step)]
-    return np.concatenate([_near_seeds(suspension.take(piece), wanted, modes) for piece in pieces], axis=1)
+    if step >= suspension.supports:
+        return _near_seeds(suspension, wanted, modes, accuracy)
+    starts = range(0, suspension.supports, step)
+    pieces = (suspension.take(np.arange(at, min(at + step, suspension.supports))) for at in starts)
+    found = zip(*(_near_seeds(piece, wanted, modes, accuracy) for piece in pieces), strict=True)
+    return Squares(*(np.concatenate(parts, axis=1) for parts in found))
 
 
-def _near_seeds(suspension: Suspension, wanted: Ints, modes: int) -> Floats:
-    """By a Rayleigh quotient step from each seed, on another shape where the count does not confirm the first."""
+def _near_seeds(suspension: Suspension, wanted: Ints, modes: int, accuracy: float) -> Squares:
     try:
         guess, error = (values[wanted] for values in seeds(suspension))
     except np.linalg.LinAlgError:
-        return located(suspension, wanted, modes)
+        return Squares.exact(located(suspension, wanted, modes))
+    if not accuracy:
+        return Squares.exact(_confirmed(suspension, wanted, guess, error, modes))
+    rough = (error > 2 * accuracy).any(1)
+    if rough.any():
+        inside = lies_within(suspension, wanted[rough], guess[rough], 2 * accuracy)
+        error[rough] = np.where(inside, 2 * accuracy, error[rough])
+        rough &= (error > 2 * accuracy).any(1)
+    if rough.any():
+        guess[rough] = _confirmed(suspension, wanted[rough], guess[rough], error[rough], modes)
+        error[rough] = 0.0
+    return Squares(guess, error)
+
+
+def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+    """By a Rayleigh quotient step from each seed, on another shape where the count does not confirm the first."""
     found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
     for step in (twisted, None):
         if not missed.any():
@@ -81,9 +133,9 @@ def _near_seeds(suspension: Suspension, wanted: Ints, modes: int) -> Floats:
 # ---------------------------------------------------------------------------------------------- fixed support
 
 
-def fixed_squares(block: Block) -> Floats:
+def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
     """ω² of every chain on a fixed support, shape (n, P), ascending."""
-    return squares_of(Suspension.fixed(block), np.arange(block.n), block.n)
+    return squares_of(Suspension.fixed(block), np.arange(block.n)[: limits.lowest], block.n, limits.accuracy)
 
 
 def fixed_shapes(chains: Block, x: Floats) -> Motion:
@@ -128,8 +180,13 @@ class CartProblem:
     blocks: tuple[Block, ...]
     cart: CartNumbers
     known: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    route = "effective mass"
+    limits: Limits = EVERYTHING
     slack = 1
+
+    @property
+    def route(self) -> str:
+        """Dense where that is accurate enough."""
+        return self.found.route
 
     @property
     def built(self) -> Built:
@@ -144,10 +201,22 @@ class CartProblem:
         return links + (self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
 
     @cached_property
+    def found(self) -> Squares:
+        """ω² (R,) of every other oscillatory mode, ascending, within the limits."""
+        wanted = np.delete(np.arange(self.n_modes), self.known)[: self.limits.lowest]
+        suspension = Suspension.on_cart(self.blocks, self.cart)
+        x, error = squares_of(suspension, wanted, self.n_modes, self.limits.accuracy)
+        return Squares(x[:, 0], error[:, 0])
+
+    @property
     def squares(self) -> Floats:
-        """ω² of every other oscillatory mode, (R,), ascending."""
-        wanted = np.delete(np.arange(self.n_modes), self.known)
-        return squares_of(Suspension.on_cart(self.blocks, self.cart), wanted, self.n_modes)[:, 0]
+        """ω² (R,)."""
+        return self.found.x
+
+    @property
+    def dense_error(self) -> Floats:
+        """What the relative errors of ω (R,) exceed rounding by."""
+        return self.found.error / 2
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these modes, all chains and the cart together."""

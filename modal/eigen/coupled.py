@@ -47,6 +47,7 @@ class CoupledPendula:
     clusters: DegenerateModes
     route = "secular equation"
     slack = 4
+    dense_error = 0.0
 
     @property
     def built(self) -> Built:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import Motion, fixed_shapes, fixed_squares
+from modal.eigen.chains import EVERYTHING, Limits, Motion, Squares, fixed_shapes, fixed_squares
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import at_infinity
 from modal.eigen.seeds import seed_matrices
@@ -88,6 +88,10 @@ class Problem(Protocol):
         """The factor on the error bound, one for all or (R,)."""
 
     @property
+    def dense_error(self) -> float | Floats:
+        """What the relative errors of ω exceed rounding by, one for all or (R,)."""
+
+    @property
     def squares(self) -> Floats:
         """ω² (R,)."""
 
@@ -142,7 +146,12 @@ class Alone:
     """Every mode of the chains of one block on a support that stands still: row r of column p is row r P + p."""
 
     block: Block
-    route = "effective mass"
+    limits: Limits = EVERYTHING
+
+    @property
+    def route(self) -> str:
+        """Dense where that is accurate enough."""
+        return self.found.route
 
     @property
     def built(self) -> Built:
@@ -151,9 +160,14 @@ class Alone:
         return Built(f"chain of {counted(n, 'link')}, support still", chains, n, seed_matrices(n, chains))
 
     @cached_property
+    def found(self) -> Squares:
+        """ω² (n, P), or of the lowest of the n modes."""
+        return fixed_squares(self.block, self.limits)
+
+    @property
     def squares(self) -> Floats:
-        """ω², shape (n, P)."""
-        return fixed_squares(self.block)
+        """The same without their errors."""
+        return self.found.x
 
     @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
@@ -163,7 +177,7 @@ class Alone:
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return np.full(self.squares.size, _structured_error(self.block.n, 1))
+        return self.found.error.ravel() / 2 + _structured_error(self.block.n, 1)
 
     def details(self, rows: Ints) -> Details:
         """One copy's shape; its own momentum."""
@@ -205,7 +219,8 @@ class Together:
     def error(self) -> Floats:
         """Relative error bounds."""
         deepest, chains = max(block.n for block in self.blocks), sum(block.size for block in self.blocks)
-        return np.full(self.problem.squares.shape, self.problem.slack * _structured_error(deepest, chains))
+        rounding = self.problem.slack * _structured_error(deepest, chains)
+        return np.broadcast_to(self.problem.dense_error + rounding, self.problem.squares.shape)
 
     def details(self, rows: Ints) -> Details:
         """Shapes in which all copies of a kind move alike."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers, Rig
-from modal.eigen.chains import CartProblem, is_singular
+from modal.eigen.chains import EVERYTHING, CartProblem, Limits, is_singular
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
@@ -78,16 +78,20 @@ class Batch:
         return (Part(index, *number, self.still) for number in numbers)
 
 
-def batches(rig: Rig) -> Iterator[Batch]:
-    """All modes of a rig in natural units; a dense source only where something damps or no structured one is left."""
-    alone = [Alone(block) for block in rig.blocks]
+def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
+    """All modes of a rig in natural units; a dense source only where something damps or no structured one is left.
+
+    What different pendula have in common is told by every digit of their own modes.
+    """
     coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
+    own = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
+    alone = [Alone(block, own) for block in rig.blocks]
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
         yield from _apart(index, source, along, across, coupled=coupled)
     if rig.cart:
-        yield from _on_cart(rig, rig.cart, alone)
+        yield from _on_cart(rig, rig.cart, alone, limits)
 
 
 def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: bool) -> Iterator[Batch]:
@@ -107,7 +111,7 @@ def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
     block = source.block
     structured = np.flatnonzero(needed & _is_plain(block))
     if structured.size:
-        yield structured, source if structured.size == block.size else Alone(block.take(structured))
+        yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
     for column in np.flatnonzero(needed & ~_is_plain(block)):
         chain = block.take(np.array([column]))
         yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None))
@@ -134,7 +138,7 @@ def _sprung(matrices: FromMatrices) -> Source:
     return Together(blocks, matrices.counts, SprungProblem(blocks, cart), lambda: matrices.bare_accelerance)
 
 
-def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
+def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], limits: Limits) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
     special = _needs_more(rig)
@@ -145,10 +149,10 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]
     if special:
         yield _moving(_sprung(matrices))
     elif rig.n_kinds == 1:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
     else:
         own = tuple(source.squares for source in alone)
-        yield from _different(heavy, counts, cart, own, accelerance)
+        yield from _different(heavy, counts, cart, own, accelerance, limits)
 
 
 def _different(
@@ -157,12 +161,13 @@ def _different(
     cart: CartNumbers,
     own: tuple[Floats, ...],
     accelerance: Callable[[], float],
+    limits: Limits,
 ) -> Iterator[Batch]:
     """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
     gathered = degenerate_modes(own)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
     if few and gathered.closest > CLOSE and not gathered.shared.size:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
         return
     if gathered.shared.size:
         still = Still(heavy, gathered)
@@ -208,19 +213,23 @@ class Spectrum:
                 found.setdefault(part.kind, []).append(number)
         return found
 
+    def take(self, rows: slice) -> Spectrum:
+        """Some of the eigenvalues."""
+        return Spectrum(self.eigenvalue[rows], self.error[rows], self.groups[rows], self.sources)
+
     def details(self, source: int, rows: Sequence[int]) -> Details:
         """What a source says about its rows."""
         with np.errstate(all="ignore"):
             return self.sources[source].details(np.array(rows))
 
 
-def find_spectrum(rig: Rig) -> Spectrum:
-    """The spectrum of a rig in natural units.
+def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
+    """The spectrum of a rig in natural units, or as much of it as is asked for.
 
     Raises ComputationError where double precision or memory cannot give it.
     """
     try:
-        found = list(batches(rig))
+        found = list(batches(rig, limits))
         values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in found])
         errors = np.concatenate([batch.source.error[batch.rows] for batch in found])
     except np.linalg.LinAlgError:
@@ -230,6 +239,7 @@ def find_spectrum(rig: Rig) -> Spectrum:
     parts = [part for index, batch in enumerate(found) for part in batch.parts(index)]
     order = np.lexsort((values.real, np.abs(values)))
     cuts = [0, *(k for k in range(1, len(order)) if values[order[k]] != values[order[k - 1]]), len(order)]
+    cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
     groups = tuple(tuple(parts[k] for k in order[a:b]) for a, b in pairwise(cuts))
     return Spectrum(values[first], errors[first], groups, tuple(batch.source for batch in found))

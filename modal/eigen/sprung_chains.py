@@ -190,6 +190,7 @@ class SprungProblem:
     blocks: tuple[Block, ...]
     cart: CartNumbers | None
     route = "mass and moment"
+    dense_error = 0.0
 
     @property
     def built(self) -> Built:
