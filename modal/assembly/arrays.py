@@ -18,7 +18,7 @@ import numpy as np
 
 from modal import pair
 from modal.scene import Cart, Pendulum, Scene, validate_scene
-from modal.types import Floats, Ints
+from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
 
@@ -48,6 +48,12 @@ class Block:
     def size(self) -> int:
         """Number of different chains."""
         return int(self.mass.shape[1])
+
+    @cached_property
+    def is_plain(self) -> Booleans:
+        """Which chains (P,) have neither joint springs nor dampers, and no link that points up."""
+        broken = (self.damping > 0) | (self.stiffness > 0) | (self.sigma < 0)
+        return np.asarray(~broken.any(0), dtype=np.bool_)
 
     @cached_property
     def below(self) -> Floats:

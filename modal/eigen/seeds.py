@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from modal.eigen.sturm import Suspension
+from modal.eigen.sturm import ROOM, Suspension
 from modal.types import Floats
 
 EPS = 2.0**-53
@@ -63,6 +63,7 @@ def _scaled(suspension: Suspension) -> Floats:
         found[:, 1:, 0] = root / held
         return found
     root /= np.sqrt(suspension.total_mass)[:, None]
-    for row in range(links):
-        found[:, row, : row + 1] -= root[:, row, None] * root[:, : row + 1]
+    step = max(1, ROOM // (supports * links))
+    for at in range(0, links, step):
+        found[:, at : at + step] -= root[:, at : at + step, None] * root[:, None]
     return found

@@ -100,6 +100,8 @@ def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: boo
     Different chains `coupled` by a cart are needed even where none of their modes holds it still: a batch without rows.
     """
     needed = along + across > 0
+    if not (coupled or needed.any()):
+        return
     for columns, each in _sources(source, needed | coupled):
         rows = np.arange(len(each.eigenvalue))
         rows = rows[needed[columns[rows % columns.size]]]
@@ -109,24 +111,18 @@ def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: boo
 
 def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
     block = source.block
-    structured = np.flatnonzero(needed & _is_plain(block))
+    structured = np.flatnonzero(needed & block.is_plain)
     if structured.size:
         yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
-    for column in np.flatnonzero(needed & ~_is_plain(block)):
+    for column in np.flatnonzero(needed & ~block.is_plain):
         chain = block.take(np.array([column]))
         yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None))
-
-
-def _is_plain(block: Block) -> Booleans:
-    """Which chains (P,) have neither joint springs nor dampers, and no link that stands up."""
-    broken = (block.damping > 0) | (block.stiffness > 0) | (block.sigma < 0)
-    return np.asarray(~broken.any(0), dtype=np.bool_)
 
 
 def _needs_more(rig: Rig) -> bool:
     """Whether what hangs from a cart has no effective mass alone."""
     dragged = rig.cart is not None and rig.cart.damping > 0
-    return dragged or not all(_is_plain(block).all() for block in rig.blocks)
+    return dragged or not all(block.is_plain.all() for block in rig.blocks)
 
 
 def _sprung(matrices: FromMatrices) -> Source:
@@ -192,12 +188,28 @@ def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Distinct eigenvalues (R,) by |λ|, relative error bounds (R,), and the parts of each from `sources`."""
+    """Distinct eigenvalues (R,) by |λ|, and relative error bounds (R,), in `batches` of sources.
+
+    Eigenvalue r is that of the rows `order[cuts[r]:cuts[r + 1]]` of all batches, one after the other.
+    """
 
     eigenvalue: NDArray[np.complex128]
     error: Floats
-    groups: tuple[tuple[Part, ...], ...]
-    sources: tuple[Source, ...]
+    batches: tuple[Batch, ...]
+    order: Ints
+    cuts: Ints
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """Those of the batches."""
+        return tuple(batch.source for batch in self.batches)
+
+    @cached_property
+    def groups(self) -> tuple[tuple[Part, ...], ...]:
+        """The parts of each eigenvalue."""
+        parts = [part for index, batch in enumerate(self.batches) for part in batch.parts(index)]
+        order = self.order.tolist()
+        return tuple(tuple(parts[k] for k in order[a:b]) for a, b in pairwise(self.cuts.tolist()))
 
     @cached_property
     def multiplicity(self) -> Ints:
@@ -215,7 +227,9 @@ class Spectrum:
 
     def take(self, rows: slice) -> Spectrum:
         """Some of the eigenvalues."""
-        return Spectrum(self.eigenvalue[rows], self.error[rows], self.groups[rows], self.sources)
+        first, last, _ = rows.indices(len(self.eigenvalue))
+        cuts = self.cuts[first : max(first, last) + 1]
+        return Spectrum(self.eigenvalue[rows], self.error[rows], self.batches, self.order, cuts)
 
     def details(self, source: int, rows: Sequence[int]) -> Details:
         """What a source says about its rows."""
@@ -236,10 +250,10 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
     if not np.all(np.isfinite(values)):
         raise ComputationError("the ratios in this scene are beyond double precision")
-    parts = [part for index, batch in enumerate(found) for part in batch.parts(index)]
     order = np.lexsort((values.real, np.abs(values)))
-    cuts = [0, *(k for k in range(1, len(order)) if values[order[k]] != values[order[k - 1]]), len(order)]
+    ascending = values[order]
+    steps = np.flatnonzero(ascending[1:] != ascending[:-1]) + 1
+    cuts = np.concatenate([[0], steps, [len(order)]])
     cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
-    groups = tuple(tuple(parts[k] for k in order[a:b]) for a, b in pairwise(cuts))
-    return Spectrum(values[first], errors[first], groups, tuple(batch.source for batch in found))
+    return Spectrum(values[first], errors[first], tuple(found), order, cuts)

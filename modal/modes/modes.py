@@ -110,7 +110,7 @@ class Modes(Sequence[Mode]):
     first: int = 0
 
     def __len__(self) -> int:
-        return len(self.spectrum.groups)
+        return len(self.spectrum.eigenvalue)
 
     @overload
     def __getitem__(self, index: int) -> Mode: ...
@@ -378,7 +378,7 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
         left_out = [*notes(natural, found.sources), *[UNDRIVEN] * scene.is_driven]
         first = 0
         if modes is not None:
-            first, last, _ = modes.indices(len(found.groups))
+            first, last, _ = modes.indices(len(found.eigenvalue))
             found = found.take(slice(first, last))
             left_out.append(SELECTED)
         return Modes(scene, rig, units, found, tuple(left_out), first)
