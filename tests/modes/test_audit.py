@@ -180,9 +180,9 @@ def test_every_different_chain_is_searched_once(monkeypatch: pytest.MonkeyPatch)
     """Two kinds of two links, one of them twice: its antiphase modes are among those that couple the kinds."""
     searched: list[int] = []
 
-    def watched(block: Any) -> Any:
+    def watched(block: Any, limits: Any) -> Any:
         searched.append(block.size)
-        return effective.fixed_squares(block)
+        return effective.fixed_squares(block, limits)
 
     monkeypatch.setattr(sources, "fixed_squares", watched)
     modes = natural_modes(scene(rods(2, 2), rods(2, length=2.0), cart=CART))
@@ -238,7 +238,7 @@ def test_rows_of_a_dense_scene_take_a_few_matrices() -> None:
 
 def test_shapes_of_a_crowd_piece_by_piece(monkeypatch: pytest.MonkeyPatch) -> None:
     block = rig_of(scene(rods(5), rods(5, length=1.5), rods(5, length=0.7))).natural()[0].blocks[0]
-    square = effective.fixed_squares(block)
+    square = effective.fixed_squares(block).x
     whole = crowd._own_modes(block, square)
     monkeypatch.setattr(crowd, "CHUNK", 20)
     pieces = crowd._own_modes(block, square)
