@@ -71,7 +71,7 @@ def simulate(
     """
     validate_scene(scene)
     if accuracy is not None and tolerance is not None:
-        raise SceneError(["accuracy: goes without a tolerance, which it chooses"])
+        raise SceneError(["accuracy: cannot be combined with a tolerance"])
     used = USUAL if tolerance is None else tolerance
     more: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
     more |= {"load": load, "breaks": breaks, "max_step": max_step}

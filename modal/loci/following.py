@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from tabulate import tabulate
 
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
-from modal.report import csv_rows
+from modal.report import csv_rows, grid, with_unit
 from modal.scene import Scene
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
@@ -147,7 +146,7 @@ def _swapped(before: Point, after: Point) -> tuple[int, int] | None:
 
 
 def loci_text(found: Loci) -> str:
-    """One line a meeting of two loci: the gap of a crossing is what rounding leaves."""
+    """One line per meeting of two loci; the gap of a crossing is rounding error."""
     values = found.variation.values
     where = f"{found.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {found.variation.unit}".rstrip()
     added = len(found.values) - len(values)
@@ -165,8 +164,8 @@ def loci_text(found: Loci) -> str:
         )
         for meeting in found.encounters
     ]
-    headers = ("meeting", "loci", f"at {found.variation.unit}".strip(), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
-    return f"{head}\n{tabulate(rows, headers=headers, disable_numparse=True) if rows else 'none meet'}\n"
+    headers = ("meeting", "loci", with_unit("at", found.variation.unit), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
+    return f"{head}\n{grid(rows, headers) or 'none meet'}\n"
 
 
 def loci_csv(found: Loci) -> str:

@@ -20,7 +20,7 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short
+from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short, with_unit
 from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
 
 __all__ = [
@@ -52,4 +52,5 @@ __all__ = [
     "short",
     "titled",
     "visible",
+    "with_unit",
 ]

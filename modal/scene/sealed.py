@@ -161,7 +161,7 @@ def require_keys(found: dict[str, Any], *known: str) -> None:
         raise ValueError
 
 
-def finite(found: object, *shape: int) -> Floats:
+def finite_array(found: object, *shape: int) -> Floats:
     """Numbers of this shape; ValueError for others, for what is not finite and for what is not a number."""
     values = np.asarray(found)
     if values.dtype.kind not in "fi" or values.shape != shape or not np.all(np.isfinite(values)):

@@ -64,7 +64,7 @@ def _shapes_arguments(page: Page) -> None:
     add_picture(page, "--output", "-o", required=True)
     add_modes(page)
     degrees = number("degrees above 0 and at most 90", most=90)
-    words = "largest angle drawn (default 25)"
+    words = "largest angle of each drawing (default 25)"
     page.asked.add_argument("--amplitude", metavar="DEG", type=degrees, default=25.0, help=words)
 
 
@@ -109,16 +109,16 @@ COMMANDS = (
         run=table,
         arguments=_table_arguments,
         details=(
-            "One row a mode: frequency and period, how many shapes share it, its description, how much the cart "
-            "takes part, its modal effective mass, the angle up to which the linear frequency is right to 1 %, and a "
-            "bound on its relative error. Dampers add damping ratios, an inverted equilibrium growth rates."
+            "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
+            "effective mass, the angle up to which the linear frequency is accurate to 1 %, and a bound on the "
+            "relative error. Dampers add damping ratios, an inverted equilibrium growth rates."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
-            ("table rope --modes 1:5", "the first five of a rope of 1000 links"),
-            ("table cart-upright", "about an inverted equilibrium: growth rates"),
-            ("table crane-hook --format latex -o crane.tex", "to paste into a paper"),
-            ("table paper-cart-2 --format json --shapes", "every digit, with shapes and energy shares"),
+            ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
+            ("table cart-upright", "growth rates about an inverted equilibrium"),
+            ("table crane-hook --format latex -o crane.tex", "for a paper"),
+            ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
         ),
     ),
     Command(
@@ -127,13 +127,13 @@ COMMANDS = (
         run=shapes,
         arguments=_shapes_arguments,
         details=(
-            "One panel a mode, drawn at the largest angle that you ask for; a mode that several shapes share shows one "
-            "of each sort. What stands still is drawn still."
+            "One panel per mode, drawn with the largest angle that you choose. A repeated frequency shows one shape of "
+            "each sort."
         ),
         examples=(
             ("shapes paper-cart-2 -o shapes.png", "every mode"),
-            ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vectors"),
-            ("shapes crane-hook --amplitude 10 -o hook.pdf", "drawn at 10 degrees at most"),
+            ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vector graphics"),
+            ("shapes crane-hook --amplitude 10 -o hook.pdf", "with a largest angle of 10 degrees"),
         ),
     ),
     Command(
@@ -142,12 +142,12 @@ COMMANDS = (
         run=matrices,
         arguments=_matrices_arguments,
         details=(
-            "Mass, stiffness and damping matrix about the scene's rest, M q'' + D q' + K q = 0, with the names of the "
-            "coordinates: x of the cart, then the absolute angle of every link, copies counted out."
+            "Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the "
+            "names of the coordinates: x of the cart, then the absolute angle of every link of every copy."
         ),
         examples=(
-            ("matrices chain-3", "of three bobs in a row"),
-            ("matrices paper-cart-2 --format json -o paper.json", "every digit, with the names of the coordinates"),
+            ("matrices chain-3", "a chain of three bobs"),
+            ("matrices paper-cart-2 --format json -o paper.json", "in full precision, with coordinate names"),
         ),
     ),
 )

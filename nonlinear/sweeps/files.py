@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import csv_cell, csv_rows
+from modal.report import csv_cell
 from modal.scene import whole_file
 from modal.scene.sealed import index, reading, require_keys
 from modal.types import Floats
@@ -111,7 +111,7 @@ def _csv(sweep: Sweep) -> bytes:
     for row in sweep.rows:
         numbers = [row.numbers.get(name, np.nan) for name in sweep.columns]
         rows.append([*sweep.study.point(row.index).values(), *numbers, row.reason])
-    return as_csv(_header(sweep), [csv_rows(rows)])
+    return as_csv(_header(sweep), rows)
 
 
 def _read_csv(name: str) -> Sweep:

@@ -12,10 +12,9 @@ from itertools import islice
 from time import monotonic
 
 import numpy as np
-from tabulate import tabulate
 
 from modal.errors import ComputationError
-from modal.report import visible
+from modal.report import grid, visible
 from modal.types import Floats
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.executors import WorkerPool, cores, processes
@@ -178,7 +177,7 @@ def sweep_text(sweep: Sweep) -> str:
 def _lines(sweep: Sweep) -> Iterator[str]:
     yield f"{len(sweep.rows)} of {sweep.study.size} points, {len(sweep.failures)} failed"
     rows = [_range(sweep, name) for name in sweep.columns]
-    yield tabulate(rows, headers=("number", "smallest", "at", "largest", "at"), disable_numparse=True)
+    yield grid(rows, ("number", "smallest", "at", "largest", "at"))
     yield from reasons(sweep)
     if any(one.measure.numbered for one in sweep.study.measures):
         yield NUMBERED

@@ -568,7 +568,7 @@ def link_with(**drive: object) -> dict[str, object]:
         ({"kind": "escapement", "impulse": 1.0, "angle_deg": 180.0}, "drive.angle_deg = 180.0"),
         ({"kind": "escapement", "impulse": "hard"}, 'drive.impulse = "hard": must be a number'),
         ({"kind": "verge", "impulse": 1.0}, 'drive.kind = "verge": must be one of'),
-        ({"impulse": 1.0}, "drive: needs a kind"),
+        ({"impulse": 1.0}, 'drive: needs a kind, one of "van-der-pol", "escapement"'),
     ],
 )
 def test_what_is_wrong_with_a_drive_is_said_once_with_its_place(drive: dict[str, object], words: str) -> None:

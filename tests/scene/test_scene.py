@@ -78,7 +78,7 @@ links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 
         "pendulum[2].links[0].mass = -1.0: must be positive",
         "pendulum[2].links[0].length = nan: must be finite",
         'pendulum[2].links[1].kind = "spring": must be one of "bob", "rod", "body"',
-        "pendulum[2].links[2]: needs a kind",
+        'pendulum[2].links[2]: needs a kind, one of "bob", "rod", "body"',
     }
 
 
