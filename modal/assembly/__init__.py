@@ -8,7 +8,7 @@ Every other room works on these arrays and never asks what kind a link is.  Star
 dense form for printing, for small problems and for tests.
 """
 
-from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, rig_of
+from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices, matrices_of
 
 __all__ = [
@@ -22,6 +22,7 @@ __all__ = [
     "assembled",
     "coordinate_labels",
     "dampers",
+    "masses_below",
     "matrices",
     "matrices_of",
     "rig_of",

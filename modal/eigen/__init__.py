@@ -11,6 +11,7 @@ A chain takes the effective-mass recursion and bisection (`chains`), with joint 
 
 from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
 from modal.eigen.bisection import smallest_where
+from modal.eigen.chains import Limits
 from modal.eigen.counts import counted
 from modal.eigen.coupled import LIGHTEST
 from modal.eigen.degenerate import TOLERANCE, degenerate_modes
@@ -26,6 +27,7 @@ __all__ = [
     "LIGHTEST",
     "TOLERANCE",
     "Details",
+    "Limits",
     "Part",
     "Poles",
     "Rigid",

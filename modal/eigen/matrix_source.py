@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from modal.assembly import Block, CartNumbers, Columns, assembled, dampers
 from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import bare_mass
+from modal.eigen.chains import bare_mass, is_singular
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import joints, kinetic
 from modal.eigen.sources import Details, largest_angle, per_copy
@@ -124,7 +124,7 @@ class FromMatrices:
     @cached_property
     def is_singular(self) -> bool:
         """Whether M is, by a cart without mass over bobs."""
-        return self.cart is not None and bare_mass(self.blocks, self.cart) == 0
+        return self.cart is not None and is_singular(self.blocks, self.cart)
 
     @cached_property
     def bare_accelerance(self) -> float:

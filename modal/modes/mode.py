@@ -99,8 +99,11 @@ class Mode:
         return 2 * pi / (self.omega * sqrt((1 - ratio) * (1 + ratio))) if self.oscillates else None
 
 
-def resonances(omega: Floats, number: int, partners: Ints) -> tuple[str, ...]:
-    """Resonances of mode `number` with `partners`, in words; both ascending indices from 0 into `omega` (R,)."""
+def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tuple[str, ...]:
+    """Resonances of mode `number` with `partners`, in words; both ascending indices from 0 into `omega` (R,).
+
+    `first` is the index of ω[0] among all modes of the scene.
+    """
     own, others = omega[number], omega[partners]
     if own == 0:
         return ()
@@ -109,7 +112,7 @@ def resonances(omega: Floats, number: int, partners: Ints) -> tuple[str, ...]:
         low, high = np.searchsorted(others, own * factor * np.array([1 - WIDTH, 1 + WIDTH]))
         near = [int(k) for k in partners[low : min(high, low + MOST_NAMED + 1)] if k != number][:MOST_NAMED]
         itself = low <= np.searchsorted(partners, number) < high
-        found += [f"{ratio} with mode {k + 1}" for k in near]
+        found += [f"{ratio} with mode {first + k + 1}" for k in near]
         more = int(high - low - itself) - len(near)
         found += [f"{ratio} with {more} more"] if more > 0 else []
     return tuple(found)

@@ -157,7 +157,9 @@ def _solving_left_out(modes: Modes) -> Iterator[str]:
         yield "no complex eigenproblem: nothing damps"
     orders = [order for one in built for name, order, _ in one.matrices if name == "M"]
     if not orders:
-        yield f"no M and K of {size} × {size}: frequencies come from the effective mass, O(n) numbers"
+        seeded = any(name == "seeds" for one in built for name, *_ in one.matrices)
+        counts = "its counts confirm seeds" if seeded else "O(n) numbers"
+        yield f"no M and K of {size} × {size}: frequencies come from the effective mass, {counts}"
     elif not any(name == "D" for one in built for name, *_ in one.matrices):
         yield "no damping matrix: nothing damps"
     if orders and max(orders) < size:

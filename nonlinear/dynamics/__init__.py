@@ -4,14 +4,15 @@ In: a `System` and its state.  Out: accelerations, and the positions, energies, 
 
     M(q) q'' = f(q, q', t)
 
-solved without M by one pass up each chain and one down (`recursion`), densely for small scenes, as a band for long
-ones, or compiled (`compiled`, extra `fast`).  Start with `minimal`; `symmetries` replaces a scene by a smaller one that
-moves alike.
+solved without M by one pass up each chain and one down (`recursion`), written out in floats for small scenes
+(`generated`), densely, as a band for long chains, or compiled (`compiled`, extra `fast`).  Start with `minimal`;
+`symmetries` replaces a scene by a smaller one that moves alike.
 """
 
 from nonlinear.dynamics.banded import Banded
-from nonlinear.dynamics.dense import Dense, Small
+from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
+from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.interrupts import deaf_children, undisturbed
 from nonlinear.dynamics.joints import acting
@@ -25,6 +26,8 @@ __all__ = [
     "Banded",
     "Body",
     "Dense",
+    "Elimination",
+    "Generated",
     "Hamiltonian",
     "Maximal",
     "Mechanics",
@@ -41,6 +44,7 @@ __all__ = [
     "exactly_symmetric",
     "find_symmetries",
     "is_unstable_equilibrium",
+    "loses_digits",
     "symmetrize",
     "synchronous",
     "undisturbed",

@@ -6,14 +6,19 @@ The lines of the recursion are those of `nonlinear.dynamics.recursion._passed`, 
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
+from nonlinear.dynamics.interrupts import undisturbed
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import NOTHING, Minimal
 from nonlinear.dynamics.recursion import links_of
@@ -26,6 +31,7 @@ except ImportError:
     njit = None
 
 CONSTANTS = 12
+COMPILING = "Compiling the integrator, which takes some ten seconds; it is kept on disk for later runs."
 LOOSE = np.empty(0)
 
 
@@ -34,7 +40,7 @@ def available() -> bool:
     return njit is not None
 
 
-def _compiled(function: Any) -> Any:
+def compiled(function: Any) -> Any:
     """The compiled function, kept on disk where there is a folder for it."""
     if njit is None:
         return function
@@ -44,10 +50,30 @@ def _compiled(function: Any) -> Any:
         return njit(error_model="numpy")(function)
 
 
-_joint_law = _compiled(joint_law)
+@contextmanager
+def announced(function: Any) -> Iterator[None]:
+    """A block that may compile a function for the first time, undisturbed; says so on a terminal where that is long."""
+    if function.signatures:
+        yield
+        return
+    if not kept(function) and sys.stderr.isatty():
+        print(COMPILING, file=sys.stderr)
+    with undisturbed():
+        yield
 
 
-@_compiled
+def kept(function: Any) -> bool:
+    """Whether a compiled function is on disk, as it is now."""
+    code, folder = function.py_func.__code__, function.stats.cache_path
+    written = Path(code.co_filename).stat().st_mtime
+    files = Path(folder).glob(f"*.{function.__name__}-{code.co_firstlineno}.*.nbi") if folder else ()
+    return any(file.stat().st_mtime > written for file in files)
+
+
+_joint_law = compiled(joint_law)
+
+
+@compiled
 def _passed(links, i, below, s, c, w, Q):  # type: ignore[no-untyped-def]
     """One link upward: (xx, xz, zz, px, pz) above it and (hx, hz, e, D)."""
     m, l, mc, J = links[i, 0], links[i, 1], links[i, 2], links[i, 3]
@@ -77,7 +103,7 @@ def _passed(links, i, below, s, c, w, Q):  # type: ignore[no-untyped-def]
     return above, (c * hn + s * hu, c * hu - s * hn, e, D)
 
 
-@_compiled
+@compiled
 def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     """Moment (N m) of spring, damper and drive above link i on that link, and the power (W) of these two."""
     stiffness, damping, bent, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
@@ -88,7 +114,7 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
     return kept + working, working * speed
 
 
-@_compiled
+@compiled
 def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[no-untyped-def]
     """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); what its first joint feels, and the joints' power."""
     below, carried, power = (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0
@@ -104,7 +130,7 @@ def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[
     return below, power
 
 
-@_compiled
+@compiled
 def _downward(links, start, stop, rates, turns, ax, az, turned):  # type: ignore[no-untyped-def]
     """One pendulum: fills θ'' under the acceleration (ax, az) of its first joint less gravity."""
     for i in range(start, stop):
@@ -114,10 +140,10 @@ def _downward(links, start, stop, rates, turns, ax, az, turned):  # type: ignore
         turned[i] = alpha
 
 
-@_compiled
-def _derivative(y, links, first, cart, gravity, works, push, moments):  # type: ignore[no-untyped-def]
-    """The whole of `Minimal.derivative`; `cart` holds mass, damper and spring, or nothing."""
-    on_cart, found, turns = int(cart.size > 0), np.empty_like(y), np.empty((len(links), 6))
+@compiled
+def rate(y, links, first, cart, gravity, works, push, moments, turns, found):  # type: ignore[no-untyped-def]
+    """The whole of `Minimal.derivative`, into `found`; `cart` holds mass, damper and spring, or nothing."""
+    on_cart = int(cart.size > 0)
     half = on_cart + len(links)
     angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], found[half + on_cart : 2 * half]
     found[:half] = y[half : 2 * half]
@@ -136,7 +162,6 @@ def _derivative(y, links, first, cart, gravity, works, push, moments):  # type: 
         for i in range(moments.size):
             power += moments[i] * rates[i]
         found[-1] = power
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,10 +173,10 @@ class Compiled(Minimal):
     def __post_init__(self) -> None:
         if not available():
             raise MissingExtraError("numba", "fast")
-        self.derivative(0.0, np.zeros(self.layout.size))
 
     @cached_property
-    def _constants(self) -> tuple[Floats, Ints, Floats, float, bool]:
+    def scene(self) -> tuple[Floats, Ints, Floats, float, bool]:
+        """For kernels: constants of links, where pendula begin, the cart, gravity, whether y counts work."""
         cart = self.system.cart
         return (
             _rows(self.system),
@@ -165,7 +190,9 @@ class Compiled(Minimal):
         """The vector y' of one y (size,)."""
         push, moments = self.load(time, self.layout.state(y)) if self.load else NOTHING
         loose = LOOSE if moments is None else np.ascontiguousarray(moments, dtype=float)
-        return _derivative(np.ascontiguousarray(y, dtype=float), *self._constants, float(push), loose)
+        found, turns = np.empty(self.layout.size), np.empty((self.system.n_links, 6))
+        rate(np.ascontiguousarray(y, dtype=float), *self.scene, float(push), loose, turns, found)
+        return found
 
 
 def _rows(system: System) -> Floats:

@@ -25,9 +25,18 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.minimal import NOTHING, Minimal
-from nonlinear.system import Group
+from nonlinear.system import Group, System
 
+LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
+FRAIL = 1e-3  # share of a heavier link's mass below which dense forms lose digits to a link above it
 SINGULAR = "the mass matrix is singular in double precision"
+
+
+def loses_digits(group: Group, system: System) -> bool:
+    """Whether the cart is so light, or a link so light beside one below it, that matrices would lose digits."""
+    heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
+    light = system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
+    return light or bool(np.any(group.block.mass < FRAIL * heaviest))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,3 +131,51 @@ class Dense:
         """θ'' (n, P)."""
         free, pushed = memory
         return (free - pushed * push).T
+
+
+class Elimination:
+    """`Dense` by elimination from the tips up, for any numbers behind (n, P) that `sine` and `cosine` take."""
+
+    def __init__(self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos) -> None:
+        block, self.sine, self.cosine = group.block, sine, cosine
+        numbers = (block.mass, block.length, block.centre, block.inertia)
+        self.A = np.array(pair.inertia_matrix(*numbers)).reshape(group.n, *block.b.shape, *[1] * tail)
+        self.b, self.mass = block.b.reshape(*block.b.shape, *[1] * tail), float(block.mass.sum())
+
+    def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
+        """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""
+        M, side = self._equations(angles, rates, moments, gravity)
+        s, across = self.sine(angles), list(self.b * self.cosine(angles))
+        mass, force = self.mass, -(self.b * s * (rates * rates)).sum((0, 1))
+        for k in reversed(range(len(M))):
+            for j in range(k):
+                share = M[k][j] / M[k][k]
+                for i in range(j + 1):
+                    M[j][i] = M[j][i] - share * M[k][i]
+                side[j], across[j] = side[j] - share * side[k], across[j] - share * across[k]
+            share = across[k] / M[k][k]
+            mass, force = mass - (share * across[k]).sum(0), force + (share * side[k]).sum(0)
+        return mass, force, (M, side, across)
+
+    def _equations(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[list[list[Any]], list[Any]]:
+        """The lower half of A cos(θ_i − θ_j), and the right-hand side without x''."""
+        s, c, ww = self.sine(angles), self.cosine(angles), rates * rates
+        M: list[list[Any]] = []
+        side = list(moments - gravity * self.b * s)
+        for i, row in enumerate(self.A):
+            M.append([row[j] * (c[i] * c[j] + s[i] * s[j]) for j in range(i)])
+            M[i].append(row[i] + 0.0 * s[i])
+            for j in range(i):
+                thrown = row[j] * (s[i] * c[j] - c[i] * s[j])
+                side[i], side[j] = side[i] - thrown * ww[j], side[j] + thrown * ww[i]
+        return M, side
+
+    def turn(self, memory: Any, push: Any) -> Any:
+        """θ'' (n, P)."""
+        found: list[Any] = []
+        for row, side, across in zip(*memory, strict=True):
+            left = side - across * push
+            for M, above in zip(row, found, strict=False):
+                left = left - M * above
+            found.append(left / row[-1])
+        return np.array(found)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
 from math import isfinite
+from typing import cast
 
 import numpy as np
 from scipy.optimize import brentq
@@ -14,7 +15,7 @@ from scipy.optimize import brentq
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.integration.escapements import Escapements
-from nonlinear.integration.steppers import Stepper
+from nonlinear.integration.steppers import Stepper, Sweeper
 from nonlinear.system import NO_KICKS, Equations, Event, EventRecord, Kicks, State
 
 SILENT = 1e-9
@@ -28,7 +29,7 @@ class Record:
     times: Floats
     rows: Floats
     filled: int = 0
-    last: tuple[float, Floats] | None = None  # where it stopped, if between samples
+    last: tuple[float, Sequence[float] | Floats] | None = None  # where it stopped, if between samples
     happenings: list[EventRecord] = field(default_factory=list)
     drift: float = 0.0
     kicks: Kicks = NO_KICKS
@@ -36,6 +37,11 @@ class Record:
     stopped: str = ""  # why, where it did not reach its end
     interrupted: bool = False
     failed: bool = False
+
+    @property
+    def reached(self) -> float:
+        """How far it has come (s)."""
+        return float(self.last[0] if self.last else self.times[0])
 
     def close(self) -> None:
         """Leave out what was not reached, and let the last sample be where the run stopped."""
@@ -68,17 +74,30 @@ class Drive:
         """Go to the last sampled time, or as far as can be gone."""
         record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
+        free = isinstance(self.stepper, Sweeper) and not (self.events or self.escapements)
+        advance = self._far if free else self._on
         try:
             while record.filled < len(self.times) and not record.stopped:
-                self._on(record)
+                advance(record)
         except KeyboardInterrupt:
-            record.stopped, record.interrupted = f"interrupted at {self.stepper.time:.9g} s", True
+            record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
         except ComputationError as error:
             record.stopped, record.failed = str(error), True
         record.close()
         if self.escapements:
             record.kicks = self.escapements.kicks
         return record
+
+    def _far(self, record: Record) -> None:
+        """Many steps in which nothing but samples is wanted."""
+        first = record.filled
+        with np.errstate(all="ignore"):
+            rows, ends = cast("Sweeper", self.stepper).sweep(self.times[first:])
+        passed = np.searchsorted(self.times, [time for time, _ in ends], side="right") - first
+        for end, count in zip(ends, passed.tolist(), strict=True):
+            record.keep(rows[record.filled - first : count])
+            record.steps, record.last = record.steps + 1, end
+            self.report(end[0] - self.times[0])
 
     def _on(self, record: Record) -> None:
         """One step and all that lies within it."""

@@ -11,7 +11,18 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.scene import Scene
-from nonlinear.dynamics import Body, Dense, Minimal, Recursion, Reduced, Small, Symmetry, undisturbed
+from nonlinear.dynamics import (
+    Body,
+    Dense,
+    Generated,
+    Minimal,
+    Recursion,
+    Reduced,
+    Small,
+    Symmetry,
+    loses_digits,
+    undisturbed,
+)
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
 from nonlinear.integration.timescales import estimate_timescales
@@ -21,10 +32,9 @@ ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest swing
-LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
-FRAIL = 1e-3  # share of a heavier link's mass below which dense forms lose digits to a link above it
 SHORTEST = 1e-13  # share of the longest link, of positions in maximal coordinates
 ROOM = 1e140  # largest moment of inertia, and one over the smallest, whose square is a number
+WRITTEN = 32  # links of a scene whose equations are written out in floats
 FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain anything
@@ -134,7 +144,7 @@ def _worth_compiling(costs: dict[str, float]) -> bool:
 
 def body_of(group: Group, system: System) -> Body:
     """Who solves one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
-    if _light(system) or _frail(group):
+    if loses_digits(group, system):
         return Recursion(group)
     if group.n < SHORT and group.index.size <= MANY:
         return Dense(group)
@@ -143,17 +153,6 @@ def body_of(group: Group, system: System) -> Body:
     from nonlinear.dynamics import Banded
 
     return Banded(group)
-
-
-def _light(system: System) -> bool:
-    """Whether the cart is so light that a dense form would lose digits."""
-    return system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
-
-
-def _frail(group: Group) -> bool:
-    """Whether a link is so light beside one below it that dense and banded forms would lose digits."""
-    heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
-    return bool(np.any(group.block.mass < FRAIL * heaviest))
 
 
 def validate_room(scene: Scene, system: System) -> None:
@@ -195,6 +194,8 @@ def equations_of(
             from nonlinear.dynamics.compiled import Compiled
 
             return Compiled(system)
-    if system.n_links <= FEWEST and not (_light(system) or any(map(_frail, system.groups))):
+    if load is None and system.n_links <= WRITTEN:
+        return Generated(system)
+    if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):
         return Small(system, load=load)
     return Minimal(system, tuple(body_of(group, system) for group in system.groups), load)

@@ -5,22 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics import Minimal, Reduced, Symmetry, find_symmetries
+from nonlinear.dynamics import Generated, Minimal, Reduced, Symmetry, find_symmetries
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.driver import Drive, Record
 from nonlinear.integration.escapements import escapements
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.integration.trajectory import SolverInfo, Trajectory
 from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, System
+
+if TYPE_CHECKING:
+    from nonlinear.dynamics.compiled import Compiled
 
 FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
 HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much
@@ -178,15 +182,21 @@ def _stepper(
 ) -> Stepper:
     """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
     first, last = float(times[0]), float(times[-1])
+    inner = equations.inner if isinstance(equations, Reduced) else equations
     if choice.method == "taylor":
         from nonlinear.integration import taylor
 
         pace = replace(pace, first=taylor.first_step(estimate_timescales(scene).swing))
-        series = equations.inner if isinstance(equations, Reduced) else equations
-        return taylor.TaylorStepper(cast("Minimal", series), y, first, last, choice.tolerance * size, pace)
+        return taylor.TaylorStepper(cast("Minimal", inner), y, first, last, choice.tolerance * size, pace)
     relative = choice.tolerance * sharpened(slope, equations.scale)
     absolute = NEAR_ZERO * relative * size * equations.scale
     pace = replace(pace, first=first_step(y, slope, absolute + relative * np.abs(y), FIRST / equations.system.rate))
+    if choice.method == "DOP853" and isinstance(inner, Generated):
+        return FloatStepper(inner, first, y, last, relative, absolute, pace)
+    if choice.method == "DOP853" and choice.compiled:
+        from nonlinear.integration.compiled import CompiledStepper
+
+        return CompiledStepper(cast("Compiled", inner), first, y, last, relative, absolute, pace)
     return SciPyStepper(choice.method, equations.derivative, first, y, last, relative, absolute, pace)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt, ulp
-from typing import Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from scipy import integrate
@@ -110,6 +110,19 @@ class Stepper(Protocol):
         ...
 
 
+@runtime_checkable
+class Sweeper(Stepper, Protocol):
+    """An integrator of equations without constraints that takes many steps at once."""
+
+    def sweep(self, times: Floats) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]]]:
+        """Some steps on towards the last of these times (ascending), at least one.
+
+        Gives the y (T, size) at those of them that are reached, and where (s, y) every step ended.  ComputationError
+        where not even the first step can be.
+        """
+        ...
+
+
 class SciPyStepper:
     """A method of `scipy.integrate` (see there for the papers behind each).
 
@@ -145,7 +158,10 @@ class SciPyStepper:
         longest = self.pace.most(max(self._low, self.start), min(self._high, self.end))
         options = {"rtol": max(self.tolerance, SMALLEST), "atol": self.absolute, "first_step": tried}
         f = self._beside if self.pace.breaks else self.f
-        return SCIPY[self.method](f, time, y, end, max_step=longest, **options)
+        return self._solver_of(f, time, y, end, max_step=longest, **options)
+
+    def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> integrate.OdeSolver:
+        return SCIPY[self.method](f, time, y, end, **options)
 
     def _beside(self, time: float, y: Floats) -> Floats:
         """The derivative, as it is between the breaks around."""
@@ -169,18 +185,26 @@ class SciPyStepper:
 
     def step(self) -> None:
         """Go one step on."""
-        if self._high <= self.time < self.end:
-            self._done += self._solver.nfev
-            self._solver = self._begun(self.time, self.y, self.pace.first)
+        solver = self._on_its_way()
         self.before, self.y_before, self._within = self.time, self.y, None
         try:
-            message = self._solver.step()
+            message = solver.step()
         except ValueError:
             if np.all(np.isfinite(getattr(self._solver, "J", 0.0))):
                 raise
             message = "its Jacobian overflows"
         if message or self._solver.status == "failed" or not np.all(np.isfinite(self.y)):
-            raise ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message or 'not finite'}")
+            raise self._stopped(message or "not finite")
+
+    def _on_its_way(self) -> integrate.OdeSolver:
+        """The integrator, a new one where a break has been reached."""
+        if self._high <= self.time < self.end:
+            self._done += self._solver.nfev
+            self._solver = self._begun(self.time, self.y, self.pace.first)
+        return self._solver
+
+    def _stopped(self, message: str) -> ComputationError:
+        return ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message}")
 
     def inside(self, times: Floats) -> Floats:
         """By the method's own interpolation."""

@@ -16,7 +16,7 @@ from modal.eigen import counted
 from modal.errors import ComputationError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
-from nonlinear.dynamics import Dense, Reduced, Small, is_unstable_equilibrium
+from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import System
@@ -149,7 +149,7 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
     integrated = (
         numbers // 2 if form == "maximal" else inner.shapes.shape[1] if form == TRUNCATED else _freedom(inner.system)
     )
-    left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices), *not_loaded())
+    left_out = (*_coordinates(trajectory, inner), *_dense(integrated, matrices, inner), *not_loaded())
     return Inventory(_freedom(system), integrated, numbers, matrices, left_out, loaded())
 
 
@@ -188,9 +188,10 @@ def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
         yield "no work: nothing damps or drives"
 
 
-def _dense(integrated: int, matrices: tuple[tuple[int, int], ...]) -> Iterator[str]:
+def _dense(integrated: int, matrices: tuple[tuple[int, int], ...], inner: Any) -> Iterator[str]:
     largest = max((order for order, _ in matrices), default=0)
     if not largest:
-        yield f"no matrix of {integrated} × {integrated}: O(n) steps along the chains"
+        instead = "the equations are written out" if isinstance(inner, Generated) else "O(n) steps along the chains"
+        yield f"no matrix of {integrated} × {integrated}: {instead}"
     elif largest < integrated:
         yield f"no matrix of {integrated} × {integrated}: {largest} × {largest} are the largest"

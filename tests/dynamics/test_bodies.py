@@ -167,11 +167,17 @@ def test_compiled_without_a_place_for_its_cache() -> None:
         "import numba.core.caching as c\n"
         "for locator in c.CacheImpl._locator_classes: locator.from_function = classmethod(lambda *a: None)\n"
         "from nonlinear.dynamics import compiled; from nonlinear import system_of; import modal, numpy as np\n"
-        "print(compiled.Compiled(system_of(modal.load('chain-1'))).derivative(0.0, np.array([np.pi / 2, 0.0])))"
+        "from nonlinear.integration.compiled import CompiledStepper\n"
+        "equations, y = compiled.Compiled(system_of(modal.load('chain-1'))), np.array([np.pi / 2, 0.0])\n"
+        "stepper = CompiledStepper(equations, 0.0, y, 1.0, 1e-9, 1e-9 * np.ones(2))\n"
+        "stepper.sweep(np.array([1.0]))\n"
+        "print(equations.derivative(0.0, y), stepper.time)"
     )
     done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert float(done.stdout.strip("[] \n").split()[1]) == pytest.approx(-9.81)
+    acceleration, _, time = done.stdout.strip("[ \n").partition("]")
+    assert float(acceleration.split()[1]) == pytest.approx(-9.81)
+    assert float(time) == 1.0
 
 
 # --------------------------------------------------------------------------------------------------------- small

@@ -1,0 +1,214 @@
+"""Equations of motion as straight-line Python: no array, no matrix, no loop, for scenes of a few links.
+
+The plain lines of `nonlinear.dynamics.minimal` run once with symbols in place of numbers.  What they do is written
+down operation by operation, each kept once, and none that touches only a 0 or that no acceleration needs.  For few
+links Python's floats are several times faster than NumPy, most of whose time would go into calls.
+
+Numbers of a scene are arguments of what is written: scenes that differ in nothing else share the compiled text.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache, wraps
+from math import cos, sin
+from typing import Any
+
+import numpy as np
+
+from nonlinear.dynamics.dense import Elimination, loses_digits
+from nonlinear.dynamics.minimal import Body, Minimal, Recursion
+from nonlinear.system import Group, System
+
+SHORT = 6  # links of a chain whose matrix takes fewer operations than the recursion
+DEEPEST = 40  # brackets within brackets
+UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
+"""What Python's floats raise where those of NumPy are inf or nan."""
+
+Rate = Callable[[Sequence[float]], list[float]]
+
+
+class Tape:
+    """Operations as they were first done: each `known` by what it is, as a symbol."""
+
+    def __init__(self) -> None:
+        self.known: dict[tuple[Any, ...], Symbol] = {}
+
+    def symbol(self, *operation: Any) -> Symbol:
+        """What an operation on symbols and floats gives."""
+        if operation not in self.known:
+            self.known[operation] = Symbol(self, operation)
+        return self.known[operation]
+
+
+def _scalar(operation: Any) -> Any:
+    """An operation that leaves arrays to go through their elements."""
+
+    @wraps(operation)
+    def done(self: Symbol, other: Any) -> Any:
+        return NotImplemented if isinstance(other, np.ndarray) else operation(self, other)
+
+    return done
+
+
+class Symbol:
+    """A number that is not known yet: its operation, an operator or a function before what it acts on."""
+
+    __slots__ = ("operation", "tape")
+
+    def __init__(self, tape: Tape, operation: tuple[Any, ...]) -> None:
+        self.tape, self.operation = tape, operation
+
+    def _with(self, operator: str, left: Any, right: Any) -> Any:
+        return self.tape.symbol(operator, *(v if isinstance(v, Symbol) else float(v) for v in (left, right)))
+
+    @_scalar
+    def __add__(self, other: Any) -> Any:
+        return self if _is(other, 0) else self._with("+", self, other)
+
+    @_scalar
+    def __sub__(self, other: Any) -> Any:
+        return self if _is(other, 0) else self._with("-", self, other)
+
+    @_scalar
+    def __rsub__(self, other: Any) -> Any:
+        return -self if _is(other, 0) else self._with("-", other, self)
+
+    @_scalar
+    def __mul__(self, other: Any) -> Any:
+        return 0.0 if _is(other, 0) else self if _is(other, 1) else self._with("*", self, other)
+
+    @_scalar
+    def __truediv__(self, other: Any) -> Any:
+        return self if _is(other, 1) else self._with("/", self, other)
+
+    @_scalar
+    def __rtruediv__(self, other: Any) -> Any:
+        return 0.0 if _is(other, 0) else self._with("/", other, self)
+
+    def __pow__(self, power: int) -> Any:
+        if power != 2:
+            raise NotImplementedError
+        return self * self
+
+    def __neg__(self) -> Any:
+        return self.tape.symbol("-", self)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+def _is(value: Any, number: int) -> bool:
+    return not isinstance(value, Symbol) and bool(value == number)
+
+
+def _called(name: str) -> Any:
+    """A function of one symbol for arrays of them."""
+    return np.frompyfunc(lambda value: value.tape.symbol(name, value), 1, 1)
+
+
+# ---------------------------------------------------------------------------------------------------------- writing
+
+
+class Text:
+    """The text of a function of y from what its components are; `numbers` are what it is made with."""
+
+    def __init__(self, components: Sequence[Any], size: int) -> None:
+        self.names: dict[int, str] = {}
+        self.numbers: dict[float, str] = {}
+        self.lines: list[str] = []
+        self.uses = _uses(components)
+        found = ", ".join(self.written(component)[0] for component in components)
+        arguments = ", ".join(("sin", "cos", *self.numbers.values()))
+        self.text = "\n".join(
+            (
+                f"def made({arguments}):",
+                " def rate(y):",
+                f"  {', '.join(f'y{i}' for i in range(size))}, = y",
+                *self.lines,
+                f"  return [{found}]",
+                " return rate",
+            )
+        )
+
+    def written(self, value: Any) -> tuple[str, int]:
+        """An expression for a value, and how deep its brackets are."""
+        if not isinstance(value, Symbol):
+            return self.numbers.setdefault(float(value), f"c{len(self.numbers)}"), 0
+        if id(value) in self.names:
+            return self.names[id(value)], 0
+        operator, *operands = value.operation
+        if operator == "y":
+            return f"y{operands[0]}", 0
+        parts = [self.written(operand) for operand in operands]
+        text, deep = _joined(operator, [part for part, _ in parts]), 1 + max(depth for _, depth in parts)
+        if self.uses[id(value)] == 1 and deep < DEEPEST:
+            return text, deep
+        name = self.names[id(value)] = f"v{len(self.names)}"
+        self.lines.append(f"  {name} = {text}")
+        return name, 0
+
+
+def _joined(operator: str, parts: Sequence[str]) -> str:
+    if operator in {"sin", "cos"}:
+        return f"{operator}({parts[0]})"
+    return f"(-{parts[0]})" if len(parts) == 1 else f"({parts[0]} {operator} {parts[1]})"
+
+
+def _uses(components: Sequence[Any]) -> dict[int, int]:
+    """How often each symbol is wanted by what is wanted."""
+    uses: dict[int, int] = {}
+    wanted = list(components)
+    while wanted:
+        value = wanted.pop()
+        if isinstance(value, Symbol):
+            uses[id(value)] = uses.get(id(value), 0) + 1
+            if uses[id(value)] == 1:
+                wanted += value.operation[1:]
+    return uses
+
+
+@lru_cache(maxsize=64)
+def function_in(text: str, name: str) -> Callable[..., Any]:
+    """The function of this name that a text defines."""
+    found: dict[str, Any] = {}
+    exec(compile(text, f"<{name}>", "exec"), found)
+    return found[name]  # type: ignore[no-any-return]
+
+
+def _body(group: Group, system: System, **how: Any) -> Body:
+    """Who solves one group: elimination for short chains whose dense matrix keeps its digits, else the recursion."""
+    written_out = group.n <= SHORT and not loses_digits(group, system)
+    return Elimination(group, **how) if written_out else Recursion(group, **how)
+
+
+@dataclass(frozen=True, eq=False)
+class Generated(Minimal):
+    """The equations of `Minimal` without its bodies and loads, written out."""
+
+    bodies: tuple[()] = ()
+
+    @cached_property
+    def rate(self) -> Rate:
+        """The rate of one y in floats, a list."""
+        tape, size = Tape(), self.layout.size
+        how = {"sine": _called("sin"), "cosine": _called("cos")}
+        plain = Minimal(self.system, tuple(_body(group, self.system, **how) for group in self.system.groups))
+        y = np.array([tape.symbol("y", i) for i in range(size)], dtype=object)
+        found = Text(plain.derivative(0.0, y).tolist(), size)
+        made: Callable[..., Rate] = function_in(found.text, "made")
+        return made(sin, cos, *found.numbers)
+
+    @cached_property
+    def many(self) -> Minimal:
+        """The same in NumPy for many y side by side."""
+        return Minimal(self.system, tuple(_body(group, self.system, tail=1) for group in self.system.groups))
+
+    def derivative(self, time: float, y: Any) -> Any:
+        """The rate of one y, (size,), or of many side by side, (size, S)."""
+        if y.ndim > 1:
+            return self.many.derivative(time, y)
+        try:
+            return np.array(self.rate(y.tolist()))
+        except UNDEFINED:
+            return np.full_like(y, np.nan)

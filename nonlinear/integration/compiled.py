@@ -1,0 +1,218 @@
+"""DOP853 compiled by numba (extra `fast`): steps, control of the error and samples in one kernel, for any plane scene.
+
+The lines are those of SciPy's method, whose coefficients are read from it, so both take the same steps.  Scenes come as
+arrays: one kernel serves all, and is kept on disk.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from modal.types import Floats, Ints
+from nonlinear.dynamics.compiled import LOOSE, Compiled, announced, compiled, rate
+from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
+
+STAGES, SMALL_STEP = DOP853.n_stages, DOP853.TOO_SMALL_STEP
+NOTHING_DUE = np.empty(0)
+MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it gives back
+
+
+def _sparse(rows: Any) -> tuple[Ints, Ints, Floats]:
+    """Where each row begins among what is not zero, in which columns that stands, and what it is."""
+    filled = [np.flatnonzero(row) for row in rows]
+    begins = np.cumsum([0, *map(len, filled)])
+    return begins, np.concatenate(filled), np.concatenate([row[at] for row, at in zip(rows, filled, strict=True)])
+
+
+def _table() -> tuple[Any, ...]:
+    width = len(DOP853.D.T)
+    stages = [*DOP853.A, DOP853.B, *DOP853.A_EXTRA, *DOP853.D, DOP853.E5, DOP853.E3]
+    return _sparse([np.pad(row, (0, width - len(row))) for row in stages])
+
+
+TABLE = _table()
+WEIGHTS, EXTRA, DENSE, ERRORS = STAGES, STAGES + 1, STAGES + 4, STAGES + 8  # rows of it
+"""The weights of the end, three stages for samples, four terms of these, both errors."""
+
+
+@compiled
+def _weighted(table, row, stages, found):  # type: ignore[no-untyped-def]
+    """Adds the stages of one row of the table."""
+    begins, columns, shares = table
+    for m in range(begins[row], begins[row + 1]):
+        share, stage = shares[m], stages[columns[m]]
+        for i in range(found.size):
+            found[i] += share * stage[i]
+
+
+@compiled
+def _stage(table, row, into, y, length, stages, z, scene, turns):  # type: ignore[no-untyped-def]
+    """One stage: z = y + length (its row of the table), and the rate there."""
+    z[:] = 0.0
+    _weighted(table, row, stages, z)
+    for i in range(z.size):
+        z[i] = y[i] + length * z[i]
+    rate(z, *scene, 0.0, LOOSE, turns, stages[into])
+
+
+@compiled
+def _error(table, y, z, length, stages, relative, absolute, work):  # type: ignore[no-untyped-def]
+    """The error of a step over what is tolerated."""
+    fifth = third = 0.0
+    for row in range(ERRORS, ERRORS + 2):
+        work[:] = 0.0
+        _weighted(table, row, stages, work)
+        total = 0.0
+        for i in range(y.size):
+            share = work[i] / (absolute[i] + relative * max(abs(y[i]), abs(z[i])))
+            total += share * share
+        if row == ERRORS:
+            fifth = total
+        else:
+            third = total
+    both = fifth + 0.01 * third
+    return length * fifth / np.sqrt(both * y.size) if both != 0.0 else 0.0
+
+
+@compiled
+def _terms(table, y, z, length, stages, terms, work, scene, turns):  # type: ignore[no-untyped-def]
+    """The seven terms of the interpolation within a step, after three more stages."""
+    for k in range(3):
+        _stage(table, EXTRA + k, STAGES + 1 + k, y, length, stages, work, scene, turns)
+    for i in range(y.size):
+        moved, first, last = z[i] - y[i], length * stages[0, i], length * stages[STAGES, i]
+        terms[0, i], terms[1, i], terms[2, i] = moved, first - moved, 2 * moved - last - first
+    for k in range(4):
+        terms[3 + k] = 0.0
+        _weighted(table, DENSE + k, stages, terms[3 + k])
+        terms[3 + k] *= length
+
+
+@compiled
+def _within(x, y, terms, found):  # type: ignore[no-untyped-def]
+    """The y at the part x of a step."""
+    found[:] = 0.0
+    for k in range(6, -1, -1):
+        part = x if k % 2 == 0 else 1 - x
+        for i in range(y.size):
+            found[i] = (found[i] + terms[k, i]) * part
+    for i in range(y.size):
+        found[i] += y[i]
+
+
+@compiled
+def _steps(table, scene, clock, relative, absolute, y, stages, due, rows, ends, states):  # type: ignore[no-untyped-def]
+    """Up to len(ends) steps to the end of `clock` (time, length to try, longest, end, length of the last step).
+
+    `y` and the first of the `stages` are those of the beginning, then of the end.  Fills `rows` at the times `due`, and
+    `ends` and `states` of every step; gives how many of each and how many rates were asked for.  The stages of
+    the last step stay.
+    """
+    time, tried, longest, end, _ = clock
+    z, work, begun = np.empty_like(y), np.empty_like(y), y.copy()
+    turns, terms = np.empty((len(scene[0]), 6)), np.empty((7, y.size))
+    steps = filled = calls = 0
+    while steps < len(ends) and time < end and (filled < len(due) or not len(due)):
+        least, rejected, accepted = 10 * abs(np.nextafter(time, end) - time), False, False
+        length = min(max(tried, least), longest)
+        if steps:
+            stages[0] = stages[STAGES]
+        begun[:] = y
+        while length >= least:
+            until = min(time + length, end)
+            length = until - time
+            for row in range(1, STAGES + 1):
+                _stage(table, row, row, begun, length, stages, z, scene, turns)
+            calls += STAGES
+            error = _error(table, begun, z, length, stages, relative, absolute, work)
+            if error < 1:
+                grown = min(10.0, 0.9 * error ** (-1 / 8)) if error != 0.0 else 10.0
+                tried = length * (min(1.0, grown) if rejected else grown)
+                accepted = True
+                break
+            length, rejected = length * (0.2 if np.isnan(error) else max(0.2, 0.9 * error ** (-1 / 8))), True
+        if not accepted:
+            break
+        y[:] = z
+        if filled < len(due) and due[filled] <= until:
+            _terms(table, begun, y, length, stages, terms, work, scene, turns)
+            calls += 3
+            while filled < len(due) and due[filled] <= until:
+                if due[filled] == until:
+                    rows[filled] = y
+                else:
+                    _within((due[filled] - time) / length, begun, terms, rows[filled])
+                filled += 1
+        ends[steps], states[steps] = until, y
+        clock[0], clock[1], clock[4] = until, tried, length
+        time, steps = until, steps + 1
+    return steps, filled, calls
+
+
+class CompiledDOP853(DOP853):  # type: ignore[misc]
+    """SciPy's method in compiled steps, for the `scene` of compiled equations."""
+
+    t: float
+    t_old: float
+    y: Floats
+    y_old: Floats
+    f: Floats
+    h_abs: float
+
+    def __init__(self, scene: tuple[Any, ...], *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.scene, self.absolute = scene, np.array(np.broadcast_to(self.atol, self.y.shape))
+
+    def advance(self, due: Floats, most: int) -> tuple[Floats, Floats, Floats]:
+        """At most so many steps, none where that cannot be: y at the times `due`, when every step ended, y there."""
+        clock = np.array([self.t, self.h_abs, self.max_step, self.t_bound, 0.0])
+        rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
+        y, self.K_extended[0] = self.y.copy(), self.f
+        given = (self.rtol, self.absolute, y, self.K_extended, due, rows, ends, states)
+        with announced(_steps):
+            steps, filled, calls = _steps(TABLE, self.scene, clock, *given)
+        self.nfev += calls
+        if steps:
+            self.t_old, self.y_old = (self.t, self.y) if steps == 1 else (float(ends[steps - 2]), states[steps - 2])
+            self.t, self.h_abs, *_, self.h_previous = clock.tolist()
+            self.y, self.f = y, self.K[STAGES].copy()
+        return rows[:filled], ends[:steps], states[:steps]
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        _, ends, _ = self.advance(NOTHING_DUE, 1)
+        return (True, None) if len(ends) else (False, SMALL_STEP)
+
+
+class CompiledStepper(SciPyStepper):
+    """DOP853 compiled, for compiled equations, with the arguments of `SciPyStepper`."""
+
+    def __init__(
+        self,
+        equations: Compiled,
+        start: float,
+        y: Floats,
+        end: float,
+        tolerance: float,
+        absolute: Floats,
+        pace: Pace = AT_EASE,
+    ) -> None:
+        self.equations = equations
+        super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
+
+    def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> CompiledDOP853:
+        return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
+
+    def sweep(self, times: Floats) -> tuple[Floats, list[tuple[float, Floats]]]:
+        """As `Sweeper` says."""
+        solver = cast("CompiledDOP853", self._on_its_way())
+        rows, ends, states = solver.advance(times, max(1, min(MOST, NUMBERS // solver.n)))
+        good = len(ends) if np.all(np.isfinite(states)) else int(np.argmin(np.isfinite(states).all(axis=1)))
+        if not good:
+            raise self._stopped("not finite" if len(ends) else SMALL_STEP)
+        self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
+        solver.status = "finished" if solver.t >= solver.t_bound else "running"
+        reached = int(np.searchsorted(times[: len(rows)], ends[good - 1], side="right"))
+        return rows[:reached], list(zip(ends[:good].tolist(), states[:good], strict=True))

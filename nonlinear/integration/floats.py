@@ -1,0 +1,179 @@
+"""DOP853 in Python's floats, for equations that are written out (`nonlinear.dynamics.generated`).
+
+Twelve stages, both error estimates and the control of steps are those of SciPy's method, whose coefficients are read
+from it, so both take the same steps.  The sums over stages are written out component by component, once for each
+length of y; samples are interpolated for many steps at once, in NumPy.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from math import nan, nextafter, sqrt
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.dynamics import Generated
+from nonlinear.dynamics.generated import UNDEFINED, function_in
+from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
+
+STAGES, EXTRA = DOP853.n_stages, len(DOP853.A_EXTRA)
+SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # of a step's length, as in SciPy
+AT_ONCE = 256  # steps
+
+Numbers = Sequence[float]
+
+
+class Passed(NamedTuple):
+    """A step: where it began and ended (s), y there, and the rate at every stage, the last at the end."""
+
+    start: float
+    end: float
+    before: Numbers
+    after: Numbers
+    stages: Sequence[Numbers]
+
+
+class FloatDOP853(DOP853):  # type: ignore[misc]
+    """SciPy's method for a `rate` of lists of floats, which time does not change."""
+
+    t: float
+    y: Floats
+    f: Floats
+    h_abs: float
+
+    def __init__(self, rate: Callable[[Numbers], list[float]], *arguments: Any, **options: Any) -> None:
+        super().__init__(*arguments, **options)
+        self.rate, self.attempt = rate, attempt_of(self.n)
+        self.passed = Passed(self.t, self.t, self.y.tolist(), self.y.tolist(), [self.f.tolist()])
+        self.smallest = np.broadcast_to(self.atol, self.y.shape).tolist()
+
+    def _step_impl(self) -> tuple[bool, str | None]:
+        t, y, f = self.t, self.y.tolist(), self.f.tolist()
+        least = 10 * abs(nextafter(t, self.t_bound) - t)
+        length, rejected = min(max(float(self.h_abs), least), self.max_step), False
+        while length >= least:
+            end = min(t + length, self.t_bound)
+            length = end - t
+            error, after, stages = self._attempted(length, y, f)
+            if error < 1:
+                grown = min(GROWS, SAFETY * error ** (-1 / 8)) if error else GROWS
+                self.h_abs, self.h_previous = length * (min(1.0, grown) if rejected else grown), length
+                self.y_old, self.t, self.y, self.f = self.y, end, np.array(after), np.array(stages[-1])
+                self.passed = Passed(t, end, y, after, stages)
+                return True, None
+            length, rejected = length * max(SHRINKS, SAFETY * error ** (-1 / 8)), True
+        return False, self.TOO_SMALL_STEP
+
+    def _attempted(self, length: float, y: Numbers, f: Numbers) -> tuple[float, Numbers, Sequence[Numbers]]:
+        self.nfev += STAGES
+        try:
+            fifth, third, after, stages = self.attempt(self.rate, length, y, f, self.rtol, self.smallest)
+        except UNDEFINED:
+            return nan, y, [f]
+        both = fifth + 0.01 * third
+        return (length * fifth / sqrt(both * self.n) if both else 0.0), after, stages
+
+    def _dense_output_impl(self) -> Any:
+        self.K[:] = self.passed.stages
+        return super()._dense_output_impl()
+
+
+class FloatStepper(SciPyStepper):
+    """DOP853 in floats for equations that are written out, with the arguments of `SciPyStepper`."""
+
+    def __init__(
+        self,
+        equations: Generated,
+        start: float,
+        y: Floats,
+        end: float,
+        tolerance: float,
+        absolute: Floats,
+        pace: Pace = AT_EASE,
+    ) -> None:
+        self.equations = equations
+        self._failure: ComputationError | None = None
+        super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
+
+    def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
+        return FloatDOP853(self.equations.rate, self.f, time, y, end, **options)
+
+    def sweep(self, times: Floats) -> tuple[Floats, list[tuple[float, Numbers]]]:
+        """As `Sweeper` says."""
+        if self._failure:
+            raise self._failure
+        due, at = times.tolist(), 0
+        ends: list[tuple[float, Numbers]] = []
+        kept: list[Passed] = []
+        try:
+            while at < len(due) and len(ends) < AT_ONCE:
+                self.step()
+                passed = cast("FloatDOP853", self._solver).passed
+                ends.append((passed.end, passed.after))
+                if due[at] <= passed.end:
+                    kept.append(passed)
+                    at = bisect_right(due, passed.end)
+        except ComputationError as error:
+            self._failure = error
+            if not ends:
+                raise
+        self._done += EXTRA * len(kept)
+        rows = interpolated(kept, times[:at], self.equations.many.derivative) if at else np.empty((0, len(self.y)))
+        return rows, ends
+
+
+def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:
+    """The y (T, size) at times within these steps, ascending as they are, by the method's own interpolation."""
+    start, end = np.array([(step.start, step.end) for step in steps]).T
+    before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
+    rates = np.empty((len(DOP853.D.T), *before.shape))
+    rates[: STAGES + 1] = np.array([step.stages for step in steps]).transpose(1, 2, 0)
+    length = end - start
+    for stage, share in enumerate(DOP853.A_EXTRA, STAGES + 1):
+        rates[stage] = derivative(0.0, before + length * np.tensordot(share[:stage], rates[:stage], 1))
+    moved, first, last = after - before, length * rates[0], length * rates[STAGES]
+    terms = [moved, first - moved, 2 * moved - last - first, *(length * np.tensordot(DOP853.D, rates, 1))]
+    at = np.searchsorted(end, times)
+    x = (times - start[at]) / length[at]
+    found = np.zeros((len(before), len(times)))
+    for number, term in enumerate(reversed(terms)):
+        found = (found + term[:, at]) * (1 - x if number % 2 else x)
+    return np.where(times == end[at], after[:, at], before[:, at] + found).T
+
+
+# ------------------------------------------------------------------------------------------------- one attempted step
+
+
+@lru_cache(maxsize=32)
+def attempt_of(size: int) -> Callable[..., tuple[float, float, Numbers, Sequence[Numbers]]]:
+    """One attempt at a step, from (rate, length, y, y', relative and absolute tolerances) for y of this length.
+
+    Gives the sums of squares of the errors of fifth and third order over what is tolerated, y at the end, all stages.
+    """
+    lines = ["def attempt(rate, h, y, k0, relative, absolute):", f"  {_all('y{i}', size)}, = y"]
+    for stage, shares in enumerate([*DOP853.A[1:], DOP853.B], 1):
+        lines += [f"  {_all(f'k{stage - 1}_{{i}}', size)}, = k{stage - 1}"]
+        sums = ", ".join(f"y{i} + h * ({_sum(shares, i)})" for i in range(size))
+        lines += [f"  z = [{sums}]", f"  k{stage} = rate(z)"]
+    lines += [f"  {_all(f'k{STAGES}_{{i}}', size)}, = k{STAGES}"]
+    lines += [f"  {_all('z{i}', size)}, = z", f"  {_all('a{i}', size)}, = absolute", "  fifth = third = 0.0"]
+    for i in range(size):
+        lines += [f"  allowed = a{i} + relative * max(abs(y{i}), abs(z{i}))"]
+        lines += [f"  share = ({_sum(DOP853.E5, i)}) / allowed", "  fifth += share * share"]
+        lines += [f"  share = ({_sum(DOP853.E3, i)}) / allowed", "  third += share * share"]
+    lines += [f"  return fifth, third, z, [{', '.join(f'k{stage}' for stage in range(STAGES + 1))}]"]
+    return function_in("\n".join(lines), "attempt")
+
+
+def _all(name: str, size: int) -> str:
+    return ", ".join(name.format(i=i) for i in range(size))
+
+
+def _sum(shares: Floats, i: int) -> str:
+    return " + ".join(f"{share!r} * k{stage}_{i}" for stage, share in enumerate(shares.tolist()) if share)

@@ -1,0 +1,279 @@
+"""DOP853 in floats and compiled: the equations and the steps of the route in NumPy."""
+
+from __future__ import annotations
+
+import os
+import sys
+from math import inf, pi
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scenes import long_scene, motion_scene, random_state
+from scipy.integrate import DOP853
+
+from modal import Bob, Cart, Pendulum, Scene, load
+from modal.scene import VanDerPol
+from modal.types import Floats
+from nonlinear.dynamics import Dense, Elimination, Generated, Minimal, Recursion, Reduced
+from nonlinear.dynamics.compiled import COMPILING, Compiled, announced, available
+from nonlinear.dynamics.generated import function_in
+from nonlinear.integration import Choice, Pace, Request, SciPyStepper, methods
+from nonlinear.integration.driver import Drive
+from nonlinear.integration.floats import FloatStepper
+from nonlinear.integration.steppers import Sweeper
+from nonlinear.simulation import simulate
+from nonlinear.system import Event, State, System, initial_state, state_at_rest, system_of
+
+ENOUGH = 1.5  # s, before chaos has had time
+
+
+def apart(found: Floats, expected: Floats) -> float:
+    return float(np.max(np.abs(found - expected)) / np.max(np.abs(expected)))
+
+
+def plain(system: System, body: Any = Recursion, **how: Any) -> Minimal:
+    return Minimal(system, tuple(body(group, **how) for group in system.groups))
+
+
+def mixed() -> Scene:
+    """Two kinds of pendula, every joint sprung and damped, one driven, on a held cart."""
+    links = [Bob(mass=1.0, length=0.7, stiffness=0.3, damping=0.02), Bob(mass=0.4, length=1.1, damping=0.01)]
+    drive = Bob(mass=0.5, length=0.9, drive=VanDerPol(strength=0.05, angle_deg=20.0))
+    support = Cart(mass=3.0, stiffness=2.0, damping=0.1)
+    return Scene(gravity=9.81, support=support, pendulum=[Pendulum(links=links, count=2), Pendulum(links=[drive])])
+
+
+def leaning(scene: Scene) -> State:
+    """At rest, every link a little further out than the one before."""
+    return state_at_rest(scene, np.linspace(30.0, 50.0, scene.n_links).tolist())
+
+
+# ------------------------------------------------------------------------------------------------------- equations
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_is_written_out_is_the_recursion(seed: int) -> None:
+    system = system_of(motion_scene(seed))
+    y = plain(system).begin(random_state(system, seed))
+    assert apart(Generated(system).derivative(0.0, y), plain(system).derivative(0.0, y)) < 1e-12
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_long_chains_are_written_out_as_the_recursion_to_the_last_digits(seed: int) -> None:
+    system = system_of(long_scene(seed, 12))
+    y = np.random.default_rng(seed).uniform(-3, 3, plain(system).layout.size)
+    assert apart(Generated(system).derivative(0.0, y), plain(system).derivative(0.0, y)) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_elimination_is_the_dense_solution_for_one_y_and_for_many(seed: int) -> None:
+    system = system_of(motion_scene(seed))
+    layout = plain(system).layout
+    many = np.random.default_rng(seed).uniform(-3, 3, (layout.size, 7))
+    expected = np.array([plain(system, Dense).derivative(0.0, y) for y in many.T]).T
+    assert apart(plain(system, Elimination, tail=1).derivative(0.0, many), expected) < 1e-11
+    assert apart(Generated(system).derivative(0.0, many), expected) < 1e-11
+    assert apart(plain(system, Elimination).derivative(0.0, many[:, 0]), expected[:, 0]) < 1e-11
+
+
+def test_scenes_that_differ_in_numbers_alone_share_one_text() -> None:
+    function_in.cache_clear()
+    for mass in (0.3, 0.7, 1.3):
+        scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=mass, length=1.7), Bob(mass=0.2, length=0.6)])])
+        system = system_of(scene)
+        y = np.array([0.3, -0.2, 0.5, 0.9])
+        assert apart(Generated(system).derivative(0.0, y), plain(system).derivative(0.0, y)) < 1e-14
+    assert function_in.cache_info().misses == 1
+
+
+def test_where_nothing_acts_nothing_is_written() -> None:
+    """Of a bob at rest on a fixed support only g sin θ is left: three operations and two copies."""
+    bob = system_of(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])]))
+    assert len(Generated(bob).rate.__code__.co_varnames) == 3
+    assert Generated(bob).rate.__code__.co_names == ()
+
+
+def test_what_has_no_number_is_nan_or_inf_as_in_numpy() -> None:
+    free = system_of(Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=[Bob(mass=1, length=1)])]))
+    for y in (np.zeros(4), np.array([0.0, inf, 0.0, 0.0])):
+        with np.errstate(all="ignore"):
+            numbers = plain(free).derivative(0.0, y)
+        assert not np.isfinite(numbers).all()
+        assert not np.isfinite(Generated(free).derivative(0.0, y)).all()
+
+
+# ------------------------------------------------------------------------------------------------------------ steps
+
+
+def both(
+    engine: str, scene: Scene, tolerance: float, pace: Pace, duration: float = 3.0
+) -> tuple[SciPyStepper, SciPyStepper]:
+    """The stepper of an engine and SciPy's for the same equations."""
+    system = system_of(scene)
+    equations = Generated(system) if engine == "floats" else Compiled(system)
+    made: Any = FloatStepper if engine == "floats" else stepper_compiled()
+    start = initial_state(scene) if any(each.start for each in scene.pendulum) else leaning(scene)
+    given = (0.0, equations.begin(start), duration, tolerance, 0.1 * tolerance * equations.scale, pace)
+    return made(equations, *given), SciPyStepper("DOP853", equations.derivative, *given)
+
+
+def stepper_compiled() -> Any:
+    from nonlinear.integration.compiled import CompiledStepper
+
+    return CompiledStepper
+
+
+ENGINES = [
+    "floats",
+    pytest.param("compiled", marks=pytest.mark.skipif(not available(), reason="numba is not installed")),
+]
+engines = pytest.mark.parametrize("engine", ENGINES)
+NEVER = Event("never", lambda state: 1.0)
+PACES = (Pace(), Pace(first=0.02), Pace(first=0.5), Pace(longest=0.03), Pace(breaks=(0.7, 1.3), share=0.4))
+
+
+@engines
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-6, 1e-9])
+@pytest.mark.parametrize("pace", PACES, ids=str)
+@pytest.mark.parametrize("scene", [load("chain-3"), load("huygens"), mixed()], ids=lambda scene: scene.title or "mixed")
+def test_its_steps_are_those_of_scipy(engine: str, scene: Scene, pace: Pace, tolerance: float) -> None:
+    """Estimates of errors are differences of about the tolerance, so that their rounding is some 1e-15 over that."""
+    near = 1e-13 / tolerance
+    ours, theirs = both(engine, scene, tolerance, pace)
+    while theirs.time < ENOUGH:
+        ours.step()
+        theirs.step()
+        assert ours.calls == theirs.calls
+        assert ours.time == pytest.approx(theirs.time, rel=near)
+        within = np.linspace(theirs.before, theirs.time, 5)
+        assert apart(ours.inside(within), theirs.inside(within)) < near
+    middle = (theirs.before + theirs.time) / 2
+    assert apart(ours.exact(middle), theirs.exact(middle)) < near
+    assert ours.calls == theirs.calls
+    for each in (ours, theirs):
+        each.restart(1.01 * each.y)
+        each.step()
+        each.restart(each.exact(each.before), each.before)
+        each.step()
+    assert ours.calls == theirs.calls
+    assert ours.time == pytest.approx(theirs.time, rel=10 * near)
+    assert apart(ours.y, theirs.y) < 100 * near
+
+
+@engines
+@pytest.mark.parametrize("pace", [Pace(), Pace(breaks=(0.7, 1.3)), Pace(longest=0.002)], ids=str)
+@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3", "mixed"])
+def test_samples_of_many_steps_at_once_are_those_of_each(name: str, pace: Pace, engine: str) -> None:
+    scene = mixed() if name == "mixed" else load(name)
+    times = np.sort(np.random.default_rng(0).uniform(0.0, 3.0, 300))
+    times[0], times[-1] = 0.0, 3.0
+    (far, _), (near, _) = (both(engine, scene, 1e-8, pace) for _ in range(2))
+    assert isinstance(far, Sweeper)
+    rows, ends = [far.y[None]], []
+    while sum(map(len, rows)) < len(times):
+        found, passed = far.sweep(times[sum(map(len, rows)) :])
+        rows.append(found)
+        ends += passed
+    for at, (time, y) in enumerate(ends):
+        near.step()
+        assert (near.time, near.y.tolist()) == (time, list(y)), at
+    by_step = Drive(both(engine, scene, 1e-8, pace)[0], Generated(system_of(scene)), times, events=(NEVER,)).run()
+    assert by_step.steps == len(ends)
+    assert apart(np.concatenate(rows), by_step.rows) < 1e-13
+    assert far.calls == near.calls + 3 * len({np.searchsorted([time for time, _ in ends], when) for when in times[1:]})
+
+
+@engines
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-7, 1e-11])
+@pytest.mark.parametrize("name", ["paper-cart-3", "chain-3", "huygens", "mixed"])
+def test_a_run_is_the_run_in_numpy(name: str, tolerance: float, engine: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = mixed() if name == "mixed" else load(name)
+    start = leaning(scene) if name == "mixed" else None
+    found = []
+    for compiled, written in ((engine == "compiled", 100), (False, 0)):
+        way = Choice("minimal", "DOP853", compiled, "", tolerance)
+        monkeypatch.setattr(methods, "WRITTEN", written)
+        monkeypatch.setattr(Request, "choice", lambda self, tolerance, way=way: way)
+        found.append(simulate(scene, 2.0, start=start, tolerance=tolerance))
+    ours, theirs = found
+    inner: list[Any] = [each.equations for each in found]
+    kinds = [type(each.inner if isinstance(each, Reduced) else each).__name__ for each in inner]
+    assert kinds == [{"floats": "Generated", "compiled": "Compiled"}[engine], "Small"]
+    assert (ours.run.steps, ours.run.calls) == (theirs.run.steps, theirs.run.calls)
+    assert len(ours.kicks.time) == len(theirs.kicks.time)
+    for part in ("links", "link_rates", "cart", "work"):
+        one, other = getattr(ours.motion, part), getattr(theirs.motion, part)
+        assert np.max(np.abs(one - other)) < 1e-11 * max(1.0, float(np.max(np.abs(other))))
+    assert ours.energy_drift() <= 1.001 * theirs.energy_drift() + 1e-13
+
+
+def test_coefficients_are_those_of_scipy() -> None:
+    """One step of one equation whose stages are known: y' = 1 ends where the weights sum to 1."""
+    equations = Generated(system_of(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])))
+    stepper = FloatStepper(equations, 0.0, np.array([pi / 2, 0.0]), 1.0, 1e-6, np.full(2, 1e-6), Pace(first=1e-4))
+    stepper.step()
+    assert stepper.calls == 1 + DOP853.n_stages
+    assert stepper.y == pytest.approx([pi / 2 - 9.81e-8 / 2, -9.81e-4], rel=1e-14)
+
+
+def test_a_report_that_ends_a_run_ends_it_at_its_step() -> None:
+    heard: list[float] = []
+
+    def report(elapsed: float) -> None:
+        heard.append(elapsed)
+        if len(heard) == 40:
+            raise KeyboardInterrupt
+
+    found = simulate(load("paper-cart-3"), 10.0, report=report, method="DOP853")
+    assert found.run.interrupted
+    assert found.run.steps == 40
+    assert found.times[-1] == heard[-1]
+    whole = simulate(load("paper-cart-3"), heard[-1], method="DOP853", output=2)
+    assert np.abs(found.final.links - whole.final.links).max() < 1e-8
+
+
+def test_angles_far_beyond_any_turn_end_in_words() -> None:
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    found = simulate(scene, 1e-3, start=state_at_rest(scene, [1e5]), output=3)
+    assert found.complete
+
+
+# --------------------------------------------------------------------------------------------------------- compiling
+
+
+class NotYet:
+    """A function that nobody has compiled here; `folder` is where it would be kept."""
+
+    signatures: tuple[Any, ...] = ()
+    __name__ = "kernel"
+
+    def __init__(self, folder: Path | None) -> None:
+        self.py_func, self.stats = leaning, SimpleNamespace(cache_path=folder)
+
+
+def test_compiling_is_announced_on_a_terminal_where_nothing_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for folder in (None, tmp_path):
+        with announced(NotYet(folder)):
+            pass
+        assert capsys.readouterr().err == ""
+        monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+        with announced(NotYet(folder)):
+            pass
+        assert capsys.readouterr().err == COMPILING + "\n"
+        monkeypatch.undo()
+    kept = NotYet(tmp_path)
+    file = tmp_path / f"test.kernel-{leaning.__code__.co_firstlineno}.py311.nbi"
+    file.touch()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    with announced(kept):
+        pass
+    assert capsys.readouterr().err == ""
+    os.utime(file, (0, 0))
+    with announced(kept):
+        pass
+    assert capsys.readouterr().err == COMPILING + "\n"
