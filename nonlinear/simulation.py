@@ -1,4 +1,4 @@
-"""Simulate a scene: one call from a start to a trajectory."""
+"""Simulate a scene: one call from an initial condition to a trajectory."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def advise(
     start_time: float = 0.0,
     **more: Any,
 ) -> Advice:
-    """The cheapest way to a motion of which no angle is off by more than `accuracy` (rad), and what was tried.
+    """The cheapest method by which no angle is off by more than `accuracy` (rad), and all attempts.
 
     The other arguments are those of `simulate`.  Raises SceneError for arguments that cannot be, SimulationError where
     an integrator gives up.
@@ -147,7 +147,7 @@ def resume(
     load: Load | None = None,
     **options: Any,
 ) -> Trajectory:
-    """The motion after a trajectory's last state, its times going on.
+    """The motion after a trajectory's last state, with its times continued.
 
     Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given, or an
     accuracy in their place; the work begins anew at 0.  A run in a few modes or in closed form goes on as the whole

@@ -1,4 +1,4 @@
-"""Time against accuracy: every candidate on one scene and start, measured beside a reference.
+"""Time against accuracy: every candidate on one scene and start, compared with a reference.
 
 All candidates run up to the reference's horizon and no further (`nonlinear.accuracy.references`).  An error is the
 largest angle by which any link is off at any sample, whole turns left out: it never exceeds π.  The error in phase is

@@ -99,7 +99,7 @@ class Exponent:
 
     @property
     def by_starts(self) -> bool:
-        """Whether there are starts enough to tell the uncertainty by what they differ."""
+        """Whether there are enough starts to estimate the uncertainty from their spread."""
         return self.ensemble >= FEWEST
 
     @property
@@ -113,12 +113,12 @@ class Exponent:
 
     @property
     def coverage(self) -> float:
-        """Student's t: the standard uncertainties in half an interval that holds λ 95 times in 100."""
+        """Student's t: half a 95 % confidence interval in standard uncertainties."""
         return float(stdtrit((self.ensemble if self.by_starts else BLOCKS) - 1, (1 + CONFIDENCE) / 2))
 
     @property
     def half_width(self) -> float:
-        """Half the interval (1/s) that holds λ 95 times in 100."""
+        """Half the 95 % confidence interval (1/s)."""
         return self.coverage * self.error
 
     def regular(self, since: Any) -> Any:
@@ -133,7 +133,7 @@ class Exponent:
 
     @property
     def is_positive(self) -> bool:
-        """Whether λ can be told from zero."""
+        """Whether λ is distinguishable from zero."""
         return self.value - self.half_width > self.floor
 
     @property
@@ -143,7 +143,7 @@ class Exponent:
 
     @property
     def chaotic(self) -> int:
-        """How many of the starts have a λ that regular motion could not look like."""
+        """The number of starts whose λ is too large for regular motion."""
         return int(np.sum(self.members > self.floor))
 
     @property
@@ -169,7 +169,7 @@ class Exponent:
         return f"λ {'= ' if self.is_positive else ''}{self.words()} 1/s"
 
     def text(self) -> str:
-        """λ, what it means and how it was measured, in a few lines."""
+        """A report of λ, its meaning and its measurement, in a few lines."""
         lines = [f"{visible(self.scene.title) or 'scene'}: largest Lyapunov exponent"]
         if self.is_positive:
             lines.append(f"  {self.equation}: a small error doubles every {log(2) / self.value:.3g} s")

@@ -81,7 +81,7 @@ class _Signal:
         return cls(s, values, window / window.mean())
 
     def residual(self, waves: _Waves) -> Floats:
-        """What the lines leave (N,)."""
+        """The residual (N,) after the lines."""
         angle = np.outer(self.s, waves.x)
         return np.asarray(self.f - waves.mean - np.cos(angle) @ waves.a - np.sin(angle) @ waves.b)
 

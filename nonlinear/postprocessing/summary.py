@@ -1,6 +1,6 @@
-"""A run in a few lines: what moved how far, how it was computed, what certifies it, and what its scene did not require.
+"""A run in a few lines: the range of its motion, how it was computed, its drifts, and what its scene did not require.
 
-The system of equations that ran is looked at, the process says which packages it has loaded.
+The report describes the equations that actually ran and the packages that the process has loaded.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A motion seen as the motion of the modes: how much of each there is, at every instant.
+"""The modal coordinates of a motion: the contribution of each mode at every time.
 
 With q = (x, θ − rest), v = q' and the shapes φ of an undamped scene, orthogonal in M, the modal coordinates are
 

@@ -1,4 +1,4 @@
-"""A motion in space as two motions in vertical planes, which is what it is for small angles, and back.
+"""A motion in space as two motions in vertical planes, exact for small angles, and back.
 
 With θ from the rest and p = θ (cos φ, sin φ) along the rail and across it, s = sin θ/θ, σ = −1 for links that stand:
 

@@ -1,7 +1,7 @@
-"""The journal of a sweep: rows are appended as they come, so that a sweep cut short goes on where it was.
+"""The journal of a sweep: rows are appended as they are computed, so that an interrupted sweep can resume.
 
-The first line says which sweep it is, every other is one row in JSON with its own checksum.  A last line that a crash
-has torn is dropped; any other damage is refused, and named by its line.  One sweep at a time has a journal.
+The first line identifies the sweep; every other line is one row in JSON with its own checksum.  An incomplete last
+line, left by a crash, is dropped; any other damage is refused by its line number.  One sweep at a time has a journal.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class Checkpoint:
 
 @contextmanager
 def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Checkpoint]:
-    """The journal at a path, begun or gone on with; `fresh` begins anew whatever sweep it is of.
+    """The journal at a path, new or resumed; `fresh` starts it over, whatever sweep it belongs to.
 
-    Rows of points that failed are left out, so that these are tried again.  Raises SceneError where the file is
+    Rows of points that failed are dropped, so that these are tried again.  Raises SceneError where the file is
     something else, is damaged, belongs to another sweep or to one that is at work, OSError where it cannot be written.
     """
     name, salt = os.fspath(path), study.fingerprint

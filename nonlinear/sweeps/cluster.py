@@ -1,4 +1,4 @@
-"""The workers of a Dask cluster that is already there, through the extra `cluster`."""
+"""The workers of a running Dask cluster, through the extra `cluster`."""
 
 from __future__ import annotations
 

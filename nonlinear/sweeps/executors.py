@@ -1,4 +1,4 @@
-"""Who does the work of a sweep: the processes of this machine, or any other `concurrent.futures.Executor`."""
+"""The workers of a sweep: processes on this machine, or any other `concurrent.futures.Executor`."""
 
 from __future__ import annotations
 

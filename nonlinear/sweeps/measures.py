@@ -1,12 +1,12 @@
-"""Measures: what is asked of every scene of a sweep, by name, as a few named numbers.
+"""Measures: named quantities that a sweep computes at every point.
 
-A name of a number ends in its unit, `omega_1_rad_per_s`; what is a pure number has none, `damping_ratio_1`.  Some are
-read off the modes that swing, Im λ ≠ 0, others off a run of so many seconds from the scene's own start.
+The name of a quantity ends in its unit, `omega_1_rad_per_s`, unless it is dimensionless, `damping_ratio_1`.  Some are
+computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start.
 
-All points of a sweep have the numbers of one table, that of the scene as it is given, so that they go on smoothly where
-dampers appear and where frequencies become equal: the k-th mode that swings, copies counted out, is the k-th there, and
-copies of mode 2 are 2, 2b, 2c, …  A point at which more modes swing, or fewer, has the numbers of its own table.  What
-is beyond double precision is NaN.
+All points of a sweep number their modes as in the table of the original scene, so that curves continue smoothly where
+dampers appear and where frequencies become equal: the k-th oscillating mode, counting copies, is the k-th there, and
+copies of mode 2 are 2, 2b, 2c, …  A point with more or fewer oscillating modes has the numbers of its own table.  A
+quantity beyond double precision is NaN.
 """
 
 from __future__ import annotations

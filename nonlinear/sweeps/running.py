@@ -1,4 +1,4 @@
-"""Sweeps: a grid of scenes measured on all cores, row by row, each kept as soon as it is known; a sweep in words."""
+"""Running a sweep on all cores, with each row saved as soon as it is computed, and its report."""
 
 from __future__ import annotations
 

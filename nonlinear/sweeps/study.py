@@ -1,4 +1,4 @@
-"""What a sweep asks: a scene, what is varied in it and over which values, and what is measured at every point."""
+"""The definition of a sweep: a scene, its variations, and the measures computed at every point."""
 
 from __future__ import annotations
 

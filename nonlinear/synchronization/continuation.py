@@ -1,4 +1,4 @@
-"""Configurations of a self-excited scene followed along one of its numbers: where each is stable, and where it ends.
+"""Configurations of a self-excited scene continued along a parameter: where each is stable, and where it ends.
 
 A configuration at one value, as the physical motion q = Σ_r φ_r z_r, is the start of Newton's method at the next, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION

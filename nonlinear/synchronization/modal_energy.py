@@ -1,4 +1,4 @@
-"""Which mode of a scene holds the energy of a run, and from when on.
+"""The mode that has the energy of a run, and the time from which it does.
 
 With the shapes φ_r of the scene without dampers and drives, φᵀMφ = 1, and q the motion from its rest,
 

@@ -1,4 +1,4 @@
-"""Things that happen while a scene moves: a quantity crosses a level, a link turns back, an escapement kicks."""
+"""Events of a motion: a quantity crosses a level, a link reverses, an escapement kicks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a run begins: as the scene file says, at angles given one by one, or in the shape of a mode."""
+"""Initial conditions: from the scene file, from given angles, or in the shape of a mode."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""A scene as arrays in which every copy of a pendulum stands for itself, since each may start elsewhere.
+"""A scene as arrays with an entry for every copy of a pendulum, since each may start differently.
 
-Pendula of equally many links are one group of (n, P) arrays; `index` says where their links stand in the order of the
-file, pendulum by pendulum, top to bottom, which is the order of everything that users see.
+Pendula with the same number of links form one group of (n, P) arrays; `index` gives the positions of their links in the
+order of the file, pendulum by pendulum, top to bottom, which is the order of all output.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How far the linear table of modes holds: each mode is set swinging at several amplitudes and its frequency measured.
+"""Verification of the table of modes: the frequency of each mode is measured at several amplitudes.
 
 The linear frequency ω is the limit of small angles; `modal.eigen.amplitude` predicts ω(a) = ω (1 + κ a²) for the next
 order. A run starts in the shape of a mode with a largest angle a and is simulated in full; the strongest line of the

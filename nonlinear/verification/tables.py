@@ -1,4 +1,4 @@
-"""What a check and a comparison found, as text, Markdown, CSV or JSON."""
+"""The results of a check and of a comparison as text, Markdown, CSV or JSON."""
 
 from __future__ import annotations
 
