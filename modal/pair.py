@@ -111,5 +111,5 @@ def link_constants(m: Any, l: Any, c: Any, I: Any, below: Any, gravity: Any = 1)
 
 
 def standing(links: Sequence[Constants], sigma: Scalars) -> list[Constants]:
-    """In the coordinates σ_i θ_i a link that stands (σ_i = −1) has −k for k, and all else is as if it hung."""
+    """In the coordinates σ_i θ_i an inverted link (σ_i = −1) has −k for k, and all else is as for a hanging one."""
     return [link._replace(k=sign * link.k) for link, sign in zip(links, sigma, strict=True)]

@@ -60,7 +60,7 @@ def simulate(
     found and judged (`nonlinear.accuracy.advice`), `run.error` and `run.reason` say how.  `output` is a number of
     evenly spaced samples or their times after the start (s), ascending; `start` replaces the scene file's own, at
     `start_time` (s). `load(t, state)` returns the `Push` from outside.  One that acts for less than a step may be
-    missed: at the times t (s) that are its `breaks` steps end and the integrator begins anew, and no step is longer
+    missed: at the times t (s) that are its `breaks` steps end and the integrator restarts, and no step is longer
     than `max_step` (s).  An accuracy under a load needs one of them; `breaks=[]` says that it changes no faster than
     the scene swings.  `before` are the kicks of escapements until the start, which say on which side the next ones
     come.  `report` hears of the seconds gone through after every step.
@@ -150,7 +150,7 @@ def resume(
     """The motion after a trajectory's last state, with its times continued.
 
     Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given, or an
-    accuracy in their place; the work begins anew at 0.  A run in a few modes or in closed form goes on as the whole
+    accuracy in their place; the work starts again at 0.  A run in a few modes or in closed form goes on as the whole
     scene.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:

@@ -247,7 +247,7 @@ def family_name(index: int) -> str:
 def explain(scene: Scene) -> Coupling:
     """The coupling of the pendula of a scene through its cart.
 
-    Raises ComputationError for links that stand up, beyond MOST_POLES distinct frequencies, and where double precision
+    Raises ComputationError for inverted links, beyond MOST_POLES distinct frequencies, and where double precision
     misses the modal effective masses.
     """
     if scene.stands:

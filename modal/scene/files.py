@@ -192,7 +192,7 @@ def _read(name: str) -> bytes:
 
 @contextmanager
 def _awaited(name: str) -> Iterator[None]:
-    """On a terminal, a word on what is waited for where nothing has come for PATIENCE."""
+    """Say on a terminal that a scene is expected if nothing has arrived for PATIENCE."""
     if not sys.stderr or not sys.stderr.isatty():
         yield
         return

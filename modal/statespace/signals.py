@@ -31,7 +31,7 @@ class Signal(NamedTuple):
 class Geometry:
     """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
 
-    `labels` (links,) are "p_i", both from 1, copies counted out; `mass` (links,), `pendulum` (links,) from 0; `sigma`
+    `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), `pendulum` (links,) from 0; `sigma`
     (links,) which way they point; `on_cart` whether q begins with x.
     """
 

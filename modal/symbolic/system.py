@@ -59,7 +59,7 @@ class SymbolicCart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SymbolicSystem:
-    """Chains, copies counted out, on a fixed support (`cart` None) or a cart; gravity in the same symbols."""
+    """Chains, one for each copy, on a fixed support (`cart` None) or a cart; gravity in the same symbols."""
 
     title: str
     gravity: Any

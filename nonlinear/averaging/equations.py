@@ -265,7 +265,7 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
 
 
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
-    """The averaged equations of a scene in the plane whose links all hang; `system` where its arrays are at hand.
+    """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 
     Raises ComputationError for other scenes, for more than MOST links or MOST_BANDS bands, and for coordinates without
     a mode, such as those of some massless carts.

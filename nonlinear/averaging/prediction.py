@@ -140,7 +140,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     rest, and where drives are so strong that averages grow without end.
     """
     if not scene.is_driven:
-        raise ComputationError("nothing excites this scene: no mode survives another for ever")
+        raise ComputationError("nothing excites this scene: no mode outlives the others forever")
     system = system_of(scene)
     state = validate_state(start if start is not None else initial_state(scene), system)
     found = average(scene, system)

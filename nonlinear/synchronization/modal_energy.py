@@ -81,7 +81,7 @@ class Survival:
 
 
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
-    """The energies of a run in the plane by the modes of its scene without dampers, given where they are at hand.
+    """The energies of a run in the plane by the modes of its scene without dampers, which may be given.
 
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode swings.
     """
