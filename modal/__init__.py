@@ -15,7 +15,7 @@ from modal._compatibility import exported, warn_about_namesake
 if TYPE_CHECKING:
     from modal.assembly import Matrices, matrices
     from modal.errors import ComputationError, MultipendulaError, SceneError
-    from modal.modes import Mode, Modes, Shape, natural_modes
+    from modal.modes import Mode, Modes, Shape, natural_frequencies, natural_modes
     from modal.scene import (
         Bob,
         Body,
@@ -52,6 +52,7 @@ __all__ = [
     "example_names",
     "load",
     "matrices",
+    "natural_frequencies",
     "natural_modes",
 ]
 

@@ -11,7 +11,7 @@ A chain takes the effective-mass recursion and bisection (`chains`), with joint 
 
 from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
 from modal.eigen.bisection import smallest_where
-from modal.eigen.chains import Limits
+from modal.eigen.chains import Limits, squares_of
 from modal.eigen.counts import counted
 from modal.eigen.coupled import LIGHTEST
 from modal.eigen.degenerate import TOLERANCE, degenerate_modes
@@ -20,9 +20,11 @@ from modal.eigen.matrix_source import LIGHT
 from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
 from modal.eigen.sources import Details, Rigid, largest_angle
-from modal.eigen.spectrum import Part, Spectrum, find_spectrum, notes
+from modal.eigen.spectrum import CLOSE, Part, Spectrum, find_spectrum, notes
+from modal.eigen.sturm import Suspension, chains_of
 
 __all__ = [
+    "CLOSE",
     "LIGHT",
     "LIGHTEST",
     "TOLERANCE",
@@ -32,8 +34,10 @@ __all__ = [
     "Poles",
     "Rigid",
     "Spectrum",
+    "Suspension",
     "Swing",
     "at_infinity",
+    "chains_of",
     "counted",
     "degenerate_modes",
     "distortion",
@@ -44,4 +48,5 @@ __all__ = [
     "one_percent_amplitude",
     "smallest_where",
     "solve",
+    "squares_of",
 ]

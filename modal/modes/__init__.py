@@ -12,6 +12,7 @@ results to compare with.
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
+from modal.modes.frequencies import natural_frequencies
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import UNDRIVEN, ModalMatrix, Modes, all_shapes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
@@ -29,6 +30,7 @@ __all__ = [
     "counterparts",
     "labelled",
     "lettered",
+    "natural_frequencies",
     "natural_modes",
     "paired",
     "table_numbers",

@@ -370,7 +370,7 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     positive or a slice with a step.  Methods and their sources stand in the modules that `modal.eigen.spectrum` chooses
     from.
     """
-    limits = Limits(_accuracy(accuracy), _lowest(modes))
+    limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     rig = rig_of(scene)
     with np.errstate(all="ignore"):
         natural, units = rig.natural()
@@ -384,7 +384,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
         return Modes(scene, rig, units, found, tuple(left_out), first)
 
 
-def _accuracy(accuracy: float | None) -> float:
+def validate_accuracy(accuracy: float | None) -> float:
+    """The same, 0 for every digit; ValueError for what is none."""
     if accuracy is not None and not 0 < accuracy < 1:
         raise ValueError(f"accuracy = {accuracy}: must be above 0 and below 1, or None for every digit")
     return accuracy or 0.0

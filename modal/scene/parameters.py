@@ -8,7 +8,7 @@ spaced) or a list `a,b,c`, in ascending order.  Nothing is evaluated as code.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -75,12 +75,23 @@ def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
     >>> vary(load("paper-cart-2"), {"support.mass": 7.0, "pendulum[*].links[*].damping": 0.1}).support.mass
     7.0
     """
-    data = describe(scene)
-    for path, value in values.items():
-        for place in find_places(scene, path):
-            whole = place[-1] == "count" and float(value).is_integer()
-            _put(data, place, int(value) if whole else float(value))
-    return scene_from(data)
+    return Variable(scene, values).at(values)
+
+
+class Variable:
+    """A scene whose numbers at these paths are varied again and again; SceneError for what is none of its places."""
+
+    def __init__(self, scene: Scene, paths: Iterable[str]) -> None:
+        self._data = describe(scene)
+        self._places = {path: find_places(scene, path) for path in paths}
+
+    def at(self, values: Mapping[str, float]) -> Scene:
+        """The scene with these numbers at all its paths, checked anew; SceneError names every mistake."""
+        for path, places in self._places.items():
+            value = float(values[path])
+            for place in places:
+                _put(self._data, place, int(value) if place[-1] == "count" and value.is_integer() else value)
+        return scene_from(self._data)
 
 
 def _put(data: Any, place: Place, value: float) -> None:

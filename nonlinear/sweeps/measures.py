@@ -20,8 +20,9 @@ from math import inf, isfinite, nan, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.assembly import can_stack
 from modal.errors import ComputationError, SceneError, meant
-from modal.modes import UNCERTAIN, labelled, natural_modes
+from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
 from modal.scene import Scene
 from modal.types import Floats
@@ -83,9 +84,31 @@ class RequestedMeasure:
         return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))
 
 
-@lru_cache(maxsize=2)
-def swinging(scene: Scene) -> tuple[Values, tuple[int, ...]]:
+Swinging = tuple[Values, tuple[int, ...]]
+_KNOWN: dict[Scene, Swinging] = {}
+
+
+def find_together(scenes: Sequence[Scene]) -> None:
+    """Have the modes of these scenes at hand for measures, found together where they are of one form."""
+    _KNOWN.clear()
+    if len(scenes) < 2 or not can_stack(scenes):
+        return
+    try:
+        omega = natural_frequencies(scenes)
+    except ComputationError:
+        return
+    numbers = np.cumsum(np.diff(omega, axis=1, prepend=np.nan) != 0, axis=1)
+    for scene, row, own in zip(scenes, omega, numbers, strict=True):
+        _KNOWN[scene] = 1j * row[row > 0], tuple(own[row > 0].tolist())
+
+
+def swinging(scene: Scene) -> Swinging:
     """λ of all modes that swing, as often as their multiplicity, |λ| ascending, and the number of each."""
+    return _KNOWN.get(scene) or _swinging(scene)
+
+
+@lru_cache(maxsize=2)
+def _swinging(scene: Scene) -> Swinging:
     modes = natural_modes(scene)
     certain = np.where(modes.error < UNCERTAIN, modes.eigenvalue, np.nan)
     rows = np.repeat(np.arange(len(modes)), np.where(modes.eigenvalue.imag != 0, modes.multiplicity, 0))

@@ -22,8 +22,12 @@ from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_poin
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
-CHUNK, AHEAD = 64, 2
-"""The most points that go to a worker together; how many portions a worker has before it, its own included."""
+STARTING = 1.0
+"""Seconds of work left that are worth the start of other processes."""
+CHUNK, AHEAD = 256, 2
+"""The most points that are measured together; how many portions a worker has before it, its own included."""
+BRIEF = 0.05
+"""Seconds that a portion takes at most before the next is no larger."""
 DIED = "its process died, perhaps for lack of memory"
 MOST_REASONS = 5
 NUMBERED = "Modes are numbered as in the table of the original scene."
@@ -98,11 +102,14 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
-        for point in points:
-            yield measure_points(task, [point])
-            remaining -= 1
-            if count > 1 and monotonic() - begun > PATIENCE:
-                break
+        size, left_over = 1, 0.0
+        while remaining and not (count > 1 and monotonic() - begun > PATIENCE and left_over > STARTING):
+            portion, before = list(islice(points, size)), monotonic()
+            yield measure_points(task, portion)
+            taken = monotonic() - before
+            remaining -= len(portion)
+            left_over = taken / len(portion) * remaining
+            size = min(2 * size, CHUNK) if taken < BRIEF else max(1, size // 2)
     if not remaining:
         return
     count = crew.size if crew else min(count, remaining)

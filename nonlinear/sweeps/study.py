@@ -13,8 +13,8 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.scene import Scene, describe, scene_from
-from modal.scene.parameters import Variation, validate_variations, vary
-from nonlinear.sweeps.measures import RequestedMeasure, parse_measures
+from modal.scene.parameters import Variable, Variation, validate_variations
+from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
@@ -102,13 +102,25 @@ Points = Sequence[Point]
 
 def measure_points(task: Task, points: Points) -> list[Row]:
     """The rows of some points; what goes wrong at one is its own reason and hurts no other."""
-    return [_row(task, index, values) for index, values in points]
+    variable = Variable(task.scene, points[0][1])
+    scenes = [_scene(variable, values) for _, values in points]
+    if any(one.measure.numbered for one in task.measures):
+        find_together([scene for scene in scenes if isinstance(scene, Scene)])
+    return [_row(task, index, scene) for (index, _), scene in zip(points, scenes, strict=True)]
 
 
-def _row(task: Task, index: int, values: dict[str, float]) -> Row:
+def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:
+    try:
+        return variable.at(values)
+    except Exception as error:  # the row says why
+        return error
+
+
+def _row(task: Task, index: int, scene: Scene | Exception) -> Row:
     numbers: dict[str, float] = {}
     try:
-        scene = vary(task.scene, values)
+        if isinstance(scene, Exception):
+            raise scene
         for one in task.measures:
             numbers |= {name: float(number) for name, number in one.of(scene, task.scene).items()}
     except MultipendulaError as error:
