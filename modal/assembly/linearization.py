@@ -48,7 +48,7 @@ def matrices_of(rig: Rig) -> Matrices:
     size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + (rig.cart is not None)
     if size > LARGEST_DENSE:
         raise ComputationError(
-            f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are written out"
+            f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are allowed"
         )
     columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
     M, K = assembled(columns, rig.cart, rig.gravity)

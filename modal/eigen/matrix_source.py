@@ -59,9 +59,7 @@ class FromMatrices:
         if self.is_damped:
             dense.refuse_beyond(dense.LARGEST_DAMPED, self.size, "dampers")
         else:
-            dense.refuse_beyond(
-                dense.LARGEST_UNDAMPED, self.size, "links that stand up" if self.stands else "joint springs"
-            )
+            dense.refuse_beyond(dense.LARGEST_UNDAMPED, self.size, "inverted links" if self.stands else "joint springs")
         return assembled(self._columns, self.cart, gravity=1.0)
 
     @cached_property

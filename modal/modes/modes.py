@@ -32,8 +32,8 @@ from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
 
-SELECTED = "Only some of the modes were looked for, and resonances among these alone."
-UNDRIVEN = "Self-excitation is left out: drives feed small swings, they do not shape them."
+SELECTED = "Only some of the modes were computed, and resonances among these alone."
+UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 CHUNK = 400_000
 A = TypeVar("A", bound=NDArray[Any])
 

@@ -31,7 +31,7 @@ except ImportError:
     njit = None
 
 CONSTANTS = 12
-COMPILING = "Compiling the integrator, which takes some ten seconds; it is kept on disk for later runs."
+COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
 LOOSE = np.empty(0)
 
 

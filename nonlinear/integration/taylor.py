@@ -24,7 +24,7 @@ from nonlinear.integration.steppers import Pace
 FIRST = 0.05
 TIGHTEST = 1e-15
 LONGEST_CHAIN, MOST_LINKS = 24, 400
-GIVES_UP = {"err_nf_state": "its series leave the finite numbers; choose another method"}
+GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
 
 def available() -> bool:

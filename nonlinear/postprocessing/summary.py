@@ -78,7 +78,7 @@ def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     run = trajectory.run
     yield "equations", FORMS[run.form]
     if is_unstable_equilibrium(trajectory.system, trajectory.motion[0]):
-        yield "start", "an unstable rest: what follows is rounding"
+        yield "start", "an unstable equilibrium: the motion is due to rounding"
     if run.reduced:
         yield "integrated", run.reduced
     if found := departure(trajectory):
