@@ -1,12 +1,12 @@
-"""The pair (A, b): the only place that knows masses and lengths.
+"""The pair (A, b): the only module that knows masses and lengths.
 
 With u_i the unit direction of link i (in the plane or in space), e_x along the rail and e_z down,
 
     T = ½ M x'² + x' e_x·Σ b_i u_i' + ½ Σ_ij A_ij u_i'·u_j',    V = −g Σ b_i u_i·e_z,    M = m_c + Σ m
     b_i = m_i c_i + l_i Σ_{k>i} m_k,   A_ii = I_i + m_i c_i² + l_i² Σ_{k>i} m_k,   A_ij = l_i b_j (i above j).
 
-The functions are plain arithmetic over sequences, top link first: floats, fractions, SymPy symbols and whole
-arrays (one entry a pendulum) run the same lines.
+The functions are plain arithmetic over sequences, top link first, so that the same code works with floats, fractions,
+SymPy symbols and whole arrays (one entry per pendulum).
 """
 
 from collections.abc import Callable, Sequence
@@ -111,5 +111,5 @@ def link_constants(m: Any, l: Any, c: Any, I: Any, below: Any, gravity: Any = 1)
 
 
 def standing(links: Sequence[Constants], sigma: Scalars) -> list[Constants]:
-    """In the coordinates σ_i θ_i a link that stands (σ_i = −1) has −k for k, and all else is as if it hung."""
+    """In the coordinates σ_i θ_i an inverted link (σ_i = −1) has −k for k, and all else is as for a hanging one."""
     return [link._replace(k=sign * link.k) for link, sign in zip(links, sigma, strict=True)]

@@ -1,8 +1,8 @@
-"""Trajectories on disk: NPZ holds everything to the last bit, CSV the same numbers to read and plot elsewhere.
+"""Trajectories on disk: NPZ has everything to the last bit, CSV the same numbers for other programs.
 
-Both begin with a header in JSON: the scene, how the run was made and what happened.  In a CSV it stands in a comment on
-the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both hold a
-checksum, and a file that is not what was saved is refused whole.
+Both begin with a header in JSON: the scene, how the run was made, and its events.  In a CSV the header is a comment on
+the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both have a
+checksum, and a file that has changed is refused.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def as_csv(header: dict[str, Any], rows: Iterable[Iterable[Any]]) -> bytes:
 
 
 def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
-    """The header, and what stands below it."""
+    """The header and the text below it."""
     found = sealed.content(path)
     sealed.verify_sealed_text(found, COMMENT)
     first, _, rest = found.decode().partition("\n")
@@ -78,12 +78,12 @@ def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
 
 
 def as_npz(header: dict[str, Any], arrays: dict[str, Any]) -> bytes:
-    """The header as an array of one text, beside the others."""
+    """The arrays, with the header as an array of one text."""
     return sealed.archive({HEADER: np.array(json.dumps(header))} | arrays)
 
 
 def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The header, and the arrays beside it."""
+    """The header and the other arrays."""
     arrays = sealed.unpacked(sealed.content(path))
     header: dict[str, Any] = json.loads(str(arrays.pop(HEADER)))
     return header, arrays

@@ -1,4 +1,4 @@
-"""How the cart couples the pendula, in words with the scene's own numbers, each beside the formula it comes from."""
+"""The coupling of a scene as a report: sentences with its numbers, each beside its formula."""
 
 from __future__ import annotations
 

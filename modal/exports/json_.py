@@ -1,4 +1,4 @@
-"""JSON, bit for bit there and back, sealed by a checksum."""
+"""JSON that reads back bit for bit, with a checksum."""
 
 from __future__ import annotations
 

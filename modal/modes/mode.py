@@ -79,7 +79,7 @@ class Mode:
 
     @property
     def oscillates(self) -> bool:
-        """Whether the motion repeats: not for ω = 0, an overdamped mode or an uncertain one."""
+        """Whether the mode oscillates: not if ω = 0, or it is overdamped or uncertain."""
         return self.omega > 0 and not isnan(self.damping_ratio) and abs(self.damping_ratio) < 1
 
     @property
@@ -89,12 +89,12 @@ class Mode:
 
     @property
     def frequency(self) -> float | None:
-        """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for what decays or grows without a swing."""
+        """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for a mode that does not oscillate."""
         return self.omega / (2 * pi) if self.oscillates or self.omega == 0 else None
 
     @property
     def period(self) -> float | None:
-        """Seconds from one swing to the next, 2π/|Im λ|; None for what does not oscillate."""
+        """Period 2π/|Im λ| (s); None if the mode does not oscillate."""
         ratio = self.damping_ratio
         return 2 * pi / (self.omega * sqrt((1 - ratio) * (1 + ratio))) if self.oscillates else None
 

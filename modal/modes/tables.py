@@ -21,7 +21,7 @@ Value = float | int | str | bool | None
 
 @dataclass(frozen=True)
 class Column:
-    """A machine name with its unit, its value and, where people see it, a heading, plain and in LaTeX, and a form."""
+    """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format."""
 
     key: str
     value: Callable[[Mode], Value]
@@ -132,7 +132,7 @@ def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
         if numbers > MOST_SHAPE_NUMBERS:
-            raise ComputationError(f"the shapes asked for hold {numbers} angles: choose fewer modes")
+            raise ComputationError(f"the requested shapes have {numbers} angles: choose fewer modes")
         for record, row in zip(found, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
     whole = {"scene": describe(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
@@ -161,9 +161,9 @@ def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
     if any(row.growth_rate for row in rows):
-        notes.append("unstable: this rest is not one to stay at; a growing mode has a mirror image that decays.")
+        notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
     if any(row.indistinct for row in rows):
-        notes.append("~ closer to a neighbour than the error bounds can tell apart.")
+        notes.append("~ closer to the next frequency than the error bounds can distinguish.")
     return notes
 
 

@@ -1,7 +1,7 @@
-"""What every part of a scene is checked by, and what is found, in the user's words.
+"""The checks of every part of a scene, and their messages.
 
-Numbers are finite and in range, keys are known; a finding reads `pendulum[2].links[0].mass = -1.0: must be positive`
-and is raised as the project's own error.
+Numbers must be finite and in range, and keys known.  A mistake is raised as the project's own error with a message such
+as `pendulum[2].links[0].mass = -1.0: must be positive`.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class _Raising(ModelMetaclass):
 
 
 class Checked(BaseModel, metaclass=_Raising):
-    """An immutable part of a scene: `replace` gives one like it."""
+    """An immutable part of a scene; `replace` returns a changed copy."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
@@ -102,7 +102,7 @@ class Checked(BaseModel, metaclass=_Raising):
         KINDS.update({key: ", ".join(f'"{kind}"' for kind in found) for key, found in kinds.items() if found})
 
     def replace(self, **changes: Any) -> Self:
-        """The same with other values under these keys, checked anew; SceneError names every mistake and its place.
+        """A copy with other values under these keys, checked again; SceneError names every mistake and its place.
 
         >>> from modal import load
         >>> scene = load("paper-cart-2")

@@ -44,7 +44,7 @@ def _export_arguments(page: Page) -> None:
     add_words(page.written, "--to", (*most, last), comma="", metavar="FORMAT", required=True, help=words)
     words = "the file to write, or - for standard output"
     page.rephrase(r"^format (\S+):", r"--to \1:")
-    page.rephrase(r"(a C header is of a sampled model)", r"--to c needs --discrete SECONDS, \1")
+    page.rephrase(r"a C header needs a sampled model", "--to c needs --discrete SECONDS")
     offer(page.written.add_argument("-o", dest="file", metavar="FILE", required=True, help=words), files(()))
     seconds = number("seconds above 0")
     words = "discretize with this time step, inputs held (zero-order hold)"

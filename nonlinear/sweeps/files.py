@@ -1,7 +1,7 @@
-"""Sweeps on disk: NPZ holds every number over the grid, CSV one row a point to read and plot elsewhere.
+"""Sweeps on disk: NPZ has every number over the grid, CSV one row per point for other programs.
 
-Both begin with a header in JSON: the scene, what was varied, what was measured and which points failed.  A column of
-an axis is named by its place and unit.  Both hold a checksum, and a file that is not what was saved is refused whole.
+Both begin with a header in JSON: the scene, the variations, the measures and the points that failed.  A column of
+an axis is named by its place and unit.  Both have a checksum, and a file that has changed is refused.
 """
 
 from __future__ import annotations

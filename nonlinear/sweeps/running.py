@@ -1,4 +1,4 @@
-"""Sweeps: a grid of scenes measured on all cores, row by row, each kept as soon as it is known; a sweep in words."""
+"""Running a sweep on all cores, with each row saved as soon as it is computed, and its report."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ CHUNK, AHEAD = 256, 2
 """The most points that are measured together; how many portions a worker has before it, its own included."""
 BRIEF = 0.05
 """Seconds that a portion takes at most before the next is no larger."""
-DIED = "its process died, perhaps for want of memory"
+DIED = "its process died, perhaps for lack of memory"
 MOST_REASONS = 5
-NUMBERED = "Modes have their numbers in the table of the scene as it is given."
+NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
 Rows = Generator[list[Row], None, None]
 
@@ -146,7 +146,7 @@ def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generat
                 del flying[future]
         return [point for portion in flying.values() for point in portion]
     except Exception as error:
-        raise ComputationError(f"a worker cannot work: {type(error).__name__}: {error}") from error
+        raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
     finally:
         for future in flying:
             future.cancel()

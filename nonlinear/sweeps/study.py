@@ -1,4 +1,4 @@
-"""What a sweep asks: a scene, what is varied in it and over which values, and what is measured at every point."""
+"""The definition of a sweep: a scene, its variations, and the measures computed at every point."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ class Study:
     def __post_init__(self) -> None:
         problems = []
         if not 1 <= len(self.variations) <= MOST_AXES:
-            problems.append(f"a sweep is over 1 to {MOST_AXES} variations, not {len(self.variations)}")
+            problems.append(f"a sweep needs 1 to {MOST_AXES} variations, not {len(self.variations)}")
         if self.size > MOST_POINTS:
             problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
         if not self.measures:
-            problems.append("a sweep measures something: frequencies, for example")
+            problems.append("a sweep needs a measure: frequencies, for example")
         try:
             validate_variations(self.scene, self.variations)
         except SceneError as error:

@@ -1,6 +1,6 @@
-"""The synchronization of a scene in words and in numbers: what was predicted, what was seen, and what is not covered.
+"""The synchronization of a scene as text and as numbers: prediction, simulation, and limits of the theory.
 
-Branches of configurations likewise: where each is stable, the critical values, and all of them as CSV.
+Also branches of configurations: where each is stable, the critical values, and all of them as CSV.
 """
 
 from __future__ import annotations

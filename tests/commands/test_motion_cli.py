@@ -161,7 +161,7 @@ def interrupting(total: float, unit: str = "s") -> Iterator[Callable[[float], ob
         ("simulate paper-cart-3 --duration 10 -o run.npz", ["run.npz"], "interrupted at 5."),
         ("plot paper-cart-3 --duration 10 -o run.png", [], ""),
         ("animate chain-2 --duration 2 -o run.gif", [], ""),
-        ("check chain-3 --amplitude 1 -o check.png", [], "mode 3 was left out: interrupted"),
+        ("check chain-3 --amplitude 1 -o check.png", [], "mode 3 was skipped: interrupted"),
         ("check chain-2 --general --duration 60", [], ""),
         ("tradeoff chain-2 --duration 1 -o t.png", [], "was left out: interrupted"),
         ("chaos chain-2 --duration 30 -o chaos.png", [], "starts over"),

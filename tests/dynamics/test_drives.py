@@ -590,9 +590,9 @@ def test_each_refusal_of_a_drive_names_the_place_or_the_argument() -> None:
         with pytest.raises(SceneError, match=f"form {form}: cannot take the kicks of escapements"):
             simulate(scene, 1.0, form=form)
     refusals = {
-        "drive: motion that excites itself is not kept": lambda: simulate_truncated(scene, 1.0, 2),
-        "drive: methods are compared for scenes that do not": lambda: measure_work_precision(scene, 1.0),
-        "drive: Lyapunov exponents are of smooth motion": lambda: lyapunov_exponent(scene, 60.0),
+        "drive: a scene with drives": lambda: simulate_truncated(scene, 1.0, 2),
+        "drive: methods are compared": lambda: measure_work_precision(scene, 1.0),
+        "drive: Lyapunov exponents": lambda: lyapunov_exponent(scene, 60.0),
     }
     for words, action in refusals.items():
         with pytest.raises(SceneError, match=words) as refused:

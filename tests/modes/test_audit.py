@@ -337,7 +337,9 @@ def test_only_what_applies_is_said(sentence: str) -> None:
 def test_one_plane_instead_of_two() -> None:
     flat, deep = (report_solution(natural_modes(scene(rods(3), space=space))) for space in ("plane", "space"))
     assert (flat.unknowns, flat.coordinates, deep.unknowns, deep.coordinates) == (3, 3, 3, 6)
-    assert set(deep.left_out) - set(flat.left_out) >= {"one vertical plane instead of two: about rest both swing alike"}
+    assert set(deep.left_out) - set(flat.left_out) >= {
+        "one vertical plane instead of two: about equilibrium both are equivalent"
+    }
 
 
 def test_text_stays_short_and_holds_the_numbers() -> None:

@@ -213,7 +213,7 @@ def test_a_run_goes_on_as_it_was_made() -> None:
     assert resume(rough, 1).run.method == "RK45"
     assert resume(rough, 1).run.form == "hamiltonian"
     driven = simulate(modal.load("chain-2"), 1, load=lambda time, state: AppliedForces())
-    with pytest.raises(SceneError, match="load: this run was driven"):
+    with pytest.raises(SceneError, match="load: this run had applied forces"):
         resume(driven, 1)
 
 
