@@ -16,12 +16,12 @@ from problems import chain, on_cart
 from routes import forget
 
 from modal import Scene
-from nonlinear import simulate, simulation
-from nonlinear.integration import Choice
+from nonlinear import simulate
+from nonlinear.integration import Choice, Request
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS
 
 FORCED = {
-    "NumPy": ("DOP853", False, "numpy"),
+    "default": ("DOP853", False, "numpy"),
     "numba": ("DOP853", True, "numba"),
     "Taylor": ("taylor", False, "heyoka"),
 }
@@ -41,13 +41,11 @@ def report(key: str, way: str) -> None:
     forget()
     if way != "auto":
         method, compiled, _ = FORCED[way]
-        simulation.choose = lambda scene, duration, tolerance, *_, **__: Choice(
-            "minimal", method, compiled, "", tolerance
-        )  # type: ignore[assignment]
+        Request.choice = lambda _, tolerance: Choice("minimal", method, compiled, "", tolerance)  # type: ignore[method-assign]
     start = time.process_time()
     run = simulate(problem.scene, problem.duration, tolerance=tolerance, start=problem.start).run
     seconds = time.process_time() - start
-    body = "Taylor" if run.method == "taylor" else "numba" if "compiled" in run.reason else "NumPy"
+    body = "Taylor" if run.method == "taylor" else "numba" if "compiled" in run.reason else "default"
     print(seconds, body if run.method in {"taylor", "DOP853"} else run.method)
 
 

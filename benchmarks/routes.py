@@ -17,9 +17,11 @@ from scipy.integrate import solve_ivp
 
 from modal import Scene, matrices
 from modal.plotting import colour, ink, muted
+from nonlinear.dynamics import Generated
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.integration import Choice, Drive, Pace, SciPyStepper, Stepper, equations_of, estimate_timescales
 from nonlinear.integration import taylor as series
+from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.taylor import TaylorStepper, first_step
 from nonlinear.system import Equations, State, System, of_plane, system_of
 
@@ -46,29 +48,39 @@ def driven(equations: Equations, stepper: Stepper, problem: Problem) -> np.ndarr
     return equations.read(record.rows).links[-1]
 
 
-def by_scipy(equations: Equations, start: State, problem: Problem, tolerance: float) -> np.ndarray:
-    y = equations.begin(start)
-    return driven(
-        equations,
-        SciPyStepper("DOP853", equations.derivative, 0.0, y, problem.duration, tolerance, tolerance * equations.scale),
-        problem,
-    )
+def compiled_stepper() -> Any:
+    return import_module("nonlinear.integration.compiled").CompiledStepper
 
 
-def numpy_body(problem: Problem, tolerance: float) -> Task:
+def stepper_of(equations: Equations, start: State, duration: float, tolerance: float) -> Stepper:
+    """DOP853 as a run takes it: in floats where equations are written out, compiled, or SciPy's."""
+    given = (0.0, equations.begin(start), duration, tolerance, tolerance * equations.scale)
+    if isinstance(equations, Generated):
+        return FloatStepper(equations, *given)
+    if isinstance(equations, Compiled):
+        return compiled_stepper()(equations, *given)
+    return SciPyStepper("DOP853", equations.derivative, *given)
+
+
+def by_steps(equations: Equations, start: State, problem: Problem, tolerance: float) -> np.ndarray:
+    return driven(equations, stepper_of(equations, start, problem.duration, tolerance), problem)
+
+
+def default(problem: Problem, tolerance: float) -> Task:
     equations = equations_of(system_of(problem.scene), Choice("minimal", "DOP853", False, ""))
-    return lambda: by_scipy(equations, problem.start, problem, tolerance)
+    by_steps(equations, problem.start, problem._replace(duration=1e-3), tolerance)
+    return lambda: by_steps(equations, problem.start, problem, tolerance)
 
 
 def numba_body(problem: Problem, tolerance: float) -> Task:
     equations = Compiled(system_of(problem.scene))
-    equations.derivative(0.0, equations.begin(problem.start))
-    return lambda: by_scipy(equations, problem.start, problem, tolerance)
+    by_steps(equations, problem.start, problem._replace(duration=1e-3), tolerance)
+    return lambda: by_steps(equations, problem.start, problem, tolerance)
 
 
 def maximal(problem: Problem, tolerance: float) -> Task:
     equations = equations_of(system_of(problem.scene), Choice("maximal", "DOP853", False, ""))
-    return lambda: by_scipy(equations, problem.start, problem, tolerance)
+    return lambda: by_steps(equations, problem.start, problem, tolerance)
 
 
 def spatial(problem: Problem, tolerance: float) -> Task:
@@ -76,7 +88,7 @@ def spatial(problem: Problem, tolerance: float) -> Task:
     equations = equations_of(system_of(twin), Choice("spatial", "DOP853", False, ""))
 
     def task() -> np.ndarray:
-        u = by_scipy(equations, of_plane(problem.start), problem, tolerance)
+        u = by_steps(equations, of_plane(problem.start), problem, tolerance)
         return np.arctan2(u[:, 0], u[:, 2])
 
     return task
@@ -85,8 +97,14 @@ def spatial(problem: Problem, tolerance: float) -> Task:
 def taylor(problem: Problem, tolerance: float) -> Task:
     equations = equations_of(system_of(problem.scene), Choice("minimal", "taylor", False, ""))
     cap = first_step(estimate_timescales(problem.scene).swing)
-    stepper = TaylorStepper(equations, equations.begin(problem.start), 0.0, problem.duration, tolerance, Pace(cap))
-    return lambda: driven(equations, stepper, problem)
+    first = equations.begin(problem.start)
+    stepper = TaylorStepper(equations, first, 0.0, problem.duration, tolerance, Pace(cap))
+
+    def task() -> np.ndarray:
+        stepper.restart(first, 0.0)
+        return driven(equations, stepper, problem)
+
+    return task
 
 
 def forget() -> None:
@@ -130,6 +148,32 @@ def dense(method: str) -> Maker:
         return lambda: solve_ivp(f, span, y, method, rtol=tolerance, atol=tolerance).y[on : len(y) // 2, -1]
 
     return made
+
+
+def numba_alone(problem: Problem, step: float) -> Task:
+    """The textbook under the classical Runge–Kutta method, all of it compiled by numba."""
+    from rival_numba import integrated
+
+    on, found = int(system_of(problem.scene).cart is not None), matrices(problem.scene)
+    M, weight = np.array(found.M, dtype=float), np.diag(found.K)[on:].copy()
+    y = np.concatenate((np.zeros(on), problem.angles, np.zeros(on + len(problem.angles))))
+    integrated(M, weight, on, y.copy(), step, 1)
+    return lambda: integrated(M, weight, on, y.copy(), step, round(problem.duration / step))[on : len(M)]
+
+
+def heyoka_alone(problem: Problem, tolerance: float) -> Task:
+    """Heyoka by itself, on the same expressions, from the start to the end without samples."""
+    equations = Generated(system_of(problem.scene))
+    cap, first = first_step(estimate_timescales(problem.scene).swing), equations.begin(problem.start)
+    integrator = series.integrator_of(equations, series.uneven(tolerance))
+
+    def task() -> np.ndarray:
+        integrator.time, integrator.state[:] = 0.0, first
+        integrator.step(max_delta_t=cap)
+        integrator.propagate_until(problem.duration)
+        return equations.read(np.array(integrator.state)[None]).links[0]
+
+    return task
 
 
 def relative(system: System, angles: np.ndarray) -> np.ndarray:
@@ -233,10 +277,14 @@ def _pinocchio_model(engine: object, system: System) -> object:
     return model
 
 
-TOLERANCES, SERIES, STEPS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12), (1e-6, 1e-9, 1e-12), (0.02, 0.01, 0.005, 0.002, 0.001)
-DEFAULT = "ours, NumPy"
+TOLERANCES, SERIES, STEPS = (
+    (1e-4, 1e-6, 1e-8, 1e-10, 1e-12),
+    (1e-6, 1e-9, 1e-12),
+    (0.02, 0.01, 0.005, 0.002, 0.001, 0.0005, 0.0002),
+)
+DEFAULT = "ours, default"
 ROUTES = {
-    DEFAULT: Route(numpy_body, TOLERANCES, "numpy", partial(colour, 0), "o"),
+    DEFAULT: Route(default, TOLERANCES, "numpy", partial(colour, 0), "o"),
     "ours, numba": Route(numba_body, TOLERANCES, "numba", partial(colour, 2), "s"),
     "ours, Taylor": Route(taylor, SERIES, "heyoka", partial(colour, 4), "^"),
     "ours, maximal": Route(maximal, TOLERANCES, "numpy", partial(colour, 5), "D"),
@@ -244,5 +292,7 @@ ROUTES = {
     "dense, DOP853": Route(dense("DOP853"), TOLERANCES, "scipy", muted, "o", False),
     "dense, LSODA": Route(dense("LSODA"), TOLERANCES, "scipy", muted, "s", False),
     "MuJoCo, RK4": Route(mujoco, STEPS, "mujoco", partial(colour, 1), "D", False),
+    "heyoka alone": Route(heyoka_alone, SERIES, "heyoka", ink, "^", False),
+    "numba alone, RK4": Route(numba_alone, STEPS, "numba", ink, "s", False),
     "Pinocchio, RK4": Route(pinocchio, STEPS, "pinocchio", ink, "v", False),
 }

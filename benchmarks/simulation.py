@@ -27,11 +27,11 @@ from modes import markdown
 from problems import CART_A_PENDULUM, Problem, chain, on_cart
 from rhs import chain as rods
 from rhs import microseconds
-from routes import DEFAULT, ROUTES, Maker, driven, forget, numba_body, numpy_body, taylor
+from routes import DEFAULT, ROUTES, Maker, by_steps, default, forget, numba_body, stepper_of, taylor
 from simulation_figure import figure
 
 from nonlinear.dynamics.compiled import Compiled
-from nonlinear.integration import Choice, SciPyStepper, equations_of
+from nonlinear.integration import Choice, equations_of
 from nonlinear.system import system_of
 
 DOCS = Path(__file__).parent.parent / "docs"
@@ -73,10 +73,10 @@ def differ(a: np.ndarray, b: np.ndarray) -> float:
 
 def references(problem: Problem, quick: bool) -> tuple[np.ndarray, np.ndarray]:
     """The finest run at hand and the one that it is held against, another body or another integrator."""
-    check = numpy_body(problem, 1e-13)()
+    check = default(problem, 1e-13)()
     if takes_series(problem.scene) and not quick:
         return taylor(problem, 1e-15)(), check
-    return (numba_body if find_spec("numba") else numpy_body)(problem, 3e-14)(), check
+    return (numba_body if find_spec("numba") else default)(problem, 3e-14)(), check
 
 
 def measured(make: Maker, problem: Problem, setting: float, reference: np.ndarray, repeats: int) -> Row:
@@ -101,7 +101,8 @@ def swept(name: str, problem: Problem, reference: np.ndarray, quick: bool) -> li
 
 
 def fits(name: str, problem: Problem) -> bool:
-    if not find_spec(ROUTES[name].package) or (name == "ours, Taylor" and not takes_series(problem.scene)):
+    package = ROUTES[name].package
+    if not find_spec(package) or (package == "heyoka" and not takes_series(problem.scene)):
         return False
     return name != "ours, in space" or problem.name == "2 on a cart"
 
@@ -109,9 +110,9 @@ def fits(name: str, problem: Problem) -> bool:
 def panel(problem: Problem, quick: bool) -> Panel:
     warm = problem._replace(duration=0.1)
     reference, check = references(problem, quick)
-    names = [name for name in ROUTES if fits(name, problem) and not (quick and name == "ours, Taylor")]
+    names = [name for name in ROUTES if fits(name, problem) and not (quick and ROUTES[name].package == "heyoka")]
     for name in names:
-        if name != "ours, Taylor":
+        if ROUTES[name].package != "heyoka":
             ROUTES[name].make(warm, ROUTES[name].settings[0])()
     return Panel(problem, differ(reference, check), {name: swept(name, problem, reference, quick) for name in names})
 
@@ -135,10 +136,13 @@ def cost(problem: Problem) -> tuple[str, ...]:
     each, whole, y = ["-", "-"], ["-", "-"], systems[0].begin(problem.start)
     for at, equations in enumerate(systems):
         each[at] = f"{_three(1e3 * microseconds(partial(equations.derivative, 0.0, y)) / system.n_links)} ns"
-        stepper = SciPyStepper("DOP853", equations.derivative, 0.0, y, problem.duration, 1e-6, 1e-6 * equations.scale)
+        by_steps(equations, problem.start, problem, 1e-6)
         start = time.process_time()
-        driven(equations, stepper, problem)
+        by_steps(equations, problem.start, problem, 1e-6)
         whole[at] = f"{_three(1e6 * (time.process_time() - start) / system.n_links)} µs"
+        stepper = stepper_of(equations, problem.start, problem.duration, 1e-6)
+        while stepper.time < problem.duration:
+            stepper.step()
         calls = stepper.calls
     return problem.name, *each, *whole, str(calls)
 
@@ -221,7 +225,9 @@ of the processor, which other work on the machine disturbs least: medians of {RE
 {LONG:g} s), without preparing (building models and compiling). No finer setting follows a run of {TOO_LONG:g} s.
 
 "dense" is the textbook: SciPy on the full mass matrix, solved by `numpy.linalg.solve` at every call. MuJoCo runs its
-own RK4, Pinocchio's `aba` stands under the classical Runge–Kutta method written in Python.
+own RK4, Pinocchio's `aba` stands under the classical Runge–Kutta method written in Python. "heyoka alone" has our
+expressions and goes to the end by itself; "numba alone" is the textbook under the classical Runge–Kutta method, all of
+it compiled.
 
 ## At matched accuracy
 

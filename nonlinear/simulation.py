@@ -19,6 +19,7 @@ from nonlinear.integration import (
     choose,
     paced,
     sample_times,
+    silent,
     validate,
     validate_accuracy,
     validate_forces,
@@ -49,7 +50,7 @@ def simulate(
     max_step: float | None = None,
     events: Sequence[Event] = (),
     before: Kicks = NO_KICKS,
-    report: Report = lambda elapsed: None,
+    report: Report = silent,
 ) -> Trajectory:
     """The motion of a scene over `duration` seconds at large angles.
 

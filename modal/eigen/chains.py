@@ -27,6 +27,7 @@ from modal.eigen.seeds import LARGEST, seed_matrices, seeds
 from modal.eigen.sturm import ROOM, Suspension
 from modal.types import Booleans, Floats, Ints
 
+SEEDS = "dense seeds"
 ROUNDING = 1e-15
 LONG, FEW = 500, 20
 """Links of a chain whose seeds cost more than a search for one mode in so many."""
@@ -76,7 +77,8 @@ class Squares(NamedTuple):
     def route(self) -> str:
         """Where they come from, in words."""
         dense = self.error > 0
-        return "dense" if dense.all() and dense.size else "dense, effective mass" if dense.any() else "effective mass"
+        routes = [SEEDS] * bool(dense.any()) + ["effective mass"] * (not dense.all() or not dense.size)
+        return ", ".join(routes)
 
 
 def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float = 0.0) -> Squares:

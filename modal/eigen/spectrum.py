@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers, Rig
-from modal.eigen.chains import EVERYTHING, CartProblem, Limits, is_singular
+from modal.eigen.chains import EVERYTHING, SEEDS, CartProblem, Limits, is_singular
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
@@ -33,6 +33,7 @@ MASSLESS = (
     "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
     "so one mode has no finite frequency and is left out."
 )
+DENSE = "Frequencies that a dense matrix gives within the accuracy asked for stand as they are."
 MERGED = (
     "Different pendula whose own frequencies agree to 2e-15, but not to the last bit, are taken as equal: whether they "
     "split by less, and which of them then swing, is beyond double precision."
@@ -183,7 +184,8 @@ def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
     massless = rig.cart is not None and is_singular(rig.blocks, rig.cart)
     problems = [source.problem for source in sources if isinstance(source, Together)]
     merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
-    return (MASSLESS,) * massless + (MERGED,) * merged
+    dense = any(SEEDS in source.route for source in sources)
+    return (MASSLESS,) * massless + (MERGED,) * merged + (DENSE,) * dense
 
 
 @dataclass(frozen=True, eq=False)

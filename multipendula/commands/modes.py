@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from modal.modes import Mode, Modes
 
 LONG_TABLE = 2000
+LONG_CHAIN = 2000
+"""Links of a scene of which only the modes that are shown are looked for."""
 
 
 def table(options: argparse.Namespace) -> None:
@@ -25,7 +27,7 @@ def table(options: argparse.Namespace) -> None:
 
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
-    modes, numbers = _modes(options)
+    modes, numbers = _modes(options, options.accuracy)
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
     with output(options.output) as write:
         write(tables.table(modes, rows, options.format, shapes=options.shapes))
@@ -40,6 +42,12 @@ def _table_arguments(page: Page) -> None:
     add_format(page, ("text", "markdown", "latex", "csv", "html", "json"))
     add_text(page)
     add_modes(page)
+    page.computed.add_argument(
+        "--accuracy",
+        metavar="SHARE",
+        type=number("a relative error from 1e-16 to 0.1", 0.1, 1e-16),
+        help="frequencies within this relative error, at less cost for long chains (default: every digit)",
+    )
     page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
     add_explain(page)
 
@@ -85,11 +93,15 @@ def _matrices_arguments(page: Page) -> None:
     add_text(page)
 
 
-def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
+def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[Modes, Sequence[int]]:
+    """The modes, of a long chain no more than are needed, and the places of those to be shown."""
     from modal.modes import natural_modes
     from modal.scene import load
 
-    found = natural_modes(load(options.scene))
+    scene = load(options.scene)
+    last = chosen(options.modes, sys.maxsize).stop
+    lowest = slice(0, last) if scene.n_links > LONG_CHAIN and last < sys.maxsize else None
+    found = natural_modes(scene, accuracy=accuracy, modes=lowest)
     return found, chosen(options.modes, len(found))
 
 

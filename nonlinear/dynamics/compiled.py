@@ -6,19 +6,14 @@ The lines of the recursion are those of `nonlinear.dynamics.recursion._passed`, 
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
-from nonlinear.dynamics.interrupts import undisturbed
 from nonlinear.dynamics.joints import joint_law
 from nonlinear.dynamics.minimal import NOTHING, Minimal
 from nonlinear.dynamics.recursion import links_of
@@ -31,7 +26,6 @@ except ImportError:
     njit = None
 
 CONSTANTS = 12
-COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
 LOOSE = np.empty(0)
 
 
@@ -48,26 +42,6 @@ def compiled(function: Any) -> Any:
         return njit(cache=True, error_model="numpy")(function)
     except RuntimeError:
         return njit(error_model="numpy")(function)
-
-
-@contextmanager
-def announced(function: Any) -> Iterator[None]:
-    """A block that may compile a function for the first time, undisturbed; says so on a terminal where that is long."""
-    if function.signatures:
-        yield
-        return
-    if not kept(function) and sys.stderr.isatty():
-        print(COMPILING, file=sys.stderr)
-    with undisturbed():
-        yield
-
-
-def kept(function: Any) -> bool:
-    """Whether a compiled function is on disk, as it is now."""
-    code, folder = function.py_func.__code__, function.stats.cache_path
-    written = Path(code.co_filename).stat().st_mtime
-    files = Path(folder).glob(f"*.{function.__name__}-{code.co_firstlineno}.*.nbi") if folder else ()
-    return any(file.stat().st_mtime > written for file in files)
 
 
 _joint_law = compiled(joint_law)

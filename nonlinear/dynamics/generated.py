@@ -9,7 +9,7 @@ Numbers of a scene are arguments of what is written: scenes that differ in nothi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache, wraps
 from math import cos, sin
@@ -113,40 +113,45 @@ def _called(name: str) -> Any:
 class Text:
     """The text of a function of y from what its components are; `numbers` are what it is made with."""
 
-    def __init__(self, components: Sequence[Any], size: int) -> None:
-        self.names: dict[int, str] = {}
-        self.numbers: dict[float, str] = {}
-        self.lines: list[str] = []
-        self.uses = _uses(components)
-        found = ", ".join(self.written(component)[0] for component in components)
-        arguments = ", ".join(("sin", "cos", *self.numbers.values()))
+    def __init__(self, tape: Tape, components: Sequence[Any], size: int) -> None:
+        self.named: dict[float, str] = {}
+        self.written: dict[int, str] = {}
+        lines = list(self._lines(tape, _uses(components)))
+        found = ", ".join(map(self._word, components))
         self.text = "\n".join(
             (
-                f"def made({arguments}):",
+                f"def made({', '.join(('sin', 'cos', *self.named.values()))}):",
                 " def rate(y):",
                 f"  {', '.join(f'y{i}' for i in range(size))}, = y",
-                *self.lines,
+                *lines,
                 f"  return [{found}]",
                 " return rate",
             )
         )
 
-    def written(self, value: Any) -> tuple[str, int]:
-        """An expression for a value, and how deep its brackets are."""
-        if not isinstance(value, Symbol):
-            return self.numbers.setdefault(float(value), f"c{len(self.numbers)}"), 0
-        if id(value) in self.names:
-            return self.names[id(value)], 0
-        operator, *operands = value.operation
-        if operator == "y":
-            return f"y{operands[0]}", 0
-        parts = [self.written(operand) for operand in operands]
-        text, deep = _joined(operator, [part for part, _ in parts]), 1 + max(depth for _, depth in parts)
-        if self.uses[id(value)] == 1 and deep < DEEPEST:
-            return text, deep
-        name = self.names[id(value)] = f"v{len(self.names)}"
-        self.lines.append(f"  {name} = {text}")
-        return name, 0
+    @property
+    def numbers(self) -> list[float]:
+        """The numbers of the scene, in the order of the arguments after sine and cosine."""
+        return list(self.named)
+
+    def _lines(self, tape: Tape, uses: dict[int, int]) -> Iterator[str]:
+        """What is wanted more than once or would be too deep in brackets, each in a line of its own."""
+        deep: dict[int, int] = {}
+        for symbol in tape.known.values():
+            if not (wanted := uses.get(id(symbol), 0)):
+                continue
+            name, (operator, *operands) = f"v{len(self.written)}", symbol.operation
+            text = f"y{operands[0]}" if operator == "y" else _joined(operator, [*map(self._word, operands)])
+            deep[id(symbol)] = 0 if operator == "y" else 1 + max(deep.get(id(operand), 0) for operand in operands)
+            if operator != "y" and (wanted > 1 or deep[id(symbol)] >= DEEPEST):
+                yield f"  {name} = {text}"
+                text, deep[id(symbol)] = name, 0
+            self.written[id(symbol)] = text
+
+    def _word(self, value: Any) -> str:
+        if isinstance(value, Symbol):
+            return self.written[id(value)]
+        return self.named.setdefault(float(value), f"c{len(self.named)}")
 
 
 def _joined(operator: str, parts: Sequence[str]) -> str:
@@ -189,15 +194,19 @@ class Generated(Minimal):
     bodies: tuple[()] = ()
 
     @cached_property
-    def rate(self) -> Rate:
-        """The rate of one y in floats, a list."""
+    def text(self) -> Text:
+        """The rate of y as it is written."""
         tape, size = Tape(), self.layout.size
         how = {"sine": _called("sin"), "cosine": _called("cos")}
         plain = Minimal(self.system, tuple(_body(group, self.system, **how) for group in self.system.groups))
         y = np.array([tape.symbol("y", i) for i in range(size)], dtype=object)
-        found = Text(plain.derivative(0.0, y).tolist(), size)
-        made: Callable[..., Rate] = function_in(found.text, "made")
-        return made(sin, cos, *found.numbers)
+        return Text(tape, plain.derivative(0.0, y).tolist(), size)
+
+    @cached_property
+    def rate(self) -> Rate:
+        """The rate of one y in floats, a list."""
+        made: Callable[..., Rate] = function_in(self.text.text, "made")
+        return made(sin, cos, *self.text.numbers)
 
     @cached_property
     def many(self) -> Minimal:

@@ -17,7 +17,7 @@ from nonlinear.integration.arguments import (
     validate_numbers,
     validate_observable,
 )
-from nonlinear.integration.driver import Drive
+from nonlinear.integration.driver import Drive, silent
 from nonlinear.integration.escapements import Escaping, escaping
 from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of
 from nonlinear.integration.run import Request, SimulationError, prepare
@@ -57,6 +57,7 @@ __all__ = [
     "rounded",
     "sample_count",
     "sample_times",
+    "silent",
     "slightly",
     "validate",
     "validate_accuracy",

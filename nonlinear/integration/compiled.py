@@ -6,16 +6,22 @@ arrays: one kernel serves all, and is kept on disk.
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any, cast
 
 import numpy as np
 from scipy.integrate import DOP853
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.compiled import LOOSE, Compiled, announced, compiled, rate
+from nonlinear.dynamics import undisturbed
+from nonlinear.dynamics.compiled import LOOSE, Compiled, compiled, rate
+from nonlinear.integration.costs import kept
 from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
 
 STAGES, SMALL_STEP = DOP853.n_stages, DOP853.TOO_SMALL_STEP
+COMPILING = "Compiling the integrator, which takes some ten seconds; it is kept on disk for later runs."
 NOTHING_DUE = np.empty(0)
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it gives back
 
@@ -152,6 +158,23 @@ def _steps(table, scene, clock, relative, absolute, y, stages, due, rows, ends, 
     return steps, filled, calls
 
 
+def loaded() -> bool:
+    """Whether the kernel is ready in this process."""
+    return bool(getattr(_steps, "signatures", ()))
+
+
+@contextmanager
+def announced() -> Iterator[None]:
+    """A block that may load or compile the kernel, undisturbed; a terminal hears of what takes long."""
+    if loaded():
+        yield
+        return
+    if not kept() and sys.stderr.isatty():
+        print(COMPILING, file=sys.stderr)
+    with undisturbed():
+        yield
+
+
 class CompiledDOP853(DOP853):  # type: ignore[misc]
     """SciPy's method in compiled steps, for the `scene` of compiled equations."""
 
@@ -172,7 +195,7 @@ class CompiledDOP853(DOP853):  # type: ignore[misc]
         rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
         y, self.K_extended[0] = self.y.copy(), self.f
         given = (self.rtol, self.absolute, y, self.K_extended, due, rows, ends, states)
-        with announced(_steps):
+        with announced():
             steps, filled, calls = _steps(TABLE, self.scene, clock, *given)
         self.nfev += calls
         if steps:
@@ -205,7 +228,7 @@ class CompiledStepper(SciPyStepper):
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> CompiledDOP853:
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
 
-    def sweep(self, times: Floats) -> tuple[Floats, list[tuple[float, Floats]]]:
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
         """As `Sweeper` says."""
         solver = cast("CompiledDOP853", self._on_its_way())
         rows, ends, states = solver.advance(times, max(1, min(MOST, NUMBERS // solver.n)))
@@ -215,4 +238,5 @@ class CompiledStepper(SciPyStepper):
         self.before, self.y_before, self._within = solver.t_old, solver.y_old, None
         solver.status = "finished" if solver.t >= solver.t_bound else "running"
         reached = int(np.searchsorted(times[: len(rows)], ends[good - 1], side="right"))
-        return rows[:reached], list(zip(ends[:good].tolist(), states[:good], strict=True))
+        shown = slice(0 if every else good - 1, good)
+        return rows[:reached], list(zip(ends[shown].tolist(), states[shown], strict=True)), good

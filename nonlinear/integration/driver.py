@@ -22,6 +22,10 @@ SILENT = 1e-9
 """Share of what an event's value becomes within the first step below which it begins at zero: that is no crossing."""
 
 
+def silent(time: float) -> None:
+    """A report that nobody hears."""
+
+
 @dataclass
 class Record:
     """What a run has found so far: y at the sampled times, events, and how it went."""
@@ -67,7 +71,7 @@ class Drive:
     equations: Equations
     times: Floats
     events: Sequence[Event] = ()
-    report: Callable[[float], object] = lambda time: None
+    report: Callable[[float], object] = silent
     escapements: Escapements | None = None
 
     def run(self) -> Record:
@@ -92,7 +96,11 @@ class Drive:
         """Many steps in which nothing but samples is wanted."""
         first = record.filled
         with np.errstate(all="ignore"):
-            rows, ends = cast("Sweeper", self.stepper).sweep(self.times[first:])
+            rows, ends, steps = cast("Sweeper", self.stepper).sweep(self.times[first:], self.report is not silent)
+        if self.report is silent:
+            record.keep(rows)
+            record.steps, record.last = record.steps + steps, ends[-1]
+            return
         passed = np.searchsorted(self.times, [time for time, _ in ends], side="right") - first
         for end, count in zip(ends, passed.tolist(), strict=True):
             record.keep(rows[record.filled - first : count])

@@ -104,7 +104,7 @@ class FloatStepper(SciPyStepper):
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
         return FloatDOP853(self.equations.rate, self.f, time, y, end, **options)
 
-    def sweep(self, times: Floats) -> tuple[Floats, list[tuple[float, Numbers]]]:
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers]], int]:
         """As `Sweeper` says."""
         if self._failure:
             raise self._failure
@@ -125,7 +125,7 @@ class FloatStepper(SciPyStepper):
                 raise
         self._done += EXTRA * len(kept)
         rows = interpolated(kept, times[:at], self.equations.many.derivative) if at else np.empty((0, len(self.y)))
-        return rows, ends
+        return rows, ends, len(ends)
 
 
 def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:

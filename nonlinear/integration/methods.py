@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
-from math import inf, pi
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from nonlinear.dynamics import (
     loses_digits,
     undisturbed,
 )
+from nonlinear.integration.costs import WRITTEN, costs
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
 from nonlinear.integration.taylor import LONGEST_CHAIN, MOST_LINKS, TIGHTEST
 from nonlinear.integration.timescales import estimate_timescales
@@ -34,12 +34,9 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest swing
 SHORTEST = 1e-13  # share of the longest link, of positions in maximal coordinates
 ROOM = 1e140  # largest moment of inertia, and one over the smallest, whose square is a number
-WRITTEN = 32  # links of a scene whose equations are written out in floats
 FEWEST = 24  # links of a scene that is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain anything
-PER_KICK = 2.0  # steps: one that is cut short, one to land on it
-PER_PERIOD = 14.0  # steps of DOP853 a period at tolerance 1e-6 and large angles
 
 
 @dataclass(frozen=True)
@@ -88,34 +85,33 @@ def choose(
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
         raise SceneError(problems)
+    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not driven else {}
     if method == "auto":
-        method, why = _automatic(scene, system, duration, tolerance, form, driven or tolerance * size < TIGHTEST)
+        method, why = _automatic(
+            scene, system, duration, tolerance, form, seconds if tolerance * size >= TIGHTEST else {}
+        )
     else:
         why = ASKED
-    compiled = (
-        form == "minimal"
-        and not driven
-        and method in SCIPY
-        and _worth_compiling(_costs(scene, system, duration, tolerance))
-    )
+    written = method != "DOP853" and system.n_links <= WRITTEN
+    compiled = method in SCIPY and not written and bool(seconds) and seconds["compiled"] < seconds["DOP853"]
     finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
 
 
 def _automatic(
-    scene: Scene, system: System, duration: float, tolerance: float, form: str, plain: bool
+    scene: Scene, system: System, duration: float, tolerance: float, form: str, seconds: Mapping[str, float]
 ) -> tuple[str, str]:
+    """The method and why; of `seconds` there are none where Taylor series are out of the question."""
     found = estimate_timescales(scene)
     if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
         fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest oscillation"
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
-    if form == "minimal" and not plain and _taylor_takes(system):
+    if seconds and _taylor_takes(system):
         if tolerance < FINEST:
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
-        costs = _costs(scene, system, duration, tolerance)
-        if costs["taylor"] < min(costs["DOP853"], costs["compiled"]):
+        if seconds["taylor"] < min(seconds["DOP853"], seconds["compiled"]):
             return "taylor", "a run long enough to pay for compiling its series"
     return "DOP853", "no part of the motion decays far faster than it oscillates"
 
@@ -123,23 +119,6 @@ def _automatic(
 def _taylor_takes(system: System) -> bool:
     longest = max(group.n for group in system.groups)
     return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and system.n_links <= MOST_LINKS
-
-
-def _costs(scene: Scene, system: System, duration: float, tolerance: float) -> dict[str, float]:
-    """Roughly how many seconds each way takes, compilers included, as benchmarks/simulation.py finds them."""
-    links, longest = system.n_links, max(group.n for group in system.groups)
-    periods = duration * estimate_timescales(scene).swing / (2 * pi)
-    steps = periods * (PER_PERIOD * (1e-6 / tolerance) ** (1 / 8) + PER_KICK * system.kicks_a_period)
-    return {
-        "DOP853": steps * (3e-4 + 1e-6 * links),
-        "compiled": 0.4 + steps * (1.2e-4 + 1e-6 * links) if find_spec("numba") else inf,
-        "taylor": 1.6 + 0.008 * longest**2 + 0.005 * links + steps * 2e-6 * links,
-    }
-
-
-def _worth_compiling(costs: dict[str, float]) -> bool:
-    """Whether what a compiled body saves is more than loading the compiler costs."""
-    return bool(costs["compiled"] < costs["DOP853"])
 
 
 def body_of(group: Group, system: System) -> Body:

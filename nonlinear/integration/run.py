@@ -14,7 +14,7 @@ from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import Generated, Minimal, Reduced, Symmetry, find_symmetries
 from nonlinear.integration.arguments import extent
-from nonlinear.integration.driver import Drive, Record
+from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
@@ -50,7 +50,7 @@ class Prepared:
     times: Floats
     before: Kicks = NO_KICKS
 
-    def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = lambda elapsed: None) -> Trajectory:
+    def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = silent) -> Trajectory:
         """Once, to the end or as far as can be gone; SimulationError where the integrator gives up."""
         system, y = self.equations.system, self.stepper.y
         kicking = escapements(system, cast("Minimal", self.equations).layout, y, self.before) if system.kicked else None
@@ -130,7 +130,7 @@ class Request:
     events: Sequence[Event] = ()
     before: Kicks = NO_KICKS
     pace: Pace = AT_EASE
-    report: Callable[[float], object] = lambda elapsed: None
+    report: Callable[[float], object] = silent
 
     @cached_property
     def smaller(self) -> tuple[Symmetry, ...]:

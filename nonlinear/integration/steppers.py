@@ -114,11 +114,13 @@ class Stepper(Protocol):
 class Sweeper(Stepper, Protocol):
     """An integrator of equations without constraints that takes many steps at once."""
 
-    def sweep(self, times: Floats) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]]]:
+    def sweep(
+        self, times: Floats, every: bool = True
+    ) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]], int]:
         """Some steps on towards the last of these times (ascending), at least one.
 
-        Gives the y (T, size) at those of them that are reached, and where (s, y) every step ended.  ComputationError
-        where not even the first step can be.
+        Gives the y (T, size) at those of them that are reached, where (s, y) `every` step ended or the last, and how
+        many there were.  ComputationError where not even the first step can be.
         """
         ...
 

@@ -1,4 +1,6 @@
-"""Taylor series of high order by heyoka (extra `taylor`): the plain recursion written out as expressions, compiled.
+"""Taylor series of high order by heyoka (extra `taylor`): the equations as they are written out, compiled.
+
+The numbers of a scene are parameters, so that one compiled series serves all scenes that differ in these alone.
 
 heyoka takes the length of a step from the last two coefficients of the series (Jorba and Zou, Experimental Mathematics
 14, 2005).  Released from rest at ±90°, angles move in the powers 2, 6, 10, … of t and rates in 1, 5, 9, …: where the
@@ -9,6 +11,8 @@ every digit of the starts that were tried.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import deepcopy
 from importlib import import_module
 from importlib.util import find_spec
 from math import ceil, exp, inf, log, pi
@@ -18,12 +22,17 @@ import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics import Minimal, Recursion, undisturbed
+from nonlinear.dynamics import Generated, Minimal, undisturbed
+from nonlinear.dynamics.generated import function_in
 from nonlinear.integration.steppers import Pace
+from nonlinear.system import System
 
 FIRST = 0.05
 TIGHTEST = 1e-15
 LONGEST_CHAIN, MOST_LINKS = 24, 400
+UNROLLED = 4  # links whose series is compiled as one function, faster and longer to compile
+MOST_KEPT, AT_ONCE = 32, 256  # integrators; steps
+GOES_ON = {"success", "time_limit", "step_limit"}
 GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
 
@@ -48,11 +57,10 @@ class TaylorStepper:
     def __init__(self, equations: Minimal, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
         begun = np.array(y, dtype=float)
         self.start, self.end, self.pace, self.calls = start, end, pace, 0
-        with undisturbed():
-            self.integrator = _heyoka().taylor_adaptive(
-                expressions(equations), begun, time=start, tol=uneven(tolerance), compact_mode=True
-            )
+        self.integrator = integrator_of(_admitted(equations), uneven(tolerance))
+        self.integrator.state[:], self.integrator.time = begun, start
         self._coefficients, self._from = begun[None], start
+        self._failure: ComputationError | None = None
 
     @property
     def time(self) -> float:
@@ -66,16 +74,58 @@ class TaylorStepper:
 
     def step(self) -> None:
         """One series further, never beyond a break; ComputationError where it leaves the finite numbers."""
-        start, (low, high) = self.time, self.pace.stretch(self.time)
-        since, until = max(low, self.start), min(high, self.end)
+        start = self.time
+        since, until = self._stretch()
         first = self.pace.first or inf if start == since else inf
         longest = min(first, self.pace.most(since, until), until - start)
         outcome, _ = self.integrator.step(max_delta_t=longest, write_tc=True)
-        if outcome.name not in {"success", "time_limit"}:
-            raise ComputationError(f"taylor stopped at {start:.9g} s: {GIVES_UP.get(outcome.name, outcome.name)}")
+        self._judge(outcome, start)
         if outcome.name == "time_limit" and longest == until - start:
             self.integrator.time = until
         self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
+
+    def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
+        """As `Sweeper` says: heyoka goes over the times by itself, but for the first step after a break."""
+        if self._failure:
+            raise self._failure
+        start, (since, until) = self.time, self._stretch()
+        if start == since:
+            self.step()
+            return self.inside(times[times <= self.time]), [(self.time, self.y)], 1
+        ends: list[tuple[float, Floats]] = []
+
+        def passed(integrator: Any) -> bool:
+            ends.append((integrator.time, integrator.state.copy()))
+            return True
+
+        within = times[times <= until]
+        grid = np.unique(np.concatenate(([start], within, [until])))
+        outcome, _, _, steps, _, rows = self.integrator.propagate_grid(
+            grid, max_steps=AT_ONCE, max_delta_t=self.pace.most(since, until), callback=passed if every else None
+        )
+        now = self.time
+        reached = int(np.searchsorted(within, now, side="right"))
+        try:
+            self._judge(outcome, now)
+            last = now, self.y
+        except ComputationError as error:
+            self._failure = error
+            if not steps:
+                raise
+            last = float(grid[reached]), rows[reached]
+        self.calls += steps
+        self._coefficients, self._from = np.array(self.integrator.tc).T, now - self.integrator.last_h
+        return rows[1 : 1 + reached], ends[:steps] or [last], steps
+
+    def _stretch(self) -> tuple[float, float]:
+        """The breaks around, or the ends of the run."""
+        low, high = self.pace.stretch(self.time)
+        return max(low, self.start), min(high, self.end)
+
+    def _judge(self, outcome: Any, time: float) -> None:
+        """ComputationError for a step that went wrong."""
+        if outcome.name not in GOES_ON:
+            raise ComputationError(f"taylor stopped at {time:.9g} s: {GIVES_UP.get(outcome.name, outcome.name)}")
 
     def inside(self, times: Floats) -> Floats:
         """The y (T, size) at times within the last step, by its series."""
@@ -99,24 +149,50 @@ def uneven(tolerance: float) -> float:
     return wanted if order % 4 else 0.99 * exp(2 - 2 * order)
 
 
-def expressions(equations: Minimal) -> list[tuple[Any, Any]]:
-    """Every component of y beside its derivative, as heyoka's expressions."""
-    heyoka, system = _admitted(equations), equations.system
-    sine, cosine = (np.frompyfunc(function, 1, 1) for function in (heyoka.sin, heyoka.cos))
-    written = Minimal(system, tuple(Recursion(group, sine=sine, cosine=cosine) for group in system.groups))
-    y = np.array([heyoka.expression(f"y{i}") for i in range(equations.layout.size)], dtype=object)
-    return list(zip(y, written.derivative(0.0, y) + heyoka.expression(0.0), strict=True))
+_COMPILED: dict[tuple[str, float], Any] = {}
+"""Integrators of this process, by the text of their equations and their tolerance."""
 
 
-def _admitted(equations: Minimal) -> Any:
-    """heyoka, for a system that it can take."""
+def ready(system: System, tolerance: float) -> bool:
+    """Whether a series of this order has been compiled for such a scene in this process."""
+    return bool(_COMPILED) and (Generated(system).text.text, uneven(tolerance)) in _COMPILED
+
+
+def integrator_of(equations: Generated, tolerance: float) -> Any:
+    """Heyoka's integrator for these equations, compiled once a process for all numbers of such a scene."""
+    text, size = equations.text, equations.layout.size
+    if (kept := _COMPILED.get((text.text, tolerance))) is None:
+        heyoka = _heyoka()
+        rates = expressions(equations, [heyoka.par[i] for i in range(len(text.numbers))])
+        options = {"tol": tolerance, "compact_mode": equations.system.n_links > UNROLLED}
+        with undisturbed():
+            kept = heyoka.taylor_adaptive(rates, np.zeros(size), pars=text.numbers, **options)
+        while len(_COMPILED) >= MOST_KEPT:
+            del _COMPILED[next(iter(_COMPILED))]
+        _COMPILED[text.text, tolerance] = kept
+    found = deepcopy(kept)
+    found.pars[:] = text.numbers
+    return found
+
+
+def expressions(equations: Generated, numbers: Sequence[Any] | None = None) -> list[tuple[Any, Any]]:
+    """Every component of y beside its derivative, as heyoka's expressions of the scene's `numbers` or of others."""
+    heyoka, text = _heyoka(), equations.text
+    rate = function_in(text.text, "made")(heyoka.sin, heyoka.cos, *(text.numbers if numbers is None else numbers))
+    y = [heyoka.expression(f"y{i}") for i in range(equations.layout.size)]
+    return [(one, heyoka.expression(0.0) + its) for one, its in zip(y, rate(y), strict=True)]
+
+
+def _admitted(equations: Minimal) -> Generated:
+    """The same equations written out, where heyoka can take them."""
     longest, links = max(group.n for group in equations.system.groups), equations.system.n_links
     if equations.load is not None:
         raise ComputationError("Taylor series cannot follow a load: choose another method")
     if longest > LONGEST_CHAIN or links > MOST_LINKS:
         limit = f"at most {LONGEST_CHAIN} links a chain and {MOST_LINKS} in all, not {longest} and {links}"
         raise ComputationError(f"Taylor series take {limit}: choose another method")
-    return _heyoka()
+    _heyoka()
+    return equations if isinstance(equations, Generated) else Generated(equations.system)
 
 
 def _heyoka() -> Any:

@@ -547,3 +547,21 @@ def test_errors_name_the_options_that_the_packages_do_not_know(
 
     assert main(words) in {1, 2}
     assert told in capsys.readouterr().err
+
+
+def test_table_to_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
+    asked = ("table", "rope", "--format", "json", "--modes", "1:3")
+    exact, found = (json.loads(printed(capsys, *asked, *more)) for more in ((), ("--accuracy", "1e-8")))
+    for one, other in zip(exact["modes"], found["modes"], strict=True):
+        assert other["omega_rad_per_s"] == pytest.approx(one["omega_rad_per_s"], rel=1e-8)
+        assert 1e-16 < other["relative_error_bound"] <= 1e-8
+    assert (exact["route"], found["route"]) == ("effective mass", "dense seeds")
+
+
+def test_the_first_modes_of_a_very_long_chain(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "long.toml"
+    link = '{ kind = "rod", mass = 1.0, length = 1.0, count = 5000 }'
+    path.write_text(f"gravity = 9.81\n[[pendulum]]\nlinks = [{link}]\n")
+    found = json.loads(printed(capsys, "table", str(path), "--modes", "2:3", "--format", "json"))
+    assert [mode["mode"] for mode in found["modes"]] == [2, 3]
+    assert "modes 1 to 5000" in refused(capsys, 2, "table", str(path), "--modes", "5001")

@@ -17,7 +17,7 @@ from scipy.integrate import solve_ivp
 from modal import Bob, Cart, ComputationError, Pendulum, Rod, Scene, load, natural_modes, pair
 from modal.errors import MissingExtraError
 from modal.types import Floats
-from nonlinear.dynamics import Banded, Dense, Minimal, Recursion, Small, banded, compiled, joints
+from nonlinear.dynamics import Banded, Dense, Generated, Minimal, Recursion, Small, banded, compiled, joints
 from nonlinear.dynamics.compiled import Compiled
 from nonlinear.dynamics.recursion import Link, downward, upward
 from nonlinear.integration import Pace, taylor
@@ -255,7 +255,7 @@ def test_the_trap() -> None:
     expected = by_runge_kutta(equations, y0, 0.7)
 
     def at(first: float) -> float:
-        alone = heyoka.taylor_adaptive(taylor.expressions(equations), y0, compact_mode=True)
+        alone = heyoka.taylor_adaptive(taylor.expressions(Generated(equations.system)), y0, compact_mode=True)
         assert alone.order % 4 == 0
         alone.step(max_delta_t=first)
         alone.propagate_until(0.7)

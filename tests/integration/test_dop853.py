@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from math import inf, pi
-from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +14,7 @@ from modal import Bob, Cart, Pendulum, Scene, load
 from modal.scene import VanDerPol
 from modal.types import Floats
 from nonlinear.dynamics import Dense, Elimination, Generated, Minimal, Recursion, Reduced
-from nonlinear.dynamics.compiled import COMPILING, Compiled, announced, available
+from nonlinear.dynamics.compiled import Compiled, available
 from nonlinear.dynamics.generated import function_in
 from nonlinear.integration import Choice, Pace, Request, SciPyStepper, methods
 from nonlinear.integration.driver import Drive
@@ -174,7 +170,7 @@ def test_samples_of_many_steps_at_once_are_those_of_each(name: str, pace: Pace, 
     assert isinstance(far, Sweeper)
     rows, ends = [far.y[None]], []
     while sum(map(len, rows)) < len(times):
-        found, passed = far.sweep(times[sum(map(len, rows)) :])
+        found, passed, _ = far.sweep(times[sum(map(len, rows)) :])
         rows.append(found)
         ends += passed
     for at, (time, y) in enumerate(ends):
@@ -239,41 +235,3 @@ def test_angles_far_beyond_any_turn_end_in_words() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
     found = simulate(scene, 1e-3, start=state_at_rest(scene, [1e5]), output=3)
     assert found.complete
-
-
-# --------------------------------------------------------------------------------------------------------- compiling
-
-
-class NotYet:
-    """A function that nobody has compiled here; `folder` is where it would be kept."""
-
-    signatures: tuple[Any, ...] = ()
-    __name__ = "kernel"
-
-    def __init__(self, folder: Path | None) -> None:
-        self.py_func, self.stats = leaning, SimpleNamespace(cache_path=folder)
-
-
-def test_compiling_is_announced_on_a_terminal_where_nothing_is_kept(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for folder in (None, tmp_path):
-        with announced(NotYet(folder)):
-            pass
-        assert capsys.readouterr().err == ""
-        monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-        with announced(NotYet(folder)):
-            pass
-        assert capsys.readouterr().err == COMPILING + "\n"
-        monkeypatch.undo()
-    kept = NotYet(tmp_path)
-    file = tmp_path / f"test.kernel-{leaning.__code__.co_firstlineno}.py311.nbi"
-    file.touch()
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    with announced(kept):
-        pass
-    assert capsys.readouterr().err == ""
-    os.utime(file, (0, 0))
-    with announced(kept):
-        pass
-    assert capsys.readouterr().err == COMPILING + "\n"

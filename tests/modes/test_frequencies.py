@@ -1,4 +1,4 @@
-"""Frequencies to an accuracy, of the lowest modes alone, and of many scenes at once, against those of all modes."""
+"""Frequencies to an accuracy, of the lowest modes alone, and of many scenes at once, beside those of all modes."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,7 @@ from scenes import extreme_scene, long_scene, mild_scene
 
 from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_frequencies, natural_modes
 from modal.assembly import can_stack
+from modal.eigen.spectrum import DENSE
 from modal.modes import frequencies
 from modal.modes.modes import SELECTED
 from modal.scene.parameters import vary
@@ -30,16 +31,18 @@ def test_modes_are_within_their_bounds_and_those_within_the_accuracy(seed: int, 
 
 
 def test_the_route_is_told() -> None:
-    assert natural_modes(rods(20), accuracy=1e-8).route == "dense"
+    assert natural_modes(rods(20), accuracy=1e-8).route == "dense seeds"
     assert natural_modes(rods(20), accuracy=1e-17).route == "effective mass"
     assert natural_modes(rods(20)).route == "effective mass"
+    assert DENSE in natural_modes(rods(20), accuracy=1e-8).notes
+    assert DENSE not in natural_modes(rods(20)).notes
     uneven = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=m, length=1.0) for m in (1e-12, 1.0, 1e-12, 1.0)])])
-    assert natural_modes(uneven, accuracy=1e-13).route == "dense, effective mass"
+    assert natural_modes(uneven, accuracy=1e-13).route == "dense seeds, effective mass"
 
 
 def test_long_chains_prove_by_counts_what_no_bound_could() -> None:
     found = natural_modes(rods(400), accuracy=1e-10)
-    assert found.route == "dense"
+    assert found.route == "dense seeds"
     assert found.error.max() < 1.01e-10
     np.testing.assert_allclose(found.omega, natural_modes(rods(400)).omega, rtol=1e-10)
 

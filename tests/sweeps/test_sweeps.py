@@ -308,7 +308,8 @@ def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> N
 def test_progress_is_told() -> None:
     heard: list[float] = []
     sweep(study(), workers=1, report=heard.append)
-    assert heard == [0, 1, 2, 3, 4, 5, 6]
+    assert heard == sorted(set(heard))
+    assert (heard[0], heard[-1]) == (0, 6)
 
 
 def test_what_cannot_be_a_study() -> None:
