@@ -21,7 +21,7 @@ from nonlinear.integration.costs import kept
 from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
 
 STAGES, SMALL_STEP = DOP853.n_stages, DOP853.TOO_SMALL_STEP
-COMPILING = "Compiling the integrator, which takes some ten seconds; it is kept on disk for later runs."
+COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
 NOTHING_DUE = np.empty(0)
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it gives back
 
