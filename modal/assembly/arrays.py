@@ -206,12 +206,10 @@ def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
 
 def _different(table: Floats) -> tuple[Ints, Ints]:
     """The first of each kind of row, in their order, and the kind of every row."""
-    if len(table) == 1:
-        return np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)
-    rows = np.ascontiguousarray(table).view(f"V{table.itemsize * table.shape[1]}").ravel()
-    _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
-    place = np.argsort(np.argsort(first))
-    return np.sort(first), place[inverse]
+    kinds: dict[bytes, int] = {}
+    columns = [kinds.setdefault(row.tobytes(), len(kinds)) for row in table]
+    first = dict(zip(reversed(columns), reversed(range(len(columns))), strict=True))
+    return np.array([first[kind] for kind in range(len(kinds))]), np.array(columns)
 
 
 def _parameters(pendulum: Pendulum) -> list[float]:

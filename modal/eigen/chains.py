@@ -24,13 +24,17 @@ from modal.eigen.counts import Built, counted
 from modal.eigen.rayleigh import at_pivot, twisted, without_each
 from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
 from modal.eigen.seeds import LARGEST, seed_matrices, seeds
-from modal.eigen.sturm import ROOM, Suspension
+from modal.eigen.sturm import ROOM, Suspension, kernels
 from modal.types import Booleans, Floats, Ints
 
 SEEDS = "dense seeds"
 ROUNDING = 1e-15
-LONG, FEW = 500, 20
-"""Links of a chain whose seeds cost more than a search for one mode in so many."""
+LONG, FEW, LONG_COMPILED = 500, 20, 200
+"""Links of a chain whose seeds cost more than a search for one mode in so many; than a search for all, compiled."""
+SEARCHED, CONFIRMED = 60, 8
+"""Counts in a search, and beside seeds with as many trials in each."""
+PER_LINK, PER_TRIAL = 5e-6, 1e-8
+"""Seconds of a count that the compiled recursion saves."""
 FARTHER = 16
 """Units in the last place about a second guess."""
 
@@ -88,7 +92,10 @@ def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float
     """
     if not wanted.size:
         return Squares.exact(np.zeros((0, suspension.supports)))
-    if suspension.size > LARGEST or (suspension.size > LONG and FEW * len(wanted) < suspension.size):
+    counts = SEARCHED if suspension.size > LARGEST else CONFIRMED
+    trials = suspension.supports * len(wanted)
+    compiled = kernels(counts * suspension.size * (PER_LINK + PER_TRIAL * trials))
+    if suspension.size > (LONG_COMPILED if compiled else LARGEST) or FEW * len(wanted) < suspension.size - LONG:
         return Squares.exact(located(suspension, wanted, modes))
     step = max(1, ROOM // suspension.size**2)
     if step >= suspension.supports:
@@ -118,9 +125,12 @@ def _near_seeds(suspension: Suspension, wanted: Ints, modes: int, accuracy: floa
 
 
 def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """By a Rayleigh quotient step from each seed, on another shape where the count does not confirm the first."""
+    """By a Rayleigh quotient step from each seed, on another shape where the count does not confirm the first.
+
+    Compiled counts are quicker than that other shape.
+    """
     found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
-    for step in (twisted, None):
+    for step in [None] if kernels() else [twisted, None]:
         if not missed.any():
             break
         rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))

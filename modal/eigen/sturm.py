@@ -10,9 +10,12 @@ constants of the P chains that hang from each (n, P, 1, S), links first.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +26,8 @@ from modal.types import Floats, Ints
 
 ROOM = 200_000
 """Numbers in an array of trials over links: what a processor's cache holds."""
+LINKING, LOADING = 0.5, 1.5
+"""Seconds that the compiled recursion takes to load, with numba at hand and without."""
 NUDGE = 2.0**-60
 """Subtracted from each D where one of them is zero: far below its rounding, but the zero becomes negative."""
 
@@ -142,7 +147,26 @@ def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
     return below, mass
 
 
+class _Saved:
+    """Seconds that this process would have saved so far, had it loaded the compiled recursion at once."""
+
+    seconds = 0.0
+
+
+def kernels(seconds: float = 0.0) -> ModuleType | None:
+    """`modal.eigen.compiled` once it would have saved as much as loading it costs, with so many seconds from now on."""
+    if "modal.eigen.compiled" not in sys.modules:
+        _Saved.seconds += seconds
+        if _Saved.seconds < (LINKING if "numba" in sys.modules else LOADING) or find_spec("numba") is None:
+            return None
+    from modal.eigen import compiled
+
+    return compiled
+
+
 def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
+    if compiled := kernels():
+        return compiled.counted((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
     step = max(1, ROOM // max(1, mu.size))

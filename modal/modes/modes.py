@@ -299,10 +299,10 @@ class Modes(Sequence[Mode]):
 
     def _partners(self, number: int) -> Ints:
         if self.on_cart:
-            return self._swinging
+            return np.flatnonzero(self._swings)
         kinds = {part.kind for part in self.spectrum.groups[number]}
-        partners = np.unique([row for kind in kinds for row in self.spectrum.numbers_of_kind[kind]])
-        return partners[np.isin(partners, self._swinging)]
+        partners = np.array(sorted({row for kind in kinds for row in self.spectrum.numbers_of_kind[kind]}))
+        return np.asarray(partners[self._swings[partners]])
 
     def _distortion(self, harmonic: int, own: tuple[int, list[_Piece]], other: tuple[int, list[_Piece]]) -> float:
         """How much another mode's answer changes a mode's angle of 1 %, relative: between shapes that move alike.
@@ -343,9 +343,9 @@ class Modes(Sequence[Mode]):
         return self.rig.natural()[0]
 
     @cached_property
-    def _swinging(self) -> Ints:
+    def _swings(self) -> Booleans:
         """The modes that oscillate for long, ζ < 0.1."""
-        return np.flatnonzero(np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue))
+        return np.asarray(np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue))
 
     def _indistinct(self, number: int) -> bool:
         omega, error = self.omega, self.error

@@ -1,6 +1,7 @@
 """Seeds, Rayleigh quotient steps and Sturm counts lead to the floats at which bisection alone ends."""
 
 import random
+import sys
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ from scenes import extreme_scene, long_scene
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
-from modal.eigen import chains, seeds
+from modal.eigen import chains, rayleigh, seeds, sturm
 from modal.eigen.bisection import confirmed, located, searched
 from modal.eigen.chains import CartProblem, squares_of
 from modal.eigen.rayleigh import at_pivot, twisted
@@ -113,6 +114,62 @@ def test_without_a_dense_matrix_it_is_bisection(monkeypatch: pytest.MonkeyPatch)
     np.testing.assert_array_equal(natural_modes(scene).omega, expected)
 
 
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the compiled recursion."""
+    for module in (chains, rayleigh, sturm):
+        monkeypatch.setattr(module, "kernels", lambda seconds=0.0: None)
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("supports", [1, 3, 40])
+@pytest.mark.parametrize("seed", range(6))
+def test_compiled_arithmetic_is_that_of_numpy(seed: int, supports: int) -> None:
+    """Bit for bit, at trial values on either side of every frequency, and next to the exact zero of a pivot."""
+    pytest.importorskip("numba")
+    from modal.eigen import compiled
+
+    rng = np.random.default_rng(seed)
+    numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 2, 1, supports))
+    hung = sturm.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
+    x = np.concatenate([10 ** rng.uniform(-6, 6, (33, supports)), 1 / (hung.r * hung.inverse)[:1, 0, 0]])
+    constants = hung.inverse, hung.r, hung.p, hung.m, hung.mJ
+    for nudge in (0.0, sturm.NUDGE):
+        with np.errstate(all="ignore"):
+            expected = sturm._counted(hung, x, nudge)
+        for found, one in zip(compiled.counted(constants, x, nudge), expected, strict=True):
+            np.testing.assert_array_equal(found, one)
+    with np.errstate(all="ignore"):
+        expected = rayleigh._felt(hung, x)
+    for found, one in zip(compiled.felt((*constants, hung.q), x), expected, strict=True):
+        np.testing.assert_array_equal(found, one)
+
+
+@pytest.mark.parametrize("n", [3, 40, 300])
+def test_compiled_or_not_the_modes_are_the_same(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("numba")
+    from modal.eigen import compiled
+
+    scene, found = random_chain(n, 0.3, Cart(mass=2.0), n), []
+    for used in (None, compiled):
+        for module in (chains, rayleigh, sturm):
+            monkeypatch.setattr(module, "kernels", lambda seconds=0.0, used=used: used)
+        found.append(natural_modes(scene).omega)
+    np.testing.assert_array_max_ulp(*found, maxulp=2)
+
+
+def test_numba_is_loaded_once_it_would_have_paid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sturm._Saved, "seconds", 0.0)
+    monkeypatch.delitem(sys.modules, "modal.eigen.compiled", raising=False)
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    natural_modes(random_chain(40, 0.3, Cart(mass=2.0), 1))
+    assert 0 < sturm._Saved.seconds < 0.01
+    assert sturm.kernels(sturm.LOADING / 2) is None
+    monkeypatch.setattr(sturm, "find_spec", lambda name: None)
+    assert sturm.kernels(sturm.LOADING) is None
+
+
+@pytest.mark.usefixtures("plain")
 def test_counts_are_few(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 100 rods: one confirmation of all, and what the slowest mode may need beside."""
     asked: list[int] = []
