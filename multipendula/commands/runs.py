@@ -150,11 +150,12 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
     import numpy as np
 
     from modal.errors import SceneError
-    from modal.modes import natural_modes, table_numbers
+    from modal.modes import table_numbers
+    from nonlinear.integration import modes_of
     from nonlinear.reduction import start_in_mode
     from nonlinear.system import of_plane
 
-    modes = natural_modes(scene)
+    modes = modes_of(scene)
     if not 1 <= number <= len(modes):
         raise SceneError([f"--start mode:{number}: the scene has modes 1 to {len(modes)}"])
     if modes.omega[number - 1] == 0:
@@ -167,7 +168,7 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
         if not found.size:
             raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, which does not oscillate"])
         scene, row = scene.conservative, int(found[0])
-        modes = natural_modes(scene)
+        modes = modes_of(scene)
     state = start_in_mode(scene, modes, row, 0, radians(degrees))
     return state if scene.space == "plane" else of_plane(state)
 

@@ -2,7 +2,7 @@
 
     y' = f(y),        v' = J(y) v,        J v = Im f(y + i h v) / h
 
-The recursion of `nonlinear.dynamics.recursion` is analytic plain arithmetic, so one call of it with complex numbers
+The equations of motion are analytic plain arithmetic, so one call of them with complex numbers
 gives y' and v' together; nothing is subtracted, so h can be so small that h² is lost beside 1, and v' is exact but for
 rounding (Squire and Trapp, SIAM Review 40, 110, 1998).
 """
@@ -15,19 +15,11 @@ from functools import cached_property
 import numpy as np
 
 from modal.types import Floats
-from nonlinear.dynamics import Minimal, Recursion
-from nonlinear.system import Layout, System
+from nonlinear.dynamics import Generated, Minimal, Recursion
+from nonlinear.integration.costs import WRITTEN
+from nonlinear.system import System
 
 STEP = 1e-30
-
-
-class Workless(Minimal):
-    """The equations of motion without the work, which moves nothing and would make y one longer where dampers act."""
-
-    @cached_property
-    def layout(self) -> Layout:
-        """The parts of y."""
-        return Layout(self.system.n_links, 1, self.system.cart is not None, works=False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +29,11 @@ class Tangent:
     system: System
 
     @cached_property
-    def equations(self) -> Workless:
-        """The equations of motion that are carried along."""
-        return Workless(self.system, tuple(Recursion(group, tail=1) for group in self.system.groups))
+    def equations(self) -> Minimal:
+        """The equations of motion, without the work, which moves nothing and would make y longer where dampers act."""
+        if self.system.n_links <= WRITTEN:
+            return Generated(self.system, counts_work=False)
+        return Minimal(self.system, tuple(Recursion(group, tail=1) for group in self.system.groups), counts_work=False)
 
     @cached_property
     def scale(self) -> Floats:

@@ -22,6 +22,7 @@ from nonlinear.dynamics.minimal import Body, Minimal, Recursion
 from nonlinear.system import Group, System
 
 SHORT = 6  # links of a chain whose matrix takes fewer operations than the recursion
+FEW = 2  # pendula of which many y side by side go one by one through what is written
 DEEPEST = 40  # brackets within brackets
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
 """What Python's floats raise where those of NumPy are inf or nan."""
@@ -197,27 +198,43 @@ class Generated(Minimal):
     def text(self) -> Text:
         """The rate of y as it is written."""
         tape, size = Tape(), self.layout.size
-        how = {"sine": _called("sin"), "cosine": _called("cos")}
-        plain = Minimal(self.system, tuple(_body(group, self.system, **how) for group in self.system.groups))
+        plain = self._with_bodies(sine=_called("sin"), cosine=_called("cos"))
         y = np.array([tape.symbol("y", i) for i in range(size)], dtype=object)
         return Text(tape, plain.derivative(0.0, y).tolist(), size)
+
+    def _function(self, sine: Any, cosine: Any) -> Callable[..., list[Any]]:
+        made: Callable[..., Any] = function_in(self.text.text, "made")
+        return made(sine, cosine, *self.text.numbers)  # type: ignore[no-any-return]
 
     @cached_property
     def rate(self) -> Rate:
         """The rate of one y in floats, a list."""
-        made: Callable[..., Rate] = function_in(self.text.text, "made")
-        return made(sin, cos, *self.text.numbers)
+        return self._function(sin, cos)
+
+    @cached_property
+    def _rates(self) -> Callable[..., list[Any]]:
+        return self._function(np.sin, np.cos)
 
     @cached_property
     def many(self) -> Minimal:
-        """The same in NumPy for many y side by side."""
-        return Minimal(self.system, tuple(_body(group, self.system, tail=1) for group in self.system.groups))
+        """The same in NumPy for many y side by side, and all pendula of a group at once."""
+        return self._with_bodies(tail=1)
+
+    def _with_bodies(self, **how: Any) -> Minimal:
+        bodies = tuple(_body(group, self.system, **how) for group in self.system.groups)
+        return Minimal(self.system, bodies, counts_work=self.counts_work)
 
     def derivative(self, time: float, y: Any) -> Any:
-        """The rate of one y, (size,), or of many side by side, (size, S)."""
-        if y.ndim > 1:
+        """The rate of one y, (size,), or of many side by side, (size, S), real or complex."""
+        if y.ndim > 1 and self.system.n_pendula > FEW:
             return self.many.derivative(time, y)
+        found = np.empty_like(y)
+        if y.ndim > 1:
+            for row, rate in zip(found, self._rates(y), strict=True):
+                row[...] = rate
+            return found
         try:
-            return np.array(self.rate(y.tolist()))
+            found[...] = self.rate(y.tolist())
         except UNDEFINED:
-            return np.full_like(y, np.nan)
+            found[...] = np.nan
+        return found

@@ -17,6 +17,8 @@ from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.joints import spring_energy
 from nonlinear.system import Group, Motion, System
 
+AT_ONCE = 20_000  # links at one instant
+
 
 def vectors(motion: Motion) -> tuple[Floats, Floats]:
     """The unit vector along every link and its rate (1/s), each (T, L, 2) or (T, L, 3)."""
@@ -119,7 +121,18 @@ class Mechanics:
     @cached_property
     def energy(self) -> Floats:
         """Total energy (J), (T,)."""
-        return np.asarray(self.cart_kinetic + self.cart_potential + (self.kinetic + self.potential).sum(1))
+        kinetic, potential = self.energies
+        return np.asarray(kinetic + potential)
+
+    @cached_property
+    def energies(self) -> tuple[Floats, Floats]:
+        """Kinetic and potential energy (J) of all, each (T,): of so many instants at once as a processor holds."""
+        rows, times = max(1, AT_ONCE // self.system.n_links), len(self.motion.cart)
+        if times <= rows:
+            return self.kinetic.sum(1) + self.cart_kinetic, self.potential.sum(1) + self.cart_potential
+        parts = [Mechanics(self.system, self.motion.at(slice(at, at + rows))).energies for at in range(0, times, rows)]
+        kinetic, potential = map(np.concatenate, zip(*parts, strict=True))
+        return kinetic, potential
 
     def of_pendula(self, values: Floats) -> Floats:
         """Values (T, L) of links added up over each pendulum, (T, N)."""

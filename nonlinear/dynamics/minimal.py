@@ -38,18 +38,19 @@ class Body(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Suspended(ABC):
-    """The equations of a scene; `bodies` solve its groups, `load` acts from outside."""
+    """The equations of a scene; `bodies` solve its groups, `load` acts from outside, y may count the work or not."""
 
     system: System
     bodies: tuple[Body, ...]
     load: Load | None = None
+    counts_work: bool = True
 
     width: ClassVar[int]
 
     @cached_property
     def layout(self) -> Layout:
         """The parts of y."""
-        works = self.system.works or self.load is not None
+        works = self.counts_work and (self.system.works or self.load is not None)
         return Layout(self.system.n_links, self.width, self.system.cart is not None, works)
 
     @cached_property

@@ -22,7 +22,7 @@ from nonlinear.integration.escapements import Escaping, escaping
 from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of
 from nonlinear.integration.run import Request, SimulationError, prepare
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciPyStepper, Stepper
-from nonlinear.integration.timescales import estimate_timescales, sample_count
+from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
 from nonlinear.integration.trajectory import CLOSED, TRUNCATED, SolverInfo, Trajectory
 from nonlinear.integration.twins import aside, departure, rounded, slightly
 
@@ -52,6 +52,7 @@ __all__ = [
     "escaping",
     "estimate_timescales",
     "extent",
+    "modes_of",
     "paced",
     "prepare",
     "rounded",

@@ -28,12 +28,16 @@ class Timescales:
     modal: bool
 
 
+modes_of = lru_cache(maxsize=4)(natural_modes)
+"""The modes of a scene, found once for a start, the times and the coordinates of a run."""
+
+
 @lru_cache(maxsize=4)
 def estimate_timescales(scene: Scene) -> Timescales:
     """Of a scene's modes where these can be had quickly, else guessed."""
     if scene.n_links <= MOST_SURVEYED:
         try:
-            found = natural_modes(scene).eigenvalue
+            found = modes_of(scene).eigenvalue
         except ComputationError:
             return _guessed(scene)
         swings = np.abs(found[(np.abs(found.imag) > np.abs(found.real)) | (found.real > 0)])

@@ -95,9 +95,7 @@ class Trajectory:
 
         Where hardly anything happens it is NOISE of the potential energy, whose rounding would else be all there is.
         """
-        mechanics = self._steady
-        kinetic = mechanics.kinetic.sum(1) + mechanics.cart_kinetic
-        potential = mechanics.potential.sum(1) + mechanics.cart_potential
+        kinetic, potential = self._steady.energies
         ranges = kinetic.max(), np.ptp(potential), abs(self.motion.work).max(), NOISE * abs(potential).max()
         return float(max(ranges)) or 1.0
 

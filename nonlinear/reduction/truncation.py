@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from modal.errors import SceneError
-from modal.modes import Modes, natural_modes
+from modal.modes import Modes
 from modal.scene import Scene
 from modal.types import Floats, Ints
 from nonlinear.integration import (
@@ -35,6 +35,7 @@ from nonlinear.integration import (
     Choice,
     Trajectory,
     extent,
+    modes_of,
     prepare,
     sample_times,
     validate,
@@ -233,7 +234,7 @@ def _validate(scene: Scene, modes: int | None, method: str) -> None:
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
     """The modes of the scene without its dampers, and the start in them; SceneError where a massless cart lacks one."""
     still = scene.conservative
-    modes = natural_modes(still)
+    modes = modes_of(still)
     phi = modes.matrix.real
     if len(phi.row) < modes.on_cart + scene.n_links:
         raise SceneError(["support.mass = 0.0: the modes of this scene do not span its motion"])

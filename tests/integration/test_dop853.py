@@ -13,7 +13,7 @@ from scipy.integrate import DOP853
 from modal import Bob, Cart, Pendulum, Scene, load
 from modal.scene import VanDerPol
 from modal.types import Floats
-from nonlinear.dynamics import Dense, Elimination, Generated, Minimal, Recursion, Reduced
+from nonlinear.dynamics import Dense, Elimination, Generated, Mechanics, Minimal, Recursion, Reduced, mechanics
 from nonlinear.dynamics.compiled import Compiled, available
 from nonlinear.dynamics.generated import function_in
 from nonlinear.integration import Choice, Pace, Request, SciPyStepper, methods
@@ -73,6 +73,31 @@ def test_elimination_is_the_dense_solution_for_one_y_and_for_many(seed: int) -> 
     assert apart(plain(system, Elimination, tail=1).derivative(0.0, many), expected) < 1e-11
     assert apart(Generated(system).derivative(0.0, many), expected) < 1e-11
     assert apart(plain(system, Elimination).derivative(0.0, many[:, 0]), expected[:, 0]) < 1e-11
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_many_complex_y_go_through_what_is_written_as_through_the_recursion(seed: int) -> None:
+    """With a step along the imaginary axis, whose digits are those of a derivative; the work is left out."""
+    system = system_of(motion_scene(seed))
+    bodies = tuple(Recursion(group, tail=1) for group in system.groups)
+    expected, found = Minimal(system, bodies, counts_work=False), Generated(system, counts_work=False)
+    size = 2 * (system.n_links + (system.cart is not None))
+    assert expected.layout.size == found.layout.size == size
+    rng = np.random.default_rng(seed)
+    y = rng.uniform(-3, 3, (size, 5)) + 1e-30j * rng.uniform(-1, 1, (size, 5))
+    one, other = found.derivative(0.0, y), expected.derivative(0.0, y)
+    assert apart(one.real, other.real) < 1e-11
+    assert apart(one.imag, other.imag) < 1e-10
+
+
+def test_energies_of_few_instants_at_once_are_those_of_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    run = simulate(load("paper-cart-3"), 2.0, output=101)
+    whole = run.mechanics.energies
+    monkeypatch.setattr(mechanics, "AT_ONCE", 50)
+    parts = Mechanics(run.system, run.motion).energies
+    for one, other in zip(parts, whole, strict=True):
+        assert np.abs(one - other).max() < 1e-14 * np.abs(other).max()
+    assert np.array_equal(run.mechanics.energy, sum(whole))
 
 
 def test_scenes_that_differ_in_numbers_alone_share_one_text() -> None:

@@ -14,6 +14,7 @@ from test_hamiltonian import dense_M, vectors
 from modal.errors import SceneError
 from modal.modes import natural_modes
 from modal.scene import Bob, Cart, Fixed, Pendulum, Rod, Scene
+from nonlinear.integration import modes_of
 from nonlinear.reduction import simulate_truncated, start_in_mode, survey_modes
 from nonlinear.reduction.truncated import Truncated
 from nonlinear.reduction.truncation import Kept, Survey
@@ -272,3 +273,12 @@ def test_without_its_second_run_nothing_is_stated() -> None:
     found = simulate_truncated(chain(0, 3), 1.0, 1, start=start, output=10, report=stop)
     assert found.trajectory.complete
     assert found.error == np.inf
+
+
+def test_modes_are_found_once_for_the_times_and_the_coordinates_of_a_run() -> None:
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=7)])])
+    modes_of.cache_clear()
+    start = start_in_mode(scene, modes_of(scene), 0, 0, 0.05)
+    simulate_truncated(scene, 0.5, 3, start=start)
+    assert modes_of.cache_info().misses == 1
+    assert modes_of.cache_info().hits >= 1
