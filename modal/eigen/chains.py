@@ -21,10 +21,11 @@ import numpy as np
 from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import confirmed, lies_within, located, searched
 from modal.eigen.counts import Built, counted
+from modal.eigen.kernels import kernels
 from modal.eigen.rayleigh import at_pivot, twisted, without_each
 from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
 from modal.eigen.seeds import LARGEST, seed_matrices, seeds
-from modal.eigen.sturm import ROOM, Suspension, kernels
+from modal.eigen.sturm import ROOM, Suspension
 from modal.types import Booleans, Floats, Ints
 
 SEEDS = "dense seeds"

@@ -6,22 +6,12 @@ of `modal.eigen.sturm` and `modal.eigen.rayleigh`, operation by operation.
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numba import njit
 
+from modal.eigen.compiling import compiled
 from modal.types import Floats, Ints
 
 LANES = 16
-
-
-def compiled(function: Any) -> Any:
-    """The compiled function, kept on disk where there is a folder for it."""
-    try:
-        return njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:
-        return njit(error_model="numpy")(function)
 
 
 def counted(constants: tuple[Floats, ...], x: Floats, nudge: float) -> tuple[Ints, Floats]:

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.eigen.sturm import ROOM, Chains, Suspension, kernels
+from modal.eigen.kernels import kernels
+from modal.eigen.sturm import ROOM, Chains, Suspension
 from modal.types import Floats
 
 

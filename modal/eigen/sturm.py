@@ -10,24 +10,20 @@ constants of the P chains that hang from each (n, P, 1, S), links first.
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.util import find_spec
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 
 from modal import pair
 from modal.assembly import Block, CartNumbers, masses_below
+from modal.eigen.kernels import kernels
 from modal.types import Floats, Ints
 
 ROOM = 200_000
 """Numbers in an array of trials over links: what a processor's cache holds."""
-LINKING, LOADING = 0.5, 1.5
-"""Seconds that the compiled recursion takes to load, with numba at hand and without."""
 NUDGE = 2.0**-60
 """Subtracted from each D where one of them is zero: far below its rounding, but the zero becomes negative."""
 
@@ -145,23 +141,6 @@ def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
         if not (fine := np.isfinite(mass).all((0, 2))).all():
             below[:, ~fine], mass[:, ~fine] = _counted(chains, x[~fine], NUDGE)
     return below, mass
-
-
-class _Saved:
-    """Seconds that this process would have saved so far, had it loaded the compiled recursion at once."""
-
-    seconds = 0.0
-
-
-def kernels(seconds: float = 0.0) -> ModuleType | None:
-    """`modal.eigen.compiled` once it would have saved as much as loading it costs, with so many seconds from now on."""
-    if "modal.eigen.compiled" not in sys.modules:
-        _Saved.seconds += seconds
-        if _Saved.seconds < (LINKING if "numba" in sys.modules else LOADING) or find_spec("numba") is None:
-            return None
-    from modal.eigen import compiled
-
-    return compiled
 
 
 def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:

@@ -14,9 +14,10 @@ from typing import Any, cast
 import numpy as np
 from scipy.integrate import DOP853
 
+from modal.eigen.compiling import compiled
 from modal.types import Floats, Ints
 from nonlinear.dynamics import undisturbed
-from nonlinear.dynamics.compiled import LOOSE, Compiled, compiled, rate
+from nonlinear.dynamics.compiled import LOOSE, Compiled, rate
 from nonlinear.integration.costs import kept
 from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
 

@@ -9,7 +9,7 @@ from scenes import extreme_scene, long_scene
 
 from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
 from modal.assembly import rig_of
-from modal.eigen import chains, rayleigh, seeds, sturm
+from modal.eigen import chains, kernels, rayleigh, seeds, sturm
 from modal.eigen.bisection import confirmed, located, searched
 from modal.eigen.chains import CartProblem, squares_of
 from modal.eigen.rayleigh import at_pivot, twisted
@@ -159,14 +159,14 @@ def test_compiled_or_not_the_modes_are_the_same(n: int, monkeypatch: pytest.Monk
 
 
 def test_numba_is_loaded_once_it_would_have_paid(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sturm._Saved, "seconds", 0.0)
+    monkeypatch.setattr(kernels.Saved, "seconds", 0.0)
     monkeypatch.delitem(sys.modules, "modal.eigen.compiled", raising=False)
     monkeypatch.delitem(sys.modules, "numba", raising=False)
     natural_modes(random_chain(40, 0.3, Cart(mass=2.0), 1))
-    assert 0 < sturm._Saved.seconds < 0.01
-    assert sturm.kernels(sturm.LOADING / 2) is None
-    monkeypatch.setattr(sturm, "find_spec", lambda name: None)
-    assert sturm.kernels(sturm.LOADING) is None
+    assert 0 < kernels.Saved.seconds < 0.01
+    assert kernels.kernels(kernels.LOADING / 2) is None
+    monkeypatch.setattr(kernels, "available", lambda: False)
+    assert kernels.kernels(kernels.LOADING) is None
 
 
 @pytest.mark.usefixtures("plain")
