@@ -1,6 +1,6 @@
-"""Linearized modal analysis of pendulum chains, alone or coupled by a cart.
+"""Linearized modal analysis of pendulum chains, on a fixed support or coupled by a cart.
 
-What is offered here is loaded when it is asked for: the command completes a line and prints its help without NumPy.
+The names below are loaded on first use, so that shell completion and help work without NumPy.
 
 >>> from modal import load, natural_modes
 >>> modes = natural_modes(load("paper-cart-2"))
@@ -15,7 +15,7 @@ from modal._compatibility import exported, warn_about_namesake
 if TYPE_CHECKING:
     from modal.assembly import Matrices, matrices
     from modal.errors import ComputationError, MultipendulaError, SceneError
-    from modal.modes import Mode, Modes, Shape, natural_modes
+    from modal.modes import Mode, Modes, Shape, natural_frequencies, natural_modes
     from modal.scene import (
         Bob,
         Body,
@@ -52,6 +52,7 @@ __all__ = [
     "example_names",
     "load",
     "matrices",
+    "natural_frequencies",
     "natural_modes",
 ]
 

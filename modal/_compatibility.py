@@ -1,4 +1,4 @@
-"""Other bearers of these names: those of version 0.1.0, and another distribution's package called `modal`.
+"""The names of version 0.1.0, and a warning about another distribution's package called `modal`.
 
 Old names and module paths work for one version, with a DeprecationWarning.
 """

@@ -1,4 +1,4 @@
-"""Everything this project refuses to do, under one base class."""
+"""The exceptions that this project raises on purpose, under one base class."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
 
 
 def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> str:
-    """A question after what a mistyped word may have meant, nothing where no known one is near.
+    """A suggestion for a mistyped word, ` (did you mean …?)`, or nothing if no known word is similar.
 
     >>> meant("lenght", ["mass", "length"])
     ' (did you mean length?)'

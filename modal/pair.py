@@ -1,12 +1,12 @@
-"""The pair (A, b): the only place that knows masses and lengths.
+"""The pair (A, b): the only module that knows masses and lengths.
 
 With u_i the unit direction of link i (in the plane or in space), e_x along the rail and e_z down,
 
     T = ½ M x'² + x' e_x·Σ b_i u_i' + ½ Σ_ij A_ij u_i'·u_j',    V = −g Σ b_i u_i·e_z,    M = m_c + Σ m
     b_i = m_i c_i + l_i Σ_{k>i} m_k,   A_ii = I_i + m_i c_i² + l_i² Σ_{k>i} m_k,   A_ij = l_i b_j (i above j).
 
-The functions are plain arithmetic over sequences, top link first: floats, fractions, SymPy symbols and whole
-arrays (one entry a pendulum) run the same lines.
+The functions are plain arithmetic over sequences, top link first, so that the same code works with floats, fractions,
+SymPy symbols and whole arrays (one entry per pendulum).
 """
 
 from collections.abc import Callable, Sequence
@@ -41,15 +41,22 @@ def masses_below(mass: Scalars) -> list[Any]:
 
 def first_moments(mass: Scalars, length: Scalars, centre: Scalars) -> list[Any]:
     """b_i (kg m): K_ii = g b_i, and the cart feels b_i θ_i''."""
-    return [m * c + l * below for m, l, c, below in zip(mass, length, centre, masses_below(mass), strict=True)]
+    return list(map(first_moment, mass, length, centre, masses_below(mass)))
+
+
+def first_moment(m: Any, l: Any, c: Any, below: Any) -> Any:
+    """The b of a link with so much mass below it, or of as many as the arrays hold."""
+    return m * c + l * below
 
 
 def second_moments(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[Any]:
     """A_ii (kg m²)."""
-    return [
-        I + m * c * c + l * l * below
-        for m, l, c, I, below in zip(mass, length, centre, inertia, masses_below(mass), strict=True)
-    ]
+    return list(map(second_moment, mass, length, centre, inertia, masses_below(mass)))
+
+
+def second_moment(m: Any, l: Any, c: Any, I: Any, below: Any) -> Any:
+    """A_ii of a link with so much mass below it, or of as many as the arrays hold."""
+    return I + m * c * c + l * l * below
 
 
 def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars) -> list[list[Any]]:
@@ -80,25 +87,29 @@ class Constants(NamedTuple):
 
 
 def constants(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars, gravity: Any = 1) -> list[Constants]:
-    """The constants of every link; l − c is formed before it is divided: a centre next to a joint keeps every digit."""
-    found = []
-    for m, l, c, I, below in zip(mass, length, centre, inertia, masses_below(mass), strict=True):
-        s, rest, J = c / l, (l - c) / l, I / l / l
-        found.append(
-            Constants(
-                m=m,
-                mJ=m * J,
-                r=m * s * s + J,
-                p=m * rest * rest + J,
-                q=m * s * rest - J,
-                upper=m * s,
-                lower=m * rest,
-                k=gravity * (m * s + below) / l,
-            )
-        )
-    return found
+    """The constants of every link."""
+    below = masses_below(mass)
+    return [link_constants(*link, gravity) for link in zip(mass, length, centre, inertia, below, strict=True)]
+
+
+def link_constants(m: Any, l: Any, c: Any, I: Any, below: Any, gravity: Any = 1) -> Constants:
+    """Those of a link with so much mass below it, or of as many as the arrays hold.
+
+    l − c is formed before it is divided: a centre next to a joint keeps every digit.
+    """
+    s, rest, J = c / l, (l - c) / l, I / l / l
+    return Constants(
+        m=m,
+        mJ=m * J,
+        r=m * s * s + J,
+        p=m * rest * rest + J,
+        q=m * s * rest - J,
+        upper=m * s,
+        lower=m * rest,
+        k=gravity * (m * s + below) / l,
+    )
 
 
 def standing(links: Sequence[Constants], sigma: Scalars) -> list[Constants]:
-    """In the coordinates σ_i θ_i a link that stands (σ_i = −1) has −k for k, and all else is as if it hung."""
+    """In the coordinates σ_i θ_i an inverted link (σ_i = −1) has −k for k, and all else is as for a hanging one."""
     return [link._replace(k=sign * link.k) for link, sign in zip(links, sigma, strict=True)]

@@ -1,4 +1,4 @@
-"""Names for arrays of one kind of number, of any shape."""
+"""Type aliases of arrays of one kind of number, of any shape."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,7 +1,7 @@
-"""The command line: parse, run one of `multipendula.commands`, and turn what it refuses into an exit code.
+"""The command line: parse, run one of `multipendula.commands`, and turn errors into messages and exit codes.
 
-Exit codes: 0, 1 for what could not be computed or written, 2 for bad input, 130 for Ctrl-C and other requests to end.
-Nothing but the standard library is imported before `main` answers Ctrl-C.
+Exit codes: 0; 1 if something cannot be computed or written; 2 for bad input; 130 for Ctrl-C and other requests to
+terminate.  Only the standard library is imported before `main` handles Ctrl-C.
 """
 
 from __future__ import annotations
@@ -48,9 +48,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _stoppable(alone: bool) -> Iterator[list[int]]:
-    """Ctrl-C and requests to end raise KeyboardInterrupt in here; those that came are kept, lest a library lose them.
+    """Make Ctrl-C and requests to terminate raise KeyboardInterrupt, and record them in case a library swallows one.
 
-    Where this is `alone` in its process they are ignored afterwards, as it ends anyway.
+    If this is `alone` in its process, they are ignored afterwards, as the process ends anyway.
     """
     came: list[int] = []
 
@@ -59,7 +59,7 @@ def _stoppable(alone: bool) -> Iterator[list[int]]:
         raise KeyboardInterrupt
 
     def unheard(lost: sys.UnraisableHookArgs) -> None:
-        """Where a destructor has swallowed a KeyboardInterrupt, it comes again."""
+        """If a destructor has swallowed a KeyboardInterrupt, raise it again."""
         if isinstance(lost.exc_value, KeyboardInterrupt):
             threading.Timer(0.01, interrupt_main).start()
         else:
@@ -109,7 +109,7 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
 
 
 def _left(leaving: SystemExit) -> int:
-    """A page of help that could not be printed is no success."""
+    """Exit as argparse wants to, unless its help page could not be printed."""
     try:
         if sys.stdout:
             sys.stdout.flush()
@@ -119,7 +119,7 @@ def _left(leaving: SystemExit) -> int:
 
 
 def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
-    """The exit code of what a command raises, once it is told; what nobody has foreseen is raised again."""
+    """Report an error that a command raises, and return its exit code; unexpected errors are raised again."""
     from modal.errors import MultipendulaError, SceneError
     from modal.report import visible
 
@@ -143,7 +143,7 @@ def _answer(error: BaseException, options: argparse.Namespace | None) -> int:
 
 
 def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
-    """Places in a scene with the file that they are in, where nothing else gave them their values."""
+    """The message with the scene's file before each place in it, unless --vary may have set the value."""
     from modal.report import visible
 
     scene = getattr(options, "scene", None) if not hasattr(options, "vary") else None
@@ -153,20 +153,20 @@ def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
 
 @contextmanager
 def _words_aside(options: argparse.Namespace) -> Iterator[None]:
-    """Standard output is kept for the file that is written to it, if one is: words go to standard error then."""
+    """If a file is written to standard output, print all text to standard error instead."""
     from modal.errors import SceneError
     from modal.scene import STANDARD
 
     files = [action for action in options.page._actions if action.metavar == "FILE"]
     to_output = [max(action.option_strings, key=len) for action in files if vars(options)[action.dest] == STANDARD]
     if len(to_output) > 1:
-        raise SceneError([f"{', '.join(to_output)}: one of them at most can be - (standard output)"])
+        raise SceneError([f"{', '.join(to_output)}: at most one of them can be - (standard output)"])
     with redirect_stdout(_Aside() if to_output else sys.stdout):
         yield
 
 
 class _Aside(TextIOBase):
-    """Standard output whose words go to standard error, and whose bytes go where they went."""
+    """Standard output with its text diverted to standard error; bytes still go to standard output."""
 
     def __init__(self) -> None:
         self.output = sys.stdout
@@ -202,7 +202,7 @@ def _parser() -> Page:
     for command in COMMANDS:
         topics.setdefault(command.topic, []).append(command.name)
     parser = Page(prog="multipendula", description=ABOUT, examples=FIRST, topics=topics)
-    parser.more.add_argument("--version", action=Version, nargs=0, help="print the version and leave")
+    parser.more.add_argument("--version", action=Version, nargs=0, help="print the version and exit")
     pages = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in COMMANDS:
         command.add_to(pages)

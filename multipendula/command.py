@@ -1,4 +1,4 @@
-"""One record a command: what it does, what it takes, and what its page of help says."""
+"""The record of a command: what it does, its arguments, and its help."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from multipendula.parser import Examples, Page
 class Command(NamedTuple):
     """A command under a topic of `multipendula --help`.
 
-    `arguments` adds what it takes to its page, `details` follow the docstring of `run` there, and tests do the
-    `examples`, a page in order.
+    `arguments` adds the arguments to its page, where `details` follow the docstring of `run`.  Tests run the
+    `examples` of each page in order.
     """
 
     name: str

@@ -1,7 +1,6 @@
-"""Words that a shell completes: scenes, files of the right kind, numbers of modes, places of a scene, and lists.
+"""Shell completion: scenes, files of the right kind, numbers of modes, places in a scene, and lists.
 
-argcomplete asks the parser, whose arguments bear these completers.  Nothing that computes is loaded unless a scene has
-to be read.
+argcomplete calls the completers of the parser's arguments.  No numerical code is loaded unless a scene has to be read.
 """
 
 from __future__ import annotations
@@ -18,13 +17,13 @@ Completer = Callable[..., Iterable[str]]
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer a shell that asks what may follow, and leave."""
+    """Answer a shell's request for completions, and exit."""
     from argcomplete.completers import SuppressCompleter
     from argcomplete.finders import CompletionFinder
 
     class Finder(CompletionFinder):
         def filter_completions(self, completions: list[str]) -> list[str]:
-            """Options only where nothing else may stand."""
+            """Options only where nothing else is possible."""
             words = [word for word in completions if not word.startswith("-")]
             return super().filter_completions(words or completions)
 
@@ -32,7 +31,7 @@ def complete(parser: argparse.ArgumentParser) -> None:
 
 
 def shipped() -> list[str]:
-    """Names of the shipped scenes, found without loading the package they come with."""
+    """Names of the shipped scenes, found without loading their package."""
     from importlib.util import find_spec
 
     found = find_spec("modal")
@@ -56,7 +55,7 @@ def scenes(suffixes: Sequence[str], more: Sequence[str] = ()) -> Completer:
 
 
 def words(known: Sequence[str], comma: str = ",") -> Completer:
-    """One of these words, or several with commas, none of them twice."""
+    """One of these words, or several separated by commas, each once."""
 
     def offered(prefix: str, **_: Any) -> list[str]:
         before, found, _last = prefix.rpartition(comma) if comma else ("", "", prefix)
@@ -66,7 +65,7 @@ def words(known: Sequence[str], comma: str = ",") -> Completer:
 
 
 def files(suffixes: Sequence[str]) -> Completer:
-    """Folders, and files with these suffixes; all files where there is none."""
+    """Folders, and files with these suffixes; all files if there are none."""
 
     def offered(prefix: str, **_: Any) -> Iterator[str]:
         folder, begun = os.path.split(prefix)
@@ -82,7 +81,7 @@ def files(suffixes: Sequence[str]) -> Completer:
 
 
 def mode_numbers(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    """Numbers of a scene's modes, and ranges that begin with the one before a colon."""
+    """Numbers of a scene's modes, and ranges that begin with the number before a colon."""
     from modal import load, natural_modes
 
     scene = load(parsed_args.scene)
@@ -92,7 +91,7 @@ def mode_numbers(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list
 
 
 def places(prefix: str, parsed_args: argparse.Namespace, **_: Any) -> list[str]:
-    """The places of a scene's numbers, ready for values."""
+    """The places of a scene's numbers, with an equals sign."""
     from modal import load
     from modal.scene import describe
 

@@ -1,4 +1,4 @@
-"""What several commands take: converters that check values, and arguments with what a shell offers for them."""
+"""Arguments shared by several commands, with their shell completion, and converters that check values."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ REPORTS = ("text", "markdown", "csv", "json")
 
 
 def add_scene(page: Page, more: str = "", kinds: Sequence[str] = ("toml",), names: Sequence[str] = ()) -> None:
-    """The scene that is asked about; `more` says what else may stand there, by these endings or names."""
+    """The scene; `more` describes what else is accepted, with these endings or names."""
     words = "a scene file, the name of a shipped scene (see `multipendula scenes`), or - for standard input"
     offer(
         page.asked.add_argument("scene", metavar="SCENE", help=words + more), completion.scenes(endings(kinds), names)
@@ -42,26 +42,26 @@ def add_modes(page: Page, flag: str = "--modes", example: str = "1:10") -> None:
 def add_words(
     group: argparse._ArgumentGroup, flag: str, words: Sequence[str], *, comma: str = ",", **more: Any
 ) -> None:
-    """An option that takes these words, several with commas unless `comma` is empty."""
+    """An option with these values, several separated by commas unless `comma` is empty."""
     offer(group.add_argument(flag, **more), completion.words(words, comma))
 
 
 def add_start(page: Page, words: str = "as in simulate") -> None:
-    """Where a motion begins."""
-    instead = "ask for --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."
+    """The initial condition of a motion."""
+    instead = "give --start mode:1:5 (mode 1, largest angle 5 deg) or --start angles:10,20,..."
     page.rephrase(r"give another start: .*", instead)
     add_words(page.motion, "--start", ("scene", "mode:", "angles:"), comma="", metavar="WORDS", help=words)
 
 
 def add_duration(page: Page, words: str, usual: float | None = None) -> None:
-    """How long a motion takes."""
+    """The duration of a motion."""
     seconds = number("seconds above 0")
     page.motion.add_argument("--duration", metavar="SECONDS", type=seconds, default=usual, help=words)
 
 
 def add_samples(page: Page) -> None:
-    """How much of a motion is kept."""
-    page.motion.add_argument("--samples", metavar="N", type=whole(100_000_000), help="how many instants are kept")
+    """The number of samples of a motion."""
+    page.motion.add_argument("--samples", metavar="N", type=whole(100_000_000), help="number of samples to store")
     page.rephrase(r", (\d+) samples$", r", --samples \1")
 
 
@@ -72,18 +72,18 @@ def add_accuracy(page: Page, words: str, **more: Any) -> None:
 
 
 def add_format(page: Page, formats: Sequence[str], **more: Any) -> None:
-    """The form of what is printed."""
+    """The format of the output."""
     page.written.add_argument("--format", choices=formats, default=formats[0], **more)
 
 
 def add_explain(page: Page) -> None:
-    """A report of how the answer was found."""
-    words = "say what was built for this, and what the scene did not require"
+    """A report of how the result was computed."""
+    words = "report what was computed, and what the scene did not require"
     page.written.add_argument("--explain", action="store_true", help=words)
 
 
 def add_file(page: Page, *flags: str, words: str = "{}", kinds: Sequence[str] = (), **more: Any) -> None:
-    """A file to write, `words` saying what is done with {} of these kinds; the name - is standard output."""
+    """A file to write; `words` say what for, with {} for these kinds of file; the name - is standard output."""
     *most, last = endings(kinds) or ("",)
     told = words.format(f"a {', '.join(most)} or {last} file" if most else f"a {last} file")
     action = page.written.add_argument(*flags, metavar="FILE", help=f"{told}, or - for standard output", **more)
@@ -91,35 +91,35 @@ def add_file(page: Page, *flags: str, words: str = "{}", kinds: Sequence[str] = 
 
 
 def add_text(page: Page) -> None:
-    """A file for what is printed otherwise."""
-    words = "write here instead of standard output (which is -)"
+    """A file for the text output."""
+    words = "write to this file instead of standard output (-)"
     offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), completion.files(()))
 
 
 def add_motion(page: Page, *flags: str, **more: Any) -> None:
     """A file for a simulated motion."""
-    add_file(page, *(flags or ("--output", "-o")), words="keep the motion in {}", kinds=RUNS, **more)
+    add_file(page, *(flags or ("--output", "-o")), words="save the motion in {}", kinds=RUNS, **more)
 
 
 def add_picture(page: Page, *flags: str, **more: Any) -> None:
-    """A file for a picture, and its colours."""
+    """A file for a figure, and its colours."""
     add_file(page, *flags, kinds=PICTURES, **more)
     add_theme(page)
 
 
 def add_theme(page: Page) -> None:
-    """The colours of what is drawn."""
-    words = "colours of the picture (light)"
+    """The colours of a figure."""
+    words = "colours of the figure (default light)"
     page.written.add_argument("--theme", choices=("light", "dark"), default="light", help=words)
 
 
 def offer(action: argparse.Action, completer: Completer) -> None:
-    """What a shell offers for an argument."""
+    """Set the shell completion of an argument."""
     action.completer = completer  # type: ignore[attr-defined]
 
 
 def endings(kinds: Sequence[str]) -> tuple[str, ...]:
-    """Kinds of files as names end in them."""
+    """The file name endings of these kinds of files."""
     return tuple(f".{kind}" for kind in kinds)
 
 
@@ -127,7 +127,7 @@ def endings(kinds: Sequence[str]) -> tuple[str, ...]:
 
 
 def number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> Callable[[str], float]:
-    """A converter of numbers above 0, `words` saying which."""
+    """A converter for numbers above 0 in a range, which `words` describe."""
 
     def converted(text: str) -> float:
         try:
@@ -142,7 +142,7 @@ def number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> 
 
 
 def whole(most: int) -> Callable[[str], int]:
-    """A converter of whole numbers from 1."""
+    """A converter for whole numbers from 1."""
 
     def converted(text: str) -> int:
         digits = text.isascii() and text.isdigit() and len(text) <= len(str(most))
@@ -154,5 +154,5 @@ def whole(most: int) -> Callable[[str], int]:
 
 
 def angles(text: str) -> list[float]:
-    """A converter of angles in degrees, with commas."""
+    """A converter for a comma-separated list of angles in degrees."""
     return [number("degrees above 0 and at most 170", most=170)(word) for word in text.split(",")]

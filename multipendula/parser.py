@@ -1,4 +1,4 @@
-"""Help pages that teach by example, and errors that say what was meant and where help is."""
+"""The argument parser: help pages with examples, and errors with suggestions and a pointer to help."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from itertools import takewhile
 from typing import Any, NoReturn
 
 WIDTH = 79
-"""Columns of a page: those of the narrowest terminal, less the cursor's."""
+"""Columns of a page: a terminal of 80, less one for the cursor."""
 
 Examples = tuple[tuple[str, str], ...]
-"""What to type, and what it does."""
+"""Commands, each with a description."""
 
 
 def shown(examples: Examples) -> str:
-    """Examples as a page has them: the command, folded as a shell reads it, and its words below.
+    """Examples for a page: the command, continued over lines as a shell reads it, and its description below.
 
     >>> print(shown((("table chain-3", "three modes"),)))
       multipendula table chain-3
@@ -28,35 +28,35 @@ def shown(examples: Examples) -> str:
 
 
 def _folded(command: str) -> str:
-    """A command over several lines, an option and its value on one."""
+    """A command wrapped over several lines, with each option and its value on one line."""
     joined = re.sub(r"( -\S+) (?=[^-])", "\\1\0", command)
     lines = textwrap.wrap(joined, WIDTH - 4, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
     return "  " + " \\\n  ".join(lines).replace("\0", " ")
 
 
 class Page(argparse.ArgumentParser):
-    """The parser of one command, or of the choice among them: arguments by what they are for, and examples."""
+    """The parser of one command, or the top-level parser: grouped arguments, and examples."""
 
     def __init__(self, *, examples: Examples, topics: Mapping[str, Sequence[str]] | None = None, **words: Any) -> None:
         super().__init__(**words, formatter_class=_Columns, add_help=False)
         self.examples, self.topics = examples, topics or {}
         self.given: list[str] = []
         self.phrases: list[tuple[str, str]] = []
-        self.asked = self.add_argument_group("what is asked")
-        self.motion = self.add_argument_group("the motion")
-        self.computed = self.add_argument_group("how it is computed")
-        self.written = self.add_argument_group("what is shown and written")
-        self.more = self.add_argument_group("more")
+        self.asked = self.add_argument_group("arguments")
+        self.motion = self.add_argument_group("motion")
+        self.computed = self.add_argument_group("computation")
+        self.written = self.add_argument_group("output")
+        self.more = self.add_argument_group("other")
         self.more.add_argument("-h", "--help", action="help", help="show this help message and exit")
 
     @property
     def name(self) -> str:
-        """The command, nothing for the choice among them."""
+        """The name of the command, empty for the top level."""
         return self.prog.partition(" ")[2]
 
     @property
     def pointer(self) -> str:
-        """Where help is."""
+        """The pointer to the help page."""
         return f"see `{self.prog} --help`"
 
     def format_help(self) -> str:
@@ -68,7 +68,7 @@ class Page(argparse.ArgumentParser):
             columns.start_section(title)
             columns.add_arguments(actions)
             columns.end_section()
-        title = "examples" if self.name else "to begin with"
+        title = "examples" if self.name else "first steps"
         return f"{columns.format_help()}\n{title}:\n{shown(self.examples)}\n{self._further()}"
 
     def _sections(self) -> Iterator[tuple[str | None, list[argparse.Action]]]:
@@ -80,14 +80,17 @@ class Page(argparse.ArgumentParser):
             yield group.title, group._group_actions
 
     def _further(self) -> str:
-        return "" if self.name else "\nEvery command has a page such as this: `multipendula table --help`.\n"
+        return "" if self.name else "\nEvery command has its own help, for example `multipendula table --help`.\n"
 
     def rephrase(self, words: str, options: str) -> None:
-        """What the packages say, which know no options, in those of this command, as `re.sub` takes both."""
+        """Rewrite messages of the packages, which do not know the options, in terms of this command's options.
+
+        `words` is a pattern and `options` its replacement, as for `re.sub`.
+        """
         self.phrases.append((words, options))
 
     def in_options(self, line: str) -> str:
-        """A line of an error with the options that it is about.
+        """A line of an error message, in terms of the options.
 
         >>> page = Page(prog="multipendula export", examples=())
         >>> page.rephrase("^input(?= )", "--input")
@@ -99,12 +102,12 @@ class Page(argparse.ArgumentParser):
         return line
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
-        """What argparse does; the words are kept for what errors say."""
+        """As argparse does; the words are kept for error messages."""
         self.given = list(sys.argv[1:] if args is None else args)
         return super().parse_known_args(self.given, namespace)
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong, which options there are not, and where help is; leave with 2."""
+        """Report the mistake, unknown options and the help page; exit with code 2."""
         self.print_usage(sys.stderr)
         from modal.report import visible
 
@@ -112,7 +115,7 @@ class Page(argparse.ArgumentParser):
         self.exit(2, "".join(f"{self.prog}: {line}\n" for line in lines))
 
     def _strangers(self) -> Iterator[str]:
-        """Options among its words that there are not, each with the nearest one; a command's words are not its own."""
+        """Unknown options, each with the most similar known one; the top level ignores the words of its commands."""
         from modal.errors import meant
 
         known = self._option_string_actions
@@ -122,25 +125,27 @@ class Page(argparse.ArgumentParser):
                 yield f"{name}: no such option{meant(name, known)}"
 
     def _print_message(self, message: str, file: Any = None) -> None:
-        """OSError, unlike argparse's own, where it cannot be written."""
+        """Raise OSError if it cannot be written, which argparse would swallow."""
         stream = file or sys.stderr
         if message and stream:
             stream.write(message)
 
     def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
-        """What argparse does, but `--option=--` gives an option no value."""
+        """As argparse does, but `--option=--` gives an option no value."""
         if action.option_strings and arg_strings == ["--"]:
             raise argparse.ArgumentError(action, "expected one argument")
         return super()._get_values(action, arg_strings)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
-        """ArgumentError for a value that is no choice, with the nearest one."""
+        """ArgumentError for a value that is not a choice, with the most similar choice."""
         choices = action.choices
         if choices is not None and value not in choices:
             from modal.errors import meant
 
             there = ", ".join(map(str, choices))
-            raise argparse.ArgumentError(action, f"invalid choice: {value}{meant(value, choices)}; there are {there}")
+            raise argparse.ArgumentError(
+                action, f"invalid choice: {value}{meant(value, choices)}; must be one of {there}"
+            )
 
 
 class _Columns(argparse.HelpFormatter):
@@ -149,7 +154,7 @@ class _Columns(argparse.HelpFormatter):
 
 
 class Version(argparse.Action):
-    """Print the version and leave."""
+    """Print the version and exit."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         """Print it."""

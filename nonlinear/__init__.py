@@ -1,4 +1,4 @@
-"""Nonlinear simulation of the scenes of `modal` at any angle, with certificates.
+"""Nonlinear simulation of the scenes of `modal` at any angle, with checks of its accuracy.
 
 >>> import modal
 >>> from nonlinear import simulate

@@ -1,8 +1,8 @@
-"""Trajectories on disk: NPZ holds everything to the last bit, CSV the same numbers to read and plot elsewhere.
+"""Trajectories on disk: NPZ has everything to the last bit, CSV the same numbers for other programs.
 
-Both begin with a header in JSON: the scene, how the run was made and what happened.  In a CSV it stands in a comment on
-the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both hold a
-checksum, and a file that is not what was saved is refused whole.
+Both begin with a header in JSON: the scene, how the run was made, and its events.  In a CSV the header is a comment on
+the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both have a
+checksum, and a file that has changed is refused.
 """
 
 from __future__ import annotations
@@ -11,16 +11,16 @@ import io
 import json
 import os
 import warnings
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
 from math import isnan
 from typing import Any
 
 import numpy as np
 
-from modal.report import csv_comment
+from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
-from modal.scene.sealed import finite, index, reading, require_keys
+from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
@@ -62,13 +62,13 @@ def checked_kind(path: str | os.PathLike[str]) -> str:
     return kind_of(path, KINDS)
 
 
-def as_csv(header: dict[str, Any], lines: Iterable[str]) -> bytes:
-    """The header in a comment on the first line, its checksum before everything else, and the lines below."""
-    return sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + "".join(lines))
+def as_csv(header: dict[str, Any], rows: Iterable[Iterable[Any]]) -> bytes:
+    """The header in a comment on the first line, after the checksum of all the rest, and the rows below."""
+    return sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + csv_rows(rows))
 
 
 def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
-    """The header, and what stands below it."""
+    """The header and the text below it."""
     found = sealed.content(path)
     sealed.verify_sealed_text(found, COMMENT)
     first, _, rest = found.decode().partition("\n")
@@ -78,12 +78,12 @@ def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
 
 
 def as_npz(header: dict[str, Any], arrays: dict[str, Any]) -> bytes:
-    """The header as an array of one text, beside the others."""
+    """The arrays, with the header as an array of one text."""
     return sealed.archive({HEADER: np.array(json.dumps(header))} | arrays)
 
 
 def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The header, and the arrays beside it."""
+    """The header and the other arrays."""
     arrays = sealed.unpacked(sealed.content(path))
     header: dict[str, Any] = json.loads(str(arrays.pop(HEADER)))
     return header, arrays
@@ -116,8 +116,8 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
     shape = (len(times), system.n_links, *([3] if system.spatial else []))
     shapes = dict.fromkeys(PARTS, (len(times),)) | {"links": shape, "link_rates": shape}
     require_keys(parts, *PARTS)
-    motion = Motion(**{name: finite(parts[name], *shapes[name]) for name in PARTS})
-    if len(times) == 0 or np.any(np.diff(finite(times, len(times))) <= 0):
+    motion = Motion(**{name: finite_array(parts[name], *shapes[name]) for name in PARTS})
+    if len(times) == 0 or np.any(np.diff(finite_array(times, len(times))) <= 0):
         raise ValueError
     events = tuple(_happening(event, shape[1:]) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
@@ -139,8 +139,8 @@ def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
 
 def _happening(event: dict[str, Any], shape: tuple[int, ...]) -> EventRecord:
     require_keys(event, "name", "time_s", *PARTS[:4])
-    time, cart, cart_rate = finite([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
-    state = State(finite(event["links"], *shape), finite(event["link_rates"], *shape), cart, cart_rate)
+    time, cart, cart_rate = finite_array([event["time_s"], event["cart"], event["cart_rate"]], 3).tolist()
+    state = State(finite_array(event["links"], *shape), finite_array(event["link_rates"], *shape), cart, cart_rate)
     return EventRecord(str(event["name"]), time, state)
 
 
@@ -150,7 +150,7 @@ def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
     link = np.array([index(own, n_links) for own in found["link"]], dtype=np.int64)
     if len(link) != size:
         raise ValueError
-    return Kicks(link=link, **{name: finite(found[name], size) for name in ("time", "impulse", "energy")})
+    return Kicks(link=link, **{name: finite_array(found[name], size) for name in ("time", "impulse", "energy")})
 
 
 # ---------------------------------------------------------------------------------------------------------- NPZ
@@ -185,13 +185,7 @@ def _csv(trajectory: Trajectory) -> bytes:
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
     rows = np.hstack([trajectory.times[:, None], *blocks])
-    return as_csv(_header(trajectory), _lines(columns(trajectory.system), rows))
-
-
-def _lines(names: list[str], rows: Floats) -> Iterator[str]:
-    yield ",".join(names) + "\n"
-    for row in rows.tolist():
-        yield ",".join(map(repr, row)) + "\n"
+    return as_csv(_header(trajectory), [columns(trajectory.system), *rows.tolist()])
 
 
 def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:

@@ -1,4 +1,4 @@
-"""Simulate a scene: one call from a start to a trajectory."""
+"""Simulate a scene: one call from an initial condition to a trajectory."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def simulate(
     found and judged (`nonlinear.accuracy.advice`), `run.error` and `run.reason` say how.  `output` is a number of
     evenly spaced samples or their times after the start (s), ascending; `start` replaces the scene file's own, at
     `start_time` (s). `load(t, state)` returns the `Push` from outside.  One that acts for less than a step may be
-    missed: at the times t (s) that are its `breaks` steps end and the integrator begins anew, and no step is longer
+    missed: at the times t (s) that are its `breaks` steps end and the integrator restarts, and no step is longer
     than `max_step` (s).  An accuracy under a load needs one of them; `breaks=[]` says that it changes no faster than
     the scene swings.  `before` are the kicks of escapements until the start, which say on which side the next ones
     come.  `report` hears of the seconds gone through after every step.
@@ -72,7 +72,7 @@ def simulate(
     """
     validate_scene(scene)
     if accuracy is not None and tolerance is not None:
-        raise SceneError(["accuracy: goes without a tolerance, which it chooses"])
+        raise SceneError(["accuracy: cannot be combined with a tolerance"])
     used = USUAL if tolerance is None else tolerance
     more: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
     more |= {"load": load, "breaks": breaks, "max_step": max_step}
@@ -92,7 +92,7 @@ def advise(
     start_time: float = 0.0,
     **more: Any,
 ) -> Advice:
-    """The cheapest way to a motion of which no angle is off by more than `accuracy` (rad), and what was tried.
+    """The cheapest method by which no angle is off by more than `accuracy` (rad), and all attempts.
 
     The other arguments are those of `simulate`.  Raises SceneError for arguments that cannot be, SimulationError where
     an integrator gives up.
@@ -148,14 +148,14 @@ def resume(
     load: Load | None = None,
     **options: Any,
 ) -> Trajectory:
-    """The motion after a trajectory's last state, its times going on.
+    """The motion after a trajectory's last state, with its times continued.
 
     Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given, or an
-    accuracy in their place; the work begins anew at 0.  A run in a few modes or in closed form goes on as the whole
+    accuracy in their place; the work starts again at 0.  A run in a few modes or in closed form goes on as the whole
     scene.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:
-        raise SceneError(["load: this run was driven, and forces from outside are not kept with it"])
+        raise SceneError(["load: this run had applied forces, which are not saved with it"])
     run, last = trajectory.run, float(trajectory.times[-1])
     if options.get("accuracy") is None and run.form in FORMS:
         method = method or (run.method if run.reason.startswith(ASKED) else None)

@@ -22,7 +22,7 @@ HEAVY = {
     "sympy": {"modal.symbolic"},
     "control": {"modal.exports.objects"},
     "flint": {"modal.exact.balls"},
-    "numba": {"nonlinear.dynamics.compiled"},
+    "numba": {"modal.eigen.compiling"},
     "heyoka": {"nonlinear.integration.taylor"},
     "distributed": {"nonlinear.sweeps.cluster"},
 }

@@ -4,25 +4,32 @@ In: a `Scene`.  Out: `Rig`, arrays of pendula with equal ones counted once, and 
 
     M q'' + D q' + K q = 0,    q = (x, θ_1, …, θ_n)
 
-Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `linearization` is the
-dense form for printing, for small problems and for tests.
+Every other room works on these arrays and never asks what kind a link is.  Start with `arrays`; `stacks` are many
+scenes of one form, `linearization` is the dense form for printing, for small problems and for tests.
 """
 
-from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, rig_of
+from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices, matrices_of
+from modal.assembly.stacks import Group, Stack, can_stack, form_of, stacked
 
 __all__ = [
     "ARRAYS",
     "Block",
     "CartNumbers",
     "Columns",
+    "Group",
     "Matrices",
     "Rig",
+    "Stack",
     "Units",
     "assembled",
+    "can_stack",
     "coordinate_labels",
     "dampers",
+    "form_of",
+    "masses_below",
     "matrices",
     "matrices_of",
     "rig_of",
+    "stacked",
 ]

@@ -18,7 +18,7 @@ import numpy as np
 
 from modal import pair
 from modal.scene import Cart, Pendulum, Scene, validate_scene
-from modal.types import Floats, Ints
+from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
 
@@ -50,19 +50,30 @@ class Block:
         return int(self.mass.shape[1])
 
     @cached_property
+    def is_plain(self) -> Booleans:
+        """Which chains (P,) have neither joint springs nor dampers, and no link that points up."""
+        broken = (self.damping > 0) | (self.stiffness > 0) | (self.sigma < 0)
+        return np.asarray(~broken.any(0), dtype=np.bool_)
+
+    @cached_property
+    def below(self) -> Floats:
+        """The mass below every link, shape (n, P)."""
+        return masses_below(self.mass)
+
+    @cached_property
     def b(self) -> Floats:
         """First moments b, shape (n, P)."""
-        return np.array(pair.first_moments(self.mass, self.length, self.centre))
+        return np.asarray(pair.first_moment(self.mass, self.length, self.centre, self.below))
 
     @cached_property
     def diagonal(self) -> Floats:
         """The diagonal of A, shape (n, P)."""
-        return np.array(pair.second_moments(self.mass, self.length, self.centre, self.inertia))
+        return np.asarray(pair.second_moment(self.mass, self.length, self.centre, self.inertia, self.below))
 
     @cached_property
-    def constants(self) -> list[pair.Constants]:
-        """The recursion's constants of every link at g = 1, each an array of shape (P,)."""
-        return pair.constants(self.mass, self.length, self.centre, self.inertia)
+    def constants(self) -> pair.Constants:
+        """The recursion's constants at g = 1, each an array of shape (n, P)."""
+        return pair.link_constants(self.mass, self.length, self.centre, self.inertia, self.below)
 
     def take(self, columns: Ints) -> Block:
         """The chains in these columns, once each."""
@@ -162,6 +173,11 @@ class Rig:
         return replace(self, gravity=1.0, blocks=blocks, cart=cart), units
 
 
+def masses_below(mass: Floats) -> Floats:
+    """Σ_{k>i} m_k for every link i, links first."""
+    return np.concatenate([np.cumsum(mass[:0:-1], axis=0)[::-1], np.zeros_like(mass[:1])])
+
+
 def rig_of(scene: Scene) -> Rig:
     """The arrays of a scene, in SI units; SceneError for what is none."""
     validate_scene(scene)
@@ -181,20 +197,25 @@ def rig_of(scene: Scene) -> Rig:
 
 def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
     table = np.array([_parameters(pendulum) for pendulum in pendula]) + 0.0
-    rows = np.ascontiguousarray(table).view(f"V{table.itemsize * table.shape[1]}").ravel()
-    _, first, inverse = np.unique(rows, return_index=True, return_inverse=True)
-    place = np.argsort(np.argsort(first))
-    columns = place[inverse]
-    different = table[np.sort(first)]
+    first, columns = _different(table)
     count = np.bincount(columns, weights=[pendulum.count for pendulum in pendula]).astype(np.int64)
+    different = table[first]
     arrays = np.ascontiguousarray(different.reshape(len(different), -1, len(ARRAYS)).transpose(2, 1, 0))
     return Block(**dict(zip(ARRAYS, arrays, strict=True)), count=count), columns
 
 
+def _different(table: Floats) -> tuple[Ints, Ints]:
+    """The first of each kind of row, in their order, and the kind of every row."""
+    kinds: dict[bytes, int] = {}
+    columns = [kinds.setdefault(row.tobytes(), len(kinds)) for row in table]
+    first = dict(zip(reversed(columns), reversed(range(len(columns))), strict=True))
+    return np.array([first[kind] for kind in range(len(kinds))]), np.array(columns)
+
+
 def _parameters(pendulum: Pendulum) -> list[float]:
-    links = (link for link in pendulum.links for _ in range(link.count))
-    return [
-        value
-        for link, way in zip(links, pendulum.ways, strict=True)
-        for value in (*(getattr(link, name) for name in ARRAYS[:-1]), 1.0 if way == "down" else -1.0)
+    numbers = [
+        value for link in pendulum.links for value in [*(getattr(link, name) for name in ARRAYS[:-1]), 1.0] * link.count
     ]
+    if pendulum.equilibrium:
+        numbers[len(ARRAYS) - 1 :: len(ARRAYS)] = [1.0 if way == "down" else -1.0 for way in pendulum.equilibrium]
+    return numbers

@@ -15,7 +15,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from modal import pair
 from modal.assembly.arrays import Block, CartNumbers, Rig, rig_of
 from modal.errors import ComputationError
 from modal.scene import Scene
@@ -49,7 +48,7 @@ def matrices_of(rig: Rig) -> Matrices:
     size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + (rig.cart is not None)
     if size > LARGEST_DENSE:
         raise ComputationError(
-            f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are written out"
+            f"M, K and D would be dense {size} × {size} matrices: at most {LARGEST_DENSE} coordinates are allowed"
         )
     columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
     M, K = assembled(columns, rig.cart, rig.gravity)
@@ -67,13 +66,16 @@ def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tup
     """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
     M, K = _zeros(columns, cart), _zeros(columns, cart)
     for block, column, own in _placed(columns, cart):
-        geometry = (block.mass, block.length, block.centre, block.inertia)
-        sigma = block.sigma[:, column]
-        M[own, own] = pair.inertia_matrix(*(values[:, column].tolist() for values in geometry))
-        M[own, own] *= np.outer(sigma, sigma)
-        K[own, own] = np.diag(gravity * sigma * block.b[:, column]) + _on_joints(block.stiffness[:, column])
+        sigma, b = block.sigma[:, column], block.sigma[:, column] * block.b[:, column]
+        own_M = M[own, own]
+        np.multiply.outer(b, sigma * block.length[:, column], out=own_M)
+        for i in range(block.n):
+            own_M[i, i + 1 :] = own_M[i + 1 :, i]
+        np.fill_diagonal(own_M, block.diagonal[:, column])
+        _add_joints(K[own, own], block.stiffness[:, column])
+        _diagonal(K[own, own])[:] += gravity * b
         if cart:
-            M[0, own] = M[own, 0] = sigma * block.b[:, column]
+            M[0, own] = M[own, 0] = b
             M[0, 0] += block.mass[:, column].sum()
     if cart:
         M[0, 0] += cart.mass
@@ -85,7 +87,7 @@ def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
     """D of the same."""
     D = _zeros(columns, cart)
     for block, column, own in _placed(columns, cart):
-        D[own, own] = _on_joints(block.damping[:, column])
+        _add_joints(D[own, own], block.damping[:, column])
     if cart:
         D[0, 0] = cart.damping
     return D
@@ -104,7 +106,15 @@ def _placed(columns: Columns, cart: CartNumbers | None) -> Iterator[tuple[Block,
         at += block.n
 
 
-def _on_joints(strength: Floats) -> Floats:
-    """Σ s_i (θ_i − θ_{i−1})²/2 as a tridiagonal matrix, with θ_0 = 0 at the support."""
-    relative = np.eye(len(strength)) - np.eye(len(strength), k=-1)
-    return relative.T @ (strength[:, None] * relative)
+def _add_joints(S: Floats, strength: Floats) -> None:
+    """Add Σ s_i (θ_i − θ_{i−1})²/2, with θ_0 = 0 at the support, to a matrix in place."""
+    _diagonal(S)[:] += strength
+    _diagonal(S)[:-1] += strength[1:]
+    for beside in (S[1:], S[:, 1:]):
+        _diagonal(beside)[:] -= strength[1:]
+
+
+def _diagonal(S: Floats) -> Floats:
+    """A view that can be written to."""
+    found: Floats = np.einsum("ii->i", S[: min(S.shape), : min(S.shape)])
+    return found

@@ -40,7 +40,7 @@ ROUGH = 0.02
 """Relative difference of a splitting from that under a steady m_r, from which both are but a guide."""
 UNEVEN = 1e-3
 """How far rates of decay within a family may differ, over its splitting and the largest."""
-STANDS = "the coupling is explained for pendula that hang: a link that stands up has no frequency of its own"
+STANDS = "the coupling is explained for hanging pendula: an inverted link has no frequency of its own"
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Family:
 
     @property
     def is_first_order(self) -> bool:
-        """Whether the coupling is weak enough and m_r as good as constant from the pole to the zero."""
+        """Whether the coupling is weak enough and m_r nearly constant from the pole to the zero."""
         split = self.splitting or 0.0
         return abs(self.strength) <= STRONG and abs(self.first_order - split) <= FAR * abs(split)
 
@@ -196,7 +196,7 @@ class Coupling:
 
     @cached_property
     def damped(self) -> tuple[Damped, ...]:
-        """What dampers and drives give each mode."""
+        """The damping and excitation of each mode."""
         return damped_modes(self.rig, negative_damping(self.scene, self.rig))
 
     @cached_property
@@ -245,9 +245,9 @@ def family_name(index: int) -> str:
 
 
 def explain(scene: Scene) -> Coupling:
-    """What couples the pendula of a scene.
+    """The coupling of the pendula of a scene through its cart.
 
-    Raises ComputationError for links that stand up, beyond MOST_POLES distinct frequencies, and where double precision
+    Raises ComputationError for inverted links, beyond MOST_POLES distinct frequencies, and where double precision
     misses the modal effective masses.
     """
     if scene.stands:

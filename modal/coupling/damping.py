@@ -1,4 +1,4 @@
-"""What dampers and drives give each mode of a scene, and which modes outlive the others.
+"""The damping and excitation of each mode by dampers and drives, and which modes outlive the others.
 
 To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E, decays as exp(−σt) with
 

@@ -1,4 +1,4 @@
-"""The mass that a force on the cart feels, over frequency: its poles leave the cart still, its zeros move it.
+"""The dynamic mass for a force on the cart, over frequency: the cart is still at its poles and moves at its zeros.
 
     m_dyn(ω) = m_c − k_c/ω² + m_res + Σ_r μ_r ω_r²/(ω_r² − ω²)
 

@@ -1,4 +1,4 @@
-"""Which pendula exchange energy through the cart: detuning against coupling, two modes at a time.
+"""The exchange of energy between pendula through the cart: detuning against coupling, two modes at a time.
 
 Modes a and b of different pendula, of fixed-support frequencies ω_a, ω_b and modal effective masses μ_a, μ_b, share a
 cart that resists them with m, the dynamic mass of all else halfway between them.  To first order in μ/m their slow

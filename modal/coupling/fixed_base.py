@@ -1,4 +1,4 @@
-"""The modes that every pendulum has on a support that stands still, and how hard each pushes it.
+"""The modes of every pendulum on a fixed support, and the force of each on it.
 
 A mode φ of K φ = ω² A φ pushes the support with the momentum φᵀb; its modal effective mass
 

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from math import isfinite
 from typing import Any
 
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import EnergyExchange
+from modal.report import finite
 from modal.scene import describe
 
 
 def coupling_record(coupling: Coupling) -> dict[str, Any]:
-    """What `json` writes; null where a number is infinite or has no meaning; modes have their numbers in the table."""
+    """The contents of the JSON form; None for an infinite or undefined number; modes are numbered as in the table."""
     dynamic = coupling.dynamic
     return {
         "scene": describe(coupling.scene),
@@ -35,8 +35,8 @@ def _family(coupling: Coupling, index: int, family: Family) -> dict[str, Any]:
         "members": [_member(coupling, k) for k in family.members],
         "fold": family.fold,
         "modal_effective_mass_kg": family.mass,
-        "dynamic_mass_of_the_rest_kg": _finite(family.rest),
-        "coupling_strength": _finite(family.strength),
+        "dynamic_mass_of_the_rest_kg": finite(family.rest),
+        "coupling_strength": finite(family.strength),
         "cart_mode": None if family.cart_mode is None else coupling.number(coupling.cart_modes[family.cart_mode].omega),
         "mode_cart_still": coupling.number(family.omega) if coupling.on_cart and family.fold > 1 else None,
         "splitting_rad_per_s": family.splitting,
@@ -61,7 +61,7 @@ def _cart_mode(coupling: Coupling, mode: CartMode) -> dict[str, Any]:
         "mode": coupling.number(mode.omega),
         "omega_rad_per_s": mode.omega,
         "cart_participation": mode.participation,
-        "omega_massless_cart_rad_per_s": _finite(mode.light),
+        "omega_massless_cart_rad_per_s": finite(mode.light),
         "omega_immense_cart_rad_per_s": mode.heavy,
         "family": None if mode.family is None else family_name(mode.family),
     }
@@ -73,9 +73,9 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> dict[str, Any]:
         "second": _member(coupling, pair.second),
         "detuning_rad_per_s": pair.detuning,
         "coupling_rad_per_s": pair.coupling,
-        "dynamic_mass_between_kg": _finite(pair.cart_mass),
+        "dynamic_mass_between_kg": finite(pair.cart_mass),
         "energy_share": pair.share if pair.alone else None,
-        "beat_period_s": _finite(pair.period) if pair.alone and pair.exchange.beats else None,
+        "beat_period_s": finite(pair.period) if pair.alone and pair.exchange.beats else None,
         "energy_left_after_a_beat": pair.exchange.left if pair.alone and pair.exchange.beats else None,
     }
 
@@ -94,9 +94,5 @@ def _damped(coupling: Coupling, mode: Damped) -> dict[str, Any]:
         "exact_rate_per_s": None if mode.exact is None else mode.decay,
         "exact_omega_rad_per_s": None if mode.exact is None else abs(mode.exact),
         "drive_gain_per_kg_m2": mode.fed,
-        "drive_threshold_n_m_s_per_rad": _finite(mode.threshold),
+        "drive_threshold_n_m_s_per_rad": finite(mode.threshold),
     }
-
-
-def _finite(value: float) -> float | None:
-    return value if isfinite(value) else None

@@ -1,4 +1,4 @@
-"""How the cart couples the pendula, in words with the scene's own numbers, each beside the formula it comes from."""
+"""The coupling of a scene as a report: sentences with its numbers, each beside its formula."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
 from modal.coupling.records import coupling_record
-from modal.report import WIDTH, capital, counted, json_text, listed, markdown, percent, rad, short, visible
+from modal.report import WIDTH, as_json, capital, counted, listed, markdown, percent, rad, short, visible
 
 FORMS = ("text", "markdown", "json")
 MOST_LISTED, FEW = 8, 3
@@ -47,7 +47,7 @@ def coupling_report(coupling: Coupling, form: str = "text") -> str:
     if form not in FORMS:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
     if form == "json":
-        return json_text(coupling_record(coupling)) + "\n"
+        return as_json(coupling_record(coupling))
     title = f"{coupling.scene.title or 'This scene'}: what couples the pendula"
     return (_markdown if form == "markdown" else _text)(title, sections(coupling))
 

@@ -4,13 +4,14 @@ In: a `Rig`.  Out: a `Spectrum`, the eigenvalues in ascending order, each with t
 
     K φ = ω² M φ,    with dampers  (λ² M + λ D + K) φ = 0
 
-A chain takes the effective-mass recursion and bisection (`chains`), with joint springs or standing links
+A chain takes the effective-mass recursion and bisection (`chains`), with joint springs or inverted links
 `sprung_chains`; many different pendula on one cart the secular equation (`coupled`); dampers the quadratic problem
 (`quadratic`). Start with `spectrum`, which chooses.
 """
 
 from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
 from modal.eigen.bisection import smallest_where
+from modal.eigen.chains import Limits, squares_of
 from modal.eigen.counts import counted
 from modal.eigen.coupled import LIGHTEST
 from modal.eigen.degenerate import TOLERANCE, degenerate_modes
@@ -19,19 +20,24 @@ from modal.eigen.matrix_source import LIGHT
 from modal.eigen.recursion import at_infinity
 from modal.eigen.secular import Poles, solve
 from modal.eigen.sources import Details, Rigid, largest_angle
-from modal.eigen.spectrum import Part, Spectrum, find_spectrum, notes
+from modal.eigen.spectrum import CLOSE, Part, Spectrum, find_spectrum, notes
+from modal.eigen.sturm import Suspension, chains_of
 
 __all__ = [
+    "CLOSE",
     "LIGHT",
     "LIGHTEST",
     "TOLERANCE",
     "Details",
+    "Limits",
     "Part",
     "Poles",
     "Rigid",
     "Spectrum",
+    "Suspension",
     "Swing",
     "at_infinity",
+    "chains_of",
     "counted",
     "degenerate_modes",
     "distortion",
@@ -42,4 +48,5 @@ __all__ = [
     "one_percent_amplitude",
     "smallest_where",
     "solve",
+    "squares_of",
 ]

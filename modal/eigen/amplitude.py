@@ -27,6 +27,8 @@ from modal.types import Floats
 
 QUARTER = pi / 16 * np.array([1.0, 3.0, 5.0, 7.0])
 """Instants whose mean is exact for what four factors of cos τ and cos 3τ make."""
+RATIOS = np.array([[0.0], [1.0], [-1.0], [2.0], [-2.0]])
+"""Of the amplitudes of two modes at which their mean Lagrangian is taken."""
 INSTANTS = 33
 
 
@@ -93,30 +95,33 @@ def distortion(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: 
 
 
 def _mixed(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int) -> tuple[Floats, Floats, Floats]:
-    """(Γ, G₁, G₂) from the average at c/a = 0, ±1, ±2, exact for a polynomial of fourth degree."""
-    omega = np.sqrt(swing.x)
-
-    def average(ratio: int) -> Floats:
-        total = np.zeros(len(omega))
-        for time in QUARTER:
-            (cos, sin), (far, fast) = ((np.cos(k * time), -k * np.sin(k * time) * omega) for k in (1, harmonic))
-            cart_speed = sin * swing.cart + ratio * fast * other.cart
-            for block, own, its in zip(blocks, swing.angles, other.angles, strict=True):
-                angle, speed = cos * own + ratio * far * its, sin * own + ratio * fast * its
-                total += fourth_order(block, angle, cart_speed, speed).sum(0) / len(QUARTER)
-        return total
-
-    none, near, less, twice, minus = (average(ratio) for ratio in (0, 1, -1, 2, -2))
+    """(Γ, G₁, G₂) from the average at RATIOS, exact for a polynomial of fourth degree."""
+    far, fast = RATIOS * np.cos(harmonic * QUARTER), -RATIOS * harmonic * np.sin(harmonic * QUARTER)
+    cos, sin, omega = np.cos(QUARTER), -np.sin(QUARTER), np.sqrt(swing.x)
+    cart_speed = _lanes(swing.cart * omega, sin) + _lanes(other.cart * omega, fast)
+    total = np.zeros(len(cart_speed))
+    for block, own, its in zip(blocks, swing.angles, other.angles, strict=True):
+        angle = _lanes(own, cos) + _lanes(its, far)
+        speed = _lanes(own * omega, sin) + _lanes(its * omega, fast)
+        total += fourth_order(block, angle, cart_speed, speed).sum(0)
+    none, near, less, twice, minus = total.reshape(len(omega), len(RATIOS), -1).mean(2).T
     first = (8 * (near - less) - (twice - minus)) / 12
     second = (16 * (near + less) - (twice + minus) - 30 * none) / 24
     return none, first, second
 
 
+def _lanes(values: Floats, factors: Floats) -> Floats:
+    """(…, R · L) from values (…, R) and L factors."""
+    found: Floats = (values[..., None] * np.broadcast_to(factors, (len(RATIOS), len(QUARTER))).ravel()).reshape(
+        *values.shape[:-1], -1
+    )
+    return found
+
+
 def _largest(swing: Swing, other: Swing, harmonic: int, answer: Floats) -> Floats:
     """The largest angle over the period (R,), of a = 1."""
-    found = np.zeros(len(answer))
-    for time in np.linspace(0.0, pi / 2, INSTANTS):
-        cos, far = np.cos(time), np.cos(harmonic * time) * answer
-        for own, its in zip(swing.angles, other.angles, strict=True):
-            found = np.maximum(found, np.abs(cos * own + far * its).max((0, 1)))
-    return found
+    time = np.linspace(0.0, pi / 2, INSTANTS)
+    cos, far = np.cos(time), np.cos(harmonic * time) * answer[:, None]
+    shapes = zip(swing.angles, other.angles, strict=True)
+    largest = [np.abs(cos * own[..., None] + far * its[..., None]).max((0, 1, 3)) for own, its in shapes]
+    return np.asarray(np.max(largest, axis=0))

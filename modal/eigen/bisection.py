@@ -1,10 +1,17 @@
-"""Zeros of a monotone count, to the last bit: bisection on the floats themselves, all of them at once.
+"""Zeros of a monotone count, to the last bit: on the floats themselves, all of them at once.
 
-Positive floats are ordered like the integers that share their bits, so halving the integers finds exponent
-and mantissa alike and ends at two neighbouring floats after at most 62 steps.
+Positive floats are ordered like the integers that share their bits, so dividing the integers finds exponent and
+mantissa alike and ends at two neighbouring floats, by halves after at most 62 counts.  Where few zeros are sought each
+count tries several points between the same two, which costs little more than one.
+
+A guess is taken where the count confirms it: x is found where it steps within two units in the last place of the
+guess.  The others are looked for in brackets about theirs, which are widened until the count steps inside.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -13,6 +20,11 @@ from modal.types import Booleans, Floats, Ints
 
 STRIDE = 2.0**24
 BEYOND = "the ratios in this scene are beyond double precision: a frequency overflows"
+NEAR = 2
+"""Units in the last place about a guess."""
+WIDER, WIDEST = 2**8, 2**62
+TRIALS = 800
+"""Trial values that cost hardly more than one."""
 
 
 def smallest_where(reached: Callable[[Floats], Booleans], low: Floats, high: Floats) -> Floats:
@@ -36,3 +48,77 @@ def above_all(count: Callable[[Floats], Ints], start: Floats, wanted: Ints) -> F
         if not np.all(high < 1e280):
             raise ComputationError(BEYOND)
     return high
+
+
+class Counting(Protocol):
+    """S problems alike, whose eigenvalues below trial values (R, S) can be counted."""
+
+    @property
+    def low(self) -> Floats:
+        """Below all eigenvalues, (S,)."""
+
+    def count(self, x: Floats) -> Ints:
+        """How many lie below each x (R, S)."""
+
+    def take(self, supports: Ints) -> Counting:
+        """Some of the problems."""
+
+
+def located(problem: Counting, wanted: Ints, modes: int) -> Floats:
+    """The eigenvalues with these places (R,), from 0, of each problem with so many `modes`, (R, S)."""
+    low = problem.low[None]
+    high = above_all(problem.count, low, np.array(modes))
+    shape = (len(wanted), low.shape[1])
+    ends = (np.broadcast_to(end, shape).copy().view(np.int64) for end in (low, high))
+    return _between(problem, wanted, *ends)
+
+
+def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) -> tuple[Floats, Booleans]:
+    """The same within so many units in the last place of guesses (R, S), and where they are not (R, S)."""
+    bits = np.where(guess > 0, guess, 1.0).view(np.int64)
+    steps = np.arange(-near, near + 1)
+    reached = _reached(problem, wanted, bits + steps[:, None, None])
+    found = (bits + steps[reached.argmax(0)]).view(np.float64)
+    return found, reached[0] | ~reached[-1]
+
+
+def lies_within(problem: Counting, wanted: Ints, guess: Floats, error: Floats | float) -> Booleans:
+    """Whether each lies within a relative error of its guess (R, S)."""
+    ends = np.stack([guess * (1 - error), guess * (1 + error)])
+    reached = _reached(problem, wanted, ends.view(np.int64))
+    return np.asarray(~reached[0] & reached[1])
+
+
+def searched(problem: Counting, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+    """The same from guesses (R, S) with these relative errors (R, S), infinite where there is none."""
+    least = problem.low[None].view(np.int64)
+    most = above_all(problem.count, problem.low[None], np.array(modes)).view(np.int64)
+    bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), least, most)
+    width = (np.minimum(error, 1.0) * 2.0**53).astype(np.int64) + WIDER
+    while True:
+        lo, hi = bits - np.minimum(width, bits - least), bits + np.minimum(width, most - bits)
+        reached = _reached(problem, wanted, np.stack([lo, hi]))
+        wrong = (reached[0] & (lo > least)) | (~reached[1] & (hi < most))
+        if not wrong.any():
+            return _between(problem, wanted, lo, hi)
+        width = np.where(wrong, np.where(width < WIDEST // WIDER, width * WIDER, WIDEST), width)
+
+
+def _between(problem: Counting, wanted: Ints, lo: Ints, hi: Ints) -> Floats:
+    """The floats where the count has passed each place, between these bits."""
+    parts = max(2, TRIALS // max(1, lo.size))
+    inner = np.arange(1, parts)[:, None, None]
+    while np.any((gap := hi - lo) > 1):
+        points = lo + (gap // parts) * inner + (gap % parts) * inner // parts
+        reached = _reached(problem, wanted, points)
+        first = np.where(reached.any(0), reached.argmax(0), parts - 1)[None]
+        ends = np.concatenate([lo[None], points, hi[None]])
+        lo, hi = (np.take_along_axis(ends, first + step, 0)[0] for step in (0, 1))
+    return hi.view(np.float64)
+
+
+def _reached(problem: Counting, wanted: Ints, points: Ints) -> Booleans:
+    """Where the count at points (K, R, S) has passed the places (R,)."""
+    x = np.ascontiguousarray(points).view(np.float64)
+    counts = problem.count(x.reshape(-1, points.shape[-1])).reshape(points.shape)
+    return np.asarray(counts > wanted[:, None])

@@ -14,16 +14,40 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from modal.assembly import Block, CartNumbers
-from modal.eigen.bisection import above_all, smallest_where
+from modal.eigen.bisection import confirmed, lies_within, located, searched
 from modal.eigen.counts import Built, counted
-from modal.eigen.recursion import Swept, at_infinity, count_and_mass, from_above, from_below, joint_masses, kinetic
+from modal.eigen.kernels import kernels
+from modal.eigen.rayleigh import at_pivot, twisted, without_each
+from modal.eigen.recursion import Swept, at_infinity, from_above, from_below, joint_masses, kinetic
+from modal.eigen.seeds import LARGEST, seed_matrices, seeds
+from modal.eigen.sturm import ROOM, Suspension
 from modal.types import Booleans, Floats, Ints
 
+SEEDS = "dense seeds"
 ROUNDING = 1e-15
+LONG, FEW, LONG_COMPILED = 500, 20, 200
+"""Links of a chain whose seeds cost more than a search for one mode in so many; than a search for all, compiled."""
+SEARCHED, CONFIRMED = 60, 8
+"""Counts in a search, and beside seeds with as many trials in each."""
+PER_LINK, PER_TRIAL = 5e-6, 1e-8
+"""Seconds of a count that the compiled recursion saves."""
+FARTHER = 16
+"""Units in the last place about a second guess."""
+
+
+class Limits(NamedTuple):
+    """What is asked of a spectrum: ω to this relative accuracy (0: every digit), and so many of the lowest modes."""
+
+    accuracy: float = 0.0
+    lowest: int | None = None
+
+
+EVERYTHING = Limits()
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,33 +67,88 @@ class Motion:
     residual: Floats
 
 
-def lowest_possible(blocks: tuple[Block, ...], spring: float = 0.0, mass: float = 0.0) -> float:
-    """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M)."""
-    trace = sum(float((block.diagonal / block.b).sum()) for block in blocks)
-    if spring > 0:
-        trace += mass / spring
-    return float(_below_all(np.float64(trace)))
+class Squares(NamedTuple):
+    """ω² and bounds on what their relative errors exceed rounding by, of one shape."""
+
+    x: Floats
+    error: Floats
+
+    @classmethod
+    def exact(cls, x: Floats) -> Squares:
+        """To rounding."""
+        return cls(x, np.zeros(x.shape))
+
+    @property
+    def route(self) -> str:
+        """Where they come from, in words."""
+        dense = self.error > 0
+        routes = [SEEDS] * bool(dense.any()) + ["effective mass"] * (not dense.all() or not dense.size)
+        return ", ".join(routes)
 
 
-def _below_all(trace: Floats | np.float64) -> Floats:
-    bound: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
-    return bound
+def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float = 0.0) -> Squares:
+    """ω² (R, S) with these places (R,), from 0, among the oscillatory modes of each support.
+
+    Where dense eigenvalues are within `accuracy`, relative in ω, they are taken as they are.
+    """
+    if not wanted.size:
+        return Squares.exact(np.zeros((0, suspension.supports)))
+    counts = SEARCHED if suspension.size > LARGEST else CONFIRMED
+    trials = suspension.supports * len(wanted)
+    compiled = kernels(counts * suspension.size * (PER_LINK + PER_TRIAL * trials))
+    if suspension.size > (LONG_COMPILED if compiled else LARGEST) or FEW * len(wanted) < suspension.size - LONG:
+        return Squares.exact(located(suspension, wanted, modes))
+    step = max(1, ROOM // suspension.size**2)
+    if step >= suspension.supports:
+        return _near_seeds(suspension, wanted, modes, accuracy)
+    starts = range(0, suspension.supports, step)
+    pieces = (suspension.take(np.arange(at, min(at + step, suspension.supports))) for at in starts)
+    found = zip(*(_near_seeds(piece, wanted, modes, accuracy) for piece in pieces), strict=True)
+    return Squares(*(np.concatenate(parts, axis=1) for parts in found))
+
+
+def _near_seeds(suspension: Suspension, wanted: Ints, modes: int, accuracy: float) -> Squares:
+    try:
+        guess, error = (values[wanted] for values in seeds(suspension))
+    except np.linalg.LinAlgError:
+        return Squares.exact(located(suspension, wanted, modes))
+    if not accuracy:
+        return Squares.exact(_confirmed(suspension, wanted, guess, error, modes))
+    rough = (error > 2 * accuracy).any(1)
+    if rough.any():
+        inside = lies_within(suspension, wanted[rough], guess[rough], 2 * accuracy)
+        error[rough] = np.where(inside, 2 * accuracy, error[rough])
+        rough &= (error > 2 * accuracy).any(1)
+    if rough.any():
+        guess[rough] = _confirmed(suspension, wanted[rough], guess[rough], error[rough], modes)
+        error[rough] = 0.0
+    return Squares(guess, error)
+
+
+def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
+    """By a Rayleigh quotient step from each seed, on another shape where the count does not confirm the first.
+
+    Compiled counts are quicker than that other shape.
+    """
+    found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
+    for step in [None] if kernels() else [twisted, None]:
+        if not missed.any():
+            break
+        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
+        part, some = np.ix_(rows, supports), suspension.take(supports)
+        if step:
+            found[part], missed[part] = confirmed(some, wanted[rows], step(some, guess[part]), FARTHER)
+        else:
+            found[part] = searched(some, wanted[rows], guess[part], error[part], modes)
+    return found
 
 
 # ---------------------------------------------------------------------------------------------- fixed support
 
 
-def fixed_squares(block: Block) -> Floats:
+def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
     """ω² of every chain on a fixed support, shape (n, P), ascending."""
-    order = np.arange(block.n)
-    low = _below_all((block.diagonal / block.b).sum(0))[:, None]
-    high = above_all(lambda x: count_and_mass(block, x)[0], low, np.full((block.size, 1), block.n))
-    shape = (block.size, block.n)
-    return smallest_where(
-        lambda x: count_and_mass(block, x)[0] > order,
-        np.broadcast_to(low, shape),
-        np.broadcast_to(high, shape),
-    ).T
+    return squares_of(Suspension.fixed(block), np.arange(block.n)[: limits.lowest], block.n, limits.accuracy)
 
 
 def fixed_shapes(chains: Block, x: Floats) -> Motion:
@@ -81,13 +160,12 @@ def fixed_shapes(chains: Block, x: Floats) -> Motion:
     y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
     energies = kinetic(chains, y, a)
     modal_mass = energies.sum(0)[:, 0]
-    top = chains.constants[0]
     return Motion(
         cart=np.zeros(len(x)),
         turns=(a.swapaxes(1, 2),),
         energies=(energies.swapaxes(1, 2),),
         modal_mass=modal_mass,
-        momentum=a[0, :, 0] * (top.k / x + top.q),
+        momentum=a[0, :, 0] * (chains.constants.k[0] / x + chains.constants.q[0]),
         residual=np.where(twist, gap, 0.0).sum(0)[:, 0] / modal_mass,
     )
 
@@ -100,6 +178,11 @@ def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     return cart.mass + float(sum(at_infinity(block)[0].sum() for block in blocks))
 
 
+def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
+    """Whether M is: no inertia holds a massless cart over bobs."""
+    return cart.mass == 0 and bare_mass(blocks, cart) == 0
+
+
 @dataclass(frozen=True, eq=False)
 class CartProblem:
     """Chains that share a cart; counts are folded into the chains' masses.
@@ -110,45 +193,43 @@ class CartProblem:
     blocks: tuple[Block, ...]
     cart: CartNumbers
     known: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
-    route = "effective mass"
+    limits: Limits = EVERYTHING
     slack = 1
+
+    @property
+    def route(self) -> str:
+        """Dense where that is accurate enough."""
+        return self.found.route
 
     @property
     def built(self) -> Built:
         """All chains and the cart."""
         links = sum(block.mass.size for block in self.blocks)
-        return Built(f"cart and {counted(links, 'link')}", 1, links + 1)
+        return Built(f"cart and {counted(links, 'link')}", 1, links + 1, seed_matrices(links, 1))
 
     @property
     def n_modes(self) -> int:
         """Oscillatory modes: a free cart's rigid translation is one of the coordinates, not one of these."""
         links = sum(block.n * block.size for block in self.blocks)
-        return links + (self.cart.stiffness > 0) - (bare_mass(self.blocks, self.cart) == 0)
-
-    def count(self, x: Floats) -> Ints:
-        """Number of oscillatory modes below each trial x (R,)."""
-        total: Ints = np.zeros(x.shape, dtype=np.int64)
-        felt = np.full(x.shape, self.cart.mass)
-        for block in self.blocks:
-            below, mu = count_and_mass(block, x[None])
-            total += below.sum(0)
-            felt += mu.sum(0)
-        return total + (felt > self.cart.stiffness / x) - (self.cart.stiffness == 0)
+        return links + (self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
 
     @cached_property
+    def found(self) -> Squares:
+        """ω² (R,) of every other oscillatory mode, ascending, within the limits."""
+        wanted = np.delete(np.arange(self.n_modes), self.known)[: self.limits.lowest]
+        suspension = Suspension.on_cart(self.blocks, self.cart)
+        x, error = squares_of(suspension, wanted, self.n_modes, self.limits.accuracy)
+        return Squares(x[:, 0], error[:, 0])
+
+    @property
     def squares(self) -> Floats:
-        """ω² of every other oscillatory mode, (R,), ascending."""
-        total = self.cart.mass + sum(float(block.mass.sum()) for block in self.blocks)
-        low = np.array([lowest_possible(self.blocks, self.cart.stiffness, total)])
-        wanted = np.delete(np.arange(self.n_modes), self.known)
-        if not wanted.size:
-            return np.zeros(0)
-        high = above_all(self.count, low, np.array([self.n_modes]))
-        return smallest_where(
-            lambda x: self.count(x) > wanted,
-            np.broadcast_to(low, wanted.shape),
-            np.broadcast_to(high, wanted.shape),
-        )
+        """ω² (R,)."""
+        return self.found.x
+
+    @property
+    def dense_error(self) -> Floats:
+        """What the relative errors of ω (R,) exceed rounding by."""
+        return self.found.error / 2
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these modes, all chains and the cart together."""
@@ -171,8 +252,8 @@ class CartProblem:
     def _both_ways(self, x: Floats) -> tuple[list[Swept], list[Swept]]:
         """Elimination from the free ends, and from the cart with all the other chains on it."""
         below = [from_below(block, x[None]) for block in self.blocks]
-        others = _without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
-        energy = _without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
+        others = without_each(self.cart.mass - self.cart.stiffness / x, [swept.mass[0] for swept in below])
+        energy = without_each(np.full(x.shape, self.cart.mass), [swept.energy[0] for swept in below])
         above = [from_above(block, x[None], *felt) for block, *felt in zip(self.blocks, others, energy, strict=True)]
         pivot = self.cart.mass + sum(swept.nearest[0].sum(0) for swept in below)
         for swept in below:
@@ -185,15 +266,6 @@ class CartProblem:
         for masses in own:
             masses[0] = pivot
         return own
-
-
-def _without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
-    """Own + Σ of all rows but each one, for rows (P, R) in several arrays; nothing is subtracted."""
-    rows = np.concatenate(parts)
-    before, after = np.zeros_like(rows), np.zeros_like(rows)
-    np.cumsum(rows[:-1], axis=0, out=before[1:])
-    after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
-    return np.split(own + (before + after), np.cumsum([len(part) for part in parts])[:-1])
 
 
 def _mismatch(below: Swept, above: Swept, own: Floats) -> tuple[Floats, Floats]:

@@ -20,6 +20,7 @@ from modal.eigen.counts import Built, counted
 from modal.eigen.degenerate import DegenerateModes
 from modal.eigen.recursion import at_infinity, joints, kinetic
 from modal.eigen.secular import Poles, Roots, solve
+from modal.eigen.seeds import seed_matrices
 from modal.types import Floats, Ints
 
 CHUNK = 100_000
@@ -46,6 +47,7 @@ class CoupledPendula:
     clusters: DegenerateModes
     route = "secular equation"
     slack = 4
+    dense_error = 0.0
 
     @property
     def built(self) -> Built:
@@ -128,6 +130,12 @@ class Counted(CoupledPendula):
 
     route = "effective mass"
     slack = 1
+
+    @property
+    def built(self) -> Built:
+        """The same, and the matrix of everything together."""
+        built, links = super().built, sum(block.mass.size for block in self.blocks)
+        return built._replace(matrices=(*seed_matrices(links, 1), *built.matrices))
 
     @cached_property
     def squares(self) -> Floats:

@@ -86,6 +86,7 @@ class Still:
     clusters: DegenerateModes
     route = "effective mass"
     slack = 1
+    dense_error = 0.0
     built = Built("equal frequencies of different pendula", 1, 0)
 
     @cached_property

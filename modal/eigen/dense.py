@@ -1,6 +1,6 @@
 """The dense route, for what has no structured one, small scenes only.
 
-Undamped: the symmetric pencil K φ = ω² M φ, also where links stand up and K is indefinite.  (`modal.eigen.quadratic` is
+Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  (`modal.eigen.quadratic` is
 for dampers.)  A free cart's position is taken out first, and its momentum with it, so that its rigid translation is
 exact.
 """
@@ -20,7 +20,7 @@ LARGEST_UNDAMPED = 2000
 EPS = float(np.finfo(float).eps)
 SINGULAR = (
     "the mass matrix is singular to double precision (as with a massless cart over bobs): with dampers or "
-    "links that stand up this scene has no state-space form; give the cart or the links some inertia"
+    "inverted links this scene has no state-space form; give the cart or the links some inertia"
 )
 
 

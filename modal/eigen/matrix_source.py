@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from modal.assembly import Block, CartNumbers, Columns, assembled, dampers
 from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import bare_mass
+from modal.eigen.chains import bare_mass, is_singular
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import joints, kinetic
 from modal.eigen.sources import Details, largest_angle, per_copy
@@ -59,9 +59,7 @@ class FromMatrices:
         if self.is_damped:
             dense.refuse_beyond(dense.LARGEST_DAMPED, self.size, "dampers")
         else:
-            dense.refuse_beyond(
-                dense.LARGEST_UNDAMPED, self.size, "links that stand up" if self.stands else "joint springs"
-            )
+            dense.refuse_beyond(dense.LARGEST_UNDAMPED, self.size, "inverted links" if self.stands else "joint springs")
         return assembled(self._columns, self.cart, gravity=1.0)
 
     @cached_property
@@ -124,7 +122,7 @@ class FromMatrices:
     @cached_property
     def is_singular(self) -> bool:
         """Whether M is, by a cart without mass over bobs."""
-        return self.cart is not None and bare_mass(self.blocks, self.cart) == 0
+        return self.cart is not None and is_singular(self.blocks, self.cart)
 
     @cached_property
     def bare_accelerance(self) -> float:

@@ -14,35 +14,16 @@ Arrays: links first, then pendula, then trial values x = ω² (natural units, g 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from modal.assembly import Block
 from modal.pair import Constants
-from modal.types import Floats, Ints
+from modal.types import Floats
 
 NUDGE = 2.0**-60
 """Subtracted from each D: far below its rounding, but an exact zero becomes a tiny negative number."""
-
-
-def eliminate(block: Block, x: Floats) -> Iterator[tuple[Floats, Floats]]:
-    """(D, μ') of every link at x, shape (P, R) or (1, R), from the last link to the first."""
-    mu = np.zeros((block.size, x.shape[-1]))
-    for link in reversed(_columns(block)):
-        D = 1.0 - x / link.k * (link.r + mu) - NUDGE
-        mu = _passed_on(link, x, link.p, mu) / D
-        yield D, mu
-
-
-def count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
-    """How many fixed-support frequencies of each chain lie below each x, and the effective mass at its pivot."""
-    below = np.zeros((block.size, x.shape[-1]), dtype=np.int64)
-    mu = np.zeros(below.shape)
-    for D, mu in eliminate(block, x):  # noqa: B007
-        below += D < 0
-    return below, mu
 
 
 def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
@@ -55,7 +36,7 @@ def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
     sums of positive terms, from the recursion by expanding in 1/ω².
     """
     alpha = beta = gamma = np.zeros(block.size)
-    for link in reversed(block.constants):
+    for link in reversed(_rows(block.constants)):
         R, u = link.r + alpha, link.upper + alpha
         gamma = (link.k * u + beta * link.q) ** 2 / R**3 + gamma * link.q**2 / R**2
         beta = (link.k * u**2 + beta * link.q**2) / R**2
@@ -128,14 +109,18 @@ def joints(pivot: Floats, a: Floats) -> Floats:
 def joint_masses(block: Block) -> Floats:
     """What each joint's neighbours weigh when every other joint is held, shape (n + 1, P)."""
     masses = np.zeros((block.n + 1, block.size))
-    for i, link in enumerate(block.constants):
-        masses[i] += link.p
-        masses[i + 1] += link.r
+    masses[:-1] += block.constants.p
+    masses[1:] += block.constants.r
     return masses
 
 
 def _columns(block: Block) -> list[Constants]:
-    return [Constants(*(value[:, None] for value in link)) for link in block.constants]
+    return _rows(Constants(*(values[:, :, None] for values in block.constants)))
+
+
+def _rows(links: Constants) -> list[Constants]:
+    """The constants link by link."""
+    return [Constants(*row) for row in zip(*links, strict=True)]
 
 
 def _passed_on(link: Constants, x: Floats, other: Floats, mass: Floats) -> Floats:

@@ -9,6 +9,7 @@ These are the structured forms; `modal.eigen.matrix_source` is for dampers.  All
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import log2
@@ -19,9 +20,10 @@ from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.amplitude import coefficient, quartic
-from modal.eigen.chains import Motion, fixed_shapes, fixed_squares
+from modal.eigen.chains import EVERYTHING, Limits, Motion, Squares, fixed_shapes, fixed_squares
 from modal.eigen.counts import Built, counted
 from modal.eigen.recursion import at_infinity
+from modal.eigen.seeds import seed_matrices
 from modal.types import Floats, Ints
 
 ROUNDOFF = 2.0**-53
@@ -86,6 +88,10 @@ class Problem(Protocol):
         """The factor on the error bound, one for all or (R,)."""
 
     @property
+    def dense_error(self) -> float | Floats:
+        """What the relative errors of ω exceed rounding by, one for all or (R,)."""
+
+    @property
     def squares(self) -> Floats:
         """ω² (R,)."""
 
@@ -113,7 +119,7 @@ class Rigid:
 
     blocks: tuple[Block, ...]
     total_mass: float
-    bare_accelerance: float
+    accelerance: Callable[[], float]
     dragged: bool
     route = "exact"
     eigenvalue = np.zeros(1, dtype=complex)
@@ -127,7 +133,7 @@ class Rigid:
             modal_mass=zero + self.total_mass,
             momentum=zero + (np.nan if self.dragged else self.total_mass),
             cart=zero + 1.0,
-            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.bare_accelerance),
+            participation=zero + (0.0 if self.dragged else 1.0 / self.total_mass / self.accelerance()),
             kappa=zero,
             residual=zero,
             angles=tuple(np.zeros((*b.mass.shape, len(rows))) for b in self.blocks),
@@ -140,19 +146,30 @@ class Alone:
     """Every mode of the chains of one block on a support that stands still: row r of column p is row r P + p."""
 
     block: Block
-    route = "effective mass"
+    limits: Limits = EVERYTHING
+
+    @property
+    def route(self) -> str:
+        """Dense where that is accurate enough."""
+        return self.found.route
 
     @property
     def built(self) -> Built:
         """Every chain for itself."""
-        return Built(f"chain of {counted(self.block.n, 'link')}, support still", self.block.size, self.block.n)
+        n, chains = self.block.n, self.block.size
+        return Built(f"chain of {counted(n, 'link')}, support still", chains, n, seed_matrices(n, chains))
 
     @cached_property
-    def squares(self) -> Floats:
-        """ω², shape (n, P)."""
-        return fixed_squares(self.block)
+    def found(self) -> Squares:
+        """ω² (n, P), or of the lowest of the n modes."""
+        return fixed_squares(self.block, self.limits)
 
     @property
+    def squares(self) -> Floats:
+        """The same without their errors."""
+        return self.found.x
+
+    @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """iω."""
         return _oscillating(self.squares.ravel())
@@ -160,7 +177,7 @@ class Alone:
     @property
     def error(self) -> Floats:
         """Relative error bounds."""
-        return np.full(self.squares.size, _structured_error(self.block.n, 1))
+        return self.found.error.ravel() / 2 + _structured_error(self.block.n, 1)
 
     def details(self, rows: Ints) -> Details:
         """One copy's shape; its own momentum."""
@@ -173,12 +190,15 @@ class Alone:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """One heavy pendulum of each kind and the cart, with the modes that a problem finds for them."""
+    """One heavy pendulum of each kind and the cart, with the modes that a problem finds for them.
+
+    `accelerance` gives Σ φ_x² over all finite modes where a table asks for it.
+    """
 
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
     problem: Problem
-    bare_accelerance: float
+    accelerance: Callable[[], float]
 
     @property
     def route(self) -> str:
@@ -190,7 +210,7 @@ class Together:
         """The problem's."""
         return self.problem.built
 
-    @property
+    @cached_property
     def eigenvalue(self) -> NDArray[np.complex128]:
         """iω."""
         return _oscillating(self.problem.squares)
@@ -199,7 +219,8 @@ class Together:
     def error(self) -> Floats:
         """Relative error bounds."""
         deepest, chains = max(block.n for block in self.blocks), sum(block.size for block in self.blocks)
-        return np.full(self.problem.squares.shape, self.problem.slack * _structured_error(deepest, chains))
+        rounding = self.problem.slack * _structured_error(deepest, chains)
+        return np.broadcast_to(self.problem.dense_error + rounding, self.problem.squares.shape)
 
     def details(self, rows: Ints) -> Details:
         """Shapes in which all copies of a kind move alike."""
@@ -207,7 +228,7 @@ class Together:
         angles = tuple(a * (b.sigma / b.length)[:, :, None] for a, b in zip(motion.turns, self.blocks, strict=True))
         parts = [quartic(b, x, motion.cart, angle).sum(0) for b, angle in zip(self.blocks, angles, strict=True)]
         return _details(
-            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.bare_accelerance
+            motion, x, angles, np.sum(parts, axis=0), per_copy(motion.energies, self.counts), self.accelerance()
         )
 
 

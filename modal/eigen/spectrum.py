@@ -8,16 +8,16 @@ pendula.  In space the motion across the rail is that on a fixed support.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from itertools import pairwise, repeat
 
 import numpy as np
 from numpy.typing import NDArray
 
 from modal.assembly import Block, CartNumbers, Rig
-from modal.eigen.chains import CartProblem, bare_mass
+from modal.eigen.chains import EVERYTHING, SEEDS, CartProblem, Limits, is_singular
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
@@ -33,6 +33,7 @@ MASSLESS = (
     "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
     "so one mode has no finite frequency and is left out."
 )
+DENSE = "Frequencies that a dense matrix gives within the accuracy asked for stand as they are."
 MERGED = (
     "Different pendula whose own frequencies agree to 2e-15, but not to the last bit, are taken as equal: whether they "
     "split by less, and which of them then swing, is beyond double precision."
@@ -78,16 +79,20 @@ class Batch:
         return (Part(index, *number, self.still) for number in numbers)
 
 
-def batches(rig: Rig) -> Iterator[Batch]:
-    """All modes of a rig in natural units; a dense source only where something damps or no structured one is left."""
-    alone = [Alone(block) for block in rig.blocks]
+def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
+    """All modes of a rig in natural units; a dense source only where something damps or no structured one is left.
+
+    What different pendula have in common is told by every digit of their own modes.
+    """
     coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
+    own = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
+    alone = [Alone(block, own) for block in rig.blocks]
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
         yield from _apart(index, source, along, across, coupled=coupled)
     if rig.cart:
-        yield from _on_cart(rig, rig.cart, alone)
+        yield from _on_cart(rig, rig.cart, alone, limits)
 
 
 def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: bool) -> Iterator[Batch]:
@@ -96,6 +101,8 @@ def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: boo
     Different chains `coupled` by a cart are needed even where none of their modes holds it still: a batch without rows.
     """
     needed = along + across > 0
+    if not (coupled or needed.any()):
+        return
     for columns, each in _sources(source, needed | coupled):
         rows = np.arange(len(each.eigenvalue))
         rows = rows[needed[columns[rows % columns.size]]]
@@ -105,24 +112,18 @@ def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: boo
 
 def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
     block = source.block
-    structured = np.flatnonzero(needed & _is_plain(block))
+    structured = np.flatnonzero(needed & block.is_plain)
     if structured.size:
-        yield structured, source if structured.size == block.size else Alone(block.take(structured))
-    for column in np.flatnonzero(needed & ~_is_plain(block)):
+        yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
+    for column in np.flatnonzero(needed & ~block.is_plain):
         chain = block.take(np.array([column]))
         yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None))
-
-
-def _is_plain(block: Block) -> Booleans:
-    """Which chains (P,) have neither joint springs nor dampers, and no link that stands up."""
-    broken = (block.damping > 0) | (block.stiffness > 0) | (block.sigma < 0)
-    return np.asarray(~broken.any(0), dtype=np.bool_)
 
 
 def _needs_more(rig: Rig) -> bool:
     """Whether what hangs from a cart has no effective mass alone."""
     dragged = rig.cart is not None and rig.cart.damping > 0
-    return dragged or not all(_is_plain(block).all() for block in rig.blocks)
+    return dragged or not all(block.is_plain.all() for block in rig.blocks)
 
 
 def _sprung(matrices: FromMatrices) -> Source:
@@ -131,34 +132,39 @@ def _sprung(matrices: FromMatrices) -> Source:
     many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
     if matrices.is_damped or matrices.is_singular or many:
         return matrices
-    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), matrices.bare_accelerance)
+    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), lambda: matrices.bare_accelerance)
 
 
-def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone]) -> Iterator[Batch]:
+def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], limits: Limits) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
     special = _needs_more(rig)
     matrices = FromMatrices(heavy, counts, cart)
-    accelerance = matrices.bare_accelerance if special else bare_accelerance(heavy, cart)
+    accelerance = cache(lambda: matrices.bare_accelerance if special else bare_accelerance(heavy, cart))
     if cart.stiffness == 0:
         yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged=cart.damping > 0))
     if special:
         yield _moving(_sprung(matrices))
     elif rig.n_kinds == 1:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
     else:
         own = tuple(source.squares for source in alone)
-        yield from _different(heavy, counts, cart, own, accelerance)
+        yield from _different(heavy, counts, cart, own, accelerance, limits)
 
 
 def _different(
-    heavy: tuple[Block, ...], counts: tuple[Ints, ...], cart: CartNumbers, own: tuple[Floats, ...], accelerance: float
+    heavy: tuple[Block, ...],
+    counts: tuple[Ints, ...],
+    cart: CartNumbers,
+    own: tuple[Floats, ...],
+    accelerance: Callable[[], float],
+    limits: Limits,
 ) -> Iterator[Batch]:
     """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
     gathered = degenerate_modes(own)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
     if few and gathered.closest > CLOSE and not gathered.shared.size:
-        yield _moving(Together(heavy, counts, CartProblem(heavy, cart), accelerance))
+        yield _moving(Together(heavy, counts, CartProblem(heavy, cart, limits=limits), accelerance))
         return
     if gathered.shared.size:
         still = Still(heavy, gathered)
@@ -175,20 +181,37 @@ def _moving(source: Source) -> Batch:
 
 def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
     """What was left out or taken as equal by these `sources`, and why."""
-    massless = rig.cart is not None and bare_mass(rig.blocks, rig.cart) == 0
+    massless = rig.cart is not None and is_singular(rig.blocks, rig.cart)
     problems = [source.problem for source in sources if isinstance(source, Together)]
     merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
-    return (MASSLESS,) * massless + (MERGED,) * merged
+    dense = any(SEEDS in source.route for source in sources)
+    return (MASSLESS,) * massless + (MERGED,) * merged + (DENSE,) * dense
 
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """Distinct eigenvalues (R,) by |λ|, relative error bounds (R,), and the parts of each from `sources`."""
+    """Distinct eigenvalues (R,) by |λ|, and relative error bounds (R,), in `batches` of sources.
+
+    Eigenvalue r is that of the rows `order[cuts[r]:cuts[r + 1]]` of all batches, one after the other.
+    """
 
     eigenvalue: NDArray[np.complex128]
     error: Floats
-    groups: tuple[tuple[Part, ...], ...]
-    sources: tuple[Source, ...]
+    batches: tuple[Batch, ...]
+    order: Ints
+    cuts: Ints
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """Those of the batches."""
+        return tuple(batch.source for batch in self.batches)
+
+    @cached_property
+    def groups(self) -> tuple[tuple[Part, ...], ...]:
+        """The parts of each eigenvalue."""
+        parts = [part for index, batch in enumerate(self.batches) for part in batch.parts(index)]
+        order = self.order.tolist()
+        return tuple(tuple(parts[k] for k in order[a:b]) for a, b in pairwise(self.cuts.tolist()))
 
     @cached_property
     def multiplicity(self) -> Ints:
@@ -204,28 +227,35 @@ class Spectrum:
                 found.setdefault(part.kind, []).append(number)
         return found
 
+    def take(self, rows: slice) -> Spectrum:
+        """Some of the eigenvalues."""
+        first, last, _ = rows.indices(len(self.eigenvalue))
+        cuts = self.cuts[first : max(first, last) + 1]
+        return Spectrum(self.eigenvalue[rows], self.error[rows], self.batches, self.order, cuts)
+
     def details(self, source: int, rows: Sequence[int]) -> Details:
         """What a source says about its rows."""
         with np.errstate(all="ignore"):
             return self.sources[source].details(np.array(rows))
 
 
-def find_spectrum(rig: Rig) -> Spectrum:
-    """The spectrum of a rig in natural units.
+def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
+    """The spectrum of a rig in natural units, or as much of it as is asked for.
 
     Raises ComputationError where double precision or memory cannot give it.
     """
     try:
-        found = list(batches(rig))
+        found = list(batches(rig, limits))
         values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in found])
         errors = np.concatenate([batch.source.error[batch.rows] for batch in found])
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
     if not np.all(np.isfinite(values)):
         raise ComputationError("the ratios in this scene are beyond double precision")
-    parts = [part for index, batch in enumerate(found) for part in batch.parts(index)]
     order = np.lexsort((values.real, np.abs(values)))
-    cuts = [0, *(k for k in range(1, len(order)) if values[order[k]] != values[order[k - 1]]), len(order)]
+    ascending = values[order]
+    steps = np.flatnonzero(ascending[1:] != ascending[:-1]) + 1
+    cuts = np.concatenate([[0], steps, [len(order)]])
+    cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
-    groups = tuple(tuple(parts[k] for k in order[a:b]) for a, b in pairwise(cuts))
-    return Spectrum(values[first], errors[first], groups, tuple(batch.source for batch in found))
+    return Spectrum(values[first], errors[first], tuple(found), order, cuts)

@@ -33,7 +33,7 @@ import numpy as np
 
 from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import above_all, smallest_where
-from modal.eigen.chains import Motion, lowest_possible
+from modal.eigen.chains import Motion
 from modal.eigen.counts import Built, counted
 from modal.types import Booleans, Floats, Ints
 
@@ -95,6 +95,14 @@ def count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
     for link in eliminate(block, x):
         below += link.pivot < 0
     return below, link.mass
+
+
+def lowest_possible(blocks: tuple[Block, ...], spring: float, mass: float) -> float:
+    """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M) without the joint springs."""
+    trace = sum(float((block.diagonal / block.b).sum()) for block in blocks)
+    if spring > 0:
+        trace += mass / spring
+    return float(2.0 ** (-np.ceil(np.log2(trace)) - 1))
 
 
 def _link(block: Block, i: int) -> list[Floats]:
@@ -182,6 +190,7 @@ class SprungProblem:
     blocks: tuple[Block, ...]
     cart: CartNumbers | None
     route = "mass and moment"
+    dense_error = 0.0
 
     @property
     def built(self) -> Built:

@@ -1,7 +1,7 @@
 """Exact and proved answers: integer polynomials, isolated roots, ball arithmetic.
 
 In: a `Scene` whose numbers are taken exactly as stored.  Out: characteristic polynomials with integer coefficients,
-intervals that provably hold their roots, and enclosures of every natural frequency to as many digits as asked.
+intervals that provably contain their roots, and enclosures of every natural frequency to any number of digits.
 
     det(K − ω² M) = 0
 

@@ -45,7 +45,9 @@ class Hung:
                     return self._count(x, bits)
             except _UndecidedError:
                 bits *= 2
-        raise ComputationError(f"{MOST_BITS} bits do not tell how many frequencies lie below sqrt({x.str(20)}) rad/s")
+        raise ComputationError(
+            f"{MOST_BITS} bits do not suffice to count the frequencies below sqrt({x.str(20)}) rad/s"
+        )
 
     def _count(self, x: Ball, bits: int) -> int:
         below, felt = 0, flint().arb(0)

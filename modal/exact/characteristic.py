@@ -114,7 +114,7 @@ def of_scene(scene: Scene) -> list[Factor]:
     factor x.  Raises ComputationError where there are dampers.
     """
     if scene.has_damping:
-        raise ComputationError("a damped scene has no polynomial in ω²: leave the dampers out")
+        raise ComputationError("a damped scene has no polynomial in ω²: remove the dampers")
     g, passed = exact(scene.gravity), 0
     counts: dict[Links, int] = {}
     names: dict[Links, str] = {}
@@ -143,7 +143,7 @@ def exact(value: float) -> Fraction:
 
 
 def exact_links(pendulum: Pendulum) -> Links:
-    """Every link's parameters as fractions, runs of equal links counted out; σ is 1 for down and −1 for up."""
+    """Every link's parameters as fractions, repeats included; σ is 1 for down and −1 for up."""
     rows = []
     for link in pendulum.links:
         m, l, stiffness = map(exact, (link.mass, link.length, link.stiffness))
@@ -165,7 +165,7 @@ def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any]
 
 
 def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
-    """(d, N) of one pendulum on a joint that moves; in the coordinates σ_i θ_i a standing link has −k for k."""
+    """(d, N) of one pendulum on a joint that moves; in the coordinates σ_i θ_i an inverted link has −k for k."""
     mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
     if any(stiffness):
         return sample_at_integers((mass, length, centre, inertia), stiffness, sigma, gravity)
@@ -198,8 +198,8 @@ def sample_at_integers(
 ) -> tuple[list[int], list[int]]:
     """(d, N) of a chain with joint springs: d = det B, N = det [[B, −b], [x bᵀ, Σm]] with B = K − x A.
 
-    Below the smallest root, which is negative only where links stand, B is positive definite, so its elimination never
-    stops there.  In the coordinates σ_i θ_i, A and b are those of the hanging chain.
+    Below the smallest root, which is negative only with inverted links, B is positive definite, so its elimination
+    never stops there.  In the coordinates σ_i θ_i, A and b are those of the hanging chain.
     """
     mass, length, centre, _ = parameters
     b, A = pair.first_moments(mass, length, centre), pair.inertia_matrix(*parameters)

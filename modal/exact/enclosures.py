@@ -49,7 +49,7 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     """
     flint()
     if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
-        raise ComputationError("enclosures need a scene without dampers, joint springs and standing links")
+        raise ComputationError("enclosures need a scene without dampers, joint springs and inverted links")
     rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
     found = [Enclosure("0", "0", 1, "rigid translation")] * rigid
     problems = list(_problems(scene))
@@ -72,7 +72,9 @@ class _Problem:
         """One for each mode, ascending."""
         guesses = self.guesses()
         if len(guesses) != self.n_modes:
-            raise ComputationError("the ratios in this scene are beyond double precision: nothing to start from")
+            raise ComputationError(
+                "the ratios in this scene are beyond double precision: there is no approximation to refine"
+            )
         for index, guess in enumerate(guesses):
             low, high = self.enclosed(index, guess, digits)
             yield Enclosure(

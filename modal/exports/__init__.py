@@ -1,8 +1,8 @@
-"""A state-space model as a file for another tool, one module a format or family, none loaded before it is asked for.
+"""A state-space model as a file for another tool: one module per format or family of formats, loaded on use.
 
 In: a `StateSpace`.  Out: bytes that python-control, SciPy, MATLAB and Octave, C, Modelica, an FMI tool or a spreadsheet
-reads.  A format is a `Format` in `FORMATS` and the function that writes it; the command, its help, what a shell
-completes and the manual read them there.  `text` has what all of them need: numbers that read back bit for bit.
+reads.  A format is a `Format` in `FORMATS` and the function that writes it; the command, its help, shell completion and
+the manual read `FORMATS`.  `text` has what all formats need: numbers that read back bit for bit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class Format(NamedTuple):
-    """A file's usual extension, what it is, and the functions, by module, that write it and remark on its bytes."""
+    """A file extension, a description, and the functions, by module, that write the file and give a note about it."""
 
     extension: str
     what: str
@@ -28,7 +28,7 @@ class Format(NamedTuple):
         return bytes(_function(self.writer)(model))
 
     def note(self, content: bytes) -> str:
-        """What to tell the user about these bytes, nothing as a rule."""
+        """A note for the user about these bytes, usually empty."""
         return str(_function(self.remarks)(content)) if self.remarks else ""
 
 
@@ -39,7 +39,7 @@ def _function(place: str) -> Callable[..., Any]:
 
 
 def format_named(name: str) -> Format:
-    """The format of a name; SceneError lists all of them for an unknown one."""
+    """The format of this name; SceneError lists all formats if it is unknown."""
     if name not in FORMATS:
         from modal.errors import SceneError, meant
 
@@ -55,7 +55,7 @@ FORMATS = {
     "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "matlab.write_m"),
     "json": Format(".json", "everything, exactly; `modal.exports.json_.read_json` reads it back", "json_.write_json"),
     "npz": Format(".npz", "everything, exactly; `modal.exports.npz.read_npz` reads it back", "npz.write_npz"),
-    "csv": Format(".csv", "everything, exactly, a number a row", "csv_.write_csv"),
+    "csv": Format(".csv", "everything, exactly, one number per row", "csv_.write_csv"),
     "c": Format(
         ".h",
         "a header for C99 and C++ with the discrete matrices and a step function, no allocation, no includes",
@@ -63,8 +63,8 @@ FORMATS = {
     ),
     "fmu": Format(
         ".fmu",
-        "an FMI 2.0 co-simulation unit: source, and a Linux binary where a C compiler is found; inputs are held over "
-        "every communication step",
+        "an FMI 2.0 co-simulation unit: source, and a Linux binary if a C compiler is found; inputs are held "
+        "constant over each communication step",
         "fmu.write_fmu",
         "fmu.note",
     ),

@@ -1,4 +1,4 @@
-"""A header in C99 and C++ for controllers: the discrete matrices and one step, no includes, no memory of its own."""
+"""A C99 and C++ header for controllers: the discrete matrices and a step function, without includes or allocation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from modal.types import Floats
 NUMBERS_A_LINE = 5
 LONG_ROW, MOSTLY = 8, 0.75
 STEP = """\
-/* y from the present z and u, then z one step on; y is none of z and u */
+/* y from the present z and u, then z after one step; y must not overlap z or u */
 static inline void {name}_step(double z[], const double u[], double y[])
 {{
     double next[{room}];
@@ -36,7 +36,7 @@ static inline void {name}_step(double z[], const double u[], double y[])
 def write_c(model: StateSpace) -> bytes:
     """The header; every name in it begins with the title's identifier.  Raises SceneError for a continuous model."""
     if not model.dt:
-        raise SceneError(["a C header is of a sampled model: a controller steps in time"])
+        raise SceneError(["a C header needs a sampled model, since a controller steps in time"])
     return joined(_lines(model, identifier(heading(model)).lower()))
 
 

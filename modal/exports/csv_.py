@@ -1,4 +1,4 @@
-"""One table in long form, a number a row, both its names and units beside it."""
+"""One table in long form: one number per row, with the names and units of its row and column."""
 
 from __future__ import annotations
 

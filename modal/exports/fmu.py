@@ -32,7 +32,9 @@ DEFAULT_STEP = 0.01
 COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-O2", "-shared", "-fPIC", "-fvisibility=hidden")
 SOURCE = "linear_fmu.c"
-SOURCE_ONLY = "no C compiler for 64-bit Linux here: the FMU holds C source and no binary; compile it where it will run"
+SOURCE_ONLY = (
+    "no C compiler for 64-bit Linux found: the FMU has C source and no binary; compile it on the target system"
+)
 LONGEST_COMPILATION = 120.0
 UNITS = {
     "m": {"m": 1},
@@ -43,7 +45,7 @@ UNITS = {
     "N": {"kg": 1, "m": 1, "s": -2},
     "N.m": {"kg": 1, "m": 2, "s": -2},
 }
-HELD = "inputs are held over every communication step"
+HELD = "inputs are held constant over each communication step"
 ROLES = {
     "input": {"causality": "input", "variability": "continuous"},
     "state": {"causality": "local", "variability": "continuous", "initial": "exact"},
@@ -174,7 +176,7 @@ def _about(model: StateSpace, guid: str) -> dict[str, str]:
         "fmiVersion": "2.0",
         "modelName": heading(model),
         "guid": guid,
-        "description": "; ".join([law(model), HELD, "deviations from the rest", *rest(model)[:8]]),
+        "description": "; ".join([law(model), HELD, "deviations from the equilibrium", *rest(model)[:8]]),
         "generationTool": "multipendula",
         "variableNamingConvention": "structured",
         "numberOfEventIndicators": "0",

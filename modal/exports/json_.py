@@ -1,4 +1,4 @@
-"""JSON, bit for bit there and back, sealed by a checksum."""
+"""JSON that reads back bit for bit, with a checksum."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from modal.exports.text import digits, matrices
-from modal.scene.sealed import Source, content, finite, reading, require_keys, sealed_text, verify_sealed_text
+from modal.report import json_text
+from modal.scene.sealed import Source, content, finite_array, reading, require_keys, sealed_text, verify_sealed_text
 from modal.statespace import Signal, StateSpace
 from modal.types import Floats
 
@@ -43,26 +44,26 @@ def assembled(found: Mapping[str, Any], signals: Mapping[str, Sequence[Sequence[
     """The model of A, B, C, D, dt and title; ValueError where they do not fit together or are not finite."""
     named = {kind: tuple(Signal(*map(str, row)) for row in rows) for kind, rows in signals.items()}
     sizes = {name: tuple(len(named[kind]) for kind in kinds) for name, kinds in SHAPES.items()}
-    A, B, C, D = (finite(found[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
-    angles = finite([value for _, value in resting], len(resting)) if resting else np.zeros(0)
+    A, B, C, D = (finite_array(found[name] if prod(size) else np.zeros(size), *size) for name, size in sizes.items())
+    angles = finite_array([value for _, value in resting], len(resting)) if resting else np.zeros(0)
     states, inputs, outputs = (named[kind] for kind in KINDS)
     return StateSpace(
         *(A, B, C, D),
         states,
         inputs,
         outputs,
-        dt=float(finite(found["dt"])),
+        dt=float(finite_array(found["dt"])),
         title=str(found["title"]),
         operating_point=tuple(zip((str(name) for name, _ in resting), angles.tolist(), strict=True)),
     )
 
 
 def _fields(model: StateSpace) -> Iterator[str]:
-    yield f'  "title": {json.dumps(model.title)}'
+    yield f'  "title": {json_text(model.title, None)}'
     yield f'  "dt": {model.dt!r}'
-    yield _listed("operating_point", [json.dumps({"name": n, "value": v}) for n, v in model.operating_point])
+    yield _listed("operating_point", [json_text({"name": n, "value": v}, None) for n, v in model.operating_point])
     for kind in KINDS:
-        yield _listed(kind, [json.dumps(signal._asdict()) for signal in getattr(model, kind)])
+        yield _listed(kind, [json_text(signal._asdict(), None) for signal in getattr(model, kind)])
     for name, values in matrices(model):
         yield _matrix(name, values)
 

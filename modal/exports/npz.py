@@ -1,4 +1,4 @@
-"""NumPy archives without pickles, sealed by a checksum."""
+"""NumPy archives without pickles, with a checksum."""
 
 from __future__ import annotations
 

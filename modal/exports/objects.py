@@ -1,4 +1,4 @@
-"""The model as an object of another package, which is loaded when it is asked for: python-control, SciPy."""
+"""The model as an object of another package, loaded on use: python-control, SciPy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A Python script that needs python-control alone and builds the model, units beside the names."""
+"""A Python script that builds the model and needs only python-control; comments give the units."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from modal.types import Floats
 
 FIRST = (
     "# -*- coding: utf-8 -*-",
-    "# A linear state-space model for python-control, in SI units, deviations from the rest.",
+    "# A linear state-space model for python-control, in SI units, deviations from the equilibrium.",
 )
 """Python looks into the first two lines of a file for its encoding: no words of a scene stand there."""
 

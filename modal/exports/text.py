@@ -1,4 +1,4 @@
-"""What every text format needs: numbers that read back bit for bit, and what a file says of itself."""
+"""Helpers of all text formats: numbers that read back bit for bit, and the descriptive header of a file."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ def law(model: StateSpace) -> str:
 
 def rest(model: StateSpace) -> list[str]:
     """The operating point, one angle a line."""
-    return [one_line(f"{name} = {value!r} rad at rest") for name, value in model.operating_point]
+    return [one_line(f"{name} = {value!r} rad at equilibrium") for name, value in model.operating_point]
 
 
 def preamble(model: StateSpace) -> list[str]:
     """What a file says of itself at its top: title, equations, operating point."""
-    return [heading(model), f"{law(model)}, in SI units, deviations from the rest", *rest(model)]
+    return [heading(model), f"{law(model)}, in SI units, deviations from the equilibrium", *rest(model)]
 
 
 def matrices(model: StateSpace) -> tuple[tuple[str, Floats], ...]:

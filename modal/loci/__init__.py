@@ -4,7 +4,7 @@ In: a `Scene` and a `Variation`.  Out: `Loci`: each mode followed by its shape, 
 
     dω²/dp = φᵀ (dK/dp − ω² dM/dp) φ,    φᵀ M φ = 1
 
-Start with `following`; `tracking` pairs the modes of neighbouring values, `crossings` tells a crossing from a veering.
+Start with `following`; `tracking` pairs the modes of neighbouring values, `crossings` finds crossings and veerings.
 """
 
 from typing import TYPE_CHECKING

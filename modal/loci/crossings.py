@@ -1,6 +1,6 @@
-"""How two frequency loci meet: a crossing, where the gap closes, or a veering, where shapes turn into each other.
+"""How two frequency loci meet: in a crossing, where the gap closes, or a veering, where the mode shapes interchange.
 
-Two modes whose shapes know nothing of each other cross: they change places and keep their shapes.  Next to a veering
+Two uncoupled modes cross: their order changes and their shapes do not.  Next to a veering
 
     (ω_b − ω_a)² = gap² + s²(p − p₀)²,
 

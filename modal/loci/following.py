@@ -1,8 +1,8 @@
-"""Frequency loci: how every natural frequency of a scene moves with a parameter, and how loci meet.
+"""Frequency loci: how every natural frequency of a scene depends on a parameter, and how loci meet.
 
-Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape turns too far is halved; where two
-loci exchange their order the place is closed in on, until the gap is gone in error bounds, or until near it shapes are
-seen to turn into each other (`modal.loci.crossings`).
+Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape changes too much is halved.  Where
+two loci exchange their order, the interval is refined until the gap is below the error bounds, or until the shapes are
+seen to interchange (`modal.loci.crossings`).
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from math import sqrt
 
 import numpy as np
-from tabulate import tabulate
 
 from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
-from modal.report import csv_rows
+from modal.report import csv_rows, grid, with_unit
 from modal.scene import Scene
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
@@ -61,7 +60,7 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done
     """
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
-        raise SceneError([f"{variation.path}: loci are over two values or more of a parameter that varies smoothly"])
+        raise SceneError([f"{variation.path}: loci need two or more values of a continuous parameter"])
     walk, own = _Walk(scene, variation), _own_value(scene, variation)
     points = walk.whole(own, report)
     first, multiplicity = _distinct(np.array([point.group for point in points]))
@@ -97,7 +96,9 @@ class _Walk:
         """The modes there, in ascending order."""
         self.solved += 1
         if self.solved > MOST_SOLVED + len(self.variation.values):
-            raise ComputationError(f"{self.variation.path}: shapes turn too often to be followed: take a smaller range")
+            raise ComputationError(
+                f"{self.variation.path}: mode shapes change too often to be followed: use a smaller range"
+            )
         return solve_at(self.scene, self.variation.path, value)
 
     def whole(self, own: float, report: Report) -> list[Point]:
@@ -119,7 +120,9 @@ class _Walk:
         if depth == 0 or not before.value < middle < after.value:
             if sure:
                 return [found]
-            raise ComputationError(f"{self.variation.path}: a mode is lost at {before.value:.17g}: its shape changes")
+            raise ComputationError(
+                f"{self.variation.path}: a mode cannot be followed at {before.value:.17g}: its shape changes"
+            )
         half = self.between(before, self.at(middle), depth - 1)
         return half + self.between(half[-1], after, depth - 1)
 
@@ -147,7 +150,7 @@ def _swapped(before: Point, after: Point) -> tuple[int, int] | None:
 
 
 def loci_text(found: Loci) -> str:
-    """One line a meeting of two loci: the gap of a crossing is what rounding leaves."""
+    """One line per meeting of two loci; the gap of a crossing is rounding error."""
     values = found.variation.values
     where = f"{found.variation.path} = {values[0]:.6g} to {values[-1]:.6g} {found.variation.unit}".rstrip()
     added = len(found.values) - len(values)
@@ -165,12 +168,12 @@ def loci_text(found: Loci) -> str:
         )
         for meeting in found.encounters
     ]
-    headers = ("meeting", "loci", f"at {found.variation.unit}".strip(), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
-    return f"{head}\n{tabulate(rows, headers=headers, disable_numparse=True) if rows else 'none meet'}\n"
+    headers = ("meeting", "loci", with_unit("at", found.variation.unit), "ω (rad/s)", "gap (rad/s)", "exchange (MAC)")
+    return f"{head}\n{grid(rows, headers) or 'none meet'}\n"
 
 
 def loci_csv(found: Loci) -> str:
-    """One row a value: the parameter, then ω of every locus."""
+    """One row per value: the parameter, then ω of every locus."""
     head = [found.variation.column, *(f"locus_{name}_rad_per_s" for name in found.names)]
     rows = zip(found.values.tolist(), found.omega.tolist(), strict=True)
     return csv_rows([head, *((value, *omega) for value, omega in rows)])

@@ -54,13 +54,15 @@ def solve_at(scene: Scene, path: str, value: float) -> Point:
     here = vary(scene, {path: value})
     size = here.n_links * (2 if here.space == "space" else 1) + 1
     if size > MOST_MODES:
-        raise ComputationError(f"{size} modes are too many to follow by their shapes: at most {MOST_MODES}")
+        raise ComputationError(f"{size} modes are too many to follow by their shapes; the limit is {MOST_MODES}")
     modes = natural_modes(here)
     where = f"at {path} = {value:.6g}"
     if np.any(modes.error >= UNCERTAIN):
         raise ComputationError(f"{where} some modes are beyond double precision")
     if np.any(modes.eigenvalue.real):
-        raise ComputationError(f"{where} some modes decay or grow: loci are of undamped scenes about a stable rest")
+        raise ComputationError(
+            f"{where} some modes decay or grow: loci need an undamped scene about a stable equilibrium"
+        )
     fold = modes.multiplicity
     group, row = (np.repeat(each, fold) for each in (_groups(modes), np.arange(len(modes))))
     return Point(value, np.repeat(modes.omega, fold), _shapes(modes), group, row, modes.matrices.M)

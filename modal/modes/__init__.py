@@ -1,17 +1,18 @@
-"""The modes of a scene: what a table says of each, their shapes, and how both answer to a parameter.
+"""The modes of a scene: their table, their shapes, and the sensitivity of both to a parameter.
 
-In: a `Scene`.  Out: `Modes`, one `Mode` a row, with frequency, damping ratio, shape, participation factor, modal
+In: a `Scene`.  Out: `Modes`, one `Mode` per row, with frequency, damping ratio, shape, participation factor, modal
 effective mass, the amplitude at which the small-angle frequency is off by 1 %, a residual and an error bound.
 
     q(t) = Re Σ_r c_r φ_r e^{λ_r t}
 
-Start with `modes`.  `numbering` gives a mode one number everywhere, `tables` prints, `closed_forms` are what must come
-out.
+Start with `modes`.  `numbering` gives a mode the same number everywhere, `tables` prints, `closed_forms` has exact
+results to compare with.
 """
 
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
+from modal.modes.frequencies import natural_frequencies
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import UNDRIVEN, ModalMatrix, Modes, all_shapes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
@@ -29,6 +30,7 @@ __all__ = [
     "counterparts",
     "labelled",
     "lettered",
+    "natural_frequencies",
     "natural_modes",
     "paired",
     "table_numbers",

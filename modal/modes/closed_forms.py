@@ -1,6 +1,6 @@
-"""Frequencies and shapes that have a closed form: what the toolkit must find, and what limits it must approach.
+"""Frequencies and mode shapes in closed form, with which numerical results are compared.
 
-Squares of frequencies are given as ω²l/g, without units, wherever one length rules.  For n equal bobs, counted
+Squares of frequencies are given as ω²l/g, without units, if there is only one length.  For n equal bobs, counted
 j = 0, 1, … from the free end, tension (j+1) m g in the rod above bob j makes the displacements obey
 
     (j+1) y_{j+1} = (2j+1 − x) y_j − j y_{j−1},    x = ω²l/g,    y_0 = 1,    y_n = 0 at the support,

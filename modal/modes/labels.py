@@ -1,4 +1,4 @@
-"""A mode in words: what the cart does, which pendula agree, and where it stands within the chain."""
+"""The description of a mode in words: the cart, the phases of the pendula, and the order within the chain."""
 
 from __future__ import annotations
 

@@ -79,7 +79,7 @@ class Mode:
 
     @property
     def oscillates(self) -> bool:
-        """Whether the motion repeats: not for ω = 0, an overdamped mode or an uncertain one."""
+        """Whether the mode oscillates: not if ω = 0, or it is overdamped or uncertain."""
         return self.omega > 0 and not isnan(self.damping_ratio) and abs(self.damping_ratio) < 1
 
     @property
@@ -89,18 +89,21 @@ class Mode:
 
     @property
     def frequency(self) -> float | None:
-        """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for what decays or grows without a swing."""
+        """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for a mode that does not oscillate."""
         return self.omega / (2 * pi) if self.oscillates or self.omega == 0 else None
 
     @property
     def period(self) -> float | None:
-        """Seconds from one swing to the next, 2π/|Im λ|; None for what does not oscillate."""
+        """Period 2π/|Im λ| (s); None if the mode does not oscillate."""
         ratio = self.damping_ratio
         return 2 * pi / (self.omega * sqrt((1 - ratio) * (1 + ratio))) if self.oscillates else None
 
 
-def resonances(omega: Floats, number: int, partners: Ints) -> tuple[str, ...]:
-    """Resonances of mode `number` with `partners`, in words; both ascending indices from 0 into `omega` (R,)."""
+def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tuple[str, ...]:
+    """Resonances of mode `number` with `partners`, in words; both ascending indices from 0 into `omega` (R,).
+
+    `first` is the index of ω[0] among all modes of the scene.
+    """
     own, others = omega[number], omega[partners]
     if own == 0:
         return ()
@@ -109,7 +112,7 @@ def resonances(omega: Floats, number: int, partners: Ints) -> tuple[str, ...]:
         low, high = np.searchsorted(others, own * factor * np.array([1 - WIDTH, 1 + WIDTH]))
         near = [int(k) for k in partners[low : min(high, low + MOST_NAMED + 1)] if k != number][:MOST_NAMED]
         itself = low <= np.searchsorted(partners, number) < high
-        found += [f"{ratio} with mode {k + 1}" for k in near]
+        found += [f"{ratio} with mode {first + k + 1}" for k in near]
         more = int(high - low - itself) - len(near)
         found += [f"{ratio} with {more} more"] if more > 0 else []
     return tuple(found)

@@ -1,11 +1,11 @@
-"""One number for every mode: that of the table of its scene, dampers included.
+"""One number for every mode: its number in the table of the scene with dampers.
 
-A scene without its dampers, or with its cart held, has modes of its own.  Each of them bears the number of the table's
-mode that it is most like: rows r and s, of shapes φ and ψ, share
+A scene without its dampers, or with its cart fixed, has other modes.  Each of them gets the number of the most similar
+mode of the table.  The similarity of rows r and s, of shapes φ and ψ, is
 
     w_rs = Σ |φᴴMψ|² / ((φᴴMφ)(ψᴴMψ))        over all pairs of their shapes along the rail,
 
-and pairs are formed one to one, those that share most first.
+and pairs are formed one to one, the most similar first.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""How a natural frequency answers to each parameter of a scene, in closed form.
+"""The sensitivity of a natural frequency to each parameter of a scene, in closed form.
 
-With φᵀMφ = 1 a simple frequency changes as its Rayleigh quotient does while the shape φ stands still:
+With φᵀMφ = 1 the derivative of a simple frequency is that of its Rayleigh quotient at constant shape φ:
 
     2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ = ∂(2V − ω² 2T)/∂p
 
     2T = m_c φ_x² + Σ (m_i z_i² + I_i φ_i²),      z_i = φ_x + Σ_{k<i} l_k φ_k + c_i φ_i
     2V = k_c φ_x² + Σ (m_i g h_i + k_i (φ_i − φ_{i−1})²),      h_i = Σ_{k<i} l_k φ_k² + c_i φ_i²
 
-with −l and −c for links that stand, where z_i is how far the centre of link i moves aside and h_i/2 how far it rises:
+with −l and −c for inverted links; z_i is the horizontal displacement of the centre of link i and h_i/2 its rise:
 running sums along each chain, O(n) for all parameters together.  (Fox & Kapoor, AIAA J. 6, 2426 (1968): the derivative
 of a simple eigenvalue.)
 """
@@ -81,14 +81,14 @@ def _refuse(modes: Modes, number: int) -> None:
     value, fold = modes.eigenvalue[number], modes.multiplicity[number]
     name = f"mode index {number} ({modes.omega[number]:.6g} rad/s)"
     if not modes.error[number] < UNCERTAIN:
-        raise ComputationError(f"{name} is beyond double precision: it has no derivative")
+        raise ComputationError(f"{name} is beyond double precision: its derivative is not available")
     if value.real:
         ratio = -value.real / abs(value)
         raise ComputationError(f"{name} has a damping ratio of {ratio:.3g}: sensitivities are for undamped modes")
     if fold > 1:
         raise ComputationError(
-            f"{name} is shared by {fold} modes: a repeated frequency splits when one link changes, so it has no one "
-            f"derivative"
+            f"{name} is shared by {fold} modes: a repeated frequency splits when one link changes, so it has no "
+            f"single derivative"
         )
 
 

@@ -18,7 +18,7 @@ Normalisation = Literal["angle", "mass"]
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """One basis vector φ of a mode: a mode shape over every pendulum, copies counted out, top link first.
+    """One basis vector φ of a mode: a mode shape over every copy of every pendulum, top link first.
 
     `cart` is the cart's displacement (m) and `angles` (n_links,) every link's angle from the vertical (rad), or both
     per √kg m where φᵀMφ = 1; complex for damped modes.  `kinetic_energy_share` (n_links,) is each link's part of the

@@ -1,4 +1,4 @@
-"""What was built for the modes of a scene, what was left out, and which packages that took: only what it requires.
+"""A record of how the modes of a scene were computed: problem sizes, what was avoided, and packages loaded.
 
 The sources of the modes tell what they were built from, the process which packages it has loaded; nothing here is a
 forecast.  An audit is a snapshot, and packages loaded for something else count as well.
@@ -42,7 +42,7 @@ class Matrix:
 
 @dataclass(frozen=True)
 class SolutionReport:
-    """What was built for the modes of a scene.
+    """A record of what was computed for the modes of a scene.
 
     `coordinates` counts those of the whole scene: every copy, both directions in space, the cart.  `left_out` are
     sentences, `modules` the larger packages that this process has loaded.
@@ -90,7 +90,7 @@ class SolutionReport:
 
 
 def report_solution(modes: Modes) -> SolutionReport:
-    """What was built for these modes."""
+    """The record of what was computed for these modes."""
     return SolutionReport(
         coordinates=coordinates(modes.rig),
         parts=_parts(modes.spectrum),
@@ -138,13 +138,13 @@ def _coordinates_left_out(rig: Rig) -> Iterator[str]:
         yield (
             "no cart coordinate across the rail, where it cannot move"
             if rig.cart
-            else "one vertical plane instead of two: about rest both swing alike"
+            else "one vertical plane instead of two: about equilibrium both are equivalent"
         )
     pendula = sum(int(block.count.sum()) for block in rig.blocks)
     if pendula > rig.n_kinds:
         most = max(int(block.count.max()) for block in rig.blocks)
         times = f" with {most if rig.n_kinds == 1 else f'up to {most}'} times the masses" if rig.cart else ""
-        alike = "equal ones move alike" + (" or hold the cart still" if rig.cart else "")
+        alike = "equal ones move alike" + ("   or hold the cart still" if rig.cart else "")
         yield f"{counted(rig.n_kinds, 'pendulum', 'pendula')}{times} instead of {pendula}: {alike}"
 
 
@@ -157,7 +157,9 @@ def _solving_left_out(modes: Modes) -> Iterator[str]:
         yield "no complex eigenproblem: nothing damps"
     orders = [order for one in built for name, order, _ in one.matrices if name == "M"]
     if not orders:
-        yield f"no M and K of {size} × {size}: frequencies come from the effective mass, O(n) numbers"
+        seeded = any(name == "seeds" for one in built for name, *_ in one.matrices)
+        counts = "its counts confirm seeds" if seeded else "O(n) numbers"
+        yield f"no M and K of {size} × {size}: frequencies come from the effective mass, {counts}"
     elif not any(name == "D" for one in built for name, *_ in one.matrices):
         yield "no damping matrix: nothing damps"
     if orders and max(orders) < size:

@@ -11,7 +11,7 @@ from modal.assembly import Matrices
 from modal.errors import ComputationError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
-from modal.report import NOTHING, csv_rows, html, json_text, markdown, one_line, visible
+from modal.report import NOTHING, as_json, csv_rows, finite, html, markdown, one_line, visible
 from modal.scene import Scene, describe
 from modal.types import Floats
 
@@ -21,7 +21,7 @@ Value = float | int | str | bool | None
 
 @dataclass(frozen=True)
 class Column:
-    """A machine name with its unit, its value and, where people see it, a heading, plain and in LaTeX, and a form."""
+    """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format."""
 
     key: str
     value: Callable[[Mode], Value]
@@ -122,8 +122,8 @@ def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False
 
 
 def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
-    """One mapping a mode, all columns, units in the names; None where a value has no meaning."""
-    return [{column.key: _finite(column.value(row)) for column in COLUMNS} for row in rows]
+    """One mapping per mode, all columns, units in the names; None for an undefined value."""
+    return [{column.key: finite(column.value(row)) for column in COLUMNS} for row in rows]
 
 
 def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
@@ -132,11 +132,11 @@ def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
         if numbers > MOST_SHAPE_NUMBERS:
-            raise ComputationError(f"the shapes asked for hold {numbers} angles: choose fewer modes")
+            raise ComputationError(f"the requested shapes have {numbers} angles: choose fewer modes")
         for record, row in zip(found, rows, strict=True):
             record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
     whole = {"scene": describe(modes.scene), "modes": found, "route": modes.route, "notes": list(modes.notes)}
-    return json_text(whole) + "\n"
+    return as_json(whole)
 
 
 def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
@@ -148,14 +148,10 @@ def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
         "cart_m": cart,
         "angles_rad": angles,
         "modal_mass_kg_m2": shape.modal_mass,
-        "participation_factor_per_m": _finite(shape.participation_factor),
+        "participation_factor_per_m": finite(shape.participation_factor),
         "kinetic_energy_share": shape.kinetic_energy_share.tolist(),
         "uncertain": shape.uncertain,
     }
-
-
-def _finite(value: Value) -> Value:
-    return None if isinstance(value, float) and not isfinite(value) else value
 
 
 def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
@@ -165,9 +161,9 @@ def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
     if any(row.growth_rate for row in rows):
-        notes.append("unstable: this rest is not one to stay at; a growing mode has a mirror image that decays.")
+        notes.append("unstable: the scene leaves this equilibrium; every growing mode is paired with a decaying one.")
     if any(row.indistinct for row in rows):
-        notes.append("~ closer to a neighbour than the error bounds can tell apart.")
+        notes.append("~ closer to the next frequency than the error bounds can distinguish.")
     return notes
 
 
@@ -235,7 +231,7 @@ def matrices_table(scene: Scene, found: Matrices, form: str) -> str:
             "coordinates": list(found.labels),
             **{name: matrix.tolist() for name, matrix in named.items()},
         }
-        return json_text(whole) + "\n"
+        return as_json(whole)
     parts = [f"coordinates ({len(found.labels)}): {', '.join(found.labels)}"]
     for name, matrix in named.items():
         parts.append(f"{name} = 0" if not matrix.any() else f"{name} =\n{_grid(matrix)}")

@@ -47,13 +47,13 @@ def coupling_figure(coupling: Coupling) -> Figure:
 
 
 def _finish(figure: Figure, coupling: Coupling) -> None:
-    what = "what a force on the cart feels" if coupling.on_cart else "what a cart here would feel"
+    what = "dynamic mass for a force on the cart" if coupling.on_cart else "dynamic mass for a cart here"
     headline(figure, coupling.scene.title, what)
     entries = {
         "dynamic mass": Line2D([], [], color=curve()),
         "poles: the cart stands still": Line2D([], [], color=pole(), ls="--", lw=1.1),
         "zeros: the cart moves": Line2D([], [], color=zero(), marker="o", mec=paper()),
-        "felt by a fast push": Line2D([], [], color=muted(), ls=":", lw=0.9),
+        "mass for a fast push": Line2D([], [], color=muted(), ls=":", lw=0.9),
     }
     entries = entries if coupling.on_cart else dict(list(entries.items())[:3])
     key(figure, list(entries.values()), list(entries))

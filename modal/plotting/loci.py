@@ -34,7 +34,7 @@ def loci_figure(found: Loci) -> Figure:
     """
     shown = np.flatnonzero(found.omega.any(axis=0)).tolist()
     if not 1 <= len(shown) <= MOST_CURVES:
-        raise ComputationError(f"{len(shown)} loci do not fit a picture: from 1 to {MOST_CURVES}")
+        raise ComputationError(f"{len(shown)} loci do not fit in a figure: from 1 to {MOST_CURVES}")
     figure = sheet(WIDTH, 6.0)
     axis = figure.subplots()
     lines = [_locus(axis, found, k) for k in shown]

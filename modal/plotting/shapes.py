@@ -65,7 +65,7 @@ def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float 
     Raises ComputationError for more modes than one picture holds.
     """
     if len(numbers) > MOST_PANELS:
-        raise ComputationError(f"{len(numbers)} modes do not fit one picture: choose at most {MOST_PANELS} modes")
+        raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
     rows, layout = list(modes.rows(numbers)), _layout(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns = min(len(rows), 4 if panel < WIDEST else 3)
@@ -198,7 +198,7 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: _Layout, amplitude_deg:
     words = ["grey: rest", "blue and orange: the two ends of the swing"]
     words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
     if any(row.multiplicity > 1 for row in rows):
-        words += ["one shape of each many-fold mode"]
+        words += ["one shape of each repeated mode"]
     if len(layout.links) < modes.scene.n_pendula:
         words += [f"{len(layout.links)} of {modes.scene.n_pendula} pendula drawn"]
     return "; ".join(words)

@@ -87,7 +87,7 @@ def colour(k: int) -> str:
 
 
 def dash(k: int) -> str:
-    """The dashes of curve k: another kind each time that the colours begin anew."""
+    """The dashes of curve k: another kind each time that the colours repeat."""
     return DASHES[k // HUES % len(DASHES)]
 
 

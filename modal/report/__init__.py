@@ -1,7 +1,7 @@
-"""What leaves the program: tables, numbers in running text, escaped text.
+"""Output: tables, CSV and JSON, numbers in running text, escaped text.
 
-In: titles, columns and rows.  Out: text, Markdown, LaTeX, CSV, HTML or JSON in which nothing from a scene is
-taken for markup or code.  This room knows nothing of pendula.  Start with `escaping`.
+In: titles, columns and rows.  Out: text, Markdown, LaTeX, CSV, HTML or JSON in which no text of a scene can act as
+markup or code.  This room is independent of pendula.  Start with `escaping`.
 """
 
 from modal.report.escaping import (
@@ -20,7 +20,7 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short
+from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short, with_unit
 from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
 
 __all__ = [
@@ -52,4 +52,5 @@ __all__ = [
     "short",
     "titled",
     "visible",
+    "with_unit",
 ]

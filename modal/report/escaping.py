@@ -1,7 +1,7 @@
-r"""Text of scenes, files and arguments, escaped so that each format reads it as text and nothing else.
+r"""Text of scenes, files and arguments, escaped so that each format reads it as plain text.
 
-Numbers and the program's own words need none of this.  What a reader could not see (controls, marks of direction,
-letters that Unicode has not assigned) is shown as an escape, `\x1b` or `\u202e`, in every format.
+Numbers and the program's own text do not need this.  Invisible characters (controls, direction marks, unassigned code
+points) are shown as escapes, `\x1b` or `\u202e`, in every format.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ JOINERS = re.compile("(?<=[^\x00-\x7f])[\u200c\u200d](?=[^\x00-\x7f])")
 """Between letters of Persian or parts of an emoji they belong to the spelling."""
 
 FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
-"""What spreadsheets take for the beginning of one."""
+"""The beginning of a formula for spreadsheets."""
 
 
 def visible(text: str) -> str:
-    r"""One line in which everything can be seen, for terminals and figures.
+    r"""The text on one line with every character visible, for terminals and figures.
 
     >>> print(visible("a\nb\x1b[2J\x9b\u202e"))
     a\nb\x1b[2J\x9b\u202e
@@ -63,7 +63,7 @@ def markdown(text: str) -> str:
 
 
 def json_text(whole: Any, indent: int | None = 2) -> str:
-    r"""JSON that hides nothing: letters as they are, what cannot be seen as escapes, no NaN.
+    r"""JSON with letters as they are and invisible characters as escapes, without NaN.
 
     >>> print(json_text({"title": "ω\u202e"}, indent=None))
     {"title": "ω\u202e"}
@@ -74,9 +74,9 @@ def json_text(whole: Any, indent: int | None = 2) -> str:
 
 
 def csv_cell(value: Any) -> Any:
-    """A cell that no spreadsheet takes for a formula: words that begin like one get an apostrophe before them.
+    """A cell that no spreadsheet treats as a formula: text that begins like one gets an apostrophe before it.
 
-    So do those after a semicolon or a bar, at which some spreadsheets split a line.
+    So does text after a semicolon or a bar, where some spreadsheets split a line.
 
     >>> csv_cell("=1+1"), csv_cell("-1.5"), csv_cell(-1.5), csv_cell("a = b")
     ("'=1+1", '-1.5', -1.5, 'a = b')

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isinf
 
-WIDTH = 110  # letters in a line of a page for a terminal
+WIDTH = 110  # characters per line of a report
 
 
 def short(value: float) -> str:
@@ -29,12 +29,17 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def listed(shown: Sequence[str], total: int) -> str:
-    """`a, b and c`, or `a, b, … (1000 in all)` where only some are shown."""
+    """`a, b and c`, or `a, b, … (1000 in all)` if only some are shown."""
     if len(shown) < total:
         return f"{', '.join(shown)}, … ({total} in all)"
     return " and ".join(filter(None, (", ".join(shown[:-1]), shown[-1]))) if shown else "none"
 
 
+def with_unit(heading: str, unit: str) -> str:
+    """A heading with its unit in parentheses, if there is one."""
+    return f"{heading} ({unit})" if unit else heading
+
+
 def capital(words: str) -> str:
-    """The same with a capital."""
+    """The text with its first letter capitalized."""
     return words[:1].upper() + words[1:]

@@ -1,11 +1,11 @@
-"""What hangs from what: the scene, its file, and its numbers by their paths.
+"""Scenes: the description of a system of pendula, its file, and its numbers by their paths.
 
-In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked once and completely at the door.
+In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked completely when it is made.
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `files` reads and writes, `sealed` tells damaged files, `validation` checks every part and words
-every mistake, `parameters` finds and varies numbers by path.
+Start with `model`; `files` reads and writes, `sealed` detects damaged files, `validation` checks every part and words
+the messages, `parameters` finds and varies numbers by path.
 """
 
 from typing import TYPE_CHECKING

@@ -142,7 +142,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
 def _print(content: bytes) -> None:
     """To standard output, as bytes where it takes them."""
     if b"\0" in content and sys.stdout.isatty():
-        raise SceneError(["standard output is a terminal, and this is no text: send it to a file or to a program"])
+        raise SceneError(["standard output is a terminal, and this file is binary: redirect it to a file or a program"])
     if (binary := getattr(sys.stdout, "buffer", None)) is None:
         sys.stdout.write(content.decode())
         return
@@ -192,7 +192,7 @@ def _read(name: str) -> bytes:
 
 @contextmanager
 def _awaited(name: str) -> Iterator[None]:
-    """On a terminal, a word on what is waited for where nothing has come for PATIENCE."""
+    """Say on a terminal that a scene is expected if nothing has arrived for PATIENCE."""
     if not sys.stderr or not sys.stderr.isatty():
         yield
         return

@@ -1,11 +1,11 @@
-"""A scene: what hangs from what, checked once at the door and immutable ever after.
+"""A scene: a support and its pendula, checked when made and immutable.
 
     gravity g;  a fixed support or a cart on a straight horizontal rail;  pendula, each a chain of links.
 
 Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i along it and moment of inertia I_i
-about that centre.  All numbers are SI; angles in a scene file are degrees, counted from the hanging rest.
-A drive keeps a clock or a metronome going: it acts on the angle γ of a link to the one above, counted from the rest (at
-a top joint: to the vertical), and with opposite sign on the link above.
+about that centre.  All numbers are SI; angles in a scene file are degrees from the downward vertical.
+A drive sustains the swing of a clock or a metronome: it acts on the angle γ between a link and the one above, measured
+from equilibrium (at a top joint: from the vertical), and with opposite sign on the link above.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Turn = Annotated[float, Field(strict=True, ge=1e-6, le=180)]
 
 
 class VanDerPol(Checked):
-    """The torque e (1 − (γ/γ₀)²) γ': feeds within γ₀ and drains beyond.
+    """The torque e (1 − (γ/γ₀)²) γ': supplies energy within γ₀ and dissipates it beyond.
 
     `strength` e (N m s/rad), `angle_deg` γ₀ (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).  Alone on a
     lightly driven pendulum it keeps the amplitude 2 γ₀, beside a damper d at the same joint 2 γ₀ √(1 − d/e).
@@ -42,7 +42,7 @@ class VanDerPol(Checked):
 
 
 class Escapement(Checked):
-    """A kick `impulse` (N m s) along the swing each time that |γ| passes `angle_deg` on its way out.
+    """A kick `impulse` (N m s) in the direction of motion each time that |γ| passes `angle_deg` outwards.
 
     Kicks alternate between the two sides, as the pallets of an anchor do; a swing that stays within the angle gets
     none (Bennett, Schatz, Rockwood & Wiesenfeld, Proc. R. Soc. A 458, 563 (2002), §4).
@@ -124,7 +124,7 @@ class Body(Link):
     @model_validator(mode="after")
     def _turns(self) -> Body:
         if self.centre == 0 and self.inertia == 0:
-            raise ValueError(".inertia = 0.0: must be positive where the centre is on the pivot")
+            raise ValueError(".inertia = 0.0: must be positive if the centre is at the pivot")
         return self
 
 
@@ -132,7 +132,7 @@ AnyLink = Bob | Rod | Body
 
 
 class InitialCondition(Checked):
-    """Where the simulator releases a pendulum: one angle (deg) and one rate (deg/s) a link, top to bottom.
+    """The initial condition of a simulation: one angle (deg) and one rate (deg/s) per link, top to bottom.
 
     `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
     """
@@ -143,9 +143,9 @@ class InitialCondition(Checked):
 
 
 class Pendulum(Checked):
-    """A chain of links, top to bottom, hung `count` times.
+    """A chain of links, top to bottom, in `count` copies.
 
-    `equilibrium` says for each link whether it points down or up at the rest about which the scene is linearized.
+    `equilibrium` says for each link whether it points down or up; the scene is linearized about that equilibrium.
     """
 
     links: Annotated[tuple[Annotated[AnyLink, Field(discriminator="kind")], ...], Field(min_length=1), Several]
@@ -155,7 +155,7 @@ class Pendulum(Checked):
 
     @property
     def n_links(self) -> int:
-        """Number of links of one copy, runs of equal links counted out."""
+        """Number of links of one copy, counting repeats."""
         return sum(link.count for link in self.links)
 
     @property
@@ -170,11 +170,11 @@ class Pendulum(Checked):
 
     def _problems(self) -> Iterator[str]:
         if self.n_links > MAX_CHAIN:
-            yield f".links: has {self.n_links} links, runs counted out: at most {MAX_CHAIN}"
+            yield f".links: has {self.n_links} links, counting repeats: at most {MAX_CHAIN}"
             return
         if self.links[-1].centre == 0:
             at = f".links[{len(self.links) - 1}].centre = 0.0"
-            yield f"{at}: must be positive in the last link, or it feels no gravity"
+            yield f"{at}: must be positive in the last link, or gravity does not act on it"
         lists = [("equilibrium", self.equilibrium), *((f"start.{name}", values) for name, values in self.start or ())]
         for name, values in lists:
             if values is not None and len(values) != self.n_links:
@@ -207,12 +207,12 @@ class Scene(Checked):
 
     @property
     def n_pendula(self) -> int:
-        """Number of pendula, copies counted out."""
+        """Number of pendula, counting copies."""
         return sum(pendulum.count for pendulum in self.pendulum)
 
     @property
     def n_links(self) -> int:
-        """Number of links in the whole scene, copies counted out."""
+        """Number of links in the whole scene, counting copies."""
         return sum(pendulum.count * pendulum.n_links for pendulum in self.pendulum)
 
     @property
@@ -224,17 +224,17 @@ class Scene(Checked):
 
     @property
     def is_driven(self) -> bool:
-        """Whether any joint excites itself."""
+        """Whether any joint has a drive."""
         return any(link.drive for link in self.links())
 
     @property
     def undriven(self) -> Scene:
-        """The same without self-excitation."""
+        """The same scene without drives."""
         return self._with(drive=None) if self.is_driven else self
 
     @property
     def conservative(self) -> Scene:
-        """The same without self-excitation and dampers."""
+        """The same scene without drives and dampers."""
         still = self._with(drive=None, damping=0.0)
         held = isinstance(self.support, Cart)
         return still.replace(support=self.support.replace(damping=0.0)) if held else still
@@ -253,7 +253,7 @@ class Scene(Checked):
 
     @property
     def stands(self) -> bool:
-        """Whether any link points up at rest."""
+        """Whether any link is inverted at equilibrium."""
         return any("up" in pendulum.ways for pendulum in self.pendulum)
 
     def links(self) -> Iterator[Bob | Rod | Body]:
@@ -283,11 +283,11 @@ class Scene(Checked):
 
 
 def validate_scene(given: object) -> Scene:
-    """The scene itself; SceneError says what was meant where something else was given."""
+    """The scene itself; SceneError for anything else, with a hint."""
     if isinstance(given, Scene):
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
-    raise SceneError([f"a scene is needed, and this is of type {type(given).__name__}{meant}"])
+    raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
 
 
 def scene_from(data: object) -> Scene:
@@ -299,7 +299,7 @@ def scene_from(data: object) -> Scene:
 
 
 def describe(part: BaseModel) -> dict[str, Any]:
-    """The mapping that `scene_from` reads back as an equal object: kinds first, defaults left out."""
+    """The mapping that `scene_from` reads back as an equal object: kinds first, without defaults."""
     found: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
     for name, field in type(part).model_fields.items():
         value = getattr(part, name)

@@ -1,14 +1,14 @@
-"""Numbers of a scene by their places, and over which values they are varied: `support.mass=1:1000:50log`.
+"""Numbers of a scene by their places, and the values over which they are varied: `support.mass=1:1000:50log`.
 
-What stands before the sign is a place, `pendulum[2].links[0].mass` as in messages; `[*]` stands for every entry of a
-list, and every number that a place means takes the same value.  Values are `a:b:n` (n evenly spaced from a to b),
-`a:b:nlog` (in equal ratios) or a list `a,b,c`; they ascend.  Nothing is evaluated as code.
+Before the sign is a place, `pendulum[2].links[0].mass` as in messages.  `[*]` means every entry of a list; all numbers
+at such a place get the same value.  Values are `a:b:n` (n evenly spaced from a to b), `a:b:nlog` (logarithmically
+spaced) or a list `a,b,c`, in ascending order.  Nothing is evaluated as code.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -69,18 +69,29 @@ def with_numbers(place: Place) -> str:
 
 
 def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
-    """The scene with other numbers at these paths, checked anew; SceneError names every mistake.
+    """The scene with other numbers at these paths, checked again; SceneError names every mistake.
 
     >>> from modal import load
     >>> vary(load("paper-cart-2"), {"support.mass": 7.0, "pendulum[*].links[*].damping": 0.1}).support.mass
     7.0
     """
-    data = describe(scene)
-    for path, value in values.items():
-        for place in find_places(scene, path):
-            whole = place[-1] == "count" and float(value).is_integer()
-            _put(data, place, int(value) if whole else float(value))
-    return scene_from(data)
+    return Variable(scene, values).at(values)
+
+
+class Variable:
+    """A scene whose numbers at these paths are varied again and again; SceneError for what is none of its places."""
+
+    def __init__(self, scene: Scene, paths: Iterable[str]) -> None:
+        self._data = describe(scene)
+        self._places = {path: find_places(scene, path) for path in paths}
+
+    def at(self, values: Mapping[str, float]) -> Scene:
+        """The scene with these numbers at all its paths, checked anew; SceneError names every mistake."""
+        for path, places in self._places.items():
+            value = float(values[path])
+            for place in places:
+                _put(self._data, place, int(value) if place[-1] == "count" and value.is_integer() else value)
+        return scene_from(self._data)
 
 
 def _put(data: Any, place: Place, value: float) -> None:
@@ -197,7 +208,7 @@ def _values(words: str) -> tuple[tuple[float, ...], bool]:
     if not -LARGEST <= low < high <= LARGEST:
         raise ValueError("a range goes from a smaller to a larger finite number")
     if log and low <= 0:
-        raise ValueError("a range in equal ratios begins above 0")
+        raise ValueError("a logarithmic range begins above 0")
     return tuple((np.geomspace if log else np.linspace)(low, high, count).tolist()), log
 
 
@@ -213,8 +224,8 @@ def _problem(values: Sequence[float], log: bool) -> str:
     if not all(abs(value) <= LARGEST for value in values):
         return f"values must be finite and at most {LARGEST:g}"
     if any(later <= earlier for earlier, later in pairwise(values)):
-        return "values must ascend, each a different number"
-    return "values in equal ratios must be positive" if log and values[0] <= 0 else ""
+        return "values must be strictly ascending"
+    return "logarithmically spaced values must be positive" if log and values[0] <= 0 else ""
 
 
 def _quoted(text: str) -> str:

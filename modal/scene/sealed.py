@@ -1,7 +1,7 @@
-"""Files that are read back: a checksum over the whole of them, and arrays unpacked only where their sizes hold.
+"""Files that are read back: a checksum over the whole file, and arrays that are unpacked only if their sizes fit.
 
-The checksum is the SHA-256 of all other bytes of the file.  Text has it as the first key of the JSON that it begins
-with, an archive as its last bytes, in the comment that ZIP allows there: both stay what they are to other programs.
+The checksum is the SHA-256 of all other bytes of the file.  Text has it as the first key of its initial JSON, an
+archive as its last bytes, in the ZIP comment.  Other programs can read both.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ def reading(source: Source, what: str) -> Iterator[None]:
     except OSError as error:
         raise SceneError([f"{name}: cannot be read: {error.strerror or error}"]) from None
     except UNREADABLE:
-        raise SceneError([f"{name}: is torn, or is not a {what} that this version of multipendula has saved"]) from None
+        raise SceneError([f"{name}: is incomplete, or is not a {what} saved by this version of multipendula"]) from None
 
 
 def content(source: Source) -> bytes:
@@ -88,7 +88,7 @@ def verify_whole(found: bytes, before: int) -> None:
     checksum = sha256(others[:before])
     checksum.update(others[before + DIGITS :])
     if checksum.hexdigest().encode() != own:
-        raise SceneError(["is damaged: its checksum does not hold"])
+        raise SceneError(["is damaged: its checksum does not match"])
 
 
 # ----------------------------------------------------------------------------------------------------------- text
@@ -161,7 +161,7 @@ def require_keys(found: dict[str, Any], *known: str) -> None:
         raise ValueError
 
 
-def finite(found: object, *shape: int) -> Floats:
+def finite_array(found: object, *shape: int) -> Floats:
     """Numbers of this shape; ValueError for others, for what is not finite and for what is not a number."""
     values = np.asarray(found)
     if values.dtype.kind not in "fi" or values.shape != shape or not np.all(np.isfinite(values)):

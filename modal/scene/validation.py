@@ -1,7 +1,7 @@
-"""What every part of a scene is checked by, and what is found, in the user's words.
+"""The checks of every part of a scene, and their messages.
 
-Numbers are finite and in range, keys are known; a finding reads `pendulum[2].links[0].mass = -1.0: must be positive`
-and is raised as the project's own error.
+Numbers must be finite and in range, and keys known.  A mistake is raised as the project's own error with a message such
+as `pendulum[2].links[0].mass = -1.0: must be positive`.
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ SMALLEST = 1e-100
 MAX_COPIES = 1_000_000
 TAGS: set[str] = set()
 """The kinds of all parts."""
+KINDS: dict[str, str] = {}
+"""The kinds of the parts under a key, as a message lists them."""
 KEYS: set[str] = set()
 """The keys of all parts."""
 WORDS = {
@@ -34,7 +36,6 @@ WORDS = {
     "model_attributes_type": "must be a table",
     "missing": "is required",
     "too_short": "must not be empty",
-    "union_tag_not_found": "needs a kind",
     "string_too_long": "is too long",
 }
 LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "links": "links = [{ … }, …]"}
@@ -88,19 +89,20 @@ class _Raising(ModelMetaclass):
 
 
 class Checked(BaseModel, metaclass=_Raising):
-    """An immutable part of a scene: `replace` gives one like it."""
+    """An immutable part of a scene; `replace` returns a changed copy."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     @classmethod
     def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """A new part brings the words that a scene file may have."""
+        """Register the keys and kinds of a new part."""
         KEYS.update(cls.model_fields)
-        if "kind" in cls.model_fields:
-            TAGS.update(get_args(cls.model_fields["kind"].annotation))
+        TAGS.update(_kinds(cls))
+        kinds = {key: list(_kinds(field.annotation)) for key, field in cls.model_fields.items()}
+        KINDS.update({key: ", ".join(f'"{kind}"' for kind in found) for key, found in kinds.items() if found})
 
     def replace(self, **changes: Any) -> Self:
-        """The same with other values under these keys, checked anew; SceneError names every mistake and its place.
+        """A copy with other values under these keys, checked again; SceneError names every mistake and its place.
 
         >>> from modal import load
         >>> scene = load("paper-cart-2")
@@ -116,6 +118,16 @@ class Checked(BaseModel, metaclass=_Raising):
     def copy(self, **options: Any) -> Self:
         """The older name of `model_copy`."""
         return self.model_copy(**options)
+
+
+def _kinds(annotation: Any) -> Iterator[str]:
+    """The kinds of the parts in an annotation, in its order."""
+    if isinstance(annotation, type) and issubclass(annotation, Checked):
+        if "kind" in annotation.model_fields:
+            yield from get_args(annotation.model_fields["kind"].annotation)
+    else:
+        for part in get_args(annotation):
+            yield from _kinds(part)
 
 
 P = TypeVar("P", bound=BaseModel)
@@ -186,6 +198,8 @@ def _words(finding: Mapping[str, Any]) -> str:
         return "is too large"
     if kind == "tuple_type" and isinstance(finding["input"], Mapping):
         return f"must be a list: write {LISTS_OF_TABLES.get(str(finding['loc'][-1]), '[…]')}"
+    if kind == "union_tag_not_found":
+        return f"needs a kind, one of {KINDS[next(key for key in reversed(finding['loc']) if isinstance(key, str))]}"
     if kind in {"literal_error", "union_tag_invalid"}:
         return f"must be one of {context.get('expected') or context['expected_tags']}".replace("'", '"')
     if kind == "value_error":

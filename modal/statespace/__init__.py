@@ -1,7 +1,7 @@
-"""State-space models of a scene, and what control engineers do with them.
+"""State-space models of a scene for control engineers.
 
-In: a `Scene`, and which inputs and outputs are meant.  Out: a `StateSpace` with named signals, its modal form, gains,
-frequency and impulse responses, smaller models, sampled models, input shapers.
+In: a `Scene`, and names of inputs and outputs.  Out: a `StateSpace` with named signals, its modal form, gains,
+frequency and impulse responses, reduced models, sampled models, input shapers.
 
     z' = A z + B u,    y = C z + D u,    z = (q, q')
 

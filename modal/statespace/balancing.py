@@ -50,7 +50,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
     if not 1 <= count <= len(model.A):
         raise ValueError(f"count = {count}: must be between 1 and the {len(model.A)} states of the model")
     if model.dt:
-        raise ComputationError("balanced reduction is of the continuous model")
+        raise ComputationError("balanced reduction needs a continuous model")
     values, V = np.linalg.eig(model.A)
     _require_damping(values)
     reach, sight = (
@@ -60,7 +60,9 @@ def balance(model: StateSpace, count: int) -> Balanced:
     U, hankel, Wt = np.linalg.svd(sight.T @ reach)
     kept = int(np.count_nonzero(hankel > NEGLIGIBLE * hankel[0]))
     if count > kept:
-        raise ComputationError(f"only {kept} states are reached and seen: ask for no more, or for the minimal model")
+        raise ComputationError(
+            f"only {kept} states are controllable and observable: choose at most as many, or the minimal model"
+        )
     scale = 1 / np.sqrt(hankel[:count])
     right, left = reach @ Wt[:count].T * scale, (sight @ U[:, :count] * scale).T
     states = tuple(
@@ -101,7 +103,7 @@ def _gramian(A: Floats, values: Complexes, V: Complexes, B: Floats) -> Floats:
     X: Floats = (V @ (-(b @ b.conj().T) / (values[:, None] + values.conj())) @ V.conj().T).real
     push = B @ B.T
     if np.linalg.norm(A @ X + X @ A.T + push) > CERTAIN * (np.linalg.norm(push) + 2 * np.linalg.norm(A @ X)):
-        raise ComputationError("two modes of this model are one to double precision: its gramians are not certain")
+        raise ComputationError("two modes of this model are equal to double precision: its gramians are uncertain")
     return (X + X.T) / 2
 
 

@@ -1,4 +1,4 @@
-"""How strongly each input reaches each mode and each output sees it, as gains and not as a rank.
+"""How strongly each input reaches each mode and each output sees it, as gains instead of ranks.
 
     undamped   |φᵀF_j| and |c_i φ| with φᵀMφ = 1: their product is the coefficient of 1/(s² + ω²) in G_ij(s)
     damped     |ℓᵀB_j| and |C_i r|, left and right vectors scaled so that the product is the size of the residue there,
@@ -168,12 +168,12 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
 
 
 def unseen(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
-    """Indices, from 0, of the modes that the outputs do not see, or not all copies of, above a relative gain."""
+    """Indices, from 0, of the modes that the outputs do not see above a relative gain, or not in all copies."""
     return gains.outputs.missed(threshold)
 
 
 def unreached(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
-    """Indices, from 0, of the modes that the inputs do not reach, or not all copies of, above a relative gain."""
+    """Indices, from 0, of the modes that the inputs do not reach above a relative gain, or not in all copies."""
     return gains.inputs.missed(threshold)
 
 

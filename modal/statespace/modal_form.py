@@ -1,4 +1,4 @@
-"""A scene's model taken apart into its modes, each a block of one or two states of its own.
+"""A scene's model in modal form: one block of one or two states for each mode.
 
 With φ as in `Modes.shape` (so that equal and zero frequencies are as well separated as any) and z = (q, q'),
 
@@ -7,8 +7,8 @@ With φ as in `Modes.shape` (so that equal and zero frequencies are as well sepa
     real λ     α' = λα + ℓᵀB u,             z = rα,                      s = φᵀ(2λM + D)φ
 
 (Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
-whose acceleration or velocity is prescribed does not answer to the pendula: it is a block by itself, and the modes are
-those of the pendula on a support that stands still.
+whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
+the fixed-base modes of the pendula.
 """
 
 from __future__ import annotations
@@ -104,13 +104,13 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     two modes one.
     """
     if model.dt:
-        raise ComputationError("modes are those of the continuous model: a discrete one is not taken apart")
+        raise ComputationError("modal form needs a continuous model")
     driven = any(signal.name in DRIVES for signal in model.inputs)
     found = held(modes) if driven else modes
     n, on_cart = len(model.A), int(found.on_cart)
     size = found.scene.n_links + on_cart
     if n - 2 * size not in ((1, 2) if driven else (0,)):
-        raise ValueError(f"the model has {n} states: it is not one of this scene, which has {size} coordinates")
+        raise ValueError(f"the model has {n} states: it does not belong to this scene, which has {size} coordinates")
     blocks = [*(_cart(model, n - 2 * size, size) if driven else ()), *_own(found, n, size, first=int(driven))]
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")

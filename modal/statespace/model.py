@@ -1,6 +1,6 @@
-"""Named state-space models of a scene: z' = A z + B u, y = C z + D u about its rest.
+"""State-space models of a scene with named signals: z' = A z + B u, y = C z + D u about its equilibrium.
 
-With M q'' + D q' + K q = F u over q = (x, θ_1, …), deviations from the rest, z = (q, q'),
+With M q'' + D q' + K q = F u over q = (x, θ_1, …), deviations from the equilibrium, z = (q, q'),
 
     A = [[0, 1], [−M⁻¹K, −M⁻¹D]],    B = [[0], [M⁻¹F]].
 
@@ -116,7 +116,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 def _drive(wanted: tuple[str, ...]) -> str | None:
     prescribed = [name for name in wanted if name in DRIVES]
     if len(prescribed) > 1 or (prescribed and "cart_force" in wanted):
-        raise SceneError(["input: the cart has one of a force, an acceleration and a velocity"])
+        raise SceneError(["input: choose only one of the cart's force, acceleration and velocity"])
     return prescribed[0] if prescribed else None
 
 
@@ -171,7 +171,7 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     momentum[1][:, 1:] += pushed
     A, B = np.vstack([rate[0], momentum[0]]), np.vstack([rate[1], momentum[1]])
     kept = [
-        Signal(s.name.replace("theta_dot", "p"), s.unit, "rate of the angle, less the cart's part")
+        Signal(s.name.replace("theta_dot", "p"), s.unit, "rate of the angle, minus the cart's contribution")
         for s in _rates(geometry)[1:]
     ]
     return _Motion(A, B, position, rate, None, _positions(geometry) + kept)

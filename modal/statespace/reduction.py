@@ -1,8 +1,8 @@
-"""Smaller models: without what no input reaches or no output sees, and with the modes that matter.
+"""Reduced models: without uncontrollable or unobservable states, or with the most important modes.
 
-Equal pendula on a cart that is pushed or driven move alike: N of them are one, N times as heavy, and their antiphase
-modes leave the model.  Of different pendula with a common frequency only the combination that the inputs reach stays.
-What a truncation leaves out still answers slowly: its static gain −C A⁻¹ B is added to D (residualisation, the
+Equal pendula on a cart that is pushed or driven move alike: N of them are replaced by one, N times as heavy, and their
+antiphase modes drop out.  Of different pendula with a common frequency only the controllable combination stays.
+The static gain −C A⁻¹ B of the modes that a truncation removes is added to D (residualisation, the
 mode-acceleration method of Craig & Kurdila, Fundamentals of Structural Dynamics), so that G(0) of all that swings is
 unchanged.
 """
@@ -56,7 +56,7 @@ def fold_equals(scene: Scene) -> Folded:
 
 
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
-    """The model with the same transfer functions and no mode that symmetry or coincidence keeps out of them.
+    """The model with the same transfer functions without the modes that do not contribute to them.
 
     Equal pendula are read off the first of them, under its own name.  If every mode that is left is reached and seen,
     the states are angles and rates; else the modal coordinates of those that are.  Inputs and outputs are the groups of
@@ -67,7 +67,9 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
     model = state_space(fold.scene, inputs, outputs)
     inside = [signal.name for signal in model.inputs if signal.name not in OF_A_CART]
     if inside and max(fold.copies) > 1:
-        raise SceneError([f"input {name}: tells equal pendula apart, so they do not fold" for name in inside])
+        raise SceneError(
+            [f"input {name}: acts differently on equal pendula, so they cannot be merged" for name in inside]
+        )
     model = _read_off_the_first(fold, model)
     form = to_modal_form(natural_modes(fold.scene), model)
     blocks = [_rate_alone(form, block) for block in essential(form)]
@@ -170,7 +172,7 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     than the model has.
     """
     if count < 0 or by not in get_args(Choice):
-        raise ValueError(f'count = {count}, by = {by!r}: a count of modes, by "contribution" or "lowest"')
+        raise ValueError(f'count = {count}, by = {by!r}: must be a number of modes, by "contribution" or "lowest"')
     form = to_modal_form(modes, model)
     if count > (total := sum(block.mode is not None for block in form.blocks)):
         raise SceneError([f"{count} modes: the model has {total}"])

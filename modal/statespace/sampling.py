@@ -35,7 +35,7 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
     overflows.
     """
     if model.dt:
-        raise SceneError([f"step {dt} s: the model is discrete already, with a step of {model.dt} s"])
+        raise SceneError([f"step {dt} s: the model is already discrete, with a step of {model.dt} s"])
     if not (isfinite(dt) and dt > 0):
         raise SceneError([f"step {dt} s: must be a positive number of seconds"])
     if method not in METHODS:
@@ -43,7 +43,7 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
     with np.errstate(over="ignore", invalid="ignore"):
         A, B, C, D = METHODS[method](model, dt)
     if not all(np.isfinite(matrix).all() for matrix in (A, B, C, D)):
-        raise ComputationError(f"step {dt} s: the model grows past the range of doubles within a step")
+        raise ComputationError(f"step {dt} s: the model overflows within a step")
     return replace(model, A=A, B=B, C=C, D=D, dt=float(dt))
 
 

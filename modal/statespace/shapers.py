@@ -1,21 +1,20 @@
-"""Input shapers: a command split into a few delayed parts that leave no vibration of chosen modes behind.
+"""Input shapers: a command split into a few delayed parts that leave no residual vibration in chosen modes.
 
 With T_d = 2π/(ω√(1−ζ²)) and K = exp(−ζπ/√(1−ζ²))
 
     ZV     amplitudes (1, K)/(1+K)         at 0, T_d/2
     ZVD    amplitudes (1, 2K, K²)/(1+K)²   at 0, T_d/2, T_d      (also insensitive to ω, to first order)
 
-and for several modes the convolution of one shaper for each.  What impulses A_i at t_i leave of a mode, relative to one
-impulse of the same sum at the start, is after the last of them
+and for several modes the convolution of one shaper for each.  After the last of the impulses A_i at t_i, the residual
+vibration of a mode, relative to a single impulse of the same sum at the start, is
 
     V(ω, ζ) = e^{−ζωt_n} |Σ A_i e^{(ζω + iω√(1−ζ²)) t_i}|.
 
 (Singer & Seering, J. Dyn. Syst. Meas. Control 112, 76 (1990); robustness as the range of V ≤ 5 %: Singhose, Seering &
 Singer, J. Mech. Des. 116, 654 (1994).)
 
-Which frequencies: a drive that makes its trolley follow an acceleration or a velocity does so whatever hangs from it,
-and the load swings as on a support that stands still; a trolley that is only pushed swings with its load, at the free
-frequencies.
+Which frequencies: if a drive makes its trolley follow an acceleration or a velocity whatever hangs from it, the load
+swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies.
 """
 
 from __future__ import annotations
@@ -88,7 +87,7 @@ def shaper(swings: Sequence[Swing], kind: Kind = "zv") -> Shaper:
     Raises ValueError for another kind and for no modes, ComputationError for a mode that does not swing.
     """
     if kind not in BEATS or not swings:
-        raise ValueError(f'kind = {kind!r} for {len(swings)} modes: "zv" or "zvd", of one mode at least')
+        raise ValueError(f'kind = {kind!r} for {len(swings)} modes: must be "zv" or "zvd", for at least one mode')
     return reduce(Shaper.__mul__, (_single(swing, BEATS[kind]) for swing in swings))
 
 
@@ -98,7 +97,7 @@ def shaper_for(
     """The shaper of `count` of the modes that `swings_of` finds, from index `first` on."""
     found = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(found):
-        raise ComputationError(f"{count} modes from index {first}: this drive makes {len(found)} modes swing")
+        raise ComputationError(f"{count} modes from index {first}: this drive excites {len(found)} modes")
     return shaper(found[first : first + count], kind)
 
 
@@ -119,7 +118,7 @@ def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
         [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
     )
     if scene.support.kind != "cart":
-        problems.append("the support is fixed: a shaper is for what moves a cart")
+        problems.append("the support is fixed: a shaper needs a cart")
     if problems:
         raise SceneError(problems)
     pushed = drive == "cart_force"
@@ -127,7 +126,8 @@ def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     every = list(modes)
     if growing := next((mode for mode in every if mode.growth_rate), None):
         raise ComputationError(
-            f"the rest is unstable: it is left at {growing.growth_rate:.4g} 1/s, and no shaper brings that to rest"
+            f"the equilibrium is unstable, with a growth rate of {growing.growth_rate:.4g} "
+            "1/s: no shaper can suppress that"
         )
     return modes, [mode.number - 1 for mode in every if mode.oscillates and (not pushed or mode.cart_participation)]
 
@@ -170,7 +170,7 @@ def insensitivity(shaper: Shaper, swing: Swing, tolerance: float = TOLERANCE) ->
         return np.asarray(residual_vibration(shaper, omega, swing.zeta) <= tolerance, dtype=np.bool_)
 
     if not works(np.array([swing.omega]))[0]:
-        raise ComputationError(f"at ω = {swing.omega:g} rad/s more than {tolerance:.2g} of the vibration is left")
+        raise ComputationError(f"at ω = {swing.omega:g} rad/s the residual vibration exceeds {tolerance:.2g}")
     steps = np.arange(1, REACH * RUNGS + 1) / RUNGS
     return _edge(works, swing.omega * steps[RUNGS - 1 :: -1]), _edge(works, swing.omega * steps[RUNGS - 1 :])
 
@@ -225,7 +225,9 @@ def _single(swing: Swing, beats: tuple[int, ...]) -> Shaper:
     """Impulses half a period apart of amplitudes like those of (1 + K)ⁿ."""
     omega, zeta = swing
     if not (omega > 0 and 0 <= zeta < 1):
-        raise ComputationError(f"a mode of ω = {omega:g} rad/s and ζ = {zeta:g} does not swing: no shaper silences it")
+        raise ComputationError(
+            f"a mode of ω = {omega:g} rad/s and ζ = {zeta:g} does not oscillate: a shaper cannot suppress it"
+        )
     root = sqrt((1 - zeta) * (1 + zeta))
     beat = np.arange(len(beats), dtype=np.float64)
     amplitudes: Floats = np.array(beats) * exp(-zeta * pi / root) ** beat

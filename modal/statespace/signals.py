@@ -1,6 +1,6 @@
-"""What can be put into a scene and read off it: groups of named inputs and outputs as rows over q = (x, θ_1, …).
+"""The inputs and outputs of a scene: groups of named signals as rows over q = (x, θ_1, …).
 
-A horizontal displacement to first order about the rest is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
+A horizontal displacement, to first order, is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
 of a lower joint e_x + Σ σ l.  A horizontal force at that point acts on q with hᵀ; the force of pendulum p on its pivot
 is −Σ m h q'' plus whatever is pushed at its links.
 """
@@ -31,7 +31,7 @@ class Signal(NamedTuple):
 class Geometry:
     """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
 
-    `labels` (links,) are "p_i", both from 1, copies counted out; `mass` (links,), `pendulum` (links,) from 0; `sigma`
+    `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), `pendulum` (links,) from 0; `sigma`
     (links,) which way they point; `on_cart` whether q begins with x.
     """
 
@@ -61,7 +61,7 @@ class Geometry:
 
 
 def geometry_of(scene: Scene) -> Geometry:
-    """The rows of a scene, copies counted out."""
+    """The rows of a scene, one for each copy."""
     rig = rig_of(scene)
     on_cart = rig.cart is not None
     hung = [(rig.blocks[block], column) for block, column, count in rig.members for _ in range(count)]
@@ -170,7 +170,7 @@ def _pendula(geometry: Geometry) -> range:
 READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
     "cart_position": lambda g: OutputGroup([Signal("x", "m", "position of the cart")], np.eye(g.size)[:1]),
     "cart_velocity": lambda g: OutputGroup([Signal("x_dot", "m/s", "velocity of the cart")], rate=np.eye(g.size)[:1]),
-    "angles": lambda g: OutputGroup(_named("theta", "rad", "angle from the rest", g.labels), g.angles),
+    "angles": lambda g: OutputGroup(_named("theta", "rad", "angle from equilibrium", g.labels), g.angles),
     "rates": lambda g: OutputGroup(_named("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
     "relative_angles": lambda g: OutputGroup(_named("rel", "rad", "angle to the link above", g.labels), g.relative),
     "relative_rates": lambda g: OutputGroup(

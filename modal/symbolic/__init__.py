@@ -5,7 +5,7 @@ as text, LaTeX or Markdown.  SymPy is imported in this room alone.
 
     d/dt ∂L/∂q' − ∂L/∂q = 0,    L = T − V
 
-Start with `system`, then `derivation`; `papers` holds each numbered equation as printed and as it should read.
+Start with `system`, then `derivation`; `papers` holds each numbered equation as printed and as corrected.
 """
 
 from typing import TYPE_CHECKING

@@ -26,7 +26,7 @@ SECTIONS = ("lagrangian", "equations", "matrices", "polynomial", "modes")
 CHECKED_UP_TO = 6
 CHECKED_IN_SPACE = 3
 WRITTEN_IN_ANGLES = 2
-NOT_IN_SPACE = "joint springs and dampers in space: only the linearized motion is written"
+NOT_IN_SPACE = "joint springs and dampers in space: only the linearized equations are derived"
 MOST_WRITTEN = 40
 MOST_CHAINED = 1000
 _TARGET = re.compile(r"(chain|cart):(?:(\d{1,4})x)?(\d{1,4})")
@@ -41,7 +41,7 @@ def derive(system: SymbolicSystem, show: tuple[str, ...] = SECTIONS, scene: Scen
     """
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
         shorter = "choose polynomial and modes alone"
-        raise SceneError([f"{len(system.links)} links: written out for at most {MOST_WRITTEN}; {shorter}"])
+        raise SceneError([f"{len(system.links)} links: equations are written for at most {MOST_WRITTEN}; {shorter}"])
     makers = {
         "lagrangian": lambda: _lagrangian(system),
         "equations": lambda: _equations(system),
@@ -66,7 +66,9 @@ def _lagrangian(system: SymbolicSystem) -> Section:
     lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
     if len(system.links) <= (CHECKED_IN_SPACE if system.spatial else CHECKED_UP_TO):
         _require(vanishes(found.T - T))
-        lines.append(Line("T is that of the Cartesian velocities of all masses: checked term by term"))
+        lines.append(
+            Line("T equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
+        )
     return Section("Lagrangian", lines)
 
 
@@ -142,14 +144,12 @@ def target(
     found = _TARGET.fullmatch(name)
     if not found:
         if ways or kind != KINDS[0]:
-            raise SceneError(
-                [f"{name}: a kind of link and an equilibrium are for chain: and cart:, a scene has its own"]
-            )
+            raise SceneError([f"{name}: a kind of link and an equilibrium are for chain: and cart: only"])
         scene = load(name)
         return symbolic.of_scene(scene, chosen), scene
     support, count, links = found[1], int(found[2] or 1), int(found[3])
     if support == "chain" and found[2]:
-        raise SceneError([f"{name}: a chain hangs alone; write chain:{links}, or cart:{count}x{links}"])
+        raise SceneError([f"{name}: a chain has a single pendulum; write chain:{links}, or cart:{count}x{links}"])
     if links < 1 or count < 1 or links * count > MOST_CHAINED:
         raise SceneError([f"{name}: from 1 to {MOST_CHAINED} links in all"])
     sigma = _sigma(name, ways, links)

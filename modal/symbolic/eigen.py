@@ -58,7 +58,7 @@ def eigen_polynomials(system: SymbolicSystem, scene: Scene | None) -> list[Eigen
     if n := _equal_bobs(system):
         return [Eigen("", 1 + system.spatial, equal_bobs(n, "x"))]
     if links > (MOST_LINKS if len(_own_symbols(system)) <= 2 else MOST_SYMBOLIC_LINKS):
-        return f"{links} links: too long to write out (modal.polynomials has no such limit for numbers)"
+        return f"{links} links: too long to write out (modal.exact has no such limit for numbers)"
     if scene is not None and numbers and not scene.has_damping:
         return [Eigen(factor.label, factor.multiplicity, factor.polynomial) for factor in of_scene(scene)]
     if not _is_plain(system):

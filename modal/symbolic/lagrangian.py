@@ -68,7 +68,7 @@ def _in_plane(system: SymbolicSystem) -> Lagrangian:
 
 def _in_space(system: SymbolicSystem) -> Lagrangian:
     if any(any(chain.stiffness) or any(chain.damping) for chain in system.chains):
-        raise SceneError(["joint springs and dampers: not in the angles θ and φ of a scene in space"])
+        raise SceneError(["joint springs and dampers: not implemented in the angles θ and φ of a scene in space"])
     phi = azimuths(system)
     directions = [
         sp.Matrix([sp.sin(a.q) * sp.cos(f.q), sp.sin(a.q) * sp.sin(f.q), sp.cos(a.q)])

@@ -59,7 +59,7 @@ class SymbolicCart(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SymbolicSystem:
-    """Chains, copies counted out, on a fixed support (`cart` None) or a cart; gravity in the same symbols."""
+    """Chains, one for each copy, on a fixed support (`cart` None) or a cart; gravity in the same symbols."""
 
     title: str
     gravity: Any
@@ -157,7 +157,7 @@ class SymbolicSystem:
         Raises SceneError for joint springs and dampers, which are not written in unit vectors.
         """
         if any(any(chain.stiffness) or any(chain.damping) for chain in self.chains):
-            raise SceneError(["joint springs and dampers in space are not written in unit vectors"])
+            raise SceneError(["joint springs and dampers in space: not implemented in unit vectors"])
         e_x, e_z, x = sp.Symbol("e_x"), sp.Symbol("e_z"), coordinate("x")
         u = [coordinate("u", *angle.q.name.split("_")[1:]) for angle in self.angles]
         found = []

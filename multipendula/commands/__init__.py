@@ -1,7 +1,7 @@
-"""One module a group of commands: what they do, what they take, and what their pages of help say.
+"""The commands: one module for each group, with what they do, their arguments and their help.
 
-A command is a `Command` in the `COMMANDS` of its module.  Here they stand in the order of `multipendula --help`.
-`shared` has what all of them need to write an answer, `runs` what a motion may be told.
+A command is a `Command` in the `COMMANDS` of its module.  `GROUPS` has them in the order of `multipendula --help`.
+`shared` has helpers for output, `runs` the arguments of the commands that simulate.
 """
 
 from multipendula.commands import (
@@ -22,14 +22,14 @@ GROUPS = (scenes, modes, motion, verification, coupling, sweeps, synchronization
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)
 ABOUT = (
     "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies in the plane "
-    "or in space, alone or hung from one cart that couples them."
+    "or in space, on a fixed support or coupled by a common cart."
 )
 FIRST = (
-    ("scenes", "what is shipped"),
+    ("scenes", "list the shipped scenes"),
     ("table paper-cart-2", "every mode of two double pendula on a cart"),
-    ("shapes paper-cart-2 -o shapes.png", "the same, drawn"),
+    ("shapes paper-cart-2 -o shapes.png", "draw their mode shapes"),
     ("explain paper-cart-2", "why the two exchange energy, and how slowly"),
-    ("animate paper-cart-3 --duration 2 -o run.gif", "three of them let go from level"),
-    ("scenes crane-hook > mine.toml", "a scene to edit; then `multipendula table mine.toml`"),
+    ("animate paper-cart-3 --duration 2 -o run.gif", "film three of them, released with level links"),
+    ("scenes crane-hook > mine.toml", "copy a scene to edit; then `multipendula table mine.toml`"),
 )
-"""Examples for whoever begins."""
+"""Examples for beginners."""

@@ -1,4 +1,4 @@
-"""The command explain: what the cart does to the pendula."""
+"""The command explain: how the cart couples the pendula."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from multipendula.parser import Page
 
 
 def explain(options: argparse.Namespace) -> None:
-    """Say in words, and draw, how the cart couples the pendula."""
+    """Explain, in words and in a figure, how the cart couples the pendula."""
     from modal.coupling import coupling_report, explain
     from modal.scene import load
 
@@ -39,14 +39,14 @@ COMMANDS = (
         run=explain,
         arguments=_explain_arguments,
         details=(
-            "What mass a force on the cart feels at each frequency, which modes leave the cart still and which move "
-            "it, how fast pendula exchange energy, what the cart's mass does to it at both ends, and what dampers take "
-            "from each family. Every number stands with its formula."
+            "The dynamic mass that a force on the cart feels at each frequency, which modes leave the cart still and "
+            "which move it, how fast pendula exchange energy, the limits of a massless and of an immense cart, and how "
+            "dampers affect each family. Every number is given with its formula."
         ),
         examples=(
-            ("explain paper-cart-2", "families, beats and the mass that the cart seems to have"),
-            ("explain metronomes -o coupling.png", "in words and in one picture"),
-            ("explain crane-two-loads --format markdown", "two loads that differ: who exchanges with whom"),
+            ("explain paper-cart-2", "families of modes, beats and dynamic mass"),
+            ("explain metronomes -o coupling.png", "with a figure"),
+            ("explain crane-two-loads --format markdown", "the energy exchange of two different loads"),
         ),
     ),
 )

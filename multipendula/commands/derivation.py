@@ -1,4 +1,4 @@
-"""The commands for symbols and proof: derive, enclose."""
+"""The commands for derivations and proofs: derive, enclose."""
 
 from __future__ import annotations
 
@@ -39,25 +39,27 @@ def _derive_arguments(page: Page) -> None:
         "target",
         metavar="TARGET",
         help="chain:N, cart:N (a chain of N links on a cart), cart:PxN (P of them), "
-        "paper:000, paper:001 or paper:002 (what it prints and what is right), or a scene",
+        "paper:000, paper:001 or paper:002 (as printed and corrected), or a scene",
     )
     offer(target, scenes((".toml",), TARGETS))
     symbols = ("masses", "lengths", "gravity", "cart")
-    words = f"in symbols, each link its own: {','.join(symbols)}"
+    words = f"quantities to keep as symbols, one for each link: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
-    add_words(page.written, "--show", sections, metavar="WORDS", help=f"only these: {','.join(sections)}")
+    add_words(page.written, "--show", sections, metavar="WORDS", help=f"only these sections: {','.join(sections)}")
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
     page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
-    page.asked.add_argument("--links", choices=("bob", "rod"), default="bob", help="what chain: and cart: are made of")
-    words = "where the links of chain: and cart: point at rest"
+    page.asked.add_argument(
+        "--links", choices=("bob", "rod"), default="bob", help="kind of the links of chain: and cart:"
+    )
+    words = "equilibrium of the links of chain: and cart:"
     add_words(page.asked, "--equilibrium", ("down", "up"), metavar="down,up", help=words)
     add_format(page, ("text", "latex", "markdown"))
     add_text(page)
 
 
 def enclose(options: argparse.Namespace) -> None:
-    """Print every natural frequency in a proved enclosure, to as many digits as asked for."""
+    """Print a proved enclosure of every natural frequency, to any number of digits."""
     from modal.exact import enclose
     from modal.scene import load
 
@@ -81,16 +83,16 @@ COMMANDS = (
         run=derive,
         arguments=_derive_arguments,
         details=(
-            "The whole derivation from the Lagrangian to the modes, to read or to paste into a lecture, each step "
-            "confirmed by a second route. paper:000, paper:001 and paper:002 print a paper's equations as printed and "
-            "as they should read."
+            "The whole derivation from the Lagrangian to the modes, to read or to paste into lecture notes. Each step "
+            "is confirmed by a second method. paper:000, paper:001 and paper:002 give a paper's equations as printed "
+            "and corrected."
         ),
         examples=(
             ("derive chain:3", "three bobs: Lagrangian, equations, M and K, polynomial, modes"),
             ("derive chain:2 --symbolic masses,lengths --format latex", "with a symbol for every mass and length"),
             ("derive cart:3x2 --links rod --show polynomial,modes", "three double rods on a cart"),
-            ("derive paper-cart-2 --show polynomial", "of a scene, in exact integers"),
-            ("derive paper:002", "the equations of a paper, as they should read"),
+            ("derive paper-cart-2 --show polynomial", "a scene's polynomial, in exact integers"),
+            ("derive paper:002", "the equations of a paper, as printed and corrected"),
         ),
     ),
     Command(
@@ -99,12 +101,12 @@ COMMANDS = (
         run=enclose,
         arguments=_enclose_arguments,
         details=(
-            "Two decimals a frequency between which it provably lies, by ball arithmetic. Needs the extra `certified`, "
-            "and a scene without dampers, joint springs and standing links."
+            "Two decimals for each frequency, between which it provably lies, by ball arithmetic. Needs the extra "
+            "`certified`, and a scene without dampers, joint springs and inverted links."
         ),
         examples=(
             ("enclose chain-3", "30 digits, proved"),
-            ("enclose paper-cart-2 --digits 50", "more of them"),
+            ("enclose paper-cart-2 --digits 50", "50 digits"),
         ),
     ),
 )

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from modal.modes import Mode, Modes
 
 LONG_TABLE = 2000
+LONG_CHAIN = 2000
+"""Links of a scene of which only the modes that are shown are looked for."""
 
 
 def table(options: argparse.Namespace) -> None:
@@ -25,7 +27,7 @@ def table(options: argparse.Namespace) -> None:
 
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
-    modes, numbers = _modes(options)
+    modes, numbers = _modes(options, options.accuracy)
     rows = list(_with_progress(modes.rows(numbers), len(numbers)))
     with output(options.output) as write:
         write(tables.table(modes, rows, options.format, shapes=options.shapes))
@@ -40,6 +42,12 @@ def _table_arguments(page: Page) -> None:
     add_format(page, ("text", "markdown", "latex", "csv", "html", "json"))
     add_text(page)
     add_modes(page)
+    page.computed.add_argument(
+        "--accuracy",
+        metavar="SHARE",
+        type=number("a relative error from 1e-16 to 0.1", 0.1, 1e-16),
+        help="frequencies within this relative error, at less cost for long chains (default: every digit)",
+    )
     page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
     add_explain(page)
 
@@ -64,7 +72,7 @@ def _shapes_arguments(page: Page) -> None:
     add_picture(page, "--output", "-o", required=True)
     add_modes(page)
     degrees = number("degrees above 0 and at most 90", most=90)
-    words = "largest angle drawn (default 25)"
+    words = "largest angle of each drawing (default 25)"
     page.asked.add_argument("--amplitude", metavar="DEG", type=degrees, default=25.0, help=words)
 
 
@@ -85,11 +93,15 @@ def _matrices_arguments(page: Page) -> None:
     add_text(page)
 
 
-def _modes(options: argparse.Namespace) -> tuple[Modes, Sequence[int]]:
+def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[Modes, Sequence[int]]:
+    """The modes, of a long chain no more than are needed, and the places of those to be shown."""
     from modal.modes import natural_modes
     from modal.scene import load
 
-    found = natural_modes(load(options.scene))
+    scene = load(options.scene)
+    last = chosen(options.modes, sys.maxsize).stop
+    lowest = slice(0, last) if scene.n_links > LONG_CHAIN and last < sys.maxsize else None
+    found = natural_modes(scene, accuracy=accuracy, modes=lowest)
     return found, chosen(options.modes, len(found))
 
 
@@ -109,16 +121,16 @@ COMMANDS = (
         run=table,
         arguments=_table_arguments,
         details=(
-            "One row a mode: frequency and period, how many shapes share it, its description, how much the cart "
-            "takes part, its modal effective mass, the angle up to which the linear frequency is right to 1 %, and a "
-            "bound on its relative error. Dampers add damping ratios, an inverted equilibrium growth rates."
+            "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
+            "effective mass, the angle up to which the linear frequency is accurate to 1 %, and a bound on the "
+            "relative error. Dampers add damping ratios, an inverted equilibrium growth rates."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
-            ("table rope --modes 1:5", "the first five of a rope of 1000 links"),
-            ("table cart-upright", "about an inverted equilibrium: growth rates"),
-            ("table crane-hook --format latex -o crane.tex", "to paste into a paper"),
-            ("table paper-cart-2 --format json --shapes", "every digit, with shapes and energy shares"),
+            ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
+            ("table cart-upright", "growth rates about an inverted equilibrium"),
+            ("table crane-hook --format latex -o crane.tex", "for a paper"),
+            ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
         ),
     ),
     Command(
@@ -127,13 +139,13 @@ COMMANDS = (
         run=shapes,
         arguments=_shapes_arguments,
         details=(
-            "One panel a mode, drawn at the largest angle that you ask for; a mode that several shapes share shows one "
-            "of each sort. What stands still is drawn still."
+            "One panel per mode, drawn with the largest angle that you choose. A repeated frequency shows one shape of "
+            "each sort."
         ),
         examples=(
             ("shapes paper-cart-2 -o shapes.png", "every mode"),
-            ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vectors"),
-            ("shapes crane-hook --amplitude 10 -o hook.pdf", "drawn at 10 degrees at most"),
+            ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vector graphics"),
+            ("shapes crane-hook --amplitude 10 -o hook.pdf", "with a largest angle of 10 degrees"),
         ),
     ),
     Command(
@@ -142,12 +154,12 @@ COMMANDS = (
         run=matrices,
         arguments=_matrices_arguments,
         details=(
-            "Mass, stiffness and damping matrix about the scene's rest, M q'' + D q' + K q = 0, with the names of the "
-            "coordinates: x of the cart, then the absolute angle of every link, copies counted out."
+            "Mass, damping and stiffness matrices about the scene's equilibrium, M q'' + D q' + K q = 0, with the "
+            "names of the coordinates: x of the cart, then the absolute angle of every link of every copy."
         ),
         examples=(
-            ("matrices chain-3", "of three bobs in a row"),
-            ("matrices paper-cart-2 --format json -o paper.json", "every digit, with the names of the coordinates"),
+            ("matrices chain-3", "a chain of three bobs"),
+            ("matrices paper-cart-2 --format json -o paper.json", "in full precision, with coordinate names"),
         ),
     ),
 )

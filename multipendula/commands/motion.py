@@ -15,7 +15,7 @@ from multipendula.parser import Page
 
 
 def simulate(options: argparse.Namespace) -> None:
-    """Simulate the motion at large angles, with its certificates."""
+    """Simulate the motion at large angles, with checks of its accuracy."""
     from modal.report import visible
     from modal.scene import STANDARD
     from nonlinear import files as recordings
@@ -35,7 +35,7 @@ def simulate(options: argparse.Namespace) -> None:
         recordings.save(trajectory, options.output)
     target = "standard output" if options.output == STANDARD else options.output
     print(summary.text(trajectory))
-    print(f"computed in {spent:.3g} s" + (f", kept in {visible(target)}" if options.output else ""))
+    print(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}" if options.output else ""))
     if options.explain:
         from nonlinear.postprocessing import run_inventory
 
@@ -46,7 +46,7 @@ def simulate(options: argparse.Namespace) -> None:
 def _simulate_arguments(page: Page) -> None:
     add_run_arguments(page, 60.0)
     add_motion(page)
-    words = "move in the R lowest modes only"
+    words = "restrict the motion to the R lowest modes"
     page.computed.add_argument("--keep-modes", metavar="R", type=whole_number(100_000), help=words)
     add_explain(page)
 
@@ -97,22 +97,22 @@ COMMANDS = (
         run=simulate,
         arguments=_simulate_arguments,
         details=(
-            "The full equations at any angle, with what proves the run: drift of energy, of momentum and of the "
-            "constraints. The start is the scene's own, a mode at an amplitude, or angles at rest. A saved run goes "
-            "on. With --accuracy the cheapest way that keeps to it is found."
+            "The full equations at any angle, with checks of the run: the drift of energy, momentum and constraints. "
+            "The initial condition is the scene's own, a mode at an amplitude, or angles at rest. A saved run is "
+            "continued. With --accuracy, the cheapest method that meets it is found."
         ),
         examples=(
-            ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start, level at rest"),
-            ("simulate run.npz --duration 10 -o more.npz", "the saved run goes on"),
+            ("simulate paper-cart-3 --duration 20 -o run.npz", "from the scene's own start: level links at rest"),
+            ("simulate run.npz --duration 10 -o more.npz", "continue the saved run"),
             (
                 "simulate crane-hook --start mode:2:10 --duration 20",
                 "in the shape of mode 2, its largest angle 10 degrees",
             ),
             (
                 "simulate chain-2 --start angles:60,0 --duration 10 --accuracy 1e-6",
-                "every angle right to a microradian",
+                "every angle accurate to a microradian",
             ),
-            ("simulate chain-3 --form maximal --duration 5 --explain", "with every pivot force, and what that took"),
+            ("simulate chain-3 --form maximal --duration 5 --explain", "with every pivot force, and the work it took"),
         ),
     ),
     Command(
@@ -121,13 +121,13 @@ COMMANDS = (
         run=plot,
         arguments=_plot_arguments,
         details=(
-            "Of a saved run or a scene that is simulated first. Dotted lines in the spectrum are the frequencies of "
-            "the table of modes."
+            "The run is a saved one, or of a scene that is simulated first. Dotted lines in the spectrum are the "
+            "frequencies of the table of modes."
         ),
         examples=(
             ("simulate paper-cart-3 --duration 10 -o run.npz", "a run to draw"),
             ("plot run.npz -o run.png", "angles, cart, energies, phase portrait, spectrum"),
-            ("plot chain-2 --start mode:1:30 --duration 10 -o mode.svg", "the run of a scene, in one go"),
+            ("plot chain-2 --start mode:1:30 --duration 10 -o mode.svg", "simulate and plot at once"),
         ),
     ),
     Command(
@@ -136,13 +136,13 @@ COMMANDS = (
         run=animate,
         arguments=_animate_arguments,
         details=(
-            "Of a saved run or a scene that is simulated first, as a GIF that plays everywhere, as MP4 (extra "
-            "`video`), or as a page with buttons (HTML)."
+            "The run is a saved one, or of a scene that is simulated first. A GIF plays everywhere, MP4 needs the "
+            "extra `video`, HTML is a page with controls."
         ),
         examples=(
             ("simulate chain-2 --start angles:90,90 --duration 4 -o run.npz", "a run to film"),
             ("animate run.npz --seconds 2 -o run.gif", "the first two seconds of film"),
-            ("animate run.npz --speed 4 --fps 15 -o fast.html", "all of it four times as fast, with buttons"),
+            ("animate run.npz --speed 4 --fps 15 -o fast.html", "all of it at four times real speed, with controls"),
         ),
     ),
 )

@@ -1,4 +1,4 @@
-"""What the commands about motion share: which run is meant and where it starts."""
+"""Arguments shared by the commands about motion: the run, and its initial condition."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ HOW = ("method", "form", "tolerance", "accuracy")
 
 
 def add_run_arguments(page: Page, duration: float) -> None:
-    """A scene or a saved run, and how it is to be simulated, for `duration` (s) unless told."""
+    """A scene or a saved run, and how to simulate it, by default for `duration` (s)."""
     add_run(page)
     add_duration(page, f"default {duration:g}")
     page.set_defaults(usual=duration)
@@ -48,7 +48,7 @@ def add_run_arguments(page: Page, duration: float) -> None:
 
 
 def recorded(name: str) -> bool:
-    """Whether a name is that of a saved run."""
+    """Whether a name is the name of a saved run."""
     return name.lower().endswith(endings(RUNS))
 
 
@@ -84,16 +84,18 @@ def run_of(options: argparse.Namespace, target: Callable[[], object]) -> Traject
 
 
 def in_few_modes(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
-    """A new run of a scene that keeps to its lowest modes, as --keep-modes says."""
+    """A new run of a scene, restricted to its lowest modes by --keep-modes."""
     from modal.errors import SceneError
     from modal.scene import load
     from nonlinear.integration import validate
     from nonlinear.reduction import simulate_truncated
 
     def fitting() -> None:
-        problems = [f"--{name}: goes without --keep-modes" for name in ("form", "accuracy") if getattr(options, name)]
+        problems = [
+            f"--{name}: cannot be combined with --keep-modes" for name in ("form", "accuracy") if getattr(options, name)
+        ]
         if recorded(options.scene):
-            problems.append(f"{options.scene}: is a saved run, and --keep-modes takes a scene")
+            problems.append(f"{options.scene}: is a saved run, and --keep-modes needs a scene")
         if problems:
             raise SceneError(problems)
 
@@ -116,13 +118,13 @@ def _unstarted(options: argparse.Namespace) -> None:
     from modal.errors import SceneError
 
     if options.start:
-        raise SceneError(["--start: a saved run goes on from its last state"])
+        raise SceneError(["--start: a saved run continues from its last state"])
 
 
 def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> State | None:
     """None for the file's own start, mode:R:DEG for a mode's shape, angles:A,B,... for angles at rest.
 
-    `undamped` takes the shape without dampers; R is the number in the table of the scene all the same.
+    `undamped` selects the shape without dampers; R is the number in the table of the scene even then.
     """
     from modal.errors import SceneError
     from nonlinear.system import initial as starts
@@ -164,7 +166,7 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
     if undamped:
         found = np.flatnonzero(table_numbers(scene) == number)
         if not found.size:
-            raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, without a swing"])
+            raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, which does not oscillate"])
         scene, row = scene.conservative, int(found[0])
         modes = modes_of(scene)
     state = start_in_mode(scene, modes, row, 0, radians(degrees))
@@ -172,7 +174,7 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
 
 
 def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Trajectory:
-    """A saved run as it is, or a new one of a scene, whole."""
+    """A saved run unchanged, or a new complete run of a scene."""
     from modal.errors import SceneError
     from nonlinear import files as recordings
     from nonlinear.integration import validate
@@ -181,7 +183,7 @@ def shown_of(options: argparse.Namespace, target: Callable[[], object]) -> Traje
         return whole(run_of(options, target))
     asked = [name for name in ("start", "duration", *HOW, "samples") if getattr(options, name)]
     if asked:
-        raise SceneError([f"--{name}: a saved run is shown as it is" for name in asked])
+        raise SceneError([f"--{name}: cannot change a saved run" for name in asked])
     found: Trajectory = validate(target, lambda: in_a_folder(options.output), lambda: recordings.load(options.scene))[
         -1
     ]

@@ -1,4 +1,4 @@
-"""The commands before any answer: the shipped scenes, the schema of a scene file, completion."""
+"""The commands to get started: the shipped scenes, the schema of a scene file, shell completion."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SHELLS = ("bash", "zsh", "fish", "powershell")
 
 
 def scenes(options: argparse.Namespace) -> None:
-    """List the shipped scenes, or print one."""
+    """List the shipped scenes, or print one of them."""
     from modal.scene import files
 
     if options.name:
@@ -27,19 +27,16 @@ def scenes(options: argparse.Namespace) -> None:
 
 
 def _scenes_arguments(page: Page) -> None:
-    name = page.asked.add_argument(
-        "name", nargs="?", metavar="NAME", help="print this scene's file, to start one of your own"
-    )
+    name = page.asked.add_argument("name", nargs="?", metavar="NAME", help="print this scene's file")
     offer(name, completing.names)
 
 
 def schema(options: argparse.Namespace) -> None:
     """Print the JSON Schema of a scene file."""
-    import json
-
+    from modal.report import as_json
     from modal.scene import files
 
-    print(json.dumps(files.schema(), indent=2))
+    sys.stdout.write(as_json(files.schema()))
 
 
 def _schema_arguments(page: Page) -> None:
@@ -47,7 +44,7 @@ def _schema_arguments(page: Page) -> None:
 
 
 def completion(options: argparse.Namespace) -> None:
-    """Print what a shell needs to complete this command."""
+    """Print the script with which a shell completes this command."""
     from argcomplete.shell_integration import shellcode
 
     print(shellcode(["multipendula"], shell=options.shell))
@@ -64,13 +61,13 @@ COMMANDS = (
         run=scenes,
         arguments=_scenes_arguments,
         details=(
-            "Every shipped scene has a name that commands take in place of a file. With a name, its file is printed: a "
-            "start for a scene of your own, in TOML and SI units, with angles in degrees from the hanging rest."
+            "Commands accept the name of a shipped scene in place of a file. With a name, its file is printed, as a "
+            "template for a scene of your own: TOML, SI units, angles in degrees from the downward vertical."
         ),
         examples=(
             ("scenes", "names and titles"),
-            ("scenes crane-hook", "one of them, to read"),
-            ("scenes crane-hook > mine.toml", "the start of a scene of your own"),
+            ("scenes crane-hook", "the file of one scene"),
+            ("scenes crane-hook > mine.toml", "a template for a scene of your own"),
         ),
     ),
     Command(
@@ -78,9 +75,9 @@ COMMANDS = (
         topic="look",
         run=schema,
         arguments=_schema_arguments,
-        details="Editors that know JSON Schema complete a scene file while it is written and mark what is wrong in it.",
+        details="Editors that support JSON Schema complete scene files and mark mistakes in them.",
         examples=(
-            ("schema > scene.schema.json", "once, beside your scenes"),
+            ("schema > scene.schema.json", "once, in the folder of your scenes"),
             ("scenes crane-hook > mine.toml", "then put `#:schema ./scene.schema.json` in its first line"),
         ),
     ),
@@ -90,9 +87,9 @@ COMMANDS = (
         run=completion,
         arguments=_completion_arguments,
         details=(
-            "The shell then completes commands, options, names of scenes, files of the right kind, places of a scene "
-            "and words such as those of --show and --measure. Write the lines to a file once and have your shell read "
-            "it whenever it starts. It works where `multipendula` itself is found."
+            "The shell then completes commands, options, names of scenes, files of the right kind, places in a scene "
+            "and values such as those of --show and --measure. Write the script to a file once and have your shell "
+            "source it at startup. It needs `multipendula` to be on the PATH."
         ),
         examples=(
             ("completion bash > ~/.multipendula.bash", "then `. ~/.multipendula.bash` in ~/.bashrc"),

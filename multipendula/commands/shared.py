@@ -1,4 +1,4 @@
-"""What commands share: the files that they write, progress, and words that they read."""
+"""Helpers of the commands: output files, progress bars, and lists in arguments."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @contextmanager
 def output(path: str | None) -> Iterator[Callable[[str], object]]:
-    """What writes text to a file, or to standard output where there is none."""
+    """A function that writes text to a file, or to standard output if there is none."""
     if path is None:
         yield sys.stdout.write
         return
@@ -27,7 +27,7 @@ def output(path: str | None) -> Iterator[Callable[[str], object]]:
 
 @contextmanager
 def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
-    """A file for a picture or a film, and the theme that it is drawn in."""
+    """A file for a figure or a film, with the theme in force."""
     from modal.plotting import style as pictures
     from modal.scene import files
 
@@ -36,21 +36,21 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
 
 
 def picture(name: str, option: str = "-o") -> str:
-    """The kind of picture that a file name asks for."""
+    """The format of a figure, by its file name."""
     from modal.scene import kind_of
 
     return kind_of(name, PICTURES, f"{option} ")
 
 
 def film_form(name: str, option: str = "-o") -> str:
-    """The kind of film that a file name asks for."""
+    """The format of a film, by its file name."""
     from modal.scene import kind_of
 
     return kind_of(name, FILMS, f"{option} ")
 
 
 def in_a_folder(path: str | None) -> None:
-    """SceneError for a file to be written where there is no folder, before anything is computed."""
+    """SceneError if the folder of an output file does not exist, before anything is computed."""
     from pathlib import Path
 
     from modal.errors import SceneError
@@ -61,7 +61,7 @@ def in_a_folder(path: str | None) -> None:
 
 @contextmanager
 def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
-    """A progress bar, by default in seconds of pendulum time, on a terminal and for what takes a while."""
+    """A progress bar, by default in seconds of simulated time; on a terminal only, after one second."""
     if not sys.stderr.isatty():
         yield lambda elapsed: None
         return
@@ -72,7 +72,7 @@ def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
 
 
 def small_swings(scene: Scene) -> Scene:
-    """The scene itself, with a word on what its small swings leave out."""
+    """The scene itself, with a note to standard error if it has drives, which the linear model omits."""
     from modal.modes import UNDRIVEN
 
     if scene.is_driven:
@@ -81,12 +81,12 @@ def small_swings(scene: Scene) -> Scene:
 
 
 def listed(text: str | None) -> tuple[str, ...]:
-    """The words of a list with commas."""
+    """The words of a comma-separated list."""
     return tuple(word.strip() for word in text.split(",")) if text else ()
 
 
 def chosen(text: str | None, total: int, option: str = "--modes") -> range:
-    """Indices from 0 of `first:last`, counted from 1 and inclusive; either end, or all of it, may be left out."""
+    """Indices from 0 for `first:last`, inclusive and counted from 1; either end, or all of it, may be omitted."""
     from modal.errors import SceneError
 
     if text is None:

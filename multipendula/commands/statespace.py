@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def export(options: argparse.Namespace) -> None:
-    """Write a named state-space model for a control program, a simulator or a controller."""
+    """Write a state-space model for control software, a simulator or a controller."""
     from modal.exports import format_named
     from modal.scene import whole_file
 
@@ -44,20 +44,20 @@ def _export_arguments(page: Page) -> None:
     add_words(page.written, "--to", (*most, last), comma="", metavar="FORMAT", required=True, help=words)
     words = "the file to write, or - for standard output"
     page.rephrase(r"^format (\S+):", r"--to \1:")
-    page.rephrase(r"(a C header is of a sampled model)", r"--to c needs --discrete SECONDS, \1")
+    page.rephrase(r"a C header needs a sampled model", "--to c needs --discrete SECONDS")
     offer(page.written.add_argument("-o", dest="file", metavar="FILE", required=True, help=words), files(()))
     seconds = number("seconds above 0")
-    words = "sample it, with inputs held in between"
+    words = "discretize with this time step, inputs held (zero-order hold)"
     page.asked.add_argument("--discrete", metavar="SECONDS", type=seconds, help=words)
     page.rephrase(r"^step (\S+) s:", r"--discrete \1:")
     smaller = page.asked.add_mutually_exclusive_group()
-    smaller.add_argument("--minimal", action="store_true", help="without what no input reaches or no output sees")
+    smaller.add_argument("--minimal", action="store_true", help="without uncontrollable or unobservable states")
     smaller.add_argument("--modes", metavar="K", type=whole(99999), help="only the K modes that contribute most")
     page.rephrase(r"^(\d+) modes: (?=the model)", r"--modes \1: ")
 
 
 def gains(options: argparse.Namespace) -> None:
-    """Say how well each mode is reached by every input and seen by every output."""
+    """Print how well every input reaches each mode and every output sees it."""
     from modal.modes import natural_modes
     from modal.statespace import modal_gains
 
@@ -95,15 +95,16 @@ def _response_arguments(page: Page) -> None:
     add_scene(page)
     _add_signals(page)
     add_picture(page, "-o", dest="file", required=True)
-    page.asked.add_argument("--from", dest="source", metavar="NAME", help="which single input (default: the first)")
-    page.asked.add_argument("--of", metavar="NAMES", help="which single outputs (default: all)")
+    page.asked.add_argument("--from", dest="source", metavar="NAME", help="one input (default: the first)")
+    page.asked.add_argument("--of", metavar="NAMES", help="outputs, one or more (default: all)")
     page.rephrase(r"choose at most \d+ outputs$", r"\g<0> with --of")
     words = "the impulse response instead of the Bode plot"
     page.asked.add_argument("--impulse", action="store_true", help=words)
 
 
 def shaper(options: argparse.Namespace) -> None:
-    """Print an input shaper that leaves the slowest modes of a crane at rest."""
+    """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
+    from modal.report import csv_rows
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words
 
@@ -111,9 +112,8 @@ def shaper(options: argparse.Namespace) -> None:
     found = shaper_for(scene, options.count, options.kind, options.drive)
     for words in swing_words(scene, options.count, options.drive):
         print(f"# {words}")
-    print("time_s,amplitude")
-    for time, amplitude in zip(found.times, found.amplitudes, strict=True):
-        print(f"{float(time)!r},{float(amplitude)!r}")
+    impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
+    sys.stdout.write(csv_rows([("time_s", "amplitude"), *impulses]))
 
 
 def _shaper_arguments(page: Page) -> None:
@@ -154,7 +154,7 @@ def _scene(options: argparse.Namespace) -> Scene:
 
 
 def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
-    """The model that --input, --output, --minimal and --modes ask for."""
+    """The model with the inputs and outputs, and the reduction, given by the options."""
     from modal.statespace import state_space
 
     inputs, outputs = listed(options.input), listed(options.output)
@@ -176,20 +176,20 @@ COMMANDS = (
         run=export,
         arguments=_export_arguments,
         details=(
-            "z' = A z + B u, y = C z + D u about the scene's rest, with a name and a unit for every state, input and "
-            "output; sampled with --discrete."
+            "z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, "
+            "input and output; discretized with --discrete."
         ),
         examples=(
             ("export crane-hook --to mat -o crane.mat", "for MATLAB and Octave"),
             (
                 "export crane-hook --to control --input cart_acceleration -o crane.py",
-                "for python-control, driven by motion",
+                "for python-control, with prescribed cart motion",
             ),
             (
                 "export crane-hook --to c --discrete 0.01 --input cart_acceleration --output angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
-            ("export paper-cart-3 --to json --minimal -o small.json", "only what the cart can reach: 6 states of 14"),
+            ("export paper-cart-3 --to json --minimal -o small.json", "the controllable part: 6 states of 14"),
         ),
     ),
     Command(
@@ -198,12 +198,12 @@ COMMANDS = (
         run=gains,
         arguments=_gains_arguments,
         details=(
-            "Controllability and observability as numbers instead of ranks: the gain of every mode from each input and "
-            "to each output, relative to the mode that the signal knows best."
+            "Degrees of controllability and observability instead of ranks: the gain of every mode from each input and "
+            "to each output, relative to the largest gain of that signal."
         ),
         examples=(
-            ("gains crane-two-loads", "which modes the force on the trolley reaches, and how well"),
-            ("gains crane-two-loads --output cart_position", "what the trolley's position alone can see"),
+            ("gains crane-two-loads", "how well a force on the trolley reaches each mode"),
+            ("gains crane-two-loads --output cart_position", "which modes the trolley's position alone observes"),
         ),
     ),
     Command(
@@ -212,16 +212,16 @@ COMMANDS = (
         run=response,
         arguments=_response_arguments,
         details=(
-            "Magnitude and phase of every output from one input, or its answer to an impulse, in closed form over the "
-            "modes, whose frequencies are marked."
+            "Magnitude and phase of every output for one input, or the impulse response, computed in closed form from "
+            "the modes."
         ),
         examples=(
             ("response crane-hook -o bode.png", "every output of the crane"),
             (
                 "response crane-hook --input cart_acceleration --of theta_1_2 -o load.png",
-                "one output, the trolley driven",
+                "one output, with prescribed trolley motion",
             ),
-            ("response crane-hook --impulse -o impulse.svg", "after a knock on the trolley"),
+            ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley"),
         ),
     ),
     Command(
@@ -231,11 +231,11 @@ COMMANDS = (
         arguments=_shaper_arguments,
         details=(
             "Impulses to convolve a command with, so that the load hangs still at the end of a move (Singer & Seering "
-            "1990). Printed as times and amplitudes that sum to one."
+            "1990). The output lists their times and their amplitudes, which sum to one."
         ),
         examples=(
             ("shaper crane-hook", "for the slowest mode"),
-            ("shaper crane-hook --kind zvd --count 2", "for both, and for cables not quite as long as said"),
+            ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
         ),
     ),
 )

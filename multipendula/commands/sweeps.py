@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def sweep(options: argparse.Namespace) -> None:
-    """Measure a scene over a grid of its parameters, or follow its frequencies along one."""
+    """Compute measures of a scene over a parameter grid, or follow its frequencies along one parameter."""
     kind = picture(options.picture, "--picture") if options.picture else ""
     for path in (options.picture, options.output):
         in_a_folder(path)
@@ -37,17 +37,17 @@ def _sweep_arguments(page: Page) -> None:
     )
     words = (
         "frequencies (default), damping, splitting or beat of the modes, amplitude or energy_drift of a run, order, "
-        "survivor, locking or pendulum_energy of one that drives itself; more than once for several"
+        "survivor, locking or pendulum_energy of a scene with drives; repeat for several"
     )
     add_words(page.asked, "--measure", measures, comma="", metavar="NAME[:N]", action="append", help=words)
-    words = "follow all frequencies along one --vary by their shapes"
+    words = "follow all frequencies along one --vary by their mode shapes"
     page.asked.add_argument("--loci", action="store_true", help=words)
-    add_file(page, "--output", "-o", words="keep the numbers in {} (loci: .csv)", kinds=RUNS)
+    add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv)", kinds=RUNS)
     add_picture(page, "--picture")
-    page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one a core)")
+    page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")
     words = "a Dask cluster instead, such as tcp://192.168.0.2:8786"
     page.computed.add_argument("--scheduler", metavar="ADDRESS", help=words)
-    words = "begin anew, whatever an interrupted sweep has kept"
+    words = "start over, discarding the points of an interrupted sweep"
     page.computed.add_argument("--fresh", action="store_true", help=words)
 
 
@@ -77,11 +77,11 @@ def _map(options: argparse.Namespace, kind: str) -> None:
             found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)
         if len(found.failures) == study.size:
             kept.finish()
-            raise ComputationError("\n".join(["no point could be measured", *reasons(found)]))
+            raise ComputationError("\n".join(["every point of the sweep failed", *reasons(found)]))
         sys.stdout.write(sweep_text(found))
         if found.interrupted:
             if _has_journal(options):
-                print(f"the same command goes on from {visible(options.output)}.journal", file=sys.stderr)
+                print(f"repeat the command to resume from {visible(options.output)}.journal", file=sys.stderr)
             raise KeyboardInterrupt
         if options.output:
             save(found, options.output)
@@ -92,7 +92,7 @@ def _map(options: argparse.Namespace, kind: str) -> None:
 
 
 def _has_journal(options: argparse.Namespace) -> bool:
-    """Whether what is done is kept beside the file to come: not beside standard output."""
+    """Whether finished points are saved beside the output file; not with standard output."""
     from modal.scene import STANDARD
 
     return bool(options.output) and options.output != STANDARD
@@ -127,11 +127,11 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     from modal.scene.parameters import parse_variations
 
     asked = [name for name in ("measure", "workers", "scheduler", "fresh") if getattr(options, name)]
-    problems = [f"--{name}: goes without --loci" for name in asked]
+    problems = [f"--{name}: cannot be combined with --loci" for name in asked]
     if len(options.vary) != 1:
-        problems.append("--loci: follows frequencies over one --vary")
+        problems.append("--loci: needs exactly one --vary")
     if options.output and options.output != STANDARD and not options.output.lower().endswith(".csv"):
-        problems.append(f"-o {options.output}: loci are kept in a .csv file")
+        problems.append(f"-o {options.output}: loci are saved as a .csv file")
     if problems:
         raise SceneError(problems)
     scene, (variation,) = load(options.scene), parse_variations(options.vary)
@@ -156,18 +156,22 @@ COMMANDS = (
         arguments=_sweep_arguments,
         details=(
             "One to three numbers of a scene, named by their place in the file, are set to every combination of "
-            "values, on all cores. What is done is kept beside --output and taken up again after Ctrl-C. With --loci "
-            "the frequencies are followed by their shapes along one number, and crossings told from veerings."
+            "values, on all cores. Finished points are saved beside --output; after Ctrl-C the same command resumes. "
+            "With --loci the frequencies are followed by their mode shapes along one number, and crossings are "
+            "distinguished from veerings."
         ),
         examples=(
-            ("sweep paper-cart-2 --vary support.mass=1:1000:20log --measure beat -o beat.csv", "20 masses of the cart"),
+            (
+                "sweep paper-cart-2 --vary support.mass=1:1000:20log --measure beat -o beat.csv",
+                "the beat for 20 masses of the cart",
+            ),
             (
                 "sweep crane-two-loads --vary 'pendulum[0].links[0].length=6:14:20' --loci --picture loci.png",
-                "frequencies that veer where two lengths agree",
+                "frequencies that veer where two lengths are nearly equal",
             ),
             (
                 "sweep chain-2 --vary gravity=1:10:4 --vary 'pendulum[*].links[*].mass=1,2,3' --picture map.png",
-                "a map over two numbers; [*] stands for all of them",
+                "a map over two numbers; [*] means all entries",
             ),
         ),
     ),

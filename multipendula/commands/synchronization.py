@@ -1,4 +1,4 @@
-"""The command sync: who keeps time with whom, predicted and simulated, and where along a parameter that changes."""
+"""The command sync: which pendula synchronize, predicted and simulated, and where that changes along a parameter."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 def sync(options: argparse.Namespace) -> None:
-    """Predict which mode survives in a scene that excites itself, simulate it, and measure who keeps time with whom."""
+    """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
     from modal.scene import load
     from modal.scene.parameters import parse_variations
     from nonlinear.integration import validate
@@ -49,12 +49,12 @@ def sync(options: argparse.Namespace) -> None:
 def _sync_arguments(page: Page) -> None:
     add_scene(page)
     add_duration(page, "default: as predicted")
-    add_start(page, "as in simulate, in shapes without dampers")
-    words = "follow every way to keep swinging along one number instead, such as support.mass=1:100:30log"
+    add_start(page, "as in simulate, with undamped mode shapes")
+    words = "follow every steady oscillation along one number instead, such as support.mass=1:100:30log"
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", help=words), places)
     add_format(page, ("text", "json", "csv"), help="csv with --vary only")
     add_picture(page, "--picture", "-o")
-    add_file(page, "--film", words="{}, lit like a stroboscope", kinds=FILMS)
+    add_file(page, "--film", words="a stroboscopic film in {}", kinds=FILMS)
 
 
 def _fitting(options: argparse.Namespace) -> None:
@@ -67,9 +67,9 @@ def _fitting(options: argparse.Namespace) -> None:
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
     if options.vary:
         asked = [name for name in ("duration", "start", "film") if getattr(options, name)]
-        yield from (f"--{name}: goes without --vary" for name in asked)
+        yield from (f"--{name}: cannot be combined with --vary" for name in asked)
         if options.format == "json":
-            yield "--format json: goes without --vary"
+            yield "--format json: cannot be combined with --vary"
     elif options.format == "csv":
         yield "--format csv: needs --vary"
 
@@ -132,14 +132,13 @@ COMMANDS = (
         run=sync,
         arguments=_sync_arguments,
         details=(
-            "For scenes with drives, van der Pol torques or escapements: in which configurations they can keep "
-            "swinging, which one this start ends in and when, by averaged equations; then the same measured in a "
-            "simulation of the full ones. With --vary every configuration is followed along one number of the scene "
-            "instead."
+            "For scenes with drives (van der Pol torques or escapements). Averaged equations predict the steady "
+            "oscillations, and which of them this start ends in and when; a simulation of the full equations then "
+            "measures the same. With --vary every steady oscillation is followed along one number of the scene instead."
         ),
         examples=(
-            ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam: told, drawn and filmed"),
-            ("sync huygens --vary support.mass=1:40:4log -o branches.png", "where each way to agree begins and ends"),
+            ("sync huygens -o huygens.png --film huygens.gif", "two clocks on a beam, with a figure and a film"),
+            ("sync huygens --vary support.mass=1:40:4log -o branches.png", "the range of each steady oscillation"),
         ),
     ),
 )

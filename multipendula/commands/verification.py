@@ -1,4 +1,4 @@
-"""The commands that question a prediction: check, chaos, tradeoff and advise."""
+"""The commands that test predictions and methods: check, chaos, tradeoff and advise."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from modal.scene import Scene
 
 USUAL = 120.0
-"""Seconds of a general motion where nobody says how many."""
+"""Default duration (s) of a general motion."""
 
 
 def check(options: argparse.Namespace) -> None:
-    """Measure how far the table of modes holds: frequencies at several amplitudes beside its own."""
+    """Check the table of modes against simulation: measure the frequencies at several amplitudes."""
     from modal.scene import load
 
     kind, scene = _kind(options), load(_scene(options))
@@ -52,7 +52,7 @@ def _check_arguments(page: Page) -> None:
     add_modes(page, "--mode", "1:3")
     words = "largest angles (default 1,5,10,30)"
     page.asked.add_argument("--amplitude", metavar="DEG,...", type=angles, help=words)
-    words = "one run from --start, projected on the modes, instead"
+    words = "instead project one run from --start on the modes"
     page.asked.add_argument("--general", action="store_true", help=words)
     add_start(page, "with --general, as in simulate")
     add_duration(page, "with --general")
@@ -79,9 +79,9 @@ def _general(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
     from nonlinear.simulation import simulate as run
     from nonlinear.verification import compare, comparison_table
 
-    _refuse(options, "goes without", ("mode", "amplitude"))
+    _refuse(options, "cannot be combined with", ("mode", "amplitude"))
     if scene.space == "space":
-        raise SceneError(["--general: modal coordinates are of motion in the plane"])
+        raise SceneError(["--general: modal coordinates are implemented in the plane only"])
     duration = options.duration or USUAL
     with bar(duration) as report:
         trajectory = whole(run(scene, duration, start=start_of(scene, options.start), report=report))
@@ -99,7 +99,7 @@ def _scene(options: argparse.Namespace) -> str:
     from modal.errors import SceneError
 
     if recorded(options.scene):
-        raise SceneError([f"{options.scene}: is a saved run, and this command takes a scene"])
+        raise SceneError([f"{options.scene}: is a saved run, and this command needs a scene"])
     return str(options.scene)
 
 
@@ -111,7 +111,7 @@ def _refuse(options: argparse.Namespace, verb: str, names: tuple[str, ...]) -> N
 
 
 def chaos(options: argparse.Namespace) -> None:
-    """Measure the largest Lyapunov exponent, or what paper 000 or 001 claims of it."""
+    """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it."""
     kind = _kind(options)
     text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
     print(text)
@@ -121,11 +121,11 @@ def chaos(options: argparse.Namespace) -> None:
 
 
 def _chaos_arguments(page: Page) -> None:
-    add_scene(page, "; or paper:000, paper:001: what they claim", names=("paper:000", "paper:001"))
+    add_scene(page, "; or paper:000, paper:001 to test their claims", names=("paper:000", "paper:001"))
     add_duration(page, "default 200 sqrt(l/g)")
-    words = "starts side by side (default 16)"
+    words = "number of starts (default 16)"
     page.asked.add_argument("--ensemble", metavar="E", type=whole_number(10_000), help=words)
-    page.asked.add_argument("--quick", action="store_true", help="a short form of a paper's study")
+    page.asked.add_argument("--quick", action="store_true", help="a shorter version of a paper's study")
     add_picture(page, "--output", "-o")
 
 
@@ -138,7 +138,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
     from nonlinear.chaos import TRANSIENT, lyapunov_exponent, usual_duration
 
     if options.quick:
-        raise SceneError(["--quick: is for paper:000 and paper:001"])
+        raise SceneError(["--quick: works with paper:000 and paper:001 only"])
     scene = load(_scene(options))
     duration = options.duration or usual_duration(scene)
     with bar((1 + TRANSIENT) * duration) as report:
@@ -174,7 +174,7 @@ def _claims(options: argparse.Namespace) -> Drawn:
 
 
 def tradeoff(options: argparse.Namespace) -> None:
-    """Measure time and error of every way to a motion, from linear modes to the finest integration."""
+    """Measure the time and error of every method for a motion, from linear modes to the finest integration."""
     from modal.scene import load
     from nonlinear.accuracy import list_candidates, tradeoff_table
     from nonlinear.accuracy import measure_work_precision as compared
@@ -202,7 +202,7 @@ def _tradeoff_arguments(page: Page) -> None:
 
 
 def advise(options: argparse.Namespace) -> None:
-    """Find the cheapest way to a motion of an accuracy, and say what shows that it is met."""
+    """Find the cheapest method that meets an accuracy, with evidence that it does."""
     from modal.scene import load
     from nonlinear import files as recordings
     from nonlinear.accuracy import advice_table
@@ -242,13 +242,13 @@ COMMANDS = (
         run=check,
         arguments=_check_arguments,
         details=(
-            "Every mode is released at several amplitudes, simulated for 40 periods and its frequency measured, beside "
-            "what the table promises: the small-angle frequency, how it shifts with amplitude, and where it is off by "
-            "1 %. With --general one run is projected on the modes instead."
+            "Every mode is released at several amplitudes and simulated for 40 periods; its frequency is measured and "
+            "compared with the table's predictions: the small-angle frequency, its shift with amplitude, and the angle "
+            "at which it is off by 1 %. With --general one run is projected on the modes instead."
         ),
         examples=(
             ("check chain-2 --mode 1 --amplitude 10,30", "the slow mode at two amplitudes"),
-            ("check crane-hook --mode 2 --amplitude 20 -o check.png", "with a picture"),
+            ("check crane-hook --mode 2 --amplitude 20 -o check.png", "with a figure"),
             ("check chain-2 --general --start angles:10,0 --duration 30", "one run, projected on the modes"),
         ),
     ),
@@ -258,12 +258,12 @@ COMMANDS = (
         run=tradeoff,
         arguments=_tradeoff_arguments,
         details=(
-            "Linear modes, modes with corrected frequencies, every integrator at several tolerances, plain and "
-            "compiled: what each costs, by how much it is wrong, and until when errors can be told at all."
+            "Linear modes, modes with corrected frequencies, and every integrator at several tolerances, plain and "
+            "compiled: the cost and the error of each, and the time up to which errors can be measured."
         ),
         examples=(
-            ("tradeoff chain-1 --start mode:1:10 --duration 1", "every way to a second of a small swing"),
-            ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a picture: time against error"),
+            ("tradeoff chain-1 --start mode:1:10 --duration 1", "every method for one second of a small swing"),
+            ("tradeoff chain-1 --start angles:60 --duration 1 -o t.png", "with a figure: time against error"),
         ),
     ),
     Command(
@@ -272,13 +272,15 @@ COMMANDS = (
         run=advise,
         arguments=_advise_arguments,
         details=(
-            "Modes in closed form where the motion is small, a few modes for long chains, else integration: every "
-            "attempt is listed with its time, and the last one with what shows that its error is below what you asked "
-            "for."
+            "Modes in closed form for small motions, a few modes for long chains, otherwise integration. Every attempt "
+            "is listed with its time, the last one with evidence that its error is below the one requested."
         ),
         examples=(
-            ("advise paper-cart-2 --start mode:2:5 --accuracy 1e-3", "a minute right to 1e-3 rad: modes are enough"),
-            ("advise chain-2 --start mode:1:30 --accuracy 1e-6 --duration 10 -o run.npz", "here not; the run is kept"),
+            ("advise paper-cart-2 --start mode:2:5 --accuracy 1e-3", "a minute accurate to 1e-3 rad: modes suffice"),
+            (
+                "advise chain-2 --start mode:1:30 --accuracy 1e-6 --duration 10 -o run.npz",
+                "needs integration; the run is saved",
+            ),
         ),
     ),
     Command(
@@ -287,12 +289,13 @@ COMMANDS = (
         run=chaos,
         arguments=_chaos_arguments,
         details=(
-            "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts; "
-            "where it cannot be told from none, what it is below. paper:000 and paper:001 test what two papers claim."
+            "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or "
+            "an upper bound if it is indistinguishable from zero. paper:000 and paper:001 test the claims of two "
+            "papers."
         ),
         examples=(
-            ("chaos chain-2 --duration 10 --ensemble 4", "a short look at a double pendulum"),
-            ("chaos paper-cart-1 --duration 20 -o lyapunov.png", "with 16 starts, and how the estimate settles"),
+            ("chaos chain-2 --duration 10 --ensemble 4", "a quick estimate for a double pendulum"),
+            ("chaos paper-cart-1 --duration 20 -o lyapunov.png", "16 starts, with a figure of the convergence"),
         ),
     ),
 )

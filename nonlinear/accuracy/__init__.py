@@ -1,11 +1,12 @@
-"""What an error costs: the cheapest way to a wished accuracy, and work-precision studies.
+"""Computing time against error: the cheapest method for a requested accuracy, and work-precision studies.
 
-In: a scene, an accuracy in rad, a duration.  Out: `Advice`, the run with its evidence, or `WorkPrecision`, every way
-with its time and its error beside a reference, up to the horizon
+In: a scene, an accuracy in rad, a duration.  Out: `Advice`, the run with its evidence, or `WorkPrecision`, every method
+with its time and its error against a reference, up to the horizon
 
     t* = ln(tolerable/ε)/λ
 
-beyond which nobody can know more.  Start with `advice`; `candidates` lists the ways, `references` judges them.
+beyond which the motion is unpredictable.  Start with `advice`; `candidates` lists the methods, `references` has the
+solutions with which they are compared.
 """
 
 from nonlinear.accuracy.advice import Advice, seek_accuracy

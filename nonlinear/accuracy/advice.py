@@ -1,6 +1,6 @@
-"""The cheapest way to a motion of a wished accuracy, and the evidence that it is met.
+"""The cheapest method for a requested accuracy, and the evidence that the accuracy is met.
 
-An error is the largest angle (rad) by which any link is off at any instant so far.  Ways are tried from cheap to dear:
+The error is the largest deviation of any link's angle (rad) at any time so far.  Methods are tried in order of cost:
 
     modes in closed form     their error from what they leave of the equations (`nonlinear.reduction.defect`)
     a few modes              of long chains, their error from more modes (`nonlinear.reduction.truncation`)
@@ -88,7 +88,7 @@ class Advice:
 
 
 def seek_accuracy(goal: Goal) -> Advice:
-    """The cheapest way to the wished accuracy, or the finest there is where none meets it.
+    """The cheapest method that meets the accuracy, or the finest method if none does.
 
     After Ctrl-C what was being computed is returned, judged where a looser run has been.  Raises SimulationError where
     the integrator gives up at the finest tolerance too: a loose run may end in nonsense that a tighter one never meets.

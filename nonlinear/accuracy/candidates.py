@@ -1,4 +1,4 @@
-"""Levels of fidelity as data: every way that this project has to answer where a scene will be, coarse to fine.
+"""Levels of fidelity as data: every method of this project for the motion of a scene, from coarse to fine.
 
     (0) linear modes            superposed in closed form (`nonlinear.reduction.superposition`)
     (1) corrected modes         the same with each mode's frequency at its own amplitude
@@ -35,7 +35,7 @@ Task = Callable[[], Trajectory]
 
 
 class GivenUpError(ComputationError):
-    """A run that takes longer than it is waited for."""
+    """A run that takes longer than its time limit."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,10 +1,10 @@
-"""What candidates are judged by, and until when it can judge: the horizon.
+"""The reference solutions for the candidates, and the horizon up to which they are reliable.
 
-The reference is the finest run at hand, held against a second one by another body or form of the equations and another
-integrator; in space, where there is one form, by the same at another tolerance.  With d(t) the largest difference of
-angles so far, an error e may be judged where d < e/100.  A twin of the run (`nonlinear.integration.twins`), 1e-9 aside,
-shows besides by which factor G(t) an error grows here: a reference of relative accuracy ε cannot know more than ε G(t),
-and where G = exp λt this ends at ln(tolerable/ε)/λ.  So both
+The reference is the finest run available, checked against a second one with another implementation or form of the
+equations and another integrator; in space, where there is one form, with another tolerance.  With d(t) the largest
+difference of angles so far, an error e can be measured where d < e/100.  A run with a start perturbed by 1e-9
+(`nonlinear.integration.twins`) also gives the factor G(t) by which an error grows: a reference of relative accuracy ε
+has an error of ε G(t), which for G = exp λt becomes intolerable at ln(tolerable/ε)/λ.  So both
 
     d(t) < 1e-8   and   ε G(t) < 1e-8     (rad; for small motions of the motion's own size)
 
@@ -58,7 +58,7 @@ class Reference:
 
     @property
     def whole(self) -> bool:
-        """Whether all that was asked for can be judged."""
+        """Whether the reference is reliable for the whole duration."""
         return self.horizon >= self.duration
 
     @property
@@ -91,7 +91,7 @@ def reference_of(question: Question) -> Reference:
 
 
 def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
-    """The finest candidate for a scene and another one to hold it against."""
+    """The finest candidate for a scene and another one to check it."""
     if scene.space == "space":
         return Candidate("spatial", "DOP853", SMALLEST), Candidate("spatial", "DOP853", 1e-13)
     longest = max(pendulum.n_links for pendulum in scene.pendulum)

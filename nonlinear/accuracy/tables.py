@@ -1,4 +1,4 @@
-"""Time against accuracy, and what was tried for a wished accuracy, as text, Markdown, CSV or JSON."""
+"""Time against accuracy, and the attempts for a requested accuracy, as text, Markdown, CSV or JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Time against accuracy: every candidate on one scene and start, measured beside a reference.
+"""Time against accuracy: every candidate on one scene and start, compared with a reference.
 
 All candidates run up to the reference's horizon and no further (`nonlinear.accuracy.references`).  An error is the
 largest angle by which any link is off at any sample, whole turns left out: it never exceeds π.  The error in phase is
@@ -110,7 +110,7 @@ def measure_work_precision(
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
     if scene.is_driven:
-        raise SceneError(["drive: methods are compared for scenes that do not excite themselves"])
+        raise SceneError(["drive: methods are compared for scenes without drives only"])
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
     asked = list_candidates(scene) if candidates is None else tuple(candidates)
     reference = _reference(scene, state, duration)
@@ -129,7 +129,7 @@ def _reference(scene: Scene, state: State, duration: float) -> Reference:
         try:
             reference = reference_of(Question(scene, state, _samples(scene, asked), PATIENT))
         except GivenUpError as error:
-            raise ComputationError(f"the reference was {error}: ask for a shorter duration") from None
+            raise ComputationError(f"the reference was {error}: use a shorter duration") from None
         if asked == duration or not reference.whole:
             return replace(reference, duration=duration)
         part *= LONGER

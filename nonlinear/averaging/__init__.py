@@ -1,11 +1,11 @@
 """Averaged equations of self-excited scenes: slow flow, relative equilibria, prediction.
 
-In: a scene with drives.  Out: what survives, when it has locked, and whether it is stable.
+In: a scene with drives.  Out: the mode that survives, the locking time, and stability.
 
     z_r' = (i/Ω_b) ⟨φ_rᵀ ρ(q, v, a) e^{−iχ_b}⟩,    q = Re Σ φ_r z_r e^{iχ_b}
 
 (Krylov and Bogoliubov; Sanders, Verhulst & Murdock, 2007, ch. 2).  Start with `equations`; `equilibria` finds the
-configurations, `slow_flow` follows the amplitudes in time, `prediction` says what a start leads to.
+configurations, `slow_flow` integrates the amplitudes in time, `prediction` gives the outcome of a start.
 """
 
 from nonlinear.averaging.equations import AveragedEquations, average

@@ -265,21 +265,21 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
 
 
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
-    """The averaged equations of a scene in the plane whose links all hang; `system` where its arrays are at hand.
+    """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 
     Raises ComputationError for other scenes, for more than MOST links or MOST_BANDS bands, and for coordinates without
     a mode, such as those of some massless carts.
     """
     if scene.space == "space" or scene.stands:
-        raise ComputationError("averaged equations are of hanging links in the plane")
+        raise ComputationError("averaged equations need hanging links in the plane")
     if scene.n_links > MOST:
-        raise ComputationError(f"averaged equations are of at most {MOST} links, not {scene.n_links}")
+        raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)
     phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
     if len(phi.row) < scene.n_links + bool(system.cart and system.cart.stiffness):
-        raise ComputationError("averaged equations need one mode for each coordinate; a massless cart leaves one out")
+        raise ComputationError("averaged equations need one mode for each coordinate; a massless cart removes one")
     omega = modes.omega[phi.row]
     band = np.concatenate(([0], np.cumsum(omega[1:] > BAND * omega[:-1])))
     if (count := int(band[-1]) + 1) > MOST_BANDS:
-        raise ComputationError(f"averaged equations are of at most {MOST_BANDS} bands of frequencies, not {count}")
+        raise ComputationError(f"averaged equations are limited to {MOST_BANDS} bands of frequencies, not {count}")
     return AveragedEquations(scene, system, modes, phi.shapes, phi.dual, omega, phi.row, band)

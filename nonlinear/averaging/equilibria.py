@@ -1,6 +1,6 @@
-"""How a self-excited scene can keep swinging: relative equilibria of its averaged equations, and which of them last.
+"""The steady oscillations of a self-excited scene: relative equilibria of its averaged equations, and their stability.
 
-Where every band turns at its own constant rate Ω_b, shapes and amplitudes stay:
+If every band rotates at its own constant rate Ω_b, shapes and amplitudes are constant:
 
     F(z, Ω) = 0.
 
@@ -72,12 +72,12 @@ class RelativeEquilibrium:
 
     @property
     def growth(self) -> float:
-        """The rate (1/s) at which neighbouring motions leave, or come back where it is negative."""
+        """The growth rate (1/s) of disturbances; negative if neighbouring motions converge."""
         return float(self.rates.real.max(initial=-np.inf))
 
     @property
     def is_stable(self) -> bool | None:
-        """Whether all neighbours come back; None where some do neither."""
+        """Whether all neighbouring motions converge; None if some neither converge nor diverge."""
         return None if abs(self.growth) <= FLAT * self.recovery else self.growth < 0
 
     lasts = former("RelativeEquilibrium", "lasts", "is_stable")

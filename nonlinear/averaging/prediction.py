@@ -1,4 +1,4 @@
-"""Which mode survives, and when it has won: what the averaged equations say of a start, and how far to believe them."""
+"""Which mode survives and when: the prediction of the averaged equations for a start, and its reliability."""
 
 from __future__ import annotations
 
@@ -62,12 +62,12 @@ class Prediction:
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Why the survivor is not certain; nothing where it is."""
+        """Why the survivor is not certain; empty if it is."""
         return tuple(self._doubts())
 
     @property
     def certain(self) -> bool:
-        """Whether nothing speaks against the survivor."""
+        """Whether the survivor is certain."""
         return not self.doubts
 
     def locking_time(self) -> float | None:
@@ -76,7 +76,7 @@ class Prediction:
 
     @cached_property
     def timing_doubts(self) -> tuple[str, ...]:
-        """Why the locking time is not certain to TIMED; nothing where it is."""
+        """Why the locking time is not certain to TIMED; empty if it is."""
         return tuple(self._timing_doubts())
 
     def _timing_doubts(self) -> Iterator[str]:
@@ -140,7 +140,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     rest, and where drives are so strong that averages grow without end.
     """
     if not scene.is_driven:
-        raise ComputationError("nothing excites this scene: no mode survives another for ever")
+        raise ComputationError("nothing excites this scene: no mode outlives the others forever")
     system = system_of(scene)
     state = validate_state(start if start is not None else initial_state(scene), system)
     found = average(scene, system)

@@ -1,4 +1,4 @@
-"""Averaged equations followed in time: which modes gain, which lose, and when one is left."""
+"""Averaged equations integrated in time: which modes grow, which decay, and when one is left."""
 
 from __future__ import annotations
 

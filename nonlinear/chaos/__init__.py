@@ -1,4 +1,4 @@
-"""Chaos: tangent dynamics, Lyapunov exponents, and what the papers claim of them.
+"""Chaos: tangent dynamics, Lyapunov exponents, and tests of the papers' claims about them.
 
 In: a scene in the plane and a start, or an energy.  Out: an `Exponent`, λ with its error, studies over scenes.
 

@@ -1,11 +1,11 @@
-"""What two of the papers say of chaos, put as studies, with a verdict read off the intervals of the exponents.
+"""The claims of two papers about chaos as studies, with verdicts based on the intervals of the exponents.
 
-Paper 001: chaos grows with the number of links.  How fast depends on the clock, so both are shown: links of one length
+Paper 001: chaos grows with the number of links.  Its rate depends on the time unit; two are used: links of one length
 (λ sqrt(l/g)), and a chain of one total length cut into ever more of them (λ sqrt(L/g), L = n l).
 
-Paper 000: hanging double pendula on one cart makes them more predictable.  The rival is as many of them on a fixed
-support, taken together, from the same starts.  Against the claim stands that weakly coupled equal chaotic systems have
-a larger λ than uncoupled ones (Daido, Progress of Theoretical Physics 72, 853, 1984).
+Paper 000: hanging double pendula on one cart makes them more predictable.  They are compared with as many of them on a
+fixed support, taken together, from the same starts.  Theory contradicts the claim: weakly coupled equal chaotic systems
+have a larger λ than uncoupled ones (Daido, Progress of Theoretical Physics 72, 853, 1984).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def study(paper: str, *, quick: bool = False) -> Study:
 
 
 def verdicts(finding: Finding) -> list[str]:
-    """One sentence for each way of putting the claim."""
+    """One sentence for each version of the claim."""
     return _VERDICTS[finding.study.paper](finding)
 
 

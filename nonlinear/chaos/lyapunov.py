@@ -99,7 +99,7 @@ class Exponent:
 
     @property
     def by_starts(self) -> bool:
-        """Whether there are starts enough to tell the uncertainty by what they differ."""
+        """Whether there are enough starts to estimate the uncertainty from their spread."""
         return self.ensemble >= FEWEST
 
     @property
@@ -113,12 +113,12 @@ class Exponent:
 
     @property
     def coverage(self) -> float:
-        """Student's t: the standard uncertainties in half an interval that holds λ 95 times in 100."""
+        """Student's t: half a 95 % confidence interval in standard uncertainties."""
         return float(stdtrit((self.ensemble if self.by_starts else BLOCKS) - 1, (1 + CONFIDENCE) / 2))
 
     @property
     def half_width(self) -> float:
-        """Half the interval (1/s) that holds λ 95 times in 100."""
+        """Half the 95 % confidence interval (1/s)."""
         return self.coverage * self.error
 
     def regular(self, since: Any) -> Any:
@@ -133,7 +133,7 @@ class Exponent:
 
     @property
     def is_positive(self) -> bool:
-        """Whether λ can be told from zero."""
+        """Whether λ is distinguishable from zero."""
         return self.value - self.half_width > self.floor
 
     @property
@@ -143,7 +143,7 @@ class Exponent:
 
     @property
     def chaotic(self) -> int:
-        """How many of the starts have a λ that regular motion could not look like."""
+        """The number of starts whose λ is too large for regular motion."""
         return int(np.sum(self.members > self.floor))
 
     @property
@@ -169,7 +169,7 @@ class Exponent:
         return f"λ {'= ' if self.is_positive else ''}{self.words()} 1/s"
 
     def text(self) -> str:
-        """λ, what it means and how it was measured, in a few lines."""
+        """A report of λ, its meaning and its measurement, in a few lines."""
         lines = [f"{visible(self.scene.title) or 'scene'}: largest Lyapunov exponent"]
         if self.is_positive:
             lines.append(f"  {self.equation}: a small error doubles every {log(2) / self.value:.3g} s")
@@ -179,13 +179,13 @@ class Exponent:
             lines.append(f"  {self.equation}: not distinguishable from zero in so long a run")
         lines.append(
             f"  {self.ensemble} starts over {self.duration:.4g} s each, after {self.times[self._first]:.3g} s; "
-            f"{self.chaotic} of them above {self.floor:.2g} 1/s, what regular motion can look like"
+            f"{self.chaotic} of them above {self.floor:.2g} 1/s, the limit for regular motion"
         )
         if FEWEST <= self.chaotic < self.ensemble:
             lines.append(f"  of those alone {self.of_the_chaotic.equation}")
         if not self.by_starts:
             lines.append(
-                f"  the uncertainty rests on blocks of time, widened {STICKY:g}-fold: take {FEWEST} starts or more"
+                f"  the uncertainty rests on blocks of time, widened {STICKY:g}-fold: use {FEWEST} starts or more"
             )
         if np.isfinite(self.energy_drift):
             lines.append(f"  energy drift {self.energy_drift:.1e}")
@@ -238,7 +238,7 @@ def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator)
 def _check(scene: Scene, duration: float, least: float, ensemble: int) -> None:
     problems = ['space = "space": Lyapunov exponents are computed in the plane'] if scene.space == "space" else []
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
-        problems.append("drive: Lyapunov exponents are of smooth motion, without the kicks of escapements")
+        problems.append("drive: Lyapunov exponents need smooth motion, without the impulses of escapements")
     if not least <= duration < float("inf"):
         problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
     if ensemble < 1:

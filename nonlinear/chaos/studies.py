@@ -1,7 +1,7 @@
-"""Studies of chaos: scenes side by side, started with one energy, and their Lyapunov exponents compared.
+"""Studies of chaos: scenes started with the same energy, and their Lyapunov exponents compared.
 
-Every pendulum is released at rest with the energy it has when all its links lie level, V = −g Σ b cos θ = 0: half of
-what it takes to stand them all up, whatever the number of links.  Angles and sides are drawn at random within that.
+Every pendulum is released at rest with the energy of level links, V = −g Σ b cos θ = 0: half of the energy that inverts
+them all, whatever the number of links.  Within that, angles and sides are random.
 """
 
 from __future__ import annotations

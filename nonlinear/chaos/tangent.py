@@ -1,4 +1,4 @@
-"""How a small disturbance of a motion in the plane grows: the tangent (variational) equations by the complex step.
+"""The growth of a small disturbance of a motion in the plane: tangent (variational) equations by the complex step.
 
     y' = f(y),        v' = J(y) v,        J v = Im f(y + i h v) / h
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.eigen.compiling import available, compiled
 from modal.errors import MissingExtraError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.joints import joint_law
@@ -19,29 +20,8 @@ from nonlinear.dynamics.minimal import NOTHING, Minimal
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.system import System
 
-njit: Any
-try:
-    from numba import njit
-except ImportError:
-    njit = None
-
 CONSTANTS = 12
 LOOSE = np.empty(0)
-
-
-def available() -> bool:
-    """Whether numba is installed."""
-    return njit is not None
-
-
-def compiled(function: Any) -> Any:
-    """The compiled function, kept on disk where there is a folder for it."""
-    if njit is None:
-        return function
-    try:
-        return njit(cache=True, error_model="numpy")(function)
-    except RuntimeError:
-        return njit(error_model="numpy")(function)
 
 
 _joint_law = compiled(joint_law)

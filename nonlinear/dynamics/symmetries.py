@@ -185,7 +185,7 @@ def near(system: System, start: State) -> Symmetry | None:
         system,
         lambda state: replace(state, links=state.links - turned, cart=state.cart - away),
         lambda motion: replace(motion, links=motion.links + turned, cart=motion.cart + away),
-        "whole turns and the cart's way so far left out",
+        "whole turns and the cart's travel so far removed",
     )
 
 

@@ -1,9 +1,9 @@
 """From equations of motion to a trajectory.
 
-In: a scene and what is asked of a run (`arguments`).  Out: a `Trajectory`: states at sampled times, events, and
-certificates of energy, momentum and constraints.  `methods` chooses equations and integrator and says why, `driver`
+In: a scene and the arguments of a run (`arguments`).  Out: a `Trajectory`: states at sampled times, events, and
+the drifts of energy, momentum and constraints.  `methods` chooses equations and integrator, with a reason; `driver`
 takes the steps of `steppers`, of `floats` where equations are written out, of `compiled` (extra `fast`) or of `taylor`;
-`escapements` kick in between, `twins` tell how fast a small difference grows.  Start with `run`.
+`escapements` kick in between, `twins` measure how fast a small difference grows.  Start with `run`.
 """
 
 from nonlinear.integration.arguments import (

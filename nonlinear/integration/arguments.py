@@ -123,10 +123,10 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
         return
     push, shape = load(time, start), (system.n_links, 3) if system.spatial else (system.n_links,)
     if not isinstance(push, AppliedForces):
-        raise SceneError([f"load: must return a Push, not {type(push).__name__}"])
+        raise SceneError([f"load: must return AppliedForces, not {type(push).__name__}"])
     problems = []
     if system.cart is None and push.cart:
-        problems.append("load: pushes the cart, and the support is fixed")
+        problems.append("load: acts on the cart, but the support is fixed")
     if push.moments is not None and np.shape(push.moments) != shape:
         problems.append(f"load: moments have shape {np.shape(push.moments)}, this scene needs {shape}")
     if push.cart is None or not all(np.all(np.isfinite(part)) for part in push if part is not None):

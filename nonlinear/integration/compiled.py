@@ -15,14 +15,15 @@ from typing import Any, cast
 import numpy as np
 from scipy.integrate import DOP853
 
+from modal.eigen.compiling import compiled
 from modal.types import Floats, Ints
 from nonlinear.dynamics import undisturbed
-from nonlinear.dynamics.compiled import LOOSE, Compiled, compiled, rate
+from nonlinear.dynamics.compiled import LOOSE, Compiled, rate
 from nonlinear.integration.costs import kept
 from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
 
 STAGES, SMALL_STEP = DOP853.n_stages, DOP853.TOO_SMALL_STEP
-COMPILING = "Compiling the integrator, which takes some ten seconds; it is kept on disk for later runs."
+COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
 NOTHING_DUE = np.empty(0)
 MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it gives back
 

@@ -71,9 +71,9 @@ def choose(
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
     elif space and form not in {"auto", "spatial"}:
-        problems.append(f"form {form}: is for the plane, and this scene is in space")
+        problems.append(f"form {form}: works in the plane only, and this scene is in space")
     elif not space and form == "spatial":
-        problems.append("form spatial: is for space, and this scene is in the plane")
+        problems.append("form spatial: works in space only, and this scene is in the plane")
     if system.kicked and form not in {"auto", "minimal"}:
         problems.append(f"form {form}: cannot take the kicks of escapements; minimal can")
     if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
@@ -104,7 +104,7 @@ def _automatic(
     """The method and why; of `seconds` there are none where Taylor series are out of the question."""
     found = estimate_timescales(scene)
     if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
-        fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest swing"
+        fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest oscillation"
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
@@ -113,7 +113,7 @@ def _automatic(
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
         if seconds["taylor"] < min(seconds["DOP853"], seconds["compiled"]):
             return "taylor", "a run long enough to pay for compiling its series"
-    return "DOP853", "no part of the motion decays far faster than it swings"
+    return "DOP853", "no part of the motion decays far faster than it oscillates"
 
 
 def _taylor_takes(system: System) -> bool:

@@ -33,7 +33,7 @@ LONGEST_CHAIN, MOST_LINKS = 24, 400
 UNROLLED = 4  # links whose series is compiled as one function, faster and longer to compile
 MOST_KEPT, AT_ONCE = 32, 256  # integrators; steps
 GOES_ON = {"success", "time_limit", "step_limit"}
-GIVES_UP = {"err_nf_state": "its series leave the finite numbers; choose another method"}
+GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
 
 def available() -> bool:

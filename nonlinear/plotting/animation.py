@@ -114,9 +114,9 @@ def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float) ->
     words = ["real time" if speed == 1 else f"{speed:.3g} seconds a second"]
     words += [f"{drawn} of {system.n_pendula} pendula drawn"] if drawn < system.n_pendula else []
     words += ["pivots set apart"] if drawn > 1 else []
-    words += ["seen obliquely, with the shadow on a floor"] if system.spatial else []
+    words += ["oblique view, with the shadow on a floor"] if system.spatial else []
     words += ["the camera follows the cart"] if follows else []
-    return "; ".join([*words, "energy above rest"])
+    return "; ".join([*words, "energy above equilibrium"])
 
 
 def strobe(phases: Phases, form: str) -> dict[str, Any]:
@@ -169,7 +169,7 @@ def animate(
     length = float(trajectory.times[-1] - trajectory.times[0]) / speed
     frames = max(1, int(min(length, seconds or LONGEST) * rate + 1e-9))
     if frames > MOST_FRAMES:
-        raise SceneError([f"{frames} frames: must be at most {MOST_FRAMES}; ask for fewer seconds or fps"])
+        raise SceneError([f"{frames} frames: must be at most {MOST_FRAMES}; use fewer seconds or fps"])
 
     def shot(frame: int) -> Image.Image:
         image = film.image(frame)

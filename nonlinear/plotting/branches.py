@@ -30,7 +30,7 @@ def draw_branches(found: Branches, stream: IO[bytes], form: str = "png") -> None
 def branches_figure(found: Branches) -> Figure:
     """The same as a figure."""
     if not 1 <= len(found.branches) <= MOST_CURVES:
-        raise ComputationError(f"{len(found.branches)} configurations do not fit a picture: from 1 to {MOST_CURVES}")
+        raise ComputationError(f"{len(found.branches)} configurations do not fit in a figure: from 1 to {MOST_CURVES}")
     figure = sheet(WIDTH, 7.0)
     upper, lower = figure.subplots(2, 1, sharex=True)
     values = found.variation.values
@@ -41,7 +41,7 @@ def branches_figure(found: Branches) -> Figure:
     upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
     lower.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", found.variation)
-    headline(figure, found.scene.title, "configurations that keep swinging")
+    headline(figure, found.scene.title, "steady oscillations")
     key(figure, _handles(found), columns=2)
     return figure
 

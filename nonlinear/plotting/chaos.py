@@ -39,11 +39,11 @@ def exponent_figure(exponent: Exponent) -> Figure:
     half, words = exponent.half_width, "95 % interval of the mean"
     axis.axhspan(exponent.value - half, exponent.value + half, color=colour(1), alpha=0.25, lw=0, label=words)
     axis.plot(since, mean, color=colour(1), lw=2.2, label=f"mean of {exponent.ensemble}: {exponent.equation}")
-    axis.plot(since, exponent.regular(since), "--", color=muted(), lw=1.4, label="what regular motion can look like")
+    axis.plot(since, exponent.regular(since), "--", color=muted(), lw=1.4, label="limit for regular motion")
     late = running[since > since[-1] / 10]
     low, high = float(min(late.min(), 0.0)), float(max(late.max(), 2 * exponent.floor))
     axis.set(xlim=(0, since[-1]), ylim=(low - 0.05 * (high - low), high * 1.08))
-    axis.set(xlabel="time measured T (s)", ylabel="growth of a small error, λ(T) (1/s)")
+    axis.set(xlabel="averaging time T (s)", ylabel="growth of a small error, λ(T) (1/s)")
     axis.legend(loc="upper right")
     headline(figure, exponent.scene.title, "the largest Lyapunov exponent")
     return figure

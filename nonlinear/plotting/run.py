@@ -30,7 +30,7 @@ def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") ->
 def run_figure(trajectory: Trajectory) -> Figure:
     """The picture of a run; of many links it shows the first few, its caption saying so."""
     if len(trajectory.times) < 2:
-        raise ComputationError("a run of a single instant has nothing to draw")
+        raise ComputationError("a run with a single sample cannot be drawn")
     on_cart = trajectory.system.cart is not None
     figure = sheet(WIDE, 8.6 if on_cart else 7.2)
     grid = figure.add_gridspec(6, 2, width_ratios=(3, 2))
@@ -95,7 +95,7 @@ def _angles(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
     values, names = degrees(trajectory)[0], _names(trajectory)
     for k, link in enumerate(shown):
         _draw(axis, trajectory.times, values[:, link], k, names[link])
-    from_what = "from the vertical" if trajectory.system.spatial else "from the hanging rest"
+    from_what = "from the vertical" if trajectory.system.spatial else "from the downward vertical"
     framed(axis, "time (s)", "angle (°)", f"Angles {from_what}")
     legend(axis)
 
@@ -119,7 +119,7 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
         _draw(axis, times, energy, k, name)
     if trajectory.system.cart is not None:
         axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=ink(), lw=1.2, label="cart")
-    framed(axis, "time (s)", "energy (J)", "Energy above rest")
+    framed(axis, "time (s)", "energy (J)", "Energy above equilibrium")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
     legend(axis)
 

@@ -67,11 +67,11 @@ def sweep_figure(sweep: Sweep) -> Figure:
     validate_axes(sweep.study.variations)
     known = [name for name in sweep.columns if np.any(np.isfinite(sweep.values(name)))]
     if not known:
-        raise ComputationError("no point has a number: there is nothing to draw")
+        raise ComputationError("every point of the sweep failed: there is nothing to draw")
     axes = sweep.study.variations
     most = MOST_CURVES if len(axes) == 1 else MOST_MAPS
     if len(known) > most:
-        raise ComputationError(f"{len(known)} numbers do not fit a picture: measure at most {most}")
+        raise ComputationError(f"{len(known)} quantities do not fit in a figure: measure at most {most}")
     figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
     headline(figure, sweep.study.scene.title, "sweep")
     return figure
@@ -80,7 +80,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
 def validate_axes(axes: Sequence[Variation]) -> None:
     """ComputationError where a sweep over these cannot be drawn."""
     if len(axes) > 2 or any(len(variation.values) < 2 for variation in axes):
-        raise ComputationError("a picture is of one parameter or two, each with two values or more")
+        raise ComputationError("a figure needs one or two parameters, each with two or more values")
 
 
 def words(column: str) -> tuple[str, str]:

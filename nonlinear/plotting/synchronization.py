@@ -54,7 +54,7 @@ def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: s
 def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
     """The same as a figure."""
     if len(trajectory.times) < 2:
-        raise ComputationError("a run of a single instant has nothing to draw")
+        raise ComputationError("a run with a single sample cannot be drawn")
     figure = sheet(WIDE, 9.8)
     grid = figure.add_gridspec(3, 2)
     shown = _shown(trajectory.system.n_pendula)
@@ -126,7 +126,7 @@ def _order(axis: Axes, phases: Phases) -> None:
     axis.plot(phases.times, phases.order[:, phases.leading], color=ink(), lw=1.4)
     axis.set(xlim=(phases.times[0], phases.times[-1]), ylim=(-0.03, 1.03))
     which = f" (fixed-base mode {phases.leading + 1})" if phases.omega.shape[1] > 1 else ""
-    framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 in balance")
+    framed(axis, "time (s)", "order parameter R (–)", f"Agreement of phases{which}: 1 in phase, 0 balanced")
 
 
 def _shares(axis: Axes, trajectory: Trajectory) -> None:
@@ -194,7 +194,7 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
 
 
 def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
-    headline(figure, trajectory.scene.title, "who keeps time with whom")
+    headline(figure, trajectory.scene.title, "synchronization")
     lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(shown))]
     names = [f"pendulum {number + 1}" for number in shown]
     key(figure, lines, names, columns=MOST_LINES)

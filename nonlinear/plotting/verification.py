@@ -54,7 +54,7 @@ def check_figure(found: Check) -> Figure:
     if not rows:
         raise ComputationError("no mode was measured: there is nothing to draw")
     if len(rows) > MOST_CURVES:
-        raise ComputationError(f"{len(rows)} modes do not fit a picture: choose at most {MOST_CURVES}")
+        raise ComputationError(f"{len(rows)} modes do not fit in a figure: choose at most {MOST_CURVES}")
     figure = sheet(WIDTH, 5.4)
     axis = figure.subplots()
     angles = [degrees(run.effective) for row in rows for run in row.measurements]
@@ -124,7 +124,7 @@ def _strongest(found: Comparison) -> list[ModeInMotion]:
             best[row.mode.number] = row
     kept = sorted(best.values(), key=lambda row: -row.largest)[:HUES]
     if not kept:
-        raise ComputationError("no mode swings: there is no spectrum to draw")
+        raise ComputationError("no mode oscillates: there is no spectrum to draw")
     return sorted(kept, key=lambda row: row.mode.number)
 
 

@@ -52,7 +52,7 @@ def _bounds(axis: Axes, found: WorkPrecision, rows: list[Row]) -> None:
         axis.axhspan(bottom, floor, color=rest(), alpha=0.45, lw=0, zorder=0)
         style: dict[str, Any] = {"ha": "left", "va": "center", "fontsize": SMALL}
         place = 0.01, (bottom * floor) ** 0.5
-        axis.text(*place, "too small for the reference to tell", transform=axis.get_yaxis_transform(), **style)
+        axis.text(*place, "below the resolution of the reference", transform=axis.get_yaxis_transform(), **style)
 
 
 def _front(axis: Axes, found: WorkPrecision) -> None:

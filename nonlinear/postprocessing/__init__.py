@@ -1,6 +1,6 @@
-"""What is read off a trajectory: resampling, spectra, frequencies, reaction forces, a summary.
+"""Quantities computed from a trajectory: resampling, spectra, frequencies, reaction forces, a summary.
 
-In: a `Trajectory`.  Out: signals at other times, line frequencies far finer than 2π/T, pivot forces, words.
+In: a `Trajectory`.  Out: signals at other times, line frequencies far finer than 2π/T, pivot forces, text.
 Start with `summary`.
 """
 

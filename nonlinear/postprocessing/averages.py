@@ -1,4 +1,4 @@
-"""Means over time: over the last part of a run, and over a span that moves along with it."""
+"""Means over time: over the last part of a run, and moving averages."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ class _Signal:
         return cls(s, values, window / window.mean())
 
     def residual(self, waves: _Waves) -> Floats:
-        """What the lines leave (N,)."""
+        """The residual (N,) after the lines."""
         angle = np.outer(self.s, waves.x)
         return np.asarray(self.f - waves.mean - np.cos(angle) @ waves.a - np.sin(angle) @ waves.b)
 
@@ -109,7 +109,7 @@ class _Signal:
             waves, settled = self._step(waves)
             if settled:
                 return waves
-        raise ComputationError("the signal has no steady line: its frequency does not settle")
+        raise ComputationError("the signal has no steady line: its frequency does not converge")
 
     def _step(self, waves: _Waves) -> tuple[_Waves, bool]:
         """Closer, and whether what is left to go is rounding."""
@@ -175,7 +175,7 @@ def _half_length(t: Floats, f: Floats) -> float:
         raise ComputationError(f"a signal of {f.size} values: needs at least {4 * LEAST_PERIODS:g}, one for each time")
     step = np.diff(t)
     if not np.all(np.isfinite(f)) or np.ptp(step) > 1e-6 * step.mean() or step.mean() <= 0:
-        raise ComputationError("a signal's values must be finite, its times evenly spaced")
+        raise ComputationError("the values of a signal must be finite and its times evenly spaced")
     return float(t[-1] - t[0]) / 2
 
 

@@ -17,7 +17,7 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     Raises ComputationError for a saved run that something drove: applied forces are not saved.
     """
     if trajectory.driven and trajectory.equations is None:
-        raise ComputationError("reaction forces of this run need the applied forces, which are not saved with it")
+        raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
     system, motion = trajectory.system, trajectory.motion
     pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion))
     tops = np.zeros(system.n_links, dtype=bool)

@@ -25,7 +25,7 @@ def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
     Raises ComputationError where the samples are too far apart to tell what lies between.
     """
     if len(times) < 2:
-        raise ComputationError("the run holds a single instant: there is no motion to draw")
+        raise ComputationError("the run has a single sample: there is no motion to draw")
     place = _placed(times, at)
     _validate(times, motion, place)
     links, link_rates = _between(place, motion.links, motion.link_rates)
@@ -90,6 +90,6 @@ def _validate(times: Floats, motion: Motion, place: _Place) -> None:
     if not worst <= WIDEST:
         closer = min(float(np.max(h)) * (WIDEST / worst) ** (1 / 3), WIDEST / float(np.max(np.abs(rates))))
         raise ComputationError(
-            f"samples {np.max(h):.3g} s apart are too far from each other to draw what lies between: "
+            f"samples every {np.max(h):.3g} s are too few to interpolate between: "
             f"simulate with one every {closer:.2g} s, {int((times[-1] - times[0]) / closer) + 2} samples"
         )

@@ -1,6 +1,6 @@
-"""A run in a few lines: what moved how far, how it was computed, what certifies it, and what its scene did not require.
+"""A run in a few lines: the range of its motion, how it was computed, its drifts, and what its scene did not require.
 
-The system of equations that ran is looked at, the process says which packages it has loaded.
+The report describes the equations that actually ran and the packages that the process has loaded.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     if trajectory.system.kicked:
         yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
     if run.method == CLOSED and trajectory.system.works:
-        yield "energy", "what dampers take is not counted in closed form"
+        yield "energy", "the work of dampers is not computed in closed form"
     else:
         yield "energy", _drift(trajectory.energy_drift())
     if trajectory.keeps_momentum or trajectory.keeps_spin:
@@ -70,15 +70,15 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 
 def _drift(share: float) -> str:
-    trust = "" if share < DRIFT else "; too much to trust this motion: ask for a tighter tolerance or an accuracy"
-    return f"drift {share:.2g} of what its energies range over{trust}"
+    trust = "" if share < DRIFT else "; too much to trust this motion: use a tighter tolerance or an accuracy"
+    return f"drift {share:.2g} of its range{trust}"
 
 
 def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     run = trajectory.run
     yield "equations", FORMS[run.form]
     if is_unstable_equilibrium(trajectory.system, trajectory.motion[0]):
-        yield "start", "an unstable rest: what follows is rounding"
+        yield "start", "an unstable equilibrium: the motion is due to rounding"
     if run.reduced:
         yield "integrated", run.reduced
     if found := departure(trajectory):
@@ -138,9 +138,11 @@ def run_inventory(trajectory: Trajectory) -> Inventory:
     """Of a run made in this process; ComputationError for one that was read from a file."""
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
-        return Inventory(_freedom(system), 0, 0, (), ("no integration: the modes say it", *not_loaded()), loaded())
+        return Inventory(
+            _freedom(system), 0, 0, (), ("no integration: the motion follows from the modes", *not_loaded()), loaded()
+        )
     if equations is None:
-        raise ComputationError("what a saved run was computed with is not saved with it")
+        raise ComputationError("how a saved run was computed is not saved with it")
     inner: Any = equations.inner if isinstance(equations, Reduced) else equations
     form, numbers = trajectory.run.form, len(inner.scale)
     matrices = tuple(_matrices(inner, trajectory.run))

@@ -1,4 +1,4 @@
-"""A motion seen as the motion of the modes: how much of each there is, at every instant.
+"""The modal coordinates of a motion: the contribution of each mode at every time.
 
 With q = (x, θ − rest), v = q' and the shapes φ of an undamped scene, orthogonal in M, the modal coordinates are
 
@@ -107,7 +107,7 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
 def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
     """Q and v (T, n): the cart, then every link's angle from its rest."""
     if motion.links.ndim != 2:
-        raise ComputationError("modal coordinates: only of motion in the plane")
+        raise ComputationError("modal coordinates: only for motion in the plane")
     q, v = motion.links - rest_angles(scene), motion.link_rates
     if scene.support.kind == "cart":
         q, v = (np.column_stack(pair) for pair in ((motion.cart, q), (motion.cart_rate, v)))

@@ -1,4 +1,4 @@
-"""What is left of the equations of motion when any motion is put into them: the forces that would make it true.
+"""The residual of the equations of motion for any motion: the forces that would make it exact.
 
 With the direction u of every link and its tangents t = ∂u/∂q, a the acceleration of its upper joint less gravity,
 

@@ -1,4 +1,4 @@
-"""The motion that the modes promise, in closed form: no equation is integrated.
+"""The motion predicted by the modes, in closed form, without integration.
 
 With the coordinate η of each mode at the start (`nonlinear.reduction.modal_coordinates`) and c = η − i (η' − σ η)/ω, λ
 = σ + iω,
@@ -33,7 +33,7 @@ from nonlinear.system import Motion, State
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is no correction any more
 SPANNED = 1e-6  # part of a start that the modes may miss
-INCOMPLETE = "the modes do not add up to this start: some of them share an eigenvalue and a shape"
+INCOMPLETE = "the modes do not span this start: some of them share an eigenvalue and a mode shape"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,6 @@
-"""Nonlinear motion in a few modes: which to keep, the run, and how far it is from the motion of the whole scene.
+"""Nonlinear motion in a few modes: which to retain, the run, and its error with respect to the whole scene.
 
-The Lagrangian of a plane scene is even about its rest: modes that are left out answer at the third power of the
+The Lagrangian of a plane scene is even about its equilibrium: neglected modes respond at the third power of the
 amplitude and act back at the fifth, so a single mode already has the κ of ω(a) = ω (1 + κ a²).  Measured, the lowest
 mode of 2 to 10 bobs by itself swings at the wrong frequency by 0.006 % at 20°, 0.1 % at 40°, 0.6 % at 60°, with two
 more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  What is left out is stated.  The largest angle by which
@@ -219,12 +219,12 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
 
 
 def _validate(scene: Scene, modes: int | None, method: str) -> None:
-    problems = [] if scene.space == "plane" else ["space: modal truncation is of motion in the plane"]
+    problems = [] if scene.space == "plane" else ["space: modal truncation is implemented in the plane only"]
     whole = isinstance(modes, Integral) and not isinstance(modes, bool)
     if modes is not None and not (whole and modes >= 1):
         problems.append(f"modes {modes!r}: must be a whole number from 1")
     if scene.is_driven:
-        problems.append("drive: motion that excites itself is not kept to a few modes")
+        problems.append("drive: a scene with drives cannot be reduced to a few modes")
     if method not in SCIPY:
         problems.append(f"method {method}: must be one of {', '.join(SCIPY)}")
     if problems:

@@ -1,10 +1,10 @@
-"""A motion in space as two motions in vertical planes, which is what it is for small angles, and back.
+"""A motion in space as two motions in vertical planes, exact for small angles, and back.
 
-With θ from the rest and p = θ (cos φ, sin φ) along the rail and across it, s = sin θ/θ, σ = −1 for links that stand:
+With θ from the rest and p = θ (cos φ, sin φ) along the rail and across it, s = sin θ/θ, σ = −1 for inverted links:
 
     u = σ (s p, cos θ),    u' = σ (s p' + r (p·p') p, −s p·p'),    r = (θ cos θ − sin θ)/θ³
 
-so that p is an angle of the plane less its rest, by which a link that stands turns to the other side.
+so that p is an angle of the plane less that of equilibrium; for an inverted link it has the opposite sign.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
-"""A grid of scenes measured on all cores.
+"""Parameter sweeps: measures of a scene over a grid of its parameters, on all cores.
 
-In: a `Study`: a scene, what varies in it, what is measured.  Out: a `Sweep`, kept row by row in a checkpoint, so that
-an interrupted one goes on where it was.  Start with `measures` and `study`; `executors` do the work, `files` keep the
-result.
+In: a `Study`: a scene, its variations and the measures.  Out: a `Sweep`, saved row by row in a checkpoint, so that an
+interrupted sweep can resume.  Start with `measures` and `study`; `executors` run the points, `files` save the result.
 """
 
 from typing import TYPE_CHECKING

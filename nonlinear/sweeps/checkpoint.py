@@ -1,7 +1,7 @@
-"""The journal of a sweep: rows are appended as they come, so that a sweep cut short goes on where it was.
+"""The journal of a sweep: rows are appended as they are computed, so that an interrupted sweep can resume.
 
-The first line says which sweep it is, every other is one row in JSON with its own checksum.  A last line that a crash
-has torn is dropped; any other damage is refused, and named by its line.  One sweep at a time has a journal.
+The first line identifies the sweep; every other line is one row in JSON with its own checksum.  An incomplete last
+line, left by a crash, is dropped; any other damage is refused by its line number.  One sweep at a time has a journal.
 """
 
 from __future__ import annotations
@@ -43,9 +43,9 @@ class Checkpoint:
 
 @contextmanager
 def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Checkpoint]:
-    """The journal at a path, begun or gone on with; `fresh` begins anew whatever sweep it is of.
+    """The journal at a path, new or resumed; `fresh` starts it over, whatever sweep it belongs to.
 
-    Rows of points that failed are left out, so that these are tried again.  Raises SceneError where the file is
+    Rows of points that failed are dropped, so that these are tried again.  Raises SceneError where the file is
     something else, is damaged, belongs to another sweep or to one that is at work, OSError where it cannot be written.
     """
     name, salt = os.fspath(path), study.fingerprint
@@ -83,14 +83,18 @@ def _rows(name: str, content: bytes, first: bytes, study: Study) -> dict[int, Ro
     head, *lines = content.removesuffix(b"\n").split(b"\n")
     if head + b"\n" != first:
         known = head.startswith(KNOWN)
-        words = "belongs to another sweep: remove it or write elsewhere" if known else "is not the journal of a sweep"
+        words = (
+            "belongs to another sweep: remove it, or write to another file"
+            if known
+            else "is not the journal of a sweep"
+        )
         raise SceneError([f"{name}: {words}"])
     rows = {}
     for number, line in enumerate(lines, 2):
         try:
             row = _row(line, study)
         except (ValueError, TypeError, AttributeError, RecursionError):
-            words = "is damaged: remove it, and what it holds is measured again"
+            words = "is damaged: remove it, and its point is computed again"
             raise SceneError([f"{name}: line {number} {words}"]) from None
         rows[row.index] = row
     return rows

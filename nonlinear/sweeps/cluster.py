@@ -1,4 +1,4 @@
-"""The workers of a Dask cluster that is already there, through the extra `cluster`."""
+"""The workers of a running Dask cluster, through the extra `cluster`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[WorkerPool]:
     try:
         client = Client(address, timeout=patience, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
-        raise ComputationError(f"{address}: no scheduler answers ({' '.join(str(error).split())})") from None
+        raise ComputationError(f"{address}: no scheduler responds ({' '.join(str(error).split())})") from None
     with client:
         size = sum(client.nthreads().values())
         if not size:

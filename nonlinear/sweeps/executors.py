@@ -1,4 +1,4 @@
-"""Who does the work of a sweep: the processes of this machine, or any other `concurrent.futures.Executor`."""
+"""The workers of a sweep: processes on this machine, or any other `concurrent.futures.Executor`."""
 
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ def _start(pool: ProcessPoolExecutor, count: int) -> None:
         first.result()
     except BrokenExecutor:
         raise ComputationError(
-            "worker processes cannot start: in a script of one's own a sweep belongs under "
-            '`if __name__ == "__main__":`, or takes workers=1'
+            "worker processes cannot start: in your own script, put the sweep under "
+            '`if __name__ == "__main__":`, or use workers=1'
         ) from None
 
 

@@ -1,7 +1,7 @@
-"""Sweeps on disk: NPZ holds every number over the grid, CSV one row a point to read and plot elsewhere.
+"""Sweeps on disk: NPZ has every number over the grid, CSV one row per point for other programs.
 
-Both begin with a header in JSON: the scene, what was varied, what was measured and which points failed.  A column of
-an axis is named by its place and unit.  Both hold a checksum, and a file that is not what was saved is refused whole.
+Both begin with a header in JSON: the scene, the variations, the measures and the points that failed.  A column of
+an axis is named by its place and unit.  Both have a checksum, and a file that has changed is refused.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.report import csv_cell, csv_rows
+from modal.report import csv_cell
 from modal.scene import whole_file
 from modal.scene.sealed import index, reading, require_keys
 from modal.types import Floats
@@ -111,7 +111,7 @@ def _csv(sweep: Sweep) -> bytes:
     for row in sweep.rows:
         numbers = [row.numbers.get(name, np.nan) for name in sweep.columns]
         rows.append([*sweep.study.point(row.index).values(), *numbers, row.reason])
-    return as_csv(_header(sweep), [csv_rows(rows)])
+    return as_csv(_header(sweep), rows)
 
 
 def _read_csv(name: str) -> Sweep:

@@ -1,4 +1,4 @@
-"""One process at a time at a file: a lock that the system takes back, however its owner ends."""
+"""File locks: one process at a time, and the system releases the lock however its owner ends."""
 
 from __future__ import annotations
 

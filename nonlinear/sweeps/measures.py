@@ -1,12 +1,12 @@
-"""Measures: what is asked of every scene of a sweep, by name, as a few named numbers.
+"""Measures: named quantities that a sweep computes at every point.
 
-A name of a number ends in its unit, `omega_1_rad_per_s`; what is a pure number has none, `damping_ratio_1`.  Some are
-read off the modes that swing, Im λ ≠ 0, others off a run of so many seconds from the scene's own start.
+The name of a quantity ends in its unit, `omega_1_rad_per_s`, unless it is dimensionless, `damping_ratio_1`.  Some are
+computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start.
 
-All points of a sweep have the numbers of one table, that of the scene as it is given, so that they go on smoothly where
-dampers appear and where frequencies become equal: the k-th mode that swings, copies counted out, is the k-th there, and
-copies of mode 2 are 2, 2b, 2c, …  A point at which more modes swing, or fewer, has the numbers of its own table.  What
-is beyond double precision is NaN.
+All points of a sweep number their modes as in the table of the original scene, so that curves continue smoothly where
+dampers appear and where frequencies become equal: the k-th oscillating mode, counting copies, is the k-th there, and
+copies of mode 2 are 2, 2b, 2c, …  A point with more or fewer oscillating modes has the numbers of its own table.  A
+quantity beyond double precision is NaN.
 """
 
 from __future__ import annotations
@@ -20,8 +20,9 @@ from math import inf, isfinite, nan, pi
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.assembly import can_stack
 from modal.errors import ComputationError, SceneError, meant
-from modal.modes import UNCERTAIN, labelled, natural_modes
+from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
 from modal.scene import Scene
 from modal.types import Floats
@@ -83,9 +84,31 @@ class RequestedMeasure:
         return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))
 
 
-@lru_cache(maxsize=2)
-def swinging(scene: Scene) -> tuple[Values, tuple[int, ...]]:
+Swinging = tuple[Values, tuple[int, ...]]
+_KNOWN: dict[Scene, Swinging] = {}
+
+
+def find_together(scenes: Sequence[Scene]) -> None:
+    """Have the modes of these scenes at hand for measures, found together where they are of one form."""
+    _KNOWN.clear()
+    if len(scenes) < 2 or not can_stack(scenes):
+        return
+    try:
+        omega = natural_frequencies(scenes)
+    except ComputationError:
+        return
+    numbers = np.cumsum(np.diff(omega, axis=1, prepend=np.nan) != 0, axis=1)
+    for scene, row, own in zip(scenes, omega, numbers, strict=True):
+        _KNOWN[scene] = 1j * row[row > 0], tuple(own[row > 0].tolist())
+
+
+def swinging(scene: Scene) -> Swinging:
     """λ of all modes that swing, as often as their multiplicity, |λ| ascending, and the number of each."""
+    return _KNOWN.get(scene) or _swinging(scene)
+
+
+@lru_cache(maxsize=2)
+def _swinging(scene: Scene) -> Swinging:
     modes = natural_modes(scene)
     certain = np.where(modes.error < UNCERTAIN, modes.eigenvalue, np.nan)
     rows = np.repeat(np.arange(len(modes)), np.where(modes.eigenvalue.imag != 0, modes.multiplicity, 0))
@@ -132,23 +155,23 @@ def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
     number = number or next(iter(numbers), 0)
     last = max((place for place, own in enumerate(numbers) if own == number), default=-1)
     if last < 0:
-        raise ComputationError(f"mode {number} of the table does not swing: {_those(numbers)}")
+        raise ComputationError(f"mode {number} of the table does not oscillate: {_those(numbers)}")
     if last + 1 == len(numbers):
-        raise ComputationError(f"no mode swings after mode {number} of the table: {_those(numbers)}")
+        raise ComputationError(f"no mode oscillates after mode {number} of the table: {_those(numbers)}")
     return number, float(omega[last + 1] - omega[last])
 
 
 def _those(numbers: list[int]) -> str:
     range_of = f", from {min(numbers)} to {max(numbers)}" if numbers else ""
-    return counted(len(numbers), "mode swings", "modes swing") + range_of
+    return counted(len(numbers), "mode oscillates", "modes oscillate") + range_of
 
 
-NEXT = "mode N (left out, the first that swings) and the next"
+NEXT = "mode N (default: the first oscillating mode) and the next"
 MODAL = (
-    Measure("frequencies", frequencies, 4, "the frequencies of the N slowest modes that swing", numbered=True),
-    Measure("damping", damping, 4, "the damping ratios of the N slowest modes that swing", numbered=True),
+    Measure("frequencies", frequencies, 4, "the frequencies of the N slowest oscillating modes", numbered=True),
+    Measure("damping", damping, 4, "the damping ratios of the N slowest oscillating modes", numbered=True),
     Measure("splitting", splitting, 0, f"the gap between the frequencies of {NEXT}", numbered=True),
-    Measure("beat", beat, 0, f"the time from one beat of {NEXT} to the next", numbered=True),
+    Measure("beat", beat, 0, f"the beat period of {NEXT}", numbered=True),
 )
 
 
@@ -184,7 +207,9 @@ def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
 
 RUNS = (
     Measure("energy_drift", energy_drift, 10.0, "the relative drift of energy in N seconds", whole=False, most=1e6),
-    Measure("amplitude", amplitude, 10.0, "the largest angle and travel in N seconds", whole=False, most=1e6),
+    Measure(
+        "amplitude", amplitude, 10.0, "the largest angle and the cart's travel in N seconds", whole=False, most=1e6
+    ),
 )
 
 
@@ -239,10 +264,10 @@ def _ending(phases: Phases, values: Floats) -> Floats:
 SYNC = tuple(
     Measure(function.__name__, function, USUAL, words, whole=False, most=LONGEST, numbered=function is survivor)
     for function, words in (
-        (order, "how far the phases agree after N seconds, from 0 to 1"),
-        (survivor, "the mode that holds most energy after N seconds, and its share"),
-        (locking, "from when on it holds 99 %, within N seconds"),
-        (pendulum_energy, "mean energies of pendula and cart after N seconds"),
+        (order, "the order parameter of the phases after N seconds, from 0 to 1"),
+        (survivor, "the mode with most energy after N seconds, and its share"),
+        (locking, "the time from which it has 99 %, within N seconds"),
+        (pendulum_energy, "the mean energies of pendula and cart after N seconds"),
     )
 )
 MEASURES: dict[str, Measure] = {measure.name: measure for measure in (*MODAL, *RUNS, *SYNC)}
@@ -261,7 +286,7 @@ def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:
             one = _asked(text)
             name = one.text if one.measure.whole else one.measure.name
             if name in found:
-                raise SceneError([f"{text}: {name} is asked for twice"])
+                raise SceneError([f"{text}: {name} is requested twice"])
             found[name] = one
         except SceneError as error:
             problems += error.problems
@@ -273,7 +298,7 @@ def parse_measures(texts: Sequence[str]) -> tuple[RequestedMeasure, ...]:
 def _asked(text: str) -> RequestedMeasure:
     name, colon, number = text.partition(":")
     if name not in MEASURES:
-        hint = meant(name, MEASURES) or f" (there are {', '.join(MEASURES)})"
+        hint = meant(name, MEASURES) or f" (must be one of {', '.join(MEASURES)})"
         raise SceneError([f"{text}: no such measure{hint}"])
     measure = MEASURES[name]
     try:

@@ -1,4 +1,4 @@
-"""Sweeps: a grid of scenes measured on all cores, row by row, each kept as soon as it is known; a sweep in words."""
+"""Running a sweep on all cores, with each row saved as soon as it is computed, and its report."""
 
 from __future__ import annotations
 
@@ -12,10 +12,9 @@ from itertools import islice
 from time import monotonic
 
 import numpy as np
-from tabulate import tabulate
 
 from modal.errors import ComputationError
-from modal.report import visible
+from modal.report import grid, visible
 from modal.types import Floats
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.executors import WorkerPool, cores, processes
@@ -23,11 +22,15 @@ from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_poin
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
-CHUNK, AHEAD = 64, 2
-"""The most points that go to a worker together; how many portions a worker has before it, its own included."""
-DIED = "its process died, perhaps for want of memory"
+STARTING = 1.0
+"""Seconds of work left that are worth the start of other processes."""
+CHUNK, AHEAD = 256, 2
+"""The most points that are measured together; how many portions a worker has before it, its own included."""
+BRIEF = 0.05
+"""Seconds that a portion takes at most before the next is no larger."""
+DIED = "its process died, perhaps for lack of memory"
 MOST_REASONS = 5
-NUMBERED = "Modes have their numbers in the table of the scene as it is given."
+NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
 Rows = Generator[list[Row], None, None]
 
@@ -99,11 +102,14 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
-        for point in points:
-            yield measure_points(task, [point])
-            remaining -= 1
-            if count > 1 and monotonic() - begun > PATIENCE:
-                break
+        size, left_over = 1, 0.0
+        while remaining and not (count > 1 and monotonic() - begun > PATIENCE and left_over > STARTING):
+            portion, before = list(islice(points, size)), monotonic()
+            yield measure_points(task, portion)
+            taken = monotonic() - before
+            remaining -= len(portion)
+            left_over = taken / len(portion) * remaining
+            size = min(2 * size, CHUNK) if taken < BRIEF else max(1, size // 2)
     if not remaining:
         return
     count = crew.size if crew else min(count, remaining)
@@ -140,7 +146,7 @@ def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generat
                 del flying[future]
         return [point for portion in flying.values() for point in portion]
     except Exception as error:
-        raise ComputationError(f"a worker cannot work: {type(error).__name__}: {error}") from error
+        raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
     finally:
         for future in flying:
             future.cancel()
@@ -178,7 +184,7 @@ def sweep_text(sweep: Sweep) -> str:
 def _lines(sweep: Sweep) -> Iterator[str]:
     yield f"{len(sweep.rows)} of {sweep.study.size} points, {len(sweep.failures)} failed"
     rows = [_range(sweep, name) for name in sweep.columns]
-    yield tabulate(rows, headers=("number", "smallest", "at", "largest", "at"), disable_numparse=True)
+    yield grid(rows, ("number", "smallest", "at", "largest", "at"))
     yield from reasons(sweep)
     if any(one.measure.numbered for one in sweep.study.measures):
         yield NUMBERED

@@ -1,4 +1,4 @@
-"""What a sweep asks: a scene, what is varied in it and over which values, and what is measured at every point."""
+"""The definition of a sweep: a scene, its variations, and the measures computed at every point."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
 from modal.scene import Scene, describe, scene_from
-from modal.scene.parameters import Variation, validate_variations, vary
-from nonlinear.sweeps.measures import RequestedMeasure, parse_measures
+from modal.scene.parameters import Variable, Variation, validate_variations
+from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
@@ -31,11 +31,11 @@ class Study:
     def __post_init__(self) -> None:
         problems = []
         if not 1 <= len(self.variations) <= MOST_AXES:
-            problems.append(f"a sweep is over 1 to {MOST_AXES} variations, not {len(self.variations)}")
+            problems.append(f"a sweep needs 1 to {MOST_AXES} variations, not {len(self.variations)}")
         if self.size > MOST_POINTS:
             problems.append(f"the sweep has {' × '.join(map(str, self.shape))} points: at most {MOST_POINTS}")
         if not self.measures:
-            problems.append("a sweep measures something: frequencies, for example")
+            problems.append("a sweep needs a measure: frequencies, for example")
         try:
             validate_variations(self.scene, self.variations)
         except SceneError as error:
@@ -102,13 +102,25 @@ Points = Sequence[Point]
 
 def measure_points(task: Task, points: Points) -> list[Row]:
     """The rows of some points; what goes wrong at one is its own reason and hurts no other."""
-    return [_row(task, index, values) for index, values in points]
+    variable = Variable(task.scene, points[0][1])
+    scenes = [_scene(variable, values) for _, values in points]
+    if any(one.measure.numbered for one in task.measures):
+        find_together([scene for scene in scenes if isinstance(scene, Scene)])
+    return [_row(task, index, scene) for (index, _), scene in zip(points, scenes, strict=True)]
 
 
-def _row(task: Task, index: int, values: dict[str, float]) -> Row:
+def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:
+    try:
+        return variable.at(values)
+    except Exception as error:  # the row says why
+        return error
+
+
+def _row(task: Task, index: int, scene: Scene | Exception) -> Row:
     numbers: dict[str, float] = {}
     try:
-        scene = vary(task.scene, values)
+        if isinstance(scene, Exception):
+            raise scene
         for one in task.measures:
             numbers |= {name: float(number) for name, number in one.of(scene, task.scene).items()}
     except MultipendulaError as error:

@@ -1,6 +1,6 @@
-"""Who keeps time with whom: prediction and simulation of synchronization side by side.
+"""Synchronization: which pendula lock, predicted and simulated.
 
-In: a scene.  Out: a `SynchronizationStudy`: phases and amplitudes of every pendulum and which mode holds the
+In: a scene.  Out: a `SynchronizationStudy`: phases and amplitudes of every pendulum and the mode that has the
 energy; the branches of configurations along a parameter, and a report.
 
     η_p = |η_p| e^{iψ_p},    R = |Σ e^{iψ_p}|/N

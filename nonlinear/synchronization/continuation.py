@@ -1,4 +1,4 @@
-"""Configurations of a self-excited scene followed along one of its numbers: where each is stable, and where it ends.
+"""Configurations of a self-excited scene continued along a parameter: where each is stable, and where it ends.
 
 A configuration at one value, as the physical motion q = Σ_r φ_r z_r, is the start of Newton's method at the next, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION
@@ -148,11 +148,9 @@ def follow_branches(scene: Scene, variation: Variation, report: Report = lambda 
     """
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
-        raise SceneError(
-            [f"{variation.path}: branches are over two values or more of a parameter that varies smoothly"]
-        )
+        raise SceneError([f"{variation.path}: branches need two or more values of a continuous parameter"])
     if not scene.is_driven:
-        raise ComputationError("nothing excites this scene: no configuration keeps swinging")
+        raise ComputationError("nothing excites this scene: it has no steady oscillations")
     walk = Walk(scene, variation)
     found: list[Branch] = []
     for value in _places(variation, found):

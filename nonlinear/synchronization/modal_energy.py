@@ -1,4 +1,4 @@
-"""Which mode of a scene holds the energy of a run, and from when on.
+"""The mode that has the energy of a run, and the time from which it does.
 
 With the shapes φ_r of the scene without dampers and drives, φᵀMφ = 1, and q the motion from its rest,
 
@@ -52,7 +52,7 @@ class Survival:
     @cached_property
     def _place(self) -> int:
         if not np.all(np.isfinite(self.share[-1])):
-            raise ComputationError("nothing swings at the end of the run: no mode survives")
+            raise ComputationError("nothing moves at the end of the run: no mode survives")
         return int(np.argmax(self.share[-1]))
 
     @property
@@ -81,22 +81,22 @@ class Survival:
 
 
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
-    """The energies of a run in the plane by the modes of its scene without dampers, given where they are at hand.
+    """The energies of a run in the plane by the modes of its scene without dampers, which may be given.
 
     Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode swings.
     """
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.support.kind == "cart")
     if trajectory.system.spatial:
-        raise ComputationError("energies by modes: only of motion in the plane")
+        raise ComputationError("energies by modes: only for motion in the plane")
     if size > MOST:
-        raise ComputationError(f"energies by modes: this scene has {size} coordinates, at most {MOST} are told apart")
+        raise ComputationError(f"energies by modes: this scene has {size} coordinates, more than {MOST}")
     links = rest_angles(scene) + from_rest(trajectory.system, trajectory.motion.links)
     q, v = deflection(scene, replace(trajectory.motion, links=links))
     modes = modes or natural_modes(scene)
     swinging = np.flatnonzero(modes.eigenvalue.imag)
     if not swinging.size:
-        raise ComputationError("no mode of this scene swings")
+        raise ComputationError("no mode of this scene oscillates")
     omega = modes.omega[swinging]
     energy = _energies(modes, swinging, q, v)
     period = 2 * pi / float(omega[np.argmax(energy.sum(0))])

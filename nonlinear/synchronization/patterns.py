@@ -1,4 +1,4 @@
-"""How the pendula of a configuration agree: their phases and amplitudes in own modes, and in words.
+"""The pattern of a configuration: phases and amplitudes of the pendula in their fixed-base modes, and in words.
 
 The motion q = Σ_r φ_r z_r of the band that holds most turns as one, so that in its own modes
 (`nonlinear.synchronization.phases`) every pendulum p has a complex amplitude η_p that stands still but for the common

@@ -120,7 +120,7 @@ class Phases:
     def _validate(self, times: Floats, z: Complexes) -> None:
         """By the own frequencies, and by √(mean η'²/mean η²), which sees any, however few the samples."""
         if len(times) < 3:
-            raise ComputationError("the run holds too few instants to measure frequencies")
+            raise ComputationError("the run has too few samples to measure frequencies")
         own = self.omega[:, self.leading]
         eta, rate = (np.sqrt(np.mean(part**2, axis=0)) for part in (z.real, z.imag * own))
         fastest = float(np.max(np.maximum(own, np.divide(rate, eta, out=np.zeros_like(eta), where=eta > 0))))
@@ -128,7 +128,7 @@ class Phases:
         if widest > enough:
             count = ceil((self.times[-1] - self.times[0]) / enough) + 2
             raise ComputationError(
-                f"samples {widest:.3g} s apart are too far from each other to follow phases that turn at "
+                f"samples every {widest:.3g} s are too few to follow phases that rotate at "
                 f"{fastest:.4g} rad/s: simulate with one every {enough:.2g} s, {count} samples"
             )
 
@@ -152,7 +152,7 @@ def phases_of(trajectory: Trajectory) -> Phases:
     """
     system, motion = trajectory.system, trajectory.motion
     if system.spatial:
-        raise ComputationError("phases: only of motion in the plane")
+        raise ComputationError("phases: only for motion in the plane")
     count = min(group.n for group in system.groups)
     z = np.empty((len(trajectory.times), system.n_pendula, count), dtype=np.complex128)
     omega, mass = np.empty((2, system.n_pendula, count))
@@ -178,12 +178,16 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
     positive, or the matrices do not fit.
     """
     if group.n * group.index.size > MOST_NUMBERS:
-        raise ComputationError(f"{group.index.shape[1]} pendula of {group.n} links are too many for their own modes")
+        raise ComputationError(
+            f"{group.index.shape[1]} pendula of {group.n} links are too many for their fixed-base modes"
+        )
     A, K = _stacked(group, gravity)
     try:
         L = np.linalg.cholesky(K)
     except np.linalg.LinAlgError:
-        raise ComputationError("phases: a pendulum of this scene does not swing about its rest by itself") from None
+        raise ComputationError(
+            "phases: a pendulum of this scene does not oscillate about its equilibrium on a fixed support"
+        ) from None
     half = np.linalg.solve(L, A)
     value, w = np.linalg.eigh(np.linalg.solve(L, half.transpose(0, 2, 1)))
     phi = np.linalg.solve(L.transpose(0, 2, 1), w[..., : -count - 1 : -1])

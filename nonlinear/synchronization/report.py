@@ -1,6 +1,6 @@
-"""The synchronization of a scene in words and in numbers: what was predicted, what was seen, and what is not covered.
+"""The synchronization of a scene as text and as numbers: prediction, simulation, and limits of the theory.
 
-Branches of configurations likewise: where each is stable, the critical values, and all of them as CSV.
+Also branches of configurations: where each is stable, the critical values, and all of them as CSV.
 """
 
 from __future__ import annotations
@@ -11,10 +11,22 @@ from textwrap import TextWrapper, fill
 from typing import Any
 
 import numpy as np
-from tabulate import tabulate
 
 from modal.errors import ComputationError
-from modal.report import WIDTH, capital, counted, csv_rows, finite, grid, listed, percent, rad, short, visible
+from modal.report import (
+    WIDTH,
+    capital,
+    counted,
+    csv_rows,
+    finite,
+    grid,
+    listed,
+    percent,
+    rad,
+    short,
+    visible,
+    with_unit,
+)
 from modal.scene import describe
 from modal.types import Floats
 from nonlinear.averaging import ASIDE, Prediction, RelativeEquilibrium
@@ -273,11 +285,11 @@ def branches_text(found: Branches) -> str:
     where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
     head = f"{len(found.branches)} configurations over {where}"
     rows = [_branch_cells(number, one) for number, one in enumerate(found.branches, start=1)]
-    headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", f"exists {unit}".strip(), f"stable {unit}".strip())
-    parts = [head, tabulate(rows, headers=headers, disable_numparse=True) if rows else "no steady motion"]
+    headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", with_unit("exists", unit), with_unit("stable", unit))
+    parts = [head, grid(rows, headers) or "no steady motion"]
     if found.changes:
         turns = [(f"{change.value:.7g}", str(number + 1), change_words(change)) for change, number in found.changes]
-        parts += ["", tabulate(turns, headers=(f"at {unit}".strip(), "", "what happens there"), disable_numparse=True)]
+        parts += ["", grid(turns, (with_unit("at", unit), "", "event"))]
     return "\n".join(parts) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""One scene, two answers: what the averaged equations predict of its synchronization, and what a simulation shows."""
+"""The synchronization of one scene: the prediction of the averaged equations, and the result of a simulation."""
 
 from __future__ import annotations
 

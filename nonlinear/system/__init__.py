@@ -1,7 +1,7 @@
-"""A scene as arrays in which every copy of a pendulum stands for itself, and its state.
+"""A scene as arrays with an entry for every copy of a pendulum, and its state.
 
-In: a `Scene` and a start.  Out: a `System`, a `State` (where everything is and how fast it moves), initial conditions
-and events.  Start with `system`.
+In: a `Scene` and a start.  Out: a `System`, a `State` (positions and velocities), initial conditions and events.  Start
+with `system`.
 """
 
 from nonlinear.system.directions import of_plane, unit_vectors, velocities

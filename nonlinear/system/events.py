@@ -1,4 +1,4 @@
-"""Things that happen while a scene moves: a quantity crosses a level, a link turns back, an escapement kicks."""
+"""Events of a motion: a quantity crosses a level, a link reverses, an escapement kicks."""
 
 from __future__ import annotations
 
@@ -73,7 +73,9 @@ def _reader(system: System, coordinate: str, *, rate: bool) -> Callable[[State],
     if coordinate not in system.labels:
         raise SceneError([f"event {coordinate}: must be one of {', '.join(system.labels[:12])}"])
     if system.spatial and coordinate != "x":
-        raise SceneError([f"event {coordinate}: links have no single angle in space; give an Event its own value"])
+        raise SceneError(
+            [f"event {coordinate}: links have no single angle in space; define an Event with its own function"]
+        )
     if coordinate == "x":
         return (lambda state: state.cart_rate) if rate else (lambda state: state.cart)
     at = system.labels.index(coordinate) - (system.labels[0] == "x")

@@ -1,4 +1,4 @@
-"""Where a run begins: as the scene file says, at angles given one by one, or in the shape of a mode."""
+"""Initial conditions: from the scene file, from given angles, or in the shape of a mode."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from nonlinear.system.state import State
 from nonlinear.system.system import System
 
 NO_START = (
-    "no pendulum has a start: add `start = { angles_deg = [...] }` with one angle a link to an entry of the file, "
+    "no pendulum has a start: add `start = { angles_deg = [...] }` with one angle per link to an entry of the file, "
     "or give another start: a mode at its largest angle, or angles at rest"
 )
 

@@ -1,4 +1,4 @@
-"""Where everything is and how fast it moves: one instant, or a run of them along a leading axis.
+"""Positions and velocities of a scene: at one time, or at several along a leading axis.
 
 The integrator's vector is y = (x, links, x', links', work): x and x' on a cart only, work where power is counted.
 """

@@ -1,7 +1,7 @@
-"""A scene as arrays in which every copy of a pendulum stands for itself, since each may start elsewhere.
+"""A scene as arrays with an entry for every copy of a pendulum, since each may start differently.
 
-Pendula of equally many links are one group of (n, P) arrays; `index` says where their links stand in the order of the
-file, pendulum by pendulum, top to bottom, which is the order of everything that users see.
+Pendula with the same number of links form one group of (n, P) arrays; `index` gives the positions of their links in the
+order of the file, pendulum by pendulum, top to bottom, which is the order of all output.
 """
 
 from __future__ import annotations
@@ -150,12 +150,12 @@ class System:
 
     @cached_property
     def n_links(self) -> int:
-        """Links in all, copies counted out."""
+        """Number of links, counting copies."""
         return sum(group.index.size for group in self.groups)
 
     @cached_property
     def n_pendula(self) -> int:
-        """Pendula in all, copies counted out."""
+        """Number of pendula, counting copies."""
         return sum(group.index.shape[1] for group in self.groups)
 
     @cached_property
@@ -233,7 +233,7 @@ class System:
 
 
 def system_of(scene: Scene) -> System:
-    """The arrays of a scene, copies counted out."""
+    """The arrays of a scene, with an entry for each copy."""
     rig = rig_of(scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])

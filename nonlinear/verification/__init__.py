@@ -1,11 +1,11 @@
-"""The linear table of modes against the full motion.
+"""Verification of the linear modes against the nonlinear motion.
 
-In: a scene, amplitudes or any run.  Out: measured frequencies beside those of the table and those corrected for
+In: a scene, amplitudes or any run.  Out: measured frequencies, compared with those of the table and those corrected for
 amplitude,
 
     ω(a) = ω (1 + κ a²),
 
-and how much of each mode a motion has.  Start with `modes`.
+and the modal content of a motion.  Start with `modes`.
 """
 
 from nonlinear.verification.modes import AMPLITUDES_DEG, ONE_PERCENT, Check, ModeCheck, check

@@ -1,4 +1,4 @@
-"""One mode set swinging in the full motion, and the frequency that it then has.
+"""The measured frequency of one mode in the nonlinear motion.
 
 A run starts in the shape of a mode with a largest angle a; the strongest line of the mode's own coordinate η
 (`nonlinear.reduction.modal_coordinates`) is its frequency ω(a).

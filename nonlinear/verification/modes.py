@@ -1,4 +1,4 @@
-"""How far the linear table of modes holds: each mode is set swinging at several amplitudes and its frequency measured.
+"""Verification of the table of modes: the frequency of each mode is measured at several amplitudes.
 
 The linear frequency ω is the limit of small angles; `modal.eigen.amplitude` predicts ω(a) = ω (1 + κ a²) for the next
 order. A run starts in the shape of a mode with a largest angle a and is simulated in full; the strongest line of the
@@ -105,11 +105,11 @@ def _reason(modes: Modes, mode: Mode) -> str:
     if mode.is_uncertain:
         return "its frequency is beyond double precision"
     if mode.omega == 0:
-        return "a rigid translation: nothing swings"
+        return "a rigid translation does not oscillate"
     if np.any(modes.eigenvalue.real > GROWS * modes.omega):
-        return "the rest is unstable: every motion leaves it"
+        return "the equilibrium is unstable"
     if not mode.oscillates:
-        return "overdamped: it does not swing"
+        return "overdamped: it does not oscillate"
     if _periods_left(mode) < LEAST_SWINGS:
         return f"it dies out within {_periods_left(mode):.2g} periods"
     if not along_rail(modes, mode.number - 1)[0]:

@@ -1,7 +1,7 @@
-"""Any motion beside the table of modes: how much of each mode it has, and which lines each modal coordinate has.
+"""Any motion compared with the table of modes: the contribution of each mode, and the lines of each modal coordinate.
 
-In linear motion a coordinate has one line, at the mode's own frequency.  What else it has comes from large angles:
-lines of other modes that it follows, odd multiples and combinations of frequencies, and a shift of its own.
+In linear motion a coordinate has one line, at the mode's own frequency.  Large angles add lines of other modes that
+drive it, odd multiples and combinations of frequencies, and a shift of its own line.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, cou
 
 def _lines(times: Floats, eta: Floats, value: complex, count: int) -> tuple[tuple[Line, ...], str]:
     if not value.imag:
-        return (), "does not swing"
+        return (), "does not oscillate"
     try:
         found = lines(times, eta * np.exp(-min(value.real, 0.0) * (times - times[0])), count)
     except ComputationError as error:

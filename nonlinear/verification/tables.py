@@ -1,4 +1,4 @@
-"""What a check and a comparison found, as text, Markdown, CSV or JSON."""
+"""The results of a check and of a comparison as text, Markdown, CSV or JSON."""
 
 from __future__ import annotations
 
@@ -65,14 +65,16 @@ def _run_cells(row: ModeCheck, run: Measurement) -> list[str]:
 
 
 def _notes(found: Check) -> list[str]:
-    notes = [f"mode {number} was left out: {reason}." for number, reason in found.skipped]
+    notes = [f"mode {number} was skipped: {reason}." for number, reason in found.skipped]
     if any(row.mode.resonances for row in found.rows):
         notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own.")
     if found.scene.has_damping:
-        notes.append("dampers: κa² and ω(a) belong to the mean amplitude of a run, less than the angle released.")
+        notes.append(
+            "dampers: κa² and ω(a) refer to the mean amplitude of a run, which is less than the initial angle."
+        )
     if found.scene.is_driven:
-        notes.append("drives: left out, as they are of the table.")
-    notes.append("outside: the largest share of the energy that was seen in other modes.")
+        notes.append("drives: ignored, as in the table.")
+    notes.append("outside: the largest share of the energy in other modes.")
     return notes
 
 
@@ -117,7 +119,7 @@ def comparison_table(found: Comparison, form: str) -> str:
         return as_csv(
             [{"mode": r.mode.number, "copy": r.copy + 1, **line} for r in found.rows for line in _lines(found, r)]
         )
-    note = "lines: frequency (rad/s), amplitude, and how far they are off the nearest frequency of the table."
+    note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
     parts = [grid([_cells(found, row) for row in found.rows], HEADINGS, form), note]
     return titled(found.modes.scene.title, "the motion in modal coordinates", parts, form)
 

@@ -230,7 +230,7 @@ def test_a_single_start_says_that_it_is_judged_by_blocks() -> None:
     one, four = (drawn(rng, ensemble, 2.0) for ensemble in (1, 4))
     assert one.error == pytest.approx(1.4 * one.blocks.std(ddof=1) / np.sqrt(10))
     assert (one.coverage, four.coverage) == pytest.approx((2.262, 3.182), abs=1e-3)
-    assert "widened 1.4-fold: take 4 starts or more" in one.text()
+    assert "widened 1.4-fold: use 4 starts or more" in one.text()
     assert "take 4" not in four.text()
     low, high = four.value - four.half_width, four.value + four.half_width
     assert f"95 % confidence interval: {low:.3g} to {high:.3g} 1/s" in four.text()

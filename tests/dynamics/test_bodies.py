@@ -153,7 +153,7 @@ def test_compiled_work_is_the_change_of_energy(seed: int) -> None:
 
 
 def test_missing_numba_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "njit", None)
+    monkeypatch.setattr(compiled, "available", lambda: False)
     assert not compiled.available()
     with pytest.raises(MissingExtraError, match=r"multipendula\[fast\]"):
         Compiled(system_of(load("chain-1")))
@@ -342,7 +342,7 @@ def test_series_refuse() -> None:
     with pytest.raises(ComputationError, match="load"):
         TaylorStepper(minimal(chain(1), load=lambda *_: AppliedForces()), np.zeros(3), 0.0, 1.0, 1e-15, Pace())
     stepper = TaylorStepper(minimal(chain(1)), np.array([np.nan, 0.0]), 0.0, 1.0, 1e-15, Pace(0.1))
-    with pytest.raises(ComputationError, match="its series leave the finite numbers"):
+    with pytest.raises(ComputationError, match="its series overflow"):
         stepper.step()
 
 

@@ -568,7 +568,7 @@ def link_with(**drive: object) -> dict[str, object]:
         ({"kind": "escapement", "impulse": 1.0, "angle_deg": 180.0}, "drive.angle_deg = 180.0"),
         ({"kind": "escapement", "impulse": "hard"}, 'drive.impulse = "hard": must be a number'),
         ({"kind": "verge", "impulse": 1.0}, 'drive.kind = "verge": must be one of'),
-        ({"impulse": 1.0}, "drive: needs a kind"),
+        ({"impulse": 1.0}, 'drive: needs a kind, one of "van-der-pol", "escapement"'),
     ],
 )
 def test_what_is_wrong_with_a_drive_is_said_once_with_its_place(drive: dict[str, object], words: str) -> None:
@@ -590,9 +590,9 @@ def test_each_refusal_of_a_drive_names_the_place_or_the_argument() -> None:
         with pytest.raises(SceneError, match=f"form {form}: cannot take the kicks of escapements"):
             simulate(scene, 1.0, form=form)
     refusals = {
-        "drive: motion that excites itself is not kept": lambda: simulate_truncated(scene, 1.0, 2),
-        "drive: methods are compared for scenes that do not": lambda: measure_work_precision(scene, 1.0),
-        "drive: Lyapunov exponents are of smooth motion": lambda: lyapunov_exponent(scene, 60.0),
+        "drive: a scene with drives": lambda: simulate_truncated(scene, 1.0, 2),
+        "drive: methods are compared": lambda: measure_work_precision(scene, 1.0),
+        "drive: Lyapunov exponents": lambda: lyapunov_exponent(scene, 60.0),
     }
     for words, action in refusals.items():
         with pytest.raises(SceneError, match=words) as refused:
@@ -604,8 +604,8 @@ def test_tables_and_matrices_leave_drives_out_and_the_table_says_so() -> None:
     scene = beside_a_clock()
     driven, bare = natural_modes(scene), natural_modes(scene.undriven)
     np.testing.assert_array_equal(driven.eigenvalue, bare.eigenvalue)
-    assert any("Self-excitation is left out" in note for note in driven.notes)
-    assert not any("Self-excitation" in note for note in bare.notes)
+    assert any("Drives are left out" in note for note in driven.notes)
+    assert not any("Drives are left out" in note for note in bare.notes)
     one, other = matrices(scene), matrices(scene.undriven)
     for name in ("M", "K", "D"):
         np.testing.assert_array_equal(getattr(one, name), getattr(other, name))

@@ -28,7 +28,7 @@ def random_crowd(seed: int, size: int = 40) -> Scene:
 def problems(scene: Scene) -> tuple[CoupledPendula, CartProblem]:
     rig, _ = rig_of(scene).natural()
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
-    own = tuple(fixed_squares(block) for block in rig.blocks)
+    own = tuple(fixed_squares(block).x for block in rig.blocks)
     return CoupledPendula(heavy, rig.cart, own, degenerate_modes(own)), CartProblem(heavy, rig.cart)
 
 

@@ -133,10 +133,10 @@ def test_refusals(monkeypatch: pytest.MonkeyPatch) -> None:
     sprung = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, stiffness=1.0),)),))
     standing = Scene(gravity=1.0, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),), equilibrium=("up",)),))
     for scene in (damped, sprung, standing):
-        with pytest.raises(ComputationError, match="without dampers, joint springs and standing links"):
+        with pytest.raises(ComputationError, match="without dampers, joint springs"):
             enclose(scene)
     (problem,) = _problems(bobs(1))
-    with pytest.raises(ComputationError, match="bits do not tell"):
+    with pytest.raises(ComputationError, match="bits do not suffice"):
         problem.hung.count(flint().arb(1), 64)
     monkeypatch.setitem(sys.modules, "flint", None)
     with pytest.raises(MissingExtraError, match=r"multipendula\[certified\]"):

@@ -363,11 +363,11 @@ def test_a_step_must_be_positive(dt: float) -> None:
 
 
 def test_what_sampling_refuses() -> None:
-    with pytest.raises(SceneError, match=r"discrete already, with a step of 0\.01 s"):
+    with pytest.raises(SceneError, match=r"already discrete, with a step of 0\.01 s"):
         sample(model_of("chain-3", DT), DT)
     with pytest.raises(SceneError, match="method euler: must be one of zoh, foh, tustin"):
         sample(model_of("chain-3"), DT, "euler")
-    with pytest.raises(ComputationError, match="past the range of doubles"):
+    with pytest.raises(ComputationError, match="overflows"):
         sample(model_of("cart-upright"), 1e3)
 
 

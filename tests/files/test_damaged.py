@@ -226,7 +226,7 @@ def test_what_nobody_wrote_is_refused(
     path.write_bytes(_header(good.read_bytes(), lambda header: None))
     read(path)
     path.write_bytes(_header(good.read_bytes(), edit))
-    with pytest.raises(SceneError, match="that this version of multipendula has saved"):
+    with pytest.raises(SceneError, match="saved by this version of multipendula"):
         read(path)
 
 
@@ -255,7 +255,7 @@ def test_the_command_says_so_and_leaves_with_2(
     content = files["run.csv"][0].read_bytes()
     for words, one in (
         ("is damaged", content[:-1]),
-        ("is torn, or is not a trajectory that this version", content[40:]),
+        ("is incomplete, or is not a trajectory", content[40:]),
     ):
         (tmp_path / "run.csv").write_bytes(one)
         assert main(["simulate", str(tmp_path / "run.csv")]) == 2

@@ -159,7 +159,7 @@ def test_whole_turns_and_a_far_cart_cost_nothing(stiffness: float, method: str) 
     options = {"method": method, "tolerance": 1e-12, "output": 9}
     near = simulate(sprung(stiffness), 5.0, start=State(angles, np.zeros(3)), **options)
     far = simulate(sprung(stiffness), 5.0, start=State(angles + turns, np.zeros(3), 1e8), **options)
-    assert far.run.reduced == "whole turns and the cart's way so far left out"
+    assert far.run.reduced == "whole turns and the cart's travel so far removed"
     assert far.run.steps == pytest.approx(near.run.steps, abs=2)
     assert far.motion.links - turns == pytest.approx(near.motion.links, abs=1e-7)
     assert far.motion.cart - 1e8 == pytest.approx(near.motion.cart, abs=1e-7)

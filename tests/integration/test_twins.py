@@ -174,7 +174,7 @@ def test_unstable_rests_are_told(scene: Scene, angles: list[float], expected: bo
     assert is_unstable_equilibrium(system, start) is expected
     assert not is_unstable_equilibrium(system, replace(start, link_rates=start.link_rates + 1e-9))
     run = simulate(scene, 0.1, start=start, output=3)
-    assert ("an unstable rest: what follows is rounding" in text(run)) is expected
+    assert ("an unstable equilibrium: the motion is due to rounding" in text(run)) is expected
     if not any(link.stiffness for link in scene.links()):
         spatial = scene.replace(space="space")
         assert is_unstable_equilibrium(system_of(spatial), of_plane(start)) is expected
@@ -192,7 +192,7 @@ def test_the_command_tells_both(capsys: pytest.CaptureFixture[str]) -> None:
     assert "integrated  1 of 2 pendula" in told
     assert "symmetry    a small breach of it would grow" in told
     assert main(["simulate", "chain-1", "--start", "angles:180", "--duration", "1"]) == 0
-    assert "start       an unstable rest: what follows is rounding" in capsys.readouterr().out
+    assert "start       an unstable equilibrium: the motion is due to rounding" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("method", ["taylor", "DOP853"])

@@ -615,9 +615,9 @@ def test_an_overdamped_mode_is_nobodys_resonance() -> None:
 
 def test_what_is_no_scene_is_told_what_was_meant() -> None:
     for question in (natural_modes, matrices, state_space, lambda name: simulate(name, 1.0)):
-        with pytest.raises(SceneError, match=r'type str: load\("paper-cart-2"\) gives one'):
+        with pytest.raises(SceneError, match=r'not str: load\("paper-cart-2"\) gives one'):
             question("paper-cart-2")
-    with pytest.raises(SceneError, match="a scene is needed, and this is of type Modes"):
+    with pytest.raises(SceneError, match="a Scene is required, not Modes"):
         natural_modes(natural_modes(load("chain-1")))
     with pytest.raises(SceneError, match=r'input cart_force: must be a tuple of names: \("cart_force",\)'):
         state_space(load("paper-cart-2"), "cart_force")

@@ -86,7 +86,7 @@ def test_maps_have_the_tables_numbers(name: str) -> None:
         mode = modes[int(column.split("_")[number].rstrip("bcdef")) - 1]
         assert mode.oscillates
         assert found.values(column)[0] == pytest.approx(getattr(mode, kind), rel=1e-14, abs=1e-14)
-    assert "Modes have their numbers in the table" in sweep_text(found)
+    assert "Modes are numbered as in the table" in sweep_text(found)
 
 
 def test_numbers_stay_where_dampers_appear_and_frequencies_meet() -> None:

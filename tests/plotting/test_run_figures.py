@@ -102,7 +102,7 @@ def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
 def test_a_single_instant_is_refused() -> None:
     scene = modal.load("chain-2")
     one = simulate(scene, 1.0, output=[0])
-    with pytest.raises(ComputationError, match="single instant"):
+    with pytest.raises(ComputationError, match="single sample"):
         run_figure(one)
 
 

@@ -78,7 +78,7 @@ def test_insensitivity_at_five_percent(kind: str, width: float) -> None:
     exact = 4 / np.pi * np.arcsin(0.05 if kind == "zv" else np.sqrt(0.05))
     assert (high - low) / 2.0 == pytest.approx(exact, rel=1e-12)
     assert (high - low) / 2.0 == pytest.approx(width, abs=5e-4)
-    with pytest.raises(ComputationError, match="is left"):
+    with pytest.raises(ComputationError, match="residual vibration exceeds"):
         insensitivity(shaper([Swing(2.0)], kind), Swing(3.0))
 
 
@@ -107,7 +107,7 @@ def test_another_drive_is_refused_with_the_nearest_word() -> None:
 
 @pytest.mark.parametrize("drive", ["cart_acceleration", "cart_force"])
 def test_an_unstable_rest_has_no_shaper(drive: str) -> None:
-    with pytest.raises(ComputationError, match="the rest is unstable"):
+    with pytest.raises(ComputationError, match="is unstable"):
         shaper_for(load("cart-upright"), drive=drive)
 
 
@@ -183,11 +183,11 @@ def test_commands_are_delayed_and_added() -> None:
 
 
 def test_what_does_not_swing_is_refused() -> None:
-    with pytest.raises(ComputationError, match="does not swing"):
+    with pytest.raises(ComputationError, match="does not oscillate"):
         shaper([Swing(2.0, 1.0)])
-    with pytest.raises(ValueError, match="of one mode at least"):
+    with pytest.raises(ValueError, match="at least one mode"):
         shaper([])
-    with pytest.raises(ComputationError, match="makes 2 modes swing"):
+    with pytest.raises(ComputationError, match="excites 2 modes"):
         shaper_for(crane(), 3)
     assert len(swings_of(crane())) == len(natural_modes(crane())) - 1
 

@@ -147,7 +147,7 @@ def test_an_upright_rod_on_an_accelerated_cart() -> None:
     [
         (("wind",), (), "input wind: must be one of"),
         (("cart_force",), ("colour",), "output colour: must be one of"),
-        (("cart_force", "cart_velocity"), (), "one of a force, an acceleration and a velocity"),
+        (("cart_force", "cart_velocity"), (), "only one of"),
         (("cart_velocity",), ("pivot_forces",), "has impulses there"),
         (("joint_torques", "joint_torques"), (), "named twice"),
     ],

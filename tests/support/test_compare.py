@@ -21,7 +21,7 @@ def test_a_frequency_off_by_three_roundings_of_the_tolerance_fails() -> None:
 
 def test_a_missing_frequency_fails() -> None:
     modes = natural_modes(load("chain-3"))
-    short = replace(modes.spectrum, groups=modes.spectrum.groups[:2], eigenvalue=modes.spectrum.eigenvalue[:2])
+    short = modes.spectrum.take(slice(0, 2))
     with pytest.raises(AssertionError, match="2 frequencies instead of 3"):
         assert_certified(replace(modes, spectrum=short), 1e-14)
 

@@ -95,9 +95,9 @@ def test_values_are_lists_ranges_and_ratios() -> None:
         ("support.mass=1_0", "is not a number"),
         ("support.mass=2**3", "is not a number"),
         ("support.mass=nan", "must be finite"),
-        ("support.mass=3,2,1", "must ascend"),
-        ("support.mass=1,1", "must ascend"),
-        ("support.mass=1:1.0000000000000002:9", "must ascend"),
+        ("support.mass=3,2,1", "ascending"),
+        ("support.mass=1,1", "ascending"),
+        ("support.mass=1:1.0000000000000002:9", "ascending"),
         ("__import__('os').x=1", "is not a place"),
         ("support.__class__=1", "is not a number of this scene"),
         ("support.mas=1", "did you mean support.mass"),
@@ -172,11 +172,11 @@ def test_equal_frequencies_count_each() -> None:
     assert parse_measures(["beat"])[0].of(twins, unequal) == {"beat_1_s": inf}
     assert list(parse_measures(["frequencies:9"])[0].of(twins)) == ["omega_1_rad_per_s", "omega_1b_rad_per_s"]
     assert list(parse_measures(["frequencies:9"])[0].of(twins, unequal)) == ["omega_1_rad_per_s", "omega_2_rad_per_s"]
-    with pytest.raises(ComputationError, match="no mode swings after mode 1 of the table: 2 modes swing"):
+    with pytest.raises(ComputationError, match="no mode oscillates after mode 1 of the table: 2 modes"):
         parse_measures(["splitting"])[0].of(twins)
-    with pytest.raises(ComputationError, match="mode 2 of the table does not swing: 2 modes swing"):
+    with pytest.raises(ComputationError, match="mode 2 of the table does not oscillate: 2 modes"):
         parse_measures(["splitting:2"])[0].of(twins)
-    with pytest.raises(ComputationError, match="1 mode swings"):
+    with pytest.raises(ComputationError, match="1 mode oscillates"):
         parse_measures(["beat"])[0].of(load("chain-1"))
 
 
@@ -253,9 +253,9 @@ def test_bad_measures_are_refused(text: str) -> None:
 def test_every_measure_has_words_and_a_usual_number() -> None:
     assert [one.text.partition(":")[0] for one in parse_measures(list(MEASURES))] == list(MEASURES)
     assert all(measure.words for measure in MEASURES.values())
-    with pytest.raises(SceneError, match="asked for twice"):
+    with pytest.raises(SceneError, match="requested twice"):
         parse_measures(["frequencies", "frequencies:4"])
-    with pytest.raises(SceneError, match="amplitude is asked for twice"):
+    with pytest.raises(SceneError, match="amplitude is requested twice"):
         parse_measures(["amplitude:1", "amplitude:2"])
 
 
@@ -308,21 +308,22 @@ def test_a_point_that_kills_its_process_is_found_and_the_rest_is_measured() -> N
 def test_progress_is_told() -> None:
     heard: list[float] = []
     sweep(study(), workers=1, report=heard.append)
-    assert heard == [0, 1, 2, 3, 4, 5, 6]
+    assert heard == sorted(set(heard))
+    assert (heard[0], heard[-1]) == (0, 6)
 
 
 def test_what_cannot_be_a_study() -> None:
     thousand = ["support.mass=1:2:1001", "support.damping=1:2:1000"]
     for texts, words in [
-        ([], "over 1 to 3"),
-        (["gravity=1", "support.mass=1", "support.damping=1", "support.stiffness=1"], "over 1 to 3"),
+        ([], "1 to 3 variations"),
+        (["gravity=1", "support.mass=1", "support.damping=1", "support.stiffness=1"], "1 to 3 variations"),
         (thousand, f"at most {MOST_POINTS}"),
         (["gravity=1:2:2", "gravity=1:2:2"], "gravity: is varied twice"),
         (["pendulum[*].count=1", "pendulum[1].count=1"], r"pendulum\[1\].count: is varied twice"),
     ]:
         with pytest.raises(SceneError, match=words):
             Study(PAPER, parse_variations(texts), parse_measures(["beat"]))
-    with pytest.raises(SceneError, match="measures something"):
+    with pytest.raises(SceneError, match="needs a measure"):
         Study(PAPER, parse_variations([MASSES]), ())
 
 
@@ -546,7 +547,7 @@ def test_curves_and_maps_are_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (label("omega_2b_rad_per_s"), label("beat_1_s")) == ("ω$_{2b}$ (rad/s)", "beat 1 (s)")
     nothing = Sweep(whole.study, ())
     cube = Sweep(study("support.mass=1,2", "gravity=1,2", "support.damping=1,2"), failing.rows)
-    for bad, words in [(nothing, "nothing to draw"), (cube, "one parameter or two")]:
+    for bad, words in [(nothing, "nothing to draw"), (cube, "one or two parameters")]:
         with pytest.raises(ComputationError, match=words):
             draw_sweep(bad, io.BytesIO())
 
@@ -595,7 +596,7 @@ def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "ftp://a:b"])
 def test_no_scheduler_is_said(address: str) -> None:
     pytest.importorskip("distributed")
-    with pytest.raises(ComputationError, match="no scheduler answers"), cluster(address, patience=0.5):
+    with pytest.raises(ComputationError, match="no scheduler responds"), cluster(address, patience=0.5):
         pass
 
 

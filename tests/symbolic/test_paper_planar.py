@@ -11,7 +11,7 @@ from test_paper_cart import at, rational, rational_state
 
 from modal.pair import first_moments, inertia_matrix
 from modal.symbolic import lagrange_equations, time_derivative
-from modal.symbolic.papers import catalogue, planar, residual
+from modal.symbolic.papers import BEYOND, catalogue, planar, residual
 
 LITERAL = {
     4: [[4, 3, 2, 1], [3, 3, 2, 1], [2, 2, 2, 1], [1, 1, 1, 1]],
@@ -216,4 +216,4 @@ def test_where_the_paper_stops() -> None:
     for build, given in builders.items():
         assert {n for n in range(1, 7) if build(n).right} == given
         assert {n for n in range(1, 7) if build(n).printed is None} == set(range(1, 7)) - given
-    assert planar.eigen_equation(4).forms()[0][0] == "where the paper stops"
+    assert planar.eigen_equation(4).forms()[0][0] == BEYOND

@@ -94,9 +94,9 @@ def test_a_spring_can_hold_a_pendulum_up_and_without_one_it_has_no_phase() -> No
     assert phases.omega[0, 0] == pytest.approx(expected, rel=1e-14)
     assert phases.frequency == pytest.approx([expected], rel=1e-12)
     free = scene.model_copy(update={"pendulum": (Pendulum(links=(Bob(mass=2.0, length=0.5),), equilibrium=("up",)),)})
-    with pytest.raises(ComputationError, match="does not swing"):
+    with pytest.raises(ComputationError, match="does not oscillate"):
         phases_of(replace(run, scene=free, system=system_of(free)))
-    with pytest.raises(ComputationError, match="no mode of this scene swings"):
+    with pytest.raises(ComputationError, match="no mode of this scene oscillates"):
         find_survival(replace(run, scene=free, system=system_of(free)))
 
 
@@ -217,7 +217,7 @@ def test_samples_too_far_apart_are_refused_and_the_advice_is_good() -> None:
     def run(output: int) -> Phases:
         return phases_of(simulate(bobs(1.0, 1.0, angles=(5.0, 5.0)), 60.0, output=output))
 
-    with pytest.raises(ComputationError, match=r"turn at 3\.\d+ rad/s: .* \d+ samples") as refusal:
+    with pytest.raises(ComputationError, match=r"rotate at 3\.\d+ rad/s: .* \d+ samples") as refusal:
         _ = run(50).frequency
     needed = int(str(refusal.value).split()[-2])
     assert needed < 130
@@ -227,17 +227,17 @@ def test_samples_too_far_apart_are_refused_and_the_advice_is_good() -> None:
 def test_samples_once_a_period_are_refused_though_nothing_seems_to_move() -> None:
     scene, omega = bobs(1.0), sqrt(9.81)
     run = swinging(scene, np.arange(20) * 2 * pi / omega, [omega], [0.1], [0.0])
-    with pytest.raises(ComputationError, match="too far"):
+    with pytest.raises(ComputationError, match="too few"):
         _ = phases_of(run).frequency
     for few in (1, 2, 3):
-        with pytest.raises(ComputationError, match="too few instants"):
+        with pytest.raises(ComputationError, match="too few samples"):
             _ = phases_of(swinging(scene, np.arange(few) / 100, [omega], [0.1], [0.0])).frequency
 
 
 def test_motion_in_space_is_refused() -> None:
     run = simulate(modal.load("chain-spatial"), 1.0, output=10)
     for measured in (phases_of, find_survival):
-        with pytest.raises(ComputationError, match="only of motion in the plane"):
+        with pytest.raises(ComputationError, match="only for motion in the plane"):
             measured(run)
 
 
@@ -296,7 +296,7 @@ def test_locking_time_of_a_decay_that_is_known(sigma: float, size: float) -> Non
 
 def test_at_rest_nothing_survives_and_immense_scenes_are_refused() -> None:
     still = closed(PAPER, [0.0, 1.0], *np.zeros((2, 2, 4)))
-    with pytest.raises(ComputationError, match="nothing swings"):
+    with pytest.raises(ComputationError, match="nothing moves"):
         _ = find_survival(still).survivor
     crowd = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1, length=1),), count=2001),))
     run = swinging(crowd, np.linspace(0, 9, 90), [sqrt(9.81)] * 2001, [0.1] * 2001, [0.0] * 2001)
@@ -454,7 +454,7 @@ def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
     stream = BytesIO()
     draw_sync(run, phases_of(run), stream, "svg")
     assert b"<svg" in stream.getvalue()
-    with pytest.raises(ComputationError, match="single instant"):
+    with pytest.raises(ComputationError, match="single sample"):
         sync_figure(run.at(slice(0, 1)), phases_of(run.at(slice(0, 1))))
 
 

@@ -1,4 +1,4 @@
-"""The equations of the three source papers as data: what each prints, what is right, and when the two agree.
+"""The equations of the three source papers as data: as printed, as corrected, and when the two agree.
 
 modal.papers.cart     paper 000, n double pendula on a cart
 modal.papers.planar   paper 001, chains in a vertical plane
@@ -12,15 +12,15 @@ from typing import Any
 
 import sympy as sp
 
-PRINTED, CORRECTED = "as the paper prints it", "as it should read"
-RIGHT, BEYOND = "as the paper prints it, and right", "where the paper stops"
+PRINTED, CORRECTED = "as printed", "corrected"
+RIGHT, BEYOND = "as printed, and correct", "missing in the paper"
 
 
 @dataclass(frozen=True)
 class Equation:
-    """One equation of a paper; where the paper is right, `printed` and `corrected` are the same object.
+    """One equation of a paper; if the paper is right, `printed` and `corrected` are the same object.
 
-    Where the paper stops and the pattern of its equations goes on, `printed` is None.
+    `printed` is None for an equation that continues the pattern of the paper beyond its last one.
     `condition` says in words when the printed form holds and `holds_when` in SymPy (true: always, false: never).
     """
 
@@ -35,11 +35,11 @@ class Equation:
 
     @property
     def right(self) -> bool:
-        """Whether the paper prints it as it should read."""
+        """Whether the printed form is correct."""
         return self.printed is self.corrected
 
     def forms(self) -> list[tuple[str, Any]]:
-        """Every form with what it is."""
+        """Every form with a heading."""
         if self.printed is None:
             return [(BEYOND, self.corrected)]
         return [(RIGHT, self.printed)] if self.right else [(PRINTED, self.printed), (CORRECTED, self.corrected)]
@@ -55,7 +55,7 @@ def correct(
     beyond: bool = False,
     holds_when: Any = sp.true,
 ) -> Equation:
-    """An equation that the paper prints as it should read, or would have `beyond` the point where it stops."""
+    """An equation that the paper prints correctly, or one `beyond` its last that continues the pattern."""
     return Equation(paper, number, title, None if beyond else form, form, condition, holds_when)
 
 

@@ -1,0 +1,23 @@
+"""numba (extra `fast`): how functions are compiled."""
+
+from __future__ import annotations
+
+from importlib.util import find_spec
+from typing import Any
+
+
+def available() -> bool:
+    """Whether numba is installed."""
+    return find_spec("numba") is not None
+
+
+def compiled(function: Any) -> Any:
+    """The compiled function, kept on disk where there is a folder for it; itself without numba."""
+    try:
+        from numba import njit
+    except ImportError:
+        return function
+    try:
+        return njit(cache=True, error_model="numpy")(function)
+    except RuntimeError:
+        return njit(error_model="numpy")(function)

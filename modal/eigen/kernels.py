@@ -1,0 +1,28 @@
+"""When the compiled recursion is used: from when on loading it pays in this process."""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType
+
+from modal.eigen.compiling import available
+
+LINKING, LOADING = 0.5, 1.5
+"""Seconds that the compiled recursion takes to load, with numba at hand and without."""
+
+
+class Saved:
+    """Seconds that this process would have saved so far, had it loaded the compiled recursion at once."""
+
+    seconds = 0.0
+
+
+def kernels(seconds: float = 0.0) -> ModuleType | None:
+    """`modal.eigen.compiled` once it would have saved as much as loading it costs, with so many seconds from now on."""
+    if "modal.eigen.compiled" not in sys.modules:
+        Saved.seconds += seconds
+        if Saved.seconds < (LINKING if "numba" in sys.modules else LOADING) or not available():
+            return None
+    from modal.eigen import compiled
+
+    return compiled

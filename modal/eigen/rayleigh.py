@@ -1,0 +1,164 @@
+"""One Rayleigh quotient step for every trial value.
+
+Elimination leaves at one joint, displaced by 1, an unbalanced mass T and a shape of kinetic energy N, twice over ω².
+The Rayleigh quotient of that shape is x (1 − T/N), which misses an eigenvalue by the square of what x misses it by.
+
+Elimination from the free ends ends at the pivot, which moves in most modes.  Elimination from both ends may end at any
+joint (a twisted factorisation: Dhillon & Parlett, SIAM J. Matrix Anal. Appl. 25, 858 (2004), §2): a mode that leaves
+the pivot still has its own, that of the least T²/N in units of the joint's own mass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.eigen.kernels import kernels
+from modal.eigen.sturm import ROOM, Chains, Suspension
+from modal.types import Floats
+
+
+class _Side(NamedTuple):
+    """Mass and twice the kinetic energy over ω² of one side of each joint displaced by 1, (n + 1, P, R, S)."""
+
+    mass: Floats
+    energy: Floats
+
+    @property
+    def reversed(self) -> _Side:
+        """The joints in the opposite order."""
+        return _Side(self.mass[::-1], self.energy[::-1])
+
+
+def at_pivot(suspension: Suspension, x: Floats) -> Floats:
+    """The Rayleigh quotients (R, S) of the shapes at x (R, S) whose pivot is out of balance; NaN where it is still."""
+    with np.errstate(all="ignore"):
+        if suspension.mass is None or suspension.stiffness is None:
+            (chains,) = suspension.chains
+            mass, energy = (one[0] for one in _felt(chains.rest, x))
+            first = chains.r[0, 0]
+            missed = (mass + first - 1.0 / (chains.inverse[0, 0] * x)) / (energy + first)
+        else:
+            mass, energy = (
+                sum(one.sum(0) for one in both) for both in zip(*(_felt(c, x) for c in suspension.chains), strict=True)
+            )
+            missed = (mass + suspension.mass - suspension.stiffness / x) / (energy + suspension.mass)
+        found: Floats = x * (1.0 - missed)
+        return found
+
+
+def _felt(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
+    """Mass, and twice the kinetic energy over ω², of chains whose pivots are displaced by 1, (P, R, S)."""
+    if compiled := kernels():
+        constants = chains.inverse, chains.r, chains.p, chains.m, chains.mJ, chains.q
+        return compiled.felt(constants, x)  # type: ignore[no-any-return]
+    mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
+    D = np.empty_like(mass)
+    step = max(1, ROOM // max(1, mass.size))
+    for end in range(chains.n, 0, -step):
+        some = slice(max(0, end - step), end)
+        m, mJ, near, far, q, t = (
+            values[some] for values in (chains.m, chains.mJ, chains.r, chains.p, chains.q, chains.inverse)
+        )
+        t = t * x
+        factors = t, near, far, 2 * q, 1.0 - near * t, 1.0 - far * t, m - mJ * t, 1.0 + q * t
+        for own, r, p, twice, free, passed, added, carried in zip(*(values[::-1] for values in factors), strict=True):
+            np.multiply(own, mass, out=D)
+            np.subtract(free, D, out=D)
+            mass *= passed
+            mass += added
+            mass /= D
+            np.divide(carried, D, out=D)
+            energy += r
+            energy *= D
+            energy += twice
+            energy *= D
+            energy += p
+    return mass, energy
+
+
+def twisted(suspension: Suspension, x: Floats) -> Floats:
+    """The Rayleigh quotients (R, S) of the shapes at x (R, S) whose best joint is out of balance; NaN for none."""
+    step = max(1, ROOM // (suspension.size * suspension.supports))
+    with np.errstate(all="ignore"):
+        pieces = [x[at : at + step] * (1.0 - _missed(suspension, x[at : at + step])) for at in range(0, len(x), step)]
+    return np.concatenate(pieces)
+
+
+def _missed(suspension: Suspension, x: Floats) -> Floats:
+    """(μ + ν)/N (R, S) at the best joint."""
+    found = []
+    for below, above, own in _joined(suspension, x):
+        mass, energy = below.mass + above.mass, below.energy + above.energy
+        missed = mass / energy
+        cost = np.abs(mass * missed) / own
+        found.append((np.where(np.isfinite(cost), cost, np.inf).reshape(-1, *x.shape), missed.reshape(-1, *x.shape)))
+    costs, missed = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    at = costs.argmin(0)[None]
+    chosen: Floats = np.take_along_axis(missed, at, 0)[0]
+    return chosen
+
+
+def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, Floats]]:
+    """What is below and above each joint, and the joints' own masses, of every group of chains."""
+    mass, stiffness = suspension.mass, suspension.stiffness
+    from_below = [_swept(chains, x, 0.0, 0.0, upward=True).reversed for chains in suspension.chains]
+    if mass is None or stiffness is None:
+        for chains, below in zip(suspension.chains, from_below, strict=True):
+            first = chains.r[0] - 1.0 / (chains.inverse[0] * x)
+            above = _swept(chains.rest, x, first, np.broadcast_to(chains.r[0], first.shape), upward=False)
+            yield _Side(below.mass[1:], below.energy[1:]), above, _own_masses(chains)[1:]
+        return
+    others = without_each(mass - stiffness / x, [below.mass[0] for below in from_below])
+    energies = without_each(np.broadcast_to(mass, x.shape), [below.energy[0] for below in from_below])
+    pivot = mass + sum(chains.p[0].sum(0) for chains in suspension.chains)
+    for chains, below, felt, energy in zip(suspension.chains, from_below, others, energies, strict=True):
+        own = _own_masses(chains)
+        own[0] = pivot
+        yield below, _swept(chains, x, felt, energy, upward=False), own
+
+
+def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
+    """One side of each joint in the order of the sweep, from what is felt at the first."""
+    near, far = (chains.r, chains.p) if upward else (chains.p, chains.r)
+    order = slice(None, None, -1 if upward else 1)
+    near, far, q, t = (values[order] for values in (near, far, chains.q, chains.inverse * x))
+    free, passed, carried = 1.0 - near * t, 1.0 - far * t, 1.0 + q * t
+    added = chains.m[order] - chains.mJ[order] * t
+    side = _Side(*(np.empty((chains.n + 1, *t.shape[1:])) for _ in range(2)))
+    side.mass[0], side.energy[0] = mass, energy
+    twice, D = 2 * q, np.empty(t.shape[1:])
+    for i in range(chains.n):
+        felt, found = side.mass[i], side.mass[i + 1]
+        np.multiply(t[i], felt, out=D)
+        np.subtract(free[i], D, out=D)
+        np.multiply(passed[i], felt, out=found)
+        found += added[i]
+        found /= D
+        np.divide(carried[i], D, out=D)
+        whole = side.energy[i + 1]
+        np.add(side.energy[i], near[i], out=whole)
+        whole *= D
+        whole += twice[i]
+        whole *= D
+        whole += far[i]
+    return side
+
+
+def _own_masses(chains: Chains) -> Floats:
+    """What each joint's neighbours weigh when every other joint is held, (n + 1, P, 1, S)."""
+    masses = np.zeros((chains.n + 1, *chains.p.shape[1:]))
+    masses[:-1] += chains.p
+    masses[1:] += chains.r
+    return masses
+
+
+def without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
+    """Own + Σ of all rows but each one, for rows (P, …) in several arrays; nothing is subtracted."""
+    rows = np.concatenate(parts)
+    before, after = np.zeros_like(rows), np.zeros_like(rows)
+    np.cumsum(rows[:-1], axis=0, out=before[1:])
+    after[:-1] = np.cumsum(rows[:0:-1], axis=0)[::-1]
+    return np.split(own + (before + after), np.cumsum([len(part) for part in parts])[:-1])

@@ -1,0 +1,171 @@
+"""Sturm counts: how many modes of pendula on a support lie below ω, for all trial values at once.
+
+The pivots D of `modal.eigen.recursion` change sign as the eigenvalues do (Sylvester's law of inertia: Parlett, The
+Symmetric Eigenvalue Problem, §3.3).  On a fixed support the modes below ω are the D < 0.  On a cart the pivots move
+together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
+
+Many supports alike are one problem: trial values x = ω² have the shape (R, S), R of each of S supports, and the
+constants of the P chains that hang from each (n, P, 1, S), links first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from modal import pair
+from modal.assembly import Block, CartNumbers, masses_below
+from modal.eigen.kernels import kernels
+from modal.types import Floats, Ints
+
+ROOM = 200_000
+"""Numbers in an array of trials over links: what a processor's cache holds."""
+NUDGE = 2.0**-60
+"""Subtracted from each D where one of them is zero: far below its rounding, but the zero becomes negative."""
+
+
+class Chains(NamedTuple):
+    """The recursion's constants (n, P, 1, S) with 1/k for k, and what a dense matrix is made of."""
+
+    m: Floats
+    mJ: Floats
+    r: Floats
+    p: Floats
+    q: Floats
+    inverse: Floats
+    length: Floats
+    b: Floats
+    diagonal: Floats
+
+    @property
+    def n(self) -> int:
+        """Links of each chain."""
+        return len(self.m)
+
+    @property
+    def size(self) -> int:
+        """Links of all chains of one support."""
+        return int(self.m.shape[0] * self.m.shape[1])
+
+    def take(self, supports: Ints) -> Chains:
+        """Those of some supports."""
+        return Chains(*(values[..., supports] for values in self))
+
+    @property
+    def rest(self) -> Chains:
+        """All links but the first."""
+        return Chains(*(values[1:] for values in self))
+
+
+def chains_of(mass: Floats, length: Floats, centre: Floats, inertia: Floats) -> Chains:
+    """Chains with these numbers, (n, P, 1, S) each."""
+    below = masses_below(mass)
+    link = pair.link_constants(mass, length, centre, inertia, below)
+    b = pair.first_moment(mass, length, centre, below)
+    diagonal = pair.second_moment(mass, length, centre, inertia, below)
+    return Chains(link.m, link.mJ, link.r, link.p, link.q, 1 / link.k, length, b, diagonal)
+
+
+@dataclass(frozen=True, eq=False)
+class Suspension:
+    """S supports alike with what hangs there; `mass` and `stiffness` (S,) of their carts, None where they are fixed."""
+
+    chains: tuple[Chains, ...]
+    mass: Floats | None = None
+    stiffness: Floats | None = None
+
+    @classmethod
+    def on_cart(cls, blocks: Sequence[Block], cart: CartNumbers) -> Suspension:
+        """All chains on one cart."""
+        chains = tuple(_arranged(block, (-1, 1, 1)) for block in blocks)
+        return cls(chains, np.array([cart.mass]), np.array([cart.stiffness]))
+
+    @classmethod
+    def fixed(cls, block: Block) -> Suspension:
+        """Every chain of a block on a fixed support of its own."""
+        return cls((_arranged(block, (1, 1, -1)),))
+
+    @property
+    def supports(self) -> int:
+        """S."""
+        return int(self.chains[0].m.shape[-1])
+
+    @property
+    def size(self) -> int:
+        """Links on each support."""
+        return sum(chains.size for chains in self.chains)
+
+    @cached_property
+    def total_mass(self) -> Floats:
+        """Everything on each cart, and the cart, (S,)."""
+        return np.asarray((0.0 if self.mass is None else self.mass) + sum(c.m.sum((0, 1, 2)) for c in self.chains))
+
+    def take(self, supports: Ints) -> Suspension:
+        """Some of the supports."""
+        chains = tuple(one.take(supports) for one in self.chains)
+        if self.mass is None or self.stiffness is None:
+            return Suspension(chains)
+        return Suspension(chains, self.mass[supports], self.stiffness[supports])
+
+    def count(self, x: Floats) -> Ints:
+        """How many oscillatory modes lie below each x (R, S)."""
+        below: Ints = np.zeros(x.shape, dtype=np.int64)
+        felt = np.zeros(x.shape)
+        for chains in self.chains:
+            found, mass = count_and_mass(chains, x)
+            below += found.sum(0)
+            felt += mass.sum(0)
+        if self.mass is None or self.stiffness is None:
+            return below
+        return np.asarray(below + (felt + self.mass > self.stiffness / x) - (self.stiffness == 0))
+
+    @cached_property
+    def low(self) -> Floats:
+        """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M), (S,)."""
+        trace = sum((chains.diagonal / chains.b).sum((0, 1, 2)) for chains in self.chains)
+        if self.stiffness is not None:
+            held = self.stiffness > 0
+            trace = trace + np.where(held, self.total_mass / np.where(held, self.stiffness, 1.0), 0.0)
+        found: Floats = 2.0 ** (-np.ceil(np.log2(trace)) - 1)
+        return found
+
+
+def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
+    """How many fixed-support frequencies of each chain lie below each x, and the mass felt at its pivot, (P, R, S)."""
+    with np.errstate(all="ignore"):
+        below, mass = _counted(chains, x, 0.0)
+        if not (fine := np.isfinite(mass).all((0, 2))).all():
+            below[:, ~fine], mass[:, ~fine] = _counted(chains, x[~fine], NUDGE)
+    return below, mass
+
+
+def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
+    if compiled := kernels():
+        return compiled.counted((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
+    mu = np.zeros((chains.m.shape[1], *x.shape))
+    below = np.zeros(mu.shape, dtype=np.int64)
+    step = max(1, ROOM // max(1, mu.size))
+    for end in range(chains.n, 0, -step):
+        some = slice(max(0, end - step), end)
+        t = chains.inverse[some] * x
+        factors = t, 1.0 - chains.p[some] * t, chains.m[some] - chains.mJ[some] * t, chains.r[some], np.empty_like(t)
+        for own, gain, added, r, D in zip(*(values[::-1] for values in factors), strict=True):
+            np.add(mu, r, out=D)
+            np.multiply(D, own, out=D)
+            np.subtract(1.0, D, out=D)
+            if nudge:
+                np.subtract(D, nudge, out=D)
+            mu *= gain
+            mu += added
+            mu /= D
+        below += (factors[-1] < 0).sum(0)
+    return below, mu
+
+
+def _arranged(block: Block, shape: tuple[int, int, int]) -> Chains:
+    numbers = block.mass, block.length, block.centre, block.inertia
+    return chains_of(*(values.reshape(block.n, *shape) for values in numbers))

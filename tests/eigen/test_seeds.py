@@ -1,0 +1,180 @@
+"""Seeds, Rayleigh quotient steps and Sturm counts lead to the floats at which bisection alone ends."""
+
+import random
+import sys
+
+import numpy as np
+import pytest
+from scenes import extreme_scene, long_scene
+
+from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene, natural_modes
+from modal.assembly import rig_of
+from modal.eigen import chains, kernels, rayleigh, seeds, sturm
+from modal.eigen.bisection import confirmed, located, searched
+from modal.eigen.chains import CartProblem, squares_of
+from modal.eigen.rayleigh import at_pivot, twisted
+from modal.eigen.sturm import Suspension
+from modal.types import Floats, Ints
+
+ULPS = 4
+SUPPORTS = (Fixed(), Cart(mass=100.0), Cart(mass=1e-6), Cart(mass=0.0), Cart(mass=1.0, stiffness=3.0))
+
+
+def suspended(scene: Scene) -> tuple[Suspension, int]:
+    """What hangs there, on a fixed support the first block, and how many modes it has."""
+    rig = rig_of(scene).natural()[0]
+    if rig.cart is None:
+        return Suspension.fixed(rig.blocks[0]), rig.blocks[0].n
+    return Suspension.on_cart(rig.blocks, rig.cart), CartProblem(rig.blocks, rig.cart).n_modes
+
+
+def bits(x: Floats) -> Ints:
+    return np.ascontiguousarray(x).view(np.int64)
+
+
+def random_chain(n: int, spread: float, support: Fixed | Cart, seed: int) -> Scene:
+    rng = random.Random(seed)
+    numbers = [(10 ** rng.uniform(-spread, spread), 10 ** rng.uniform(-spread, spread)) for _ in range(n)]
+    links = [rng.choice([Bob, Rod])(mass=m, length=l) for m, l in numbers]
+    return Scene(gravity=9.81, support=support, pendulum=[Pendulum(links=links)])
+
+
+def assert_bisection_agrees(scene: Scene) -> None:
+    suspension, modes = suspended(scene)
+    places = np.arange(modes)
+    found = squares_of(suspension, places, modes)
+    expected = located(suspension, places, modes)
+    assert np.abs(bits(found.x) - bits(expected)).max(initial=0) <= ULPS
+    assert not found.error.any()
+
+
+@pytest.mark.parametrize("support", SUPPORTS, ids=lambda support: f"{support.kind} {getattr(support, 'mass', '')}")
+@pytest.mark.parametrize("spread", [0.0, 0.3, 1.0, 3.0, 6.0])
+@pytest.mark.parametrize("n", [1, 2, 12, 60])
+def test_chains_of_any_ratio(n: int, spread: float, support: Fixed | Cart) -> None:
+    assert_bisection_agrees(random_chain(n, spread, support, n))
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_several_pendula(seed: int) -> None:
+    assert_bisection_agrees(long_scene(seed, 12))
+    assert_bisection_agrees(extreme_scene(seed))
+
+
+@pytest.mark.parametrize("n", [1, 3, 30])
+@pytest.mark.parametrize("support", SUPPORTS[:2] + SUPPORTS[4:], ids=lambda support: support.kind)
+def test_seeds_are_within_their_bounds(n: int, support: Fixed | Cart) -> None:
+    for seed in range(10):
+        suspension, modes = suspended(random_chain(n, 1.0, support, seed))
+        guess, error = (values[:modes] for values in seeds.seeds(suspension))
+        exact = located(suspension, np.arange(modes), modes)
+        assert np.all(np.abs(guess / exact - 1) <= error)
+
+
+def test_a_step_squares_what_was_missed() -> None:
+    """From a relative distance of 1e-6, on a chain whose frequencies are well apart."""
+    suspension, modes = suspended(random_chain(6, 0.1, Cart(mass=3.0), 1))
+    exact = located(suspension, np.arange(modes), modes)
+    for step in (at_pivot, twisted):
+        assert np.abs(step(suspension, exact * (1 + 1e-6)) / exact - 1).max() < 1e-8
+
+
+def test_a_mode_that_leaves_the_pivot_still_has_a_joint_of_its_own() -> None:
+    """A light link far below a heavy one: the pivot hardly moves, and only the twisted step finds the way."""
+    links = [Bob(mass=1e9, length=1.0), Bob(mass=1.0, length=1.0), Bob(mass=1.0, length=0.3)]
+    suspension, modes = suspended(Scene(gravity=9.81, support=Cart(mass=1e12), pendulum=[Pendulum(links=links)]))
+    exact = located(suspension, np.arange(modes), modes)
+    better = twisted(suspension, exact * (1 + 1e-7))
+    assert np.abs(better / exact - 1).max() < 1e-12
+
+
+@pytest.mark.parametrize("off", [1 + 1e-12, 1 + 1e-6, 0.5, 40.0, np.nan, np.inf, -1.0, 0.0])
+def test_wrong_guesses_are_found_out(off: float) -> None:
+    suspension, modes = suspended(random_chain(5, 0.5, Cart(mass=3.0), 2))
+    places = np.arange(modes)
+    exact = located(suspension, places, modes)
+    near, missed = confirmed(suspension, places, exact)
+    assert not missed.any()
+    np.testing.assert_array_equal(near, exact)
+    with np.errstate(all="ignore"):
+        wrong = exact * off
+        assert confirmed(suspension, places, wrong)[1].all()
+        claimed = np.full(exact.shape, np.inf if not np.isfinite(off) else 1e-13)
+        np.testing.assert_array_equal(searched(suspension, places, wrong, claimed, modes), exact)
+
+
+def test_without_a_dense_matrix_it_is_bisection(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = random_chain(8, 1.0, Cart(mass=1.0), 3)
+    expected = natural_modes(scene).omega
+
+    def fails(suspension: Suspension) -> None:
+        raise np.linalg.LinAlgError
+
+    monkeypatch.setattr(chains, "seeds", fails)
+    np.testing.assert_array_equal(natural_modes(scene).omega, expected)
+
+
+@pytest.fixture
+def plain(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the compiled recursion."""
+    for module in (chains, rayleigh, sturm):
+        monkeypatch.setattr(module, "kernels", lambda seconds=0.0: None)
+
+
+@pytest.mark.usefixtures("plain")
+@pytest.mark.parametrize("supports", [1, 3, 40])
+@pytest.mark.parametrize("seed", range(6))
+def test_compiled_arithmetic_is_that_of_numpy(seed: int, supports: int) -> None:
+    """Bit for bit, at trial values on either side of every frequency, and next to the exact zero of a pivot."""
+    pytest.importorskip("numba")
+    from modal.eigen import compiled
+
+    rng = np.random.default_rng(seed)
+    numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 2, 1, supports))
+    hung = sturm.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
+    x = np.concatenate([10 ** rng.uniform(-6, 6, (33, supports)), 1 / (hung.r * hung.inverse)[:1, 0, 0]])
+    constants = hung.inverse, hung.r, hung.p, hung.m, hung.mJ
+    for nudge in (0.0, sturm.NUDGE):
+        with np.errstate(all="ignore"):
+            expected = sturm._counted(hung, x, nudge)
+        for found, one in zip(compiled.counted(constants, x, nudge), expected, strict=True):
+            np.testing.assert_array_equal(found, one)
+    with np.errstate(all="ignore"):
+        expected = rayleigh._felt(hung, x)
+    for found, one in zip(compiled.felt((*constants, hung.q), x), expected, strict=True):
+        np.testing.assert_array_equal(found, one)
+
+
+@pytest.mark.parametrize("n", [3, 40, 300])
+def test_compiled_or_not_the_modes_are_the_same(n: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("numba")
+    from modal.eigen import compiled
+
+    scene, found = random_chain(n, 0.3, Cart(mass=2.0), n), []
+    for used in (None, compiled):
+        for module in (chains, rayleigh, sturm):
+            monkeypatch.setattr(module, "kernels", lambda seconds=0.0, used=used: used)
+        found.append(natural_modes(scene).omega)
+    np.testing.assert_array_max_ulp(*found, maxulp=2)
+
+
+def test_numba_is_loaded_once_it_would_have_paid(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(kernels.Saved, "seconds", 0.0)
+    monkeypatch.delitem(sys.modules, "modal.eigen.compiled", raising=False)
+    monkeypatch.delitem(sys.modules, "numba", raising=False)
+    natural_modes(random_chain(40, 0.3, Cart(mass=2.0), 1))
+    assert 0 < kernels.Saved.seconds < 0.01
+    assert kernels.kernels(kernels.LOADING / 2) is None
+    monkeypatch.setattr(kernels, "available", lambda: False)
+    assert kernels.kernels(kernels.LOADING) is None
+
+
+@pytest.mark.usefixtures("plain")
+def test_counts_are_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 100 rods: one confirmation of all, and what the slowest mode may need beside."""
+    asked: list[int] = []
+    count = Suspension.count
+    monkeypatch.setattr(Suspension, "count", lambda self, x: asked.append(x.size) or count(self, x))
+    natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=100)])]))
+    assert len(asked) <= 6
+    assert sum(asked) < 1000

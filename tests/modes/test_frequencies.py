@@ -1,0 +1,162 @@
+"""Frequencies to an accuracy, of the lowest modes alone, and of many scenes at once, beside those of all modes."""
+
+import numpy as np
+import pytest
+from scenes import extreme_scene, long_scene, mild_scene
+
+from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_frequencies, natural_modes
+from modal.assembly import can_stack
+from modal.eigen.spectrum import DENSE
+from modal.modes import frequencies
+from modal.modes.modes import SELECTED
+from modal.scene.parameters import vary
+
+
+def rods(n: int, support: Cart | None = None) -> Scene:
+    given = {"support": support} if support else {}
+    return Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=n)])], **given)
+
+
+# ---------------------------------------------------------------------------------------------------- an accuracy
+
+
+@pytest.mark.parametrize("accuracy", [1e-4, 1e-8, 1e-12, 1e-16])
+@pytest.mark.parametrize("seed", range(12))
+def test_modes_are_within_their_bounds_and_those_within_the_accuracy(seed: int, accuracy: float) -> None:
+    for scene in (mild_scene(seed), extreme_scene(seed), long_scene(seed)):
+        exact, found = natural_modes(scene), natural_modes(scene, accuracy=accuracy)
+        far = np.abs(found.omega - exact.omega)
+        assert np.all(far <= (found.error + exact.error) * exact.omega)
+        assert np.all(found.error <= np.maximum(accuracy, exact.error) * (1 + 1e-9) + exact.error)
+
+
+def test_the_route_is_told() -> None:
+    assert natural_modes(rods(20), accuracy=1e-8).route == "dense seeds"
+    assert natural_modes(rods(20), accuracy=1e-17).route == "effective mass"
+    assert natural_modes(rods(20)).route == "effective mass"
+    assert DENSE in natural_modes(rods(20), accuracy=1e-8).notes
+    assert DENSE not in natural_modes(rods(20)).notes
+    uneven = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=m, length=1.0) for m in (1e-12, 1.0, 1e-12, 1.0)])])
+    assert natural_modes(uneven, accuracy=1e-13).route == "dense seeds, effective mass"
+
+
+def test_long_chains_prove_by_counts_what_no_bound_could() -> None:
+    found = natural_modes(rods(400), accuracy=1e-10)
+    assert found.route == "dense seeds"
+    assert found.error.max() < 1.01e-10
+    np.testing.assert_allclose(found.omega, natural_modes(rods(400)).omega, rtol=1e-10)
+
+
+@pytest.mark.parametrize("accuracy", [0.0, -1.0, 1.0, float("nan"), float("inf")])
+def test_no_such_accuracy(accuracy: float) -> None:
+    with pytest.raises(ValueError, match="accuracy"):
+        natural_modes(rods(2), accuracy=accuracy)
+
+
+# -------------------------------------------------------------------------------------------------- some modes
+
+
+@pytest.mark.parametrize(
+    "which", [slice(0, 3), slice(2, 5), slice(None, 4), slice(3, None), slice(-2, None), slice(5, 2)]
+)
+@pytest.mark.parametrize("name", ["paper-cart-2", "chain-3", "crane-hook", "chain-spatial", "huygens"])
+def test_some_modes_are_those_rows_of_the_table(name: str, which: slice) -> None:
+    scene = load(name)
+    whole, some = natural_modes(scene), natural_modes(scene, modes=which)
+    np.testing.assert_array_equal(some.omega, whole.omega[which])
+    np.testing.assert_array_equal(some.multiplicity, whole.multiplicity[which])
+    rows = range(len(whole))[which]
+    assert [mode.number for mode in some] == [row + 1 for row in rows]
+    for mode, row in zip(some, rows, strict=True):
+        assert mode.kappa == pytest.approx(whole[row].kappa, rel=1e-12, nan_ok=True)
+    assert SELECTED in some.notes
+    assert SELECTED not in whole.notes
+
+
+def test_equal_frequencies_of_different_pendula_are_whole_rows() -> None:
+    one, other = Pendulum(links=[Bob(mass=1.0, length=1.0)]), Pendulum(links=[Bob(mass=2.0, length=1.0)])
+    beside = Pendulum(links=[Rod(mass=1.0, length=0.3, count=3)])
+    scene = Scene(gravity=9.81, pendulum=[one, other, beside])
+    whole, some = natural_modes(scene), natural_modes(scene, modes=slice(0, 2))
+    np.testing.assert_array_equal(some.multiplicity, whole.multiplicity[:2])
+    assert 2 in some.multiplicity
+
+
+def test_a_step_is_not_possible() -> None:
+    with pytest.raises(ValueError, match="step"):
+        natural_modes(rods(5), modes=slice(0, 4, 2))
+
+
+def test_three_of_many_links_are_searched_alone() -> None:
+    """The first three of 20,000 rods follow a hanging chain's Bessel zeros; none of the others is looked for."""
+    found = natural_modes(rods(20_000), modes=slice(0, 3))
+    zeros = np.array([2.404825557695773, 5.520078110286311, 8.653727912911013])
+    np.testing.assert_allclose(found.omega, zeros / 2 * np.sqrt(9.81 / 20_000), rtol=1e-4)
+    assert len(found.spectrum.order) == 3
+
+
+# -------------------------------------------------------------------------------------------------- many scenes
+
+PLACES = {
+    "paper-cart-2": ("support.mass", "pendulum[0].links[0].length"),
+    "chain-3": ("gravity", "pendulum[0].links[0].mass"),
+    "crane-hook": ("support.mass", "pendulum[0].links[0].length"),
+    "chain-spatial": ("gravity", "pendulum[0].links[0].length"),
+    "huygens": ("support.mass", "pendulum[0].links[0].mass"),
+    "thousand-pendula": ("support.mass", "pendulum[0].links[0].length"),
+}
+
+
+def varied(name: str, count: int = 7) -> list[Scene]:
+    return [vary(load(name), dict.fromkeys(PLACES[name], value)) for value in np.geomspace(0.01, 100.0, count).tolist()]
+
+
+def one_by_one(scenes: list[Scene]) -> list[np.ndarray]:
+    return [np.repeat(modes.omega, modes.multiplicity) for modes in map(natural_modes, scenes)]
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_many_scenes_have_the_frequencies_of_each(name: str) -> None:
+    scenes = varied(name)
+    np.testing.assert_array_max_ulp(natural_frequencies(scenes), np.array(one_by_one(scenes)), 2)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_random_scenes_of_one_form(seed: int) -> None:
+    """The same links with other numbers, from ordinary ones to extreme ones."""
+    for scene in (mild_scene(seed), extreme_scene(seed, copies=True)):
+        scenes = [scene, *(vary(scene, {"pendulum[*].links[*].mass": 2.0 ** (k / 3)}) for k in range(4))]
+        np.testing.assert_array_max_ulp(natural_frequencies(scenes), np.array(one_by_one(scenes)), 4)
+
+
+def test_scenes_of_one_form_are_not_solved_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    def alone(*_: object) -> None:
+        raise AssertionError("one by one")
+
+    monkeypatch.setattr(frequencies, "_alone", alone)
+    assert natural_frequencies(varied("chain-3")).shape == (7, 3)
+    assert natural_frequencies(varied("paper-cart-2", 4)).shape == (4, 5)
+    with pytest.raises(AssertionError, match="one by one"):
+        natural_frequencies(varied("huygens"))
+
+
+def test_unequal_pendula_that_meet_are_looked_at_more_closely() -> None:
+    pair = [Pendulum(links=[Bob(mass=m, length=1.0)]) for m in (1.0, 2.0)]
+    scene = Scene(gravity=9.81, support=Cart(mass=3.0), pendulum=pair)
+    scenes = [vary(scene, {"pendulum[1].links[0].length": length}) for length in (0.9, 1.0, 1.0 + 1e-13, 1.1)]
+    assert can_stack(scenes)
+    np.testing.assert_array_max_ulp(natural_frequencies(scenes), np.array(one_by_one(scenes)), 2)
+
+
+def test_many_scenes_to_an_accuracy() -> None:
+    scenes = varied("paper-cart-2")
+    np.testing.assert_allclose(natural_frequencies(scenes, 1e-6), natural_frequencies(scenes), rtol=1e-6)
+
+
+def test_scenes_of_unlike_sizes_are_refused() -> None:
+    with pytest.raises(ValueError, match="from 2 to 3 modes"):
+        natural_frequencies([load("chain-2"), load("chain-3")])
+
+
+def test_no_scenes_have_no_frequencies() -> None:
+    assert natural_frequencies([]).shape == (0, 0)
