@@ -1,7 +1,8 @@
 """DOP853 compiled by numba (extra `fast`): steps, control of the error and samples in one kernel, for any plane scene.
 
 The lines are those of SciPy's method, whose coefficients are read from it, so both take the same steps.  Scenes come as
-arrays: one kernel serves all, and is kept on disk.
+arrays: one kernel serves all, and is kept on disk.  numba knows what it keeps by the date of this file alone: who
+changes `nonlinear.dynamics.compiled` or `joint_law` beside it touches this file, too.
 """
 
 from __future__ import annotations

@@ -124,7 +124,7 @@ class FloatStepper(SciPyStepper):
             if not ends:
                 raise
         self._done += EXTRA * len(kept)
-        rows = interpolated(kept, times[:at], self.equations.many.derivative) if at else np.empty((0, len(self.y)))
+        rows = interpolated(kept, times[:at], self.equations.derivative) if at else np.empty((0, len(self.y)))
         return rows, ends, len(ends)
 
 
