@@ -1,4 +1,7 @@
-"""Natural frequencies beside `scipy.linalg.eigh(K, M)`: time, memory and error in one run.
+"""Natural frequencies beside the best that NumPy and SciPy do: time, memory and error in one run.
+
+The rival fills A and b by arrays, takes the free cart out, scales by gravity and asks `scipy.linalg.eigh` for
+eigenvalues alone: its time is that of numbers to frequencies, ours that of a `Scene` to `Modes`.
 
     python benchmarks/modes.py [--quick] [--write]
 
@@ -9,6 +12,7 @@ many digits: a mode is within τ of the truth if the count steps between ω(1 �
 from __future__ import annotations
 
 import argparse
+import importlib
 import os
 import platform
 import statistics
@@ -17,40 +21,45 @@ import sys
 import time
 import tracemalloc
 from collections.abc import Callable, Sequence
+from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import mpmath as mp
 import numpy as np
 import scipy
-from scipy.linalg import LinAlgError, eigh
+from scipy.linalg import eigh
 
-from modal import Bob, Cart, Pendulum, Rod, Scene, load, matrices, natural_modes
+from modal import Bob, Cart, Pendulum, Rod, Scene, load, natural_frequencies, natural_modes
+from modal.eigen.kernels import Saved
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 DOCS = Path(__file__).parent.parent / "docs"
 LENGTHS = (2, 5, 10, 20, 50, 100, 200, 500, 1000)
+RIVAL, COMPILED = "eigh", "compiled"
+ROUNDS, SCENES = 5, 2000
 RATIOS = tuple(10.0**k for k in (0, 2, 4, 6, 8, 10, 12, 16))
 SAMPLED = 6
 
 
 class Solved(NamedTuple):
-    """One solver on one scene: seconds, peak MB of arrays, ω, and worst relative error of ω."""
+    """One solver on one scene: CPU seconds, those over the rival's, peak MB of arrays, ω, its worst relative error."""
 
     seconds: float
+    ratio: float
     megabytes: float
     omega: np.ndarray
     error: float
 
 
 class Row(NamedTuple):
-    """Both solvers at one setting."""
+    """All solvers at one setting, by name."""
 
     setting: float
-    ours: Solved
-    theirs: Solved
+    solved: dict[str, Solved]
 
 
 # ------------------------------------------------------------------------------------------------------ errors
@@ -67,7 +76,7 @@ def count_below(scene: Scene, omega: mp.mpf) -> int:
         D = 1 - t * (m * s**2 + J + mu)
         mu = ((1 - t * (m * (1 - s) ** 2 + J)) * mu + m * (1 - t * J)) / D
         below, hanging = below + (D < 0), hanging + m
-    return below
+    return below + (scene.support.mass + mu > 0) - 1 if isinstance(scene.support, Cart) else below
 
 
 def worst_error(scene: Scene, omega: np.ndarray) -> float:
@@ -91,46 +100,129 @@ def error_of(scene: Scene, j: int, omega: float) -> float:
 # ----------------------------------------------------------------------------------------------------- solvers
 
 
-def measured(solve: Callable[[], np.ndarray], scene: Scene, repeats: int) -> Solved:
+def numbers_of(scene: Scene) -> tuple[np.ndarray, ...]:
+    """Mass, length, centre and inertia (n,) of the scene's one chain."""
+    links = [link for link in scene.pendulum[0].links for _ in range(link.count)]
+    return tuple(np.array([getattr(link, name) for link in links]) for name in ("mass", "length", "centre", "inertia"))
+
+
+def by_eigh(numbers: tuple[np.ndarray, ...], cart: float | None, gravity: float) -> np.ndarray:
+    """ω of one chain, on a cart of this mass or a fixed support."""
+    m, l, c, inertia = numbers
+    below = np.concatenate([np.cumsum(m[:0:-1])[::-1], [0.0]])
+    b = m * c + l * below
+    A = np.outer(b, l)
+    np.fill_diagonal(A, inertia + m * c * c + l * l * below)
+    if cart is not None:
+        A -= np.outer(b, b) / (cart + m.sum())
+    scale = 1 / np.sqrt(b)
+    A *= scale
+    A *= scale[:, None]
+    inverse = eigh(A, eigvals_only=True, lower=True, overwrite_a=True, check_finite=False)
+    return np.sqrt(gravity / np.where(inverse > 0, inverse, np.nan))[::-1]
+
+
+def solvers(scene: Scene) -> dict[str, Callable[[], np.ndarray]]:
+    numbers, cart = numbers_of(scene), scene.support.mass if isinstance(scene.support, Cart) else None
+    return {
+        RIVAL: lambda: by_eigh(numbers, cart, scene.gravity),
+        "all digits": lambda: natural_modes(scene).omega,
+        "to 1e-8": lambda: natural_modes(scene, accuracy=1e-8).omega,
+    }
+
+
+def timed(each: dict[str, Callable[[], np.ndarray]]) -> dict[str, tuple[float, float]]:
+    """Median CPU seconds of a call, and over those of the rival, in rounds in which each has its turn."""
+    counts = {}
+    for name, solve in each.items():
+        solve()
+        start = time.process_time()
+        solve()
+        counts[name] = max(1, int(0.02 / max(time.process_time() - start, 1e-6)))
+    rounds = []
+    for _ in range(ROUNDS):
+        taken = {}
+        for name, solve in each.items():
+            start = time.process_time()
+            for _ in range(counts[name]):
+                solve()
+            taken[name] = (time.process_time() - start) / counts[name]
+        rounds.append(taken)
+    return {
+        name: (
+            statistics.median(one[name] for one in rounds),
+            statistics.median(one[name] / one[RIVAL] for one in rounds),
+        )
+        for name in each
+    }
+
+
+def peak(solve: Callable[[], np.ndarray]) -> tuple[np.ndarray, float]:
     tracemalloc.start()
     omega = solve()
-    peak = tracemalloc.get_traced_memory()[1] / 1e6
+    found = tracemalloc.get_traced_memory()[1] / 1e6
     tracemalloc.stop()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        solve()
-        times.append(time.perf_counter() - start)
-    return Solved(statistics.median(times), peak, omega, worst_error(scene, omega))
+    return omega, found
 
 
-def dense_omega(scene: Scene) -> np.ndarray:
-    found = matrices(scene)
-    try:
-        square = eigh(found.K, found.M, eigvals_only=True)
-    except LinAlgError:
-        return np.full(len(found.K), np.nan)
-    return np.sqrt(np.where(square > 0, square, np.nan))
+def solved(scene: Scene) -> dict[str, Solved]:
+    """By all solvers; oscillatory modes alone."""
+    found = {}
+    each = solvers(scene)
+    for name, (seconds, ratio) in timed(each).items():
+        omega, megabytes = peak(each[name])
+        omega = omega[omega != 0]
+        found[name] = Solved(seconds, ratio, megabytes, omega, worst_error(scene, omega))
+    return found
 
 
-def compared(setting: float, scene: Scene) -> Row:
-    repeats = 3 if scene.n_links <= 200 else 1
-    ours = measured(lambda: natural_modes(scene).omega, scene, repeats)
-    return Row(setting, ours, measured(lambda: dense_omega(scene), scene, repeats))
+def rows_of(scenes: dict[float, Scene]) -> list[Row]:
+    """Without the compiled recursion, then with it."""
+    Saved.seconds = -inf
+    plain = {setting: solved(scene) for setting, scene in scenes.items()}
+    if find_spec("numba"):
+        importlib.import_module("modal.eigen.compiled")
+        for setting, scene in scenes.items():
+            plain[setting][COMPILED] = solved(scene)["all digits"]
+    return [Row(setting, own) for setting, own in plain.items()]
 
 
-def by_length(lengths: Sequence[int]) -> list[Row]:
-    mp.mp.dps = 50
-    return [
-        compared(n, Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0, count=n)])]))
-        for n in lengths
+def chain(n: int) -> Scene:
+    rods = Pendulum(links=[Rod(mass=1.0, length=1.0, count=n)])
+    return Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=[rods])
+
+
+def uneven(ratio: float) -> Scene:
+    return Scene(
+        gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=ratio ** (-(k % 2)), length=1.0) for k in range(10)])]
+    )
+
+
+def many(compiled: bool) -> tuple[str, ...]:
+    """Scenes of ten different rods on a cart, all at once and in a loop over the rival: times and their ratio."""
+    Saved.seconds = -inf
+    if compiled:
+        importlib.import_module("modal.eigen.compiled")
+    random = np.random.default_rng(1)
+    scenes = [
+        on_cart([Pendulum(links=[Rod(mass=float(m), length=float(l)) for m, l in random.uniform(0.5, 2.0, (10, 2))])])
+        for _ in range(SCENES)
     ]
-
-
-def by_ratio() -> list[Row]:
-    mp.mp.dps = 250
-    chains = {ratio: [Bob(mass=ratio ** (-(k % 2)), length=1.0) for k in range(10)] for ratio in RATIOS}
-    return [compared(r, Scene(gravity=9.81, pendulum=[Pendulum(links=links)])) for r, links in chains.items()]
+    each = {
+        RIVAL: lambda: np.array([by_eigh(numbers, 100.0, 9.81) for numbers in arrays]),
+        "ours": lambda: natural_frequencies(scenes),
+    }
+    arrays = [numbers_of(scene) for scene in scenes]
+    found = timed(each)
+    error = np.abs(each[RIVAL]() / each["ours"]()[:, 1:] - 1).max()
+    ours, rival = (1e3 * found[name][0] for name in ("ours", RIVAL))
+    return (
+        "compiled" if compiled else "default",
+        f"{ours:.0f} ms",
+        f"{rival:.0f} ms",
+        f"{rival / ours:.1f}",
+        f"{error:.0e}",
+    )
 
 
 # ------------------------------------------------------------------------------------------------------- costs
@@ -156,10 +248,15 @@ COSTS: dict[str, tuple[Callable[[], Scene], float]] = {
 }
 
 
+def alone(words: Sequence[str]) -> list[str]:
+    """What a fresh process of this file prints."""
+    command = [sys.executable, __file__, *words]
+    return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip().split("\t")
+
+
 def cost(name: str) -> tuple[str, str, str, str]:
     """Name, time, peak memory of the whole process and the promised time, measured in a fresh process."""
-    command = [sys.executable, __file__, "--cost", name]
-    text = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+    text = alone(["--cost", name])
     return name, f"{float(text[0]):.3f} s", f"{float(text[1]):.0f} MB", f"{COSTS[name][1]:g} s"
 
 
@@ -173,7 +270,7 @@ def report(name: str) -> None:
     start = time.perf_counter()
     natural_modes(scene).omega.sum()
     seconds = time.perf_counter() - start
-    print(seconds, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / unit)
+    print(seconds, (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / unit, sep="\t")
 
 
 def start_ratio() -> float:
@@ -198,34 +295,52 @@ def markdown(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def comparison(name: str, rows: Sequence[Row]) -> str:
-    headings = (name, "time", "eigh", "ratio", "memory", "eigh", "error", "eigh")
-    return markdown(headings, [_line(row) for row in rows])
+    names = [RIVAL, *(each for each in rows[0].solved if each != RIVAL)]
+    headings = (
+        name,
+        *names,
+        *(f"{each} / eigh" for each in names[1:]),
+        "MB",
+        "MB eigh",
+        *(f"error {each}" for each in names),
+    )
+    return markdown(headings, [_line(row, names) for row in rows])
 
 
-def _line(row: Row) -> tuple[str, ...]:
-    a, b = row.ours, row.theirs
-    lost = int(np.sum(~(b.omega > 0)))
+def _line(row: Row, names: Sequence[str]) -> tuple[str, ...]:
+    found = [row.solved[name] for name in names]
+    lost = int(np.sum(~(found[0].omega > 0)))
+    errors = [f"{one.error:.0e}" for one in found]
+    errors[0] += f" ({lost} of {len(found[0].omega)} with ω² ≤ 0)" if lost else ""
     return (
         f"{row.setting:g}",
-        *(f"{s.seconds * 1e3:.2f} ms" for s in (a, b)),
-        f"{a.seconds / b.seconds:.2g}",
-        *(f"{s.megabytes:.2f} MB" for s in (a, b)),
-        f"{a.error:.0e}",
-        f"{b.error:.0e}" + (f" ({lost} of {len(b.omega)} with ω² ≤ 0)" if lost else ""),
+        *(f"{one.seconds * 1e3:.3g} ms" for one in found),
+        *(f"{one.ratio:.2g}" for one in found[1:]),
+        f"{found[1].megabytes:.2f}",
+        f"{found[0].megabytes:.2f}",
+        *errors,
     )
 
 
-def page(lengths: Sequence[Row], ratios: Sequence[Row], costs: Sequence[Sequence[str]], ratio: float) -> str:
+def page(
+    lengths: Sequence[Row],
+    ratios: Sequence[Row],
+    together: Sequence[Sequence[str]],
+    costs: Sequence[Sequence[str]],
+    ratio: float,
+) -> str:
     versions = f"Python {platform.python_version()}, NumPy {np.__version__}, SciPy {scipy.__version__}"
     threads = os.environ.get("OPENBLAS_NUM_THREADS", "not set")
     return f"""# Benchmarks
 
 `OPENBLAS_NUM_THREADS=1 python benchmarks/modes.py --write`, one run on {os.cpu_count()} cores; {versions};
-OPENBLAS_NUM_THREADS {threads}. The rival is `scipy.linalg.eigh(K, M)`, faster on one thread at all these sizes; its
-time includes building K and M, ours the same scene. Memory is the peak of arrays during the call. Errors are upper
-bounds for the worst of {SAMPLED} modes, by counts in many digits.
+OPENBLAS_NUM_THREADS {threads}. CPU time of whole calls, from a scene to its frequencies: with every digit, to a
+relative error of 1e-8, and with every digit where numba (extra `fast`) is loaded. The rival, "eigh", is the best that
+NumPy and SciPy do: A and b by arrays, scaled, the free cart taken out, `scipy.linalg.eigh` for eigenvalues alone; its
+time begins at arrays of numbers. Ratios are medians over {ROUNDS} rounds in which each has its turn. MB is the peak of
+arrays during the call. Errors are upper bounds for the worst of {SAMPLED} modes, by counts in many digits.
 
-## A chain of n equal rods
+## A chain of n equal rods on a cart of 100 kg
 
 {comparison("n", lengths)}
 
@@ -233,13 +348,17 @@ bounds for the worst of {SAMPLED} modes, by counts in many digits.
 
 {comparison("ratio", ratios)}
 
+## {SCENES:,} scenes of ten different rods on a cart, every digit
+
+{markdown(("all at once", "ours", "loop over eigh", "times faster", "error of eigh"), together)}
+
 ## What the project promises
 
 All frequencies, each scene in a process of its own; memory is what the computation added to it.
 
 {markdown(("on one cart, or alone", "time", "memory", "at most"), costs)}
 
-`multipendula table chain-3` takes {ratio:.2f} times as long as `python -c "import numpy"` (promised: under 3).
+`multipendula table chain-3` takes {ratio:.2f} times as long as `python -c "import numpy"` (promised: at most 2.3).
 """
 
 
@@ -256,7 +375,7 @@ def figure(lengths: Sequence[Row], ratios: Sequence[Row], path: Path) -> None:
 
 
 def _panels(axes: Sequence[Axes], lengths: Sequence[Row], ratios: Sequence[Row]) -> None:
-    _curves(axes[0], lengths, "seconds", "links in a chain of rods (–)", "time for all frequencies (s)")
+    _curves(axes[0], lengths, "seconds", "links in a chain of rods (–)", "CPU time for all frequencies (s)")
     _curves(axes[1], lengths, "error", "links in a chain of rods (–)", "worst relative error of ω (–)")
     _curves(axes[2], ratios, "error", "mass ratio in a chain of ten bobs (–)", "worst relative error of ω (–)")
     axes[0].legend()
@@ -265,12 +384,10 @@ def _panels(axes: Sequence[Axes], lengths: Sequence[Row], ratios: Sequence[Row])
 def _curves(axis: Axes, rows: Sequence[Row], what: str, across: str, up: str) -> None:
     from modal.plotting import colour
 
-    for name, solver, k, mark in (
-        ("multipendula", "ours", 0, "o"),
-        ("scipy.linalg.eigh(K, M)", "theirs", 1, "s"),
-    ):
-        values = [getattr(getattr(row, solver), what) for row in rows]
-        axis.loglog([row.setting for row in rows], values, mark + "-", color=colour(k), label=name)
+    for k, (name, mark) in enumerate(zip(rows[0].solved, "so^v", strict=False)):
+        values = [getattr(row.solved[name], what) for row in rows]
+        label = "scipy.linalg.eigh" if name == RIVAL else f"multipendula, {name}"
+        axis.loglog([row.setting for row in rows], values, mark + "-", color=colour(k), label=label)
     axis.set(xlabel=across, ylabel=up)
 
 
@@ -278,15 +395,22 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="up to 100 links, without the longest cost")
     parser.add_argument("--write", action="store_true", help="write docs/benchmarks/modes.md and the figure")
+    parser.add_argument("--many", choices=("default", "compiled"), help=argparse.SUPPRESS)
     parser.add_argument("--cost", choices=COSTS, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.cost:
         report(options.cost)
         return
-    lengths = by_length([n for n in LENGTHS if n <= 100 or not options.quick])
-    ratios = by_ratio()
+    if options.many:
+        print(*many(options.many == "compiled"), sep="\t")
+        return
+    mp.mp.dps = 50
+    lengths = rows_of({n: chain(n) for n in LENGTHS if n <= 100 or not options.quick})
+    mp.mp.dps = 250
+    ratios = rows_of({ratio: uneven(ratio) for ratio in RATIOS})
+    together = [alone(["--many", how]) for how in ("default", *(["compiled"] if find_spec("numba") else []))]
     costs = [cost(name) for name in COSTS if not (options.quick and name == "100,000 different pendula")]
-    text = page(lengths, ratios, costs, start_ratio())
+    text = page(lengths, ratios, together, costs, start_ratio())
     print(text)
     if options.write:
         (DOCS / "benchmarks" / "modes.md").write_text(text, encoding="utf-8")
