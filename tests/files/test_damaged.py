@@ -180,10 +180,12 @@ def test_a_bomb_is_not_unpacked(head: bytes, size: int, tmp_path: Path) -> None:
     path = tmp_path / "run.npz"
     path.write_bytes(forged(stream.getvalue()))
     tracemalloc.start()
-    with pytest.raises(SceneError, match=r"run.npz: is (torn|larger than)"):
-        recordings.load(path)
-    assert tracemalloc.get_traced_memory()[1] < 1 << 25
-    tracemalloc.stop()
+    try:
+        with pytest.raises(SceneError, match=r"run\.npz: "):
+            recordings.load(path)
+        assert tracemalloc.get_traced_memory()[1] < 1 << 25
+    finally:
+        tracemalloc.stop()
 
 
 def test_no_pickle_is_opened(tmp_path: Path) -> None:
