@@ -26,9 +26,9 @@ def natural_frequencies(scenes: Sequence[Scene], accuracy: float | None = None) 
 
     >>> from modal import load
     >>> from modal.scene.parameters import vary
-    >>> scenes = [vary(load("chain-2"), {"pendulum[0].links[1].mass": mass}) for mass in (1.0, 2.0)]
+    >>> scenes = [vary(load("chain-2"), {"gravity": g}) for g in (9.81, 1.62)]
     >>> natural_frequencies(scenes).round(4).tolist()
-    [[2.3972, 5.7873], [2.3225, 7.2302]]
+    [[2.3972, 5.7874], [0.9742, 2.3518]]
 
     Raises ValueError where scenes have unlike numbers of modes, and what `natural_modes` raises.
     """

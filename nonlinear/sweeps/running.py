@@ -18,7 +18,7 @@ from modal.report import grid, visible
 from modal.types import Floats
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.executors import WorkerPool, cores, processes
-from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_points
+from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_points, measured
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
@@ -105,7 +105,7 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
         size, left_over = 1, 0.0
         while remaining and not (count > 1 and monotonic() - begun > PATIENCE and left_over > STARTING):
             portion, before = list(islice(points, size)), monotonic()
-            yield measure_points(task, portion)
+            yield from _here(task, portion)
             taken = monotonic() - before
             remaining -= len(portion)
             left_over = taken / len(portion) * remaining
@@ -123,6 +123,18 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
         if crew:
             raise ComputationError("the workers have died")
         yield from _alone(task, lost)
+
+
+def _here(task: Task, points: Points) -> Rows:
+    """The rows of some points in this process; those before Ctrl-C are not lost."""
+    done: list[Row] = []
+    try:
+        for row in measured(task, points):
+            done.append(row)
+    except KeyboardInterrupt:
+        yield done
+        raise
+    yield done
 
 
 def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from hashlib import sha256
 from math import prod
@@ -101,12 +101,18 @@ Points = Sequence[Point]
 
 
 def measure_points(task: Task, points: Points) -> list[Row]:
-    """The rows of some points; what goes wrong at one is its own reason and hurts no other."""
+    """The rows of some points."""
+    return list(measured(task, points))
+
+
+def measured(task: Task, points: Points) -> Iterator[Row]:
+    """The rows of some points, one by one; what goes wrong at one is its own reason and hurts no other."""
     variable = Variable(task.scene, points[0][1])
     scenes = [_scene(variable, values) for _, values in points]
     if any(one.measure.numbered for one in task.measures):
         find_together([scene for scene in scenes if isinstance(scene, Scene)])
-    return [_row(task, index, scene) for (index, _), scene in zip(points, scenes, strict=True)]
+    for (index, _), scene in zip(points, scenes, strict=True):
+        yield _row(task, index, scene)
 
 
 def _scene(variable: Variable, values: dict[str, float]) -> Scene | Exception:

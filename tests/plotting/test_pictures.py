@@ -12,6 +12,7 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 import pytest
+from amounts import usually
 from matplotlib import style
 from matplotlib.figure import Figure
 from PIL import Image
@@ -244,9 +245,18 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 
 
+IN_TURN = [(kind, THEMES[index % 2]) for index, kind in enumerate(FIGURES)]
+"""Every figure in one theme: that the themes differ in colours alone is a test of its own."""
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("name", THEMES)
-@pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.xdist_group(kind)) for kind in FIGURES])
+@pytest.mark.parametrize(
+    ("kind", "name"),
+    [
+        pytest.param(kind, name, marks=pytest.mark.xdist_group(kind))
+        for kind, name in usually(IN_TURN, [(kind, name) for kind in FIGURES for name in THEMES])
+    ],
+)
 def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     with theme(name):
         figure = FIGURES[kind]()

@@ -10,7 +10,6 @@ import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
-import jsonschema
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -191,6 +190,8 @@ def test_every_promised_scene_is_shipped() -> None:
 
 @pytest.mark.parametrize("name", example_names())
 def test_shipped_scenes_come_back_exactly(name: str) -> None:
+    import jsonschema
+
     scene = load(name)
     assert parse(dumps(scene).encode()) == scene
     jsonschema.validate(tomllib.loads(example_text(name)), schema())
@@ -218,12 +219,16 @@ SCENES = st.builds(
 @settings(max_examples=100, deadline=None, derandomize=True)
 @given(SCENES)
 def test_any_scene_comes_back_exactly(scene: Scene) -> None:
+    import jsonschema
+
     text = dumps(scene)
     assert parse(text.encode()) == scene
     jsonschema.validate(tomllib.loads(text), schema())
 
 
 def test_the_schema_refuses_what_we_refuse() -> None:
+    import jsonschema
+
     jsonschema.validate(GOOD, schema())
     for bad in ({**GOOD, "gravity": -1}, {**GOOD, "colour": "red"}, {**GOOD, "pendulum": []}):
         with pytest.raises(jsonschema.ValidationError):

@@ -184,7 +184,7 @@ def test_a_thousand_driven_pendula() -> None:
     rng = np.random.default_rng(3)
     found = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 8.0)
     assert found.theory is None
-    assert "at most" in found.silent
+    assert "400 links" in found.silent
     assert found.phases.order[-1, 0] < 1.0
     assert found.trajectory.energy_drift() < 1e-7
 
