@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -25,7 +26,12 @@ def cluster(address: str, patience: float = PATIENCE) -> Iterator[WorkerPool]:
     try:
         client = Client(address, timeout=patience, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
-        raise ComputationError(f"{address}: no scheduler responds ({' '.join(str(error).split())})") from None
+        client, reason = None, " ".join(str(error).split())
+    if client is None:
+        # A client that never connected would otherwise be finalised at any time, and wait for a lock that the start of
+        # another one holds.
+        gc.collect()
+        raise ComputationError(f"{address}: no scheduler responds ({reason})")
     with client:
         size = sum(client.nthreads().values())
         if not size:
