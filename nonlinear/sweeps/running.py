@@ -18,7 +18,7 @@ from modal.report import grid, visible
 from modal.types import Floats
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.executors import WorkerPool, cores, processes
-from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_points, measured
+from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
@@ -129,7 +129,7 @@ def _here(task: Task, points: Points) -> Rows:
     """The rows of some points in this process; those before Ctrl-C are not lost."""
     done: list[Row] = []
     try:
-        for row in measured(task, points):
+        for row in measure_each(task, points):
             done.append(row)
     except KeyboardInterrupt:
         yield done

@@ -102,10 +102,10 @@ Points = Sequence[Point]
 
 def measure_points(task: Task, points: Points) -> list[Row]:
     """The rows of some points."""
-    return list(measured(task, points))
+    return list(measure_each(task, points))
 
 
-def measured(task: Task, points: Points) -> Iterator[Row]:
+def measure_each(task: Task, points: Points) -> Iterator[Row]:
     """The rows of some points, one by one; what goes wrong at one is its own reason and hurts no other."""
     variable = Variable(task.scene, points[0][1])
     scenes = [_scene(variable, values) for _, values in points]
