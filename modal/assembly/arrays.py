@@ -174,7 +174,7 @@ class Rig:
 
 
 def masses_below(mass: Floats) -> Floats:
-    """Σ_{k>i} m_k for every link i, links first."""
+    """Σ_{k>i} m_k for every link i, as `modal.pair` says, of arrays with links first."""
     return np.concatenate([np.cumsum(mass[:0:-1], axis=0)[::-1], np.zeros_like(mass[:1])])
 
 

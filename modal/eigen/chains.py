@@ -131,16 +131,19 @@ def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Float
     Compiled counts are quicker than that other shape.
     """
     found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
-    for step in [None] if kernels() else [twisted, None]:
-        if not missed.any():
-            break
-        rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
-        part, some = np.ix_(rows, supports), suspension.take(supports)
-        if step:
-            found[part], missed[part] = confirmed(some, wanted[rows], step(some, guess[part]), FARTHER)
-        else:
-            found[part] = searched(some, wanted[rows], guess[part], error[part], modes)
+    if missed.any() and not kernels():
+        part, rows, some = _part(suspension, missed)
+        found[part], missed[part] = confirmed(some, wanted[rows], twisted(some, guess[part]), FARTHER)
+    if missed.any():
+        part, rows, some = _part(suspension, missed)
+        found[part] = searched(some, wanted[rows], guess[part], error[part], modes)
     return found
+
+
+def _part(suspension: Suspension, missed: Booleans) -> tuple[tuple[Ints, ...], Ints, Suspension]:
+    """Where (R, S) the modes and supports are that anything is missed of, which modes, and these supports."""
+    rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
+    return np.ix_(rows, supports), rows, suspension.take(supports)
 
 
 # ---------------------------------------------------------------------------------------------- fixed support
@@ -154,7 +157,7 @@ def fixed_squares(block: Block, limits: Limits = EVERYTHING) -> Squares:
 def fixed_shapes(chains: Block, x: Floats) -> Motion:
     """Shape r of chain r at x[r], for R chains (columns, repeated as needed): one block with arrays (n, 1, R)."""
     below, above = from_below(chains, x[:, None]), from_above(chains, x[:, None], None)
-    gap, cost = _mismatch(below, above, joint_masses(chains))
+    gap, cost = _mismatch(below, above, joint_masses(chains.constants.p, chains.constants.r))
     cost[0] = np.inf
     twist = np.arange(chains.n + 1)[:, None, None] == cost.argmin(0)
     y, a = _joined(below, _climb(above, twist), above.turn, twist, np.zeros(x[:, None].shape))
@@ -261,7 +264,7 @@ class CartProblem:
         return below, above
 
     def _joint_masses(self) -> list[Floats]:
-        own = [joint_masses(block) for block in self.blocks]
+        own = [joint_masses(block.constants.p, block.constants.r) for block in self.blocks]
         pivot = self.cart.mass + sum(float(masses[0].sum()) for masses in own)
         for masses in own:
             masses[0] = pivot

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.eigen.kernels import kernels
+from modal.eigen.recursion import joint_masses
 from modal.eigen.sturm import ROOM, Chains, Suspension
 from modal.types import Floats
 
@@ -37,23 +38,22 @@ def at_pivot(suspension: Suspension, x: Floats) -> Floats:
     with np.errstate(all="ignore"):
         if suspension.mass is None or suspension.stiffness is None:
             (chains,) = suspension.chains
-            mass, energy = (one[0] for one in _felt(chains.rest, x))
+            mass, energy = (one[0] for one in _mass_and_energy(chains.rest, x))
             first = chains.r[0, 0]
             missed = (mass + first - 1.0 / (chains.inverse[0, 0] * x)) / (energy + first)
         else:
-            mass, energy = (
-                sum(one.sum(0) for one in both) for both in zip(*(_felt(c, x) for c in suspension.chains), strict=True)
-            )
+            every = zip(*(_mass_and_energy(chains, x) for chains in suspension.chains), strict=True)
+            mass, energy = (sum(own.sum(0) for own in both) for both in every)
             missed = (mass + suspension.mass - suspension.stiffness / x) / (energy + suspension.mass)
         found: Floats = x * (1.0 - missed)
         return found
 
 
-def _felt(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
+def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     """Mass, and twice the kinetic energy over ω², of chains whose pivots are displaced by 1, (P, R, S)."""
     if compiled := kernels():
         constants = chains.inverse, chains.r, chains.p, chains.m, chains.mJ, chains.q
-        return compiled.felt(constants, x)  # type: ignore[no-any-return]
+        return compiled.mass_and_energy(constants, x)  # type: ignore[no-any-return]
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
     step = max(1, ROOM // max(1, mass.size))
@@ -109,13 +109,13 @@ def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, F
         for chains, below in zip(suspension.chains, from_below, strict=True):
             first = chains.r[0] - 1.0 / (chains.inverse[0] * x)
             above = _swept(chains.rest, x, first, np.broadcast_to(chains.r[0], first.shape), upward=False)
-            yield _Side(below.mass[1:], below.energy[1:]), above, _own_masses(chains)[1:]
+            yield _Side(below.mass[1:], below.energy[1:]), above, joint_masses(chains.p, chains.r)[1:]
         return
     others = without_each(mass - stiffness / x, [below.mass[0] for below in from_below])
     energies = without_each(np.broadcast_to(mass, x.shape), [below.energy[0] for below in from_below])
     pivot = mass + sum(chains.p[0].sum(0) for chains in suspension.chains)
     for chains, below, felt, energy in zip(suspension.chains, from_below, others, energies, strict=True):
-        own = _own_masses(chains)
+        own = joint_masses(chains.p, chains.r)
         own[0] = pivot
         yield below, _swept(chains, x, felt, energy, upward=False), own
 
@@ -145,14 +145,6 @@ def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | flo
         whole *= D
         whole += far[i]
     return side
-
-
-def _own_masses(chains: Chains) -> Floats:
-    """What each joint's neighbours weigh when every other joint is held, (n + 1, P, 1, S)."""
-    masses = np.zeros((chains.n + 1, *chains.p.shape[1:]))
-    masses[:-1] += chains.p
-    masses[1:] += chains.r
-    return masses
 
 
 def without_each(own: Floats, parts: list[Floats]) -> list[Floats]:

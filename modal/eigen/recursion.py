@@ -106,11 +106,11 @@ def joints(pivot: Floats, a: Floats) -> Floats:
     return found
 
 
-def joint_masses(block: Block) -> Floats:
-    """What each joint's neighbours weigh when every other joint is held, shape (n + 1, P)."""
-    masses = np.zeros((block.n + 1, block.size))
-    masses[:-1] += block.constants.p
-    masses[1:] += block.constants.r
+def joint_masses(p: Floats, r: Floats) -> Floats:
+    """What each joint's neighbours weigh when every other joint is held, (n + 1, …), from the links' p and r (n, …)."""
+    masses = np.zeros((len(p) + 1, *p.shape[1:]))
+    masses[:-1] += p
+    masses[1:] += r
     return masses
 
 

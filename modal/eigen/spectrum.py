@@ -33,7 +33,7 @@ MASSLESS = (
     "The mass matrix is singular: a massless cart over bobs has no inertia of its own, "
     "so one mode has no finite frequency and is left out."
 )
-DENSE = "Frequencies that a dense matrix gives within the accuracy asked for stand as they are."
+DENSE = "Eigenvalues of a dense matrix are used where they meet the requested accuracy."
 MERGED = (
     "Different pendula whose own frequencies agree to 2e-15, but not to the last bit, are taken as equal: whether they "
     "split by less, and which of them then swing, is beyond double precision."

@@ -35,6 +35,7 @@ from modal.assembly import Block, CartNumbers
 from modal.eigen.bisection import above_all, smallest_where
 from modal.eigen.chains import Motion
 from modal.eigen.counts import Built, counted
+from modal.eigen.sturm import Suspension
 from modal.types import Booleans, Floats, Ints
 
 NUDGE = 2.0**-60
@@ -95,14 +96,6 @@ def count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
     for link in eliminate(block, x):
         below += link.pivot < 0
     return below, link.mass
-
-
-def lowest_possible(blocks: tuple[Block, ...], spring: float, mass: float) -> float:
-    """A power of two below every ω² > 0, from 1/ω² ≤ trace(K⁻¹ M) without the joint springs."""
-    trace = sum(float((block.diagonal / block.b).sum()) for block in blocks)
-    if spring > 0:
-        trace += mass / spring
-    return float(2.0 ** (-np.ceil(np.log2(trace)) - 1))
 
 
 def _link(block: Block, i: int) -> list[Floats]:
@@ -225,8 +218,8 @@ class SprungProblem:
         if self.stands:
             low = np.array([SMALLEST])
         else:
-            spring, mass = (self.cart.stiffness, self.cart.mass + self._hanging) if self.cart else (0.0, 0.0)
-            low = np.array([lowest_possible(self.blocks, spring, mass)])
+            fixed = Suspension.fixed(self.blocks[0])
+            low = (Suspension.on_cart(self.blocks, self.cart) if self.cart else fixed).low
         growing = int(self.count(low)[0]) if self.stands else 0
         order = np.arange(self.n_modes)
         high = above_all(self.count, low, np.array([self.n_modes]))

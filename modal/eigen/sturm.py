@@ -20,12 +20,11 @@ import numpy as np
 from modal import pair
 from modal.assembly import Block, CartNumbers, masses_below
 from modal.eigen.kernels import kernels
+from modal.eigen.recursion import NUDGE
 from modal.types import Floats, Ints
 
 ROOM = 200_000
 """Numbers in an array of trials over links: what a processor's cache holds."""
-NUDGE = 2.0**-60
-"""Subtracted from each D where one of them is zero: far below its rounding, but the zero becomes negative."""
 
 
 class Chains(NamedTuple):
@@ -145,7 +144,7 @@ def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
 
 def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
     if compiled := kernels():
-        return compiled.counted((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
+        return compiled.count_and_mass((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
     step = max(1, ROOM // max(1, mu.size))

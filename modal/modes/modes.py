@@ -396,7 +396,7 @@ def _lowest(modes: slice | None) -> int | None:
     if modes is None:
         return None
     if modes.step not in {None, 1}:
-        raise ValueError(f"modes = {modes}: a step is not possible")
+        raise ValueError(f"modes = {modes}: a slice with a step is not supported")
     backwards = (modes.start or 0) < 0 or modes.stop is None or modes.stop < 0
     return None if backwards else int(modes.stop)
 

@@ -20,7 +20,7 @@ from modal.types import Floats, Ints
 from nonlinear.dynamics import undisturbed
 from nonlinear.dynamics.compiled import LOOSE, Compiled, rate
 from nonlinear.integration.costs import kept
-from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
+from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
 STAGES, SMALL_STEP = DOP853.n_stages, DOP853.TOO_SMALL_STEP
 COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
@@ -211,21 +211,8 @@ class CompiledDOP853(DOP853):  # type: ignore[misc]
         return (True, None) if len(ends) else (False, SMALL_STEP)
 
 
-class CompiledStepper(SciPyStepper):
-    """DOP853 compiled, for compiled equations, with the arguments of `SciPyStepper`."""
-
-    def __init__(
-        self,
-        equations: Compiled,
-        start: float,
-        y: Floats,
-        end: float,
-        tolerance: float,
-        absolute: Floats,
-        pace: Pace = AT_EASE,
-    ) -> None:
-        self.equations = equations
-        super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
+class CompiledStepper(DOP853Stepper[Compiled]):
+    """DOP853 compiled, for compiled equations, with the arguments of `DOP853Stepper`."""
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> CompiledDOP853:
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)

@@ -20,7 +20,7 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import Generated
 from nonlinear.dynamics.generated import UNDEFINED, function_in
-from nonlinear.integration.steppers import AT_EASE, Derivative, Pace, SciPyStepper
+from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
 STAGES, EXTRA = DOP853.n_stages, len(DOP853.A_EXTRA)
 SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # of a step's length, as in SciPy
@@ -84,22 +84,10 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
         return super()._dense_output_impl()
 
 
-class FloatStepper(SciPyStepper):
-    """DOP853 in floats for equations that are written out, with the arguments of `SciPyStepper`."""
+class FloatStepper(DOP853Stepper[Generated]):
+    """DOP853 in floats for equations that are written out, with the arguments of `DOP853Stepper`."""
 
-    def __init__(
-        self,
-        equations: Generated,
-        start: float,
-        y: Floats,
-        end: float,
-        tolerance: float,
-        absolute: Floats,
-        pace: Pace = AT_EASE,
-    ) -> None:
-        self.equations = equations
-        self._failure: ComputationError | None = None
-        super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)
+    _failure: ComputationError | None = None
 
     def _solver_of(self, f: Derivative, time: float, y: Floats, end: float, **options: Any) -> FloatDOP853:
         return FloatDOP853(self.equations.rate, self.f, time, y, end, **options)

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import inf, sqrt, ulp
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from scipy import integrate
@@ -231,3 +231,32 @@ class SciPyStepper:
             return
         self._done += self._solver.nfev
         self._solver = self._begun(self.time if time is None else time, y, self.time - self.before)
+
+
+class HasDerivative(Protocol):
+    """Equations of motion as a stepper asks for them."""
+
+    @property
+    def derivative(self) -> Derivative:
+        """The y' at a time and a y."""
+        ...
+
+
+E = TypeVar("E", bound=HasDerivative)
+
+
+class DOP853Stepper(SciPyStepper, Generic[E]):
+    """DOP853 in another implementation, which is given the `equations` themselves; otherwise as `SciPyStepper`."""
+
+    def __init__(
+        self,
+        equations: E,
+        start: float,
+        y: Floats,
+        end: float,
+        tolerance: float,
+        absolute: Floats,
+        pace: Pace = AT_EASE,
+    ) -> None:
+        self.equations = equations
+        super().__init__("DOP853", equations.derivative, start, y, end, tolerance, absolute, pace)

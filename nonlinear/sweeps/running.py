@@ -102,13 +102,13 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
-        size, left_over = 1, 0.0
-        while remaining and not (count > 1 and monotonic() - begun > PATIENCE and left_over > STARTING):
+        size, seconds_left = 1, 0.0
+        while remaining and not (count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING):
             portion, before = list(islice(points, size)), monotonic()
             yield from _here(task, portion)
             taken = monotonic() - before
             remaining -= len(portion)
-            left_over = taken / len(portion) * remaining
+            seconds_left = taken / len(portion) * remaining
             size = min(2 * size, CHUNK) if taken < BRIEF else max(1, size // 2)
     if not remaining:
         return
