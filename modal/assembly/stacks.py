@@ -73,7 +73,7 @@ def stacked(scenes: Sequence[Scene]) -> Stack:
         values / unit[:, None]
         for values, unit in ((mass, heaviest), (length, longest), (centre, longest), (inertia, heaviest * longest**2))
     ]
-    groups = tuple(_group(first, chosen, scaled) for chosen in _by_length(first))
+    groups = tuple(_pendula_of(chosen, scaled) for chosen in _by_length(first))
     cart = None, None
     if isinstance(first.support, Cart):
         numbers = np.array([(scene.support.mass, scene.support.stiffness) for scene in scenes])  # type: ignore[union-attr]
@@ -107,7 +107,7 @@ def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
     return [found[n] for n in sorted(found)]
 
 
-def _group(scene: Scene, chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> Group:
+def _pendula_of(chosen: list[tuple[Pendulum, int]], scaled: Sequence[Floats]) -> Group:
     columns = [
         np.repeat(np.arange(len(pendulum.links)), [link.count for link in pendulum.links]) + column
         for pendulum, column in chosen

@@ -45,7 +45,7 @@ def _table_arguments(page: Page) -> None:
     page.computed.add_argument(
         "--accuracy",
         metavar="SHARE",
-        type=number("a relative error from 1e-16 to 0.1", 0.1, 1e-16),
+        type=number("at least 1e-16 and at most 0.1", 0.1, 1e-16),
         help="frequencies within this relative error, at less cost for long chains (default: every digit)",
     )
     page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
