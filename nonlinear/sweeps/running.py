@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import BrokenExecutor
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from time import monotonic
 
@@ -17,18 +17,17 @@ from modal.errors import ComputationError
 from modal.report import grid, visible
 from modal.types import Floats
 from nonlinear.sweeps.checkpoint import Checkpoint
-from nonlinear.sweeps.executors import WorkerPool, cores, processes
 from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
+from nonlinear.workers import DIED, WorkerPool, cores, processes, spread
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it calls others: a small sweep is done by then."""
 STARTING = 1.0
 """Seconds of work left that are worth the start of other processes."""
-CHUNK, AHEAD = 256, 2
-"""The most points that are measured together; how many portions a worker has before it, its own included."""
+CHUNK = 256
+"""The most points that are measured together."""
 BRIEF = 0.05
 """Seconds that a portion takes at most before the next is no larger."""
-DIED = "its process died, perhaps for lack of memory"
 MOST_REASONS = 5
 NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
@@ -78,7 +77,7 @@ def sweep(
     """All points of a study: those that a journal holds are taken from it, new ones are added to it.
 
     `workers` is a number of processes, 1 to stay in this one; left out, all cores are used once the sweep has lasted
-    PATIENCE.  `crew` is for other executors, such as `nonlinear.sweeps.cluster`.  `report` hears how many points are
+    PATIENCE.  `crew` is for other executors, such as `nonlinear.workers.cluster`.  `report` hears how many points are
     done. On Ctrl-C what is known is returned.  Raises ComputationError where workers cannot be had.
     """
     kept = journal or Checkpoint()
@@ -138,39 +137,13 @@ def _here(task: Task, points: Points) -> Rows:
 
 
 def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
-    """The rows of all portions as they come, a few in flight at a time; points whose workers died are handed back."""
-    flying: dict[Future[list[Row]], Points] = {}
-    try:
+    """The rows of all portions as they come; points whose workers died are handed back."""
+    with closing(spread(partial(measure_points, task), portions, crew)) as found:
         while True:
-            for portion in islice(portions, AHEAD * crew.size - len(flying)):
-                flying[_handed(task, portion, crew)] = portion
-            if not flying:
-                return []
-            done = wait(flying, return_when=FIRST_COMPLETED).done
-            if any(isinstance(future.exception(), BrokenExecutor) for future in done):
-                break
-            for future in done:
-                yield future.result()
-                del flying[future]
-        for future in wait(flying).done:
-            if not future.exception():
-                yield future.result()
-                del flying[future]
-        return [point for portion in flying.values() for point in portion]
-    except Exception as error:
-        raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
-    finally:
-        for future in flying:
-            future.cancel()
-
-
-def _handed(task: Task, portion: Points, crew: WorkerPool) -> Future[list[Row]]:
-    try:
-        return crew.executor.submit(measure_points, task, portion)
-    except BrokenExecutor as error:
-        failed: Future[list[Row]] = Future()
-        failed.set_exception(error)
-        return failed
+            try:
+                yield next(found)[1]
+            except StopIteration as end:
+                return [point for portion in end.value for point in portion]
 
 
 def _alone(task: Task, points: Sequence[Point]) -> Rows:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from modal.errors import ComputationError, MissingExtraError
-from nonlinear.sweeps.executors import WorkerPool
+from nonlinear.workers.executors import WorkerPool
 
 PATIENCE = 10.0
 """Seconds that a scheduler has to answer."""
