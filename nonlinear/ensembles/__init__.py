@@ -5,7 +5,7 @@ of every member, with its energy drift and horizon, in chunks that may be files 
 
     y_s' = f(y_s, p_s),    s = 1 … S
 
-Start with `running`; `measures` says what can be measured, `lanes` and `compiled` are the engines, and
+Start with `running`; `measures` says what can be measured, `lanes`, `compiled` and `series` are the engines, and
 `plain` takes one by one what these do not.
 """
 

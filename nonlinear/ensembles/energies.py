@@ -81,7 +81,7 @@ class Accounts:
         return np.asarray(momentum / mass)
 
     @property
-    def _lowest(self) -> Floats:
+    def lowest(self) -> Floats:
         """Potential energy (J) of links that all hang, springs left out."""
         system = self.numbers.arrays
         standing = sum(np.where(group.block.sigma < 0, group.block.b, 0.0).sum((0, 1)) for group in system.groups)
@@ -96,7 +96,7 @@ class Accounts:
         coasting = self.coasting(before)
         one, two = self.energies(before, coasting), self.energies(after, coasting)
         work = after[-1] if self.layout.works else 0.0 * one.total
-        above = one.total - self._lowest
+        above = one.total - self.lowest
         ranges = [above, one.moving, two.moving, abs(two.stored - one.stored), abs(work), NOISE * abs(one.stored)]
         scale = np.max(np.broadcast_arrays(*ranges), axis=0)
         return np.asarray(np.abs(two.total - one.total - work) / np.where(scale > 0, scale, 1.0))

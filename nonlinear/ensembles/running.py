@@ -12,7 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import isnan
 from typing import Any
@@ -149,6 +149,7 @@ def ensemble(
     engine: str = "auto",
     folder: str | os.PathLike[str] | None = None,
     check: int = CHECKED,
+    chunk: int | None = None,
     workers: int | None = None,
     crew: WorkerPool | None = None,
     report: Report = lambda done: None,
@@ -162,15 +163,15 @@ def ensemble(
     the end is kept.  Every member has its `energy_drift`, an estimate of its error and its horizon; `check` members,
     drawn at random, are run by `simulate`, too.
 
-    `engine` is "auto", "numpy", "numba" (extra `fast`) or "simulate", one by one, which
-    takes every scene.  In a `folder` each chunk of members is a file; a call that was killed goes on there.  `workers`
+    `engine` is "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`) or "simulate", one by one, which
+    takes every scene.  In a `folder` each `chunk` of members is a file; a call that was killed goes on there.  `workers`
     is a number of processes, 1 to stay in this one; `crew` is for other executors.  Results do not depend on either.
     `report` hears how many members are done.  On Ctrl-C what is known is returned.
 
     Raises SceneError for arguments that cannot be, MissingExtraError without what an engine needs.
     """
     validate_scene(scene)
-    question, reason = _question(scene, duration, starts, vary, output, tolerance, measures, engine, check)
+    question, reason = _question(scene, duration, starts, vary, output, tolerance, measures, engine, check, chunk)
     parts = None if folder is None else Parts(folder, question)
     return _run(question, reason, parts, workers, crew, report)
 
@@ -185,6 +186,7 @@ def _question(
     measures: Sequence[str],
     engine: str,
     check: int,
+    chunk: int | None,
 ) -> tuple[Question, str]:
     """What is asked and why by this engine; SceneError names every mistake."""
     system = system_of(scene)
@@ -205,11 +207,12 @@ def _question(
     keeps_end = output == END if isinstance(output, str) else output is None and not measures
     checked = () if chosen == PLAIN else sample_of(members.size, check)
     question = Question(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
-    samples = len(question.wanted.times)
-    chunk = chunk_of(scene, duration, tolerance, samples, chosen)
+    if chunk is not None and chunk < 1:
+        raise SceneError([f"chunk {chunk}: must be at least 1"])
+    fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
     if (numbers := members.size * len(times) * 2 * scene.n_links) > MOST_NUMBERS:
         raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
-    return Question(members, duration, tolerance, chosen, wanted, times, keeps_end, checked, chunk), reason
+    return replace(question, chunk=fitting), reason
 
 
 def _times(scene: Scene, duration: float, output: Output) -> tuple[float, ...]:
@@ -288,8 +291,7 @@ def _lean(question: Question) -> Question:
     lists = {path: own[:1] for path, own in (members.lists or {}).items()}
     states = None if members.states is None else members.states.at(slice(0, 1))
     small = Members(members.scene, members.axes, lists, states)
-    named = {name: getattr(question, name) for name in question.__dataclass_fields__} | {"members": small}
-    return Question(**named)
+    return replace(question, members=small)
 
 
 def _shared(tasks: Iterator[Task], crew: WorkerPool) -> Generator[Numbered, None, list[Task]]:

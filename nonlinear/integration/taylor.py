@@ -11,7 +11,7 @@ every digit of the starts that were tried.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from importlib import import_module
 from importlib.util import find_spec
@@ -200,3 +200,53 @@ def _heyoka() -> Any:
         return import_module("heyoka")
     except ImportError:
         raise MissingExtraError("heyoka", "taylor") from None
+
+
+Seen = tuple[str, int, float, Any]
+"""What is to be found within steps: its kind, a row of y, a level (rad or m), what to call with it."""
+EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
+    "cos": lambda heyoka, y, level: heyoka.cos(y / 2.0),
+    "sin": lambda heyoka, y, level: heyoka.sin((y - level) / 2.0),
+    "level": lambda heyoka, y, level: y - level,
+    "rest": lambda heyoka, y, level: 1.0 * y,
+}
+"""Of a component of y: an angle at the top, an angle at a level, anything at a level, anything at zero."""
+
+
+def batch_integrator(
+    rates: Callable[..., Callable[[Any], Sequence[Any]]],
+    constants: int,
+    size: int,
+    tolerance: float,
+    seen: Sequence[Seen] = (),
+) -> Any:
+    """Heyoka's integrator for as many members at a time as fit into a register; so many constants are parameters.
+
+    `rates` makes the derivative of y (size) from sine, cosine and these.
+    """
+    heyoka = _heyoka()
+    width = heyoka.recommended_simd_size()
+    y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
+    found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
+    equations = [(one, heyoka.expression(0.0) + its) for one, its in zip(y, found, strict=True)]
+    events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
+    more = {"nt_events": events} if events else {}
+    with undisturbed():
+        return heyoka.taylor_adaptive_batch(
+            equations,
+            np.zeros((size, width)),
+            pars=np.zeros((constants, width)),
+            tol=uneven(tolerance),
+            compact_mode=size > 4 * UNROLLED,
+            fast_math=True,
+            **more,
+        )
+
+
+def evaluator(rates: Callable[..., Callable[[Any], Sequence[Any]]], constants: int, size: int) -> Any:
+    """The y' of many y (size, S) and constants as a compiled function, with vector registers."""
+    heyoka = _heyoka()
+    y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
+    found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
+    with undisturbed():
+        return heyoka.cfunc([heyoka.expression(0.0) + one for one in found], vars=y, fast_math=True)

@@ -140,3 +140,14 @@ def test_what_no_engine_takes_goes_one_by_one() -> None:
     run = simulate(scene, 0.5, output=2)
     assert result.energy_drift.max() < 1e-6
     assert run.complete
+
+
+@pytest.mark.slow
+def test_members_by_taylor_series_are_those_of_lanes() -> None:
+    pytest.importorskip("heyoka")
+    for name in found().columns:
+        one, other = found().column(name), found("heyoka").column(name)
+        if name not in {"energy_drift", "error_rad", "horizon_s"}:
+            np.testing.assert_allclose(other, one, atol=2e-6, rtol=2e-6, err_msg=name)
+    ratio = found("heyoka").column("error_rad") / found().column("error_rad")
+    assert np.all((ratio > 1e-3) & (ratio < 1e3))

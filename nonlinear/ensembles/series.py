@@ -1,0 +1,257 @@
+"""The engine of Taylor series by heyoka (extra `taylor`), several members at a time in vector registers.
+
+The numbers of a scene, and what follows from them alone, are parameters: one compiled series serves all members and
+all scenes of the same form.  What happens within steps is found by heyoka's own events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import ceil, floor, inf, log10
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics import Lanes
+from nonlinear.ensembles.energies import Accounts
+from nonlinear.ensembles.found import Found, Section, Wanted
+from nonlinear.ensembles.lanes import stretched, task_of
+from nonlinear.integration import taylor
+from nonlinear.integration.lanes import Task
+from nonlinear.integration.watches import UNKNOWN
+from nonlinear.system import Layout, Numbers
+
+SHARED = 0.7  # of the speed of the lightest link if it had all the energy: what is reckoned with
+SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to length 1
+AT_ONCE = 1024  # members between whose places in memory no time is lost
+STEPS, SUBSTEPS = 4, 2  # of lanes in NumPy from one such place to the next, about; of the growth
+FINEST = 1e-3  # smallest share of a motion's size that tolerances are refined by
+
+
+@dataclass(eq=False)
+class Events:
+    """What heyoka finds within steps: `first` is the member in the first lane, `count` how many lanes matter."""
+
+    layout: Layout
+    members: int
+    turns: Floats = field(init=False)
+    largest: Floats = field(init=False)
+    crossed: list[tuple[int, float, Floats]] = field(default_factory=list)
+    first: int = 0
+    count: int = 0
+
+    def __post_init__(self) -> None:
+        self.turns = np.full((self.layout.links, self.members), inf)
+        self.largest = np.zeros(self.members)
+
+    def turned(self, link: int) -> Callable[..., None]:
+        """For links that go over the top."""
+
+        def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
+            if lane < self.count:
+                member = self.first + lane
+                self.turns[link, member] = min(self.turns[link, member], time)
+
+        return seen
+
+    def widest(self, link: int) -> Callable[..., None]:
+        """For links that turn back."""
+        row = int(self.layout.on_cart) + link
+
+        def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
+            if lane < self.count:
+                member, angle = self.first + lane, abs(float(_at(integrator, time, lane)[row]))
+                self.largest[member] = max(self.largest[member], angle)
+
+        return seen
+
+    def passed(self, section: Section) -> Callable[..., None]:
+        """For a section."""
+
+        def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
+            if lane < self.count:
+                y = _at(integrator, time, lane)
+                if section.direction * y[self.layout.half + section.row] >= 0:
+                    self.crossed.append((self.first + lane, time, y))
+
+        return seen
+
+    @property
+    def sorted(self) -> tuple[Any, Floats, Floats]:
+        """Crossings member by member in the order of time."""
+        found = sorted(self.crossed, key=lambda one: one[:2])
+        members, times = (np.array([one[k] for one in found]) for k in range(2))
+        rows = np.array([one[2] for one in found]).reshape(len(found), self.layout.size)
+        return members.astype(np.int64), times.astype(float), rows
+
+
+def _at(integrator: Any, time: float, lane: int) -> Floats:
+    """The y of a lane at a time within the last step."""
+    times = np.array(integrator.time)
+    times[lane] = time
+    return np.array(integrator.update_d_output(times)[:, lane])
+
+
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+    """Members with these numbers from y (size, S) on; MissingExtraError without heyoka."""
+    lanes = Lanes(numbers)
+    task, scale, local = task_of(lanes, numbers, y, wanted)
+    events = Events(lanes.layout, y.shape[1])
+    places = np.linspace(0.0, wanted.duration, max(1, ceil(wanted.duration * _pace(numbers, lanes.layout, y))) + 1)
+    grid = np.unique(np.concatenate((places, wanted.times)))
+    seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
+    judge = Judge(numbers, lanes.layout, scale, local)
+    size = float(np.min(local / task.relative, initial=1.0))
+    tolerance = wanted.tolerance * 10.0 ** floor(log10(max(size, FINEST)))
+    found = Found(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
+    if wanted.times:
+        found.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
+    integrator = _integrator(task, tolerance, events, wanted)
+    for first in range(0, y.shape[1], AT_ONCE):
+        own = slice(first, min(first + AT_ONCE, y.shape[1]))
+        rows = _propagated(integrator, task, own, grid, events, found)
+        found.y[:, own] = rows[-1]
+        if found.rows is not None:
+            found.rows[own] = rows[kept].transpose(2, 0, 1)
+        judge.see(own, places, rows[seen], found)
+    if wanted.first_turns:
+        found.first_turns = events.turns
+    if wanted.largest:
+        half, start = lanes.layout.half, int(lanes.layout.on_cart)
+        found.largest = np.max([np.abs(own[start:half]).max(0) for own in (y, found.y)] + [events.largest], axis=0)
+    if wanted.section:
+        found.crossed = events.sorted
+    if wanted.stretching:
+        found.stretching = _stretching(numbers, y[: 2 * lanes.layout.half], wanted)
+    return found
+
+
+def _pace(numbers: Numbers, layout: Layout, y: Floats) -> float:
+    """Places a second at which the growth of errors is seen: a radian of the fastest motion apart."""
+    accounts = Accounts(numbers, layout)
+    energy = accounts.energies(y, accounts.coasting(y)).total - accounts.lowest
+    groups = numbers.arrays.groups
+    lightest = min(float(np.min(group.block.inertia + group.block.mass * group.block.centre**2)) for group in groups)
+    return max(_swing(numbers), SHARED * float(np.sqrt(2 * np.median(energy).clip(0) / lightest)))
+
+
+def _swing(numbers: Numbers) -> float:
+    """The fastest swing of any member (rad/s), as guessed from its shortest link."""
+    system = numbers.arrays
+    shortest = np.min([group.block.length.min((0, 1)) for group in system.groups], axis=0)
+    return float(np.sqrt(4 * np.max(np.atleast_1d(system.gravity) / shortest)))
+
+
+def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wanted) -> Any:
+    """For so many members as fit into a register, with what is to be seen on the way."""
+    written, layout = task.lanes.written, task.lanes.layout
+    constants = written.constants(task.numbers)
+    seen: list[tuple[str, int, float, Any]] = []
+    if events is not None:
+        start, half = int(layout.on_cart), layout.half
+        if wanted.first_turns:
+            seen += [("cos", start + link, 0.0, events.turned(link)) for link in range(layout.links)]
+        if wanted.largest:
+            seen += [("rest", half + start + link, 0.0, events.widest(link)) for link in range(layout.links)]
+        if section := wanted.section:
+            seen.append(("level" if section.row < start else "sin", section.row, section.level, events.passed(section)))
+    return taylor.batch_integrator(written.rates, len(constants), task.lanes.size, tolerance, seen)
+
+
+def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: Events | None, found: Found) -> Floats:
+    """The y (K, size, members) of some members at the times of a grid, whose first is the start."""
+    members = np.arange(own.start, own.stop)
+    width = integrator.state.shape[1]
+    rows = np.empty((len(grid), len(task.begun), len(members)))
+    given = task.lanes.written.constants(task.numbers.at(members))
+    constants = np.array([np.broadcast_to(one, len(members)) for one in given]).reshape(len(given), len(members))
+    wide = np.repeat(grid[:, None], width, axis=1)
+    for at in range(0, len(members), width):
+        taken = np.minimum(np.arange(at, at + width), len(members) - 1)
+        count = min(width, len(members) - at)
+        if events is not None:
+            events.first, events.count = int(members[at]), count
+        integrator.set_time(float(grid[0]))
+        integrator.state[:] = task.begun[:, members[taken]]
+        integrator.pars[:] = constants[:, taken]
+        rows[..., at : at + count] = integrator.propagate_grid(wide)[1][..., :count]
+        for lane in range(count):
+            if not np.all(np.isfinite(rows[-1, :, at + lane])):
+                reason = f"taylor stopped at {integrator.time[lane]:.9g} s: its series overflow"
+                found.reasons[int(members[at + lane])] = reason
+    return rows
+
+
+class Judge:
+    """Estimates errors and horizons as `nonlinear.integration.watches.Growth` does, from places of a grid.
+
+    The tangent equations, compiled, go on by the classical Runge-Kutta method, y between two places being the cubic
+    that has both ends and both slopes.
+    """
+
+    def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats) -> None:
+        self.lanes = Lanes(numbers, tangent=True)
+        self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
+        self.constants = self.lanes.written.constants(numbers)
+        self.product = taylor.evaluator(self.lanes.written.rates, len(self.constants), self.lanes.size)
+
+    def see(self, own: slice, grid: Floats, rows: Floats, found: Found) -> None:
+        """Members with y (K, size, S) at evenly spaced times."""
+        size, members = self.size, rows.shape[2]
+        scale = np.broadcast_to(self.scale if self.scale.shape[1] == 1 else self.scale[:, own], (size, members))
+        given = np.array([np.broadcast_to(one[own] if np.ndim(one) else one, members) for one in self.constants])
+        given = np.ascontiguousarray(given.reshape(len(self.constants), members))
+        both, length = np.empty((2 * size, members)), grid[1] - grid[0]
+
+        def rates(y: Floats, v: Floats) -> Floats:
+            both[:size], both[size:] = y, v
+            return np.asarray(self.product(inputs=both, pars=given))
+
+        v, step = scale * size**-0.5, length / SUBSTEPS
+        slope = rates(rows[0, :size], v)[:size]
+        error, horizon = np.zeros(members), np.full(members, inf)
+        with np.errstate(all="ignore"):
+            for k in range(1, len(grid)):
+                before, after, begun = rows[k - 1, :size], rows[k, :size], slope
+                slope = rates(after, v)[:size]
+                for part in range(SUBSTEPS):
+                    y = [_cubic((part + at) / SUBSTEPS, length, before, after, begun, slope) for at in (0.0, 0.5, 1.0)]
+                    one = rates(y[0], v)[size:]
+                    two = rates(y[1], v + step / 2 * one)[size:]
+                    three = rates(y[1], v + step / 2 * two)[size:]
+                    v = v + step / 6 * (one + 2 * (two + three) + rates(y[2], v + step * three)[size:])
+                grown = np.sqrt(np.sum((v / scale) ** 2, axis=0))
+                v /= grown
+                error = error * grown + STEPS * self.local[own]
+                horizon = np.where((error > UNKNOWN) & (horizon == inf), grid[k], horizon)
+        found.error[own], found.horizon[own] = error, horizon
+
+
+def _cubic(x: float, length: float, before: Floats, after: Floats, one: Floats, two: Floats) -> Floats:
+    """The y at a part of a stretch with these ends and slopes."""
+    moved, rest = after - before, 1 - x
+    bent = rest * (length * one - moved) - x * (length * two - moved)
+    return np.asarray(before + x * (moved + rest * bent))
+
+
+def _stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
+    """What ln |v| gains, as `nonlinear.ensembles.lanes.stretching` has it."""
+    task, scale = stretched(numbers, y, wanted)
+    integrator = _integrator(task, wanted.tolerance, None, wanted)
+    half, members = len(y), y.shape[1]
+    pieces = max(1, ceil(wanted.duration * _swing(numbers) / SEGMENT))
+    grid = np.linspace(0.0, wanted.duration, pieces + 1)
+    found = Found(np.empty_like(task.begun), np.zeros(members), np.zeros(members))
+    gained = np.zeros(members)
+    for first in range(0, members, AT_ONCE):
+        own = slice(first, min(first + AT_ONCE, members))
+        units = scale[:, own] if scale.shape[1] > 1 else scale
+        for k in range(pieces):
+            rows = _propagated(integrator, task, own, grid[k : k + 2], None, found)
+            length = np.sqrt(np.sum((rows[-1, half:] / units) ** 2, axis=0))
+            gained[own] += np.log(length)
+            task.begun[:half, own], task.begun[half:, own] = rows[-1, :half], rows[-1, half:] / length
+    gained[[*found.reasons]] = np.nan
+    return gained
