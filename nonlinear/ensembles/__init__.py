@@ -13,5 +13,6 @@ from nonlinear.ensembles.costs import ENGINES
 from nonlinear.ensembles.measures import MEASURES
 from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles.runs import run_together
 
-__all__ = ["ENGINES", "MEASURES", "Ensemble", "Members", "ensemble", "members_of"]
+__all__ = ["ENGINES", "MEASURES", "Ensemble", "Members", "ensemble", "members_of", "run_together"]

@@ -164,9 +164,9 @@ def ensemble(
     drawn at random, are run by `simulate`, too.
 
     `engine` is "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`) or "simulate", one by one, which
-    takes every scene.  In a `folder` each `chunk` of members is a file; a call that was killed goes on there.  `workers`
-    is a number of processes, 1 to stay in this one; `crew` is for other executors.  Results do not depend on either.
-    `report` hears how many members are done.  On Ctrl-C what is known is returned.
+    takes every scene.  In a `folder` each `chunk` of members is a file; a call that was killed goes on there.
+    `workers` is a number of processes, 1 to stay in this one; `crew` is for other executors.  Results do not depend on
+    either.  `report` hears how many members are done.  On Ctrl-C what is known is returned.
 
     Raises SceneError for arguments that cannot be, MissingExtraError without what an engine needs.
     """

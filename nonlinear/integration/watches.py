@@ -6,6 +6,7 @@ only in lanes where something happens there.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from math import inf, pi
 
@@ -212,6 +213,48 @@ class Growth:
             times = np.empty(len(self.horizon))
             times[members] = step.start + step.length
             self.horizon[late] = times[late]
+
+
+@dataclass(eq=False)
+class Gains:
+    """What ln |v| has gained until each of the `times` (K,) in s, `rows` (K, S), NaN where none came; `last` is y.
+
+    Tangent vectors are brought back to length 1 after every step.  `report` hears how far (s) the slowest has come.
+    """
+
+    scale: Floats
+    times: Floats
+    begun: Floats
+    report: Callable[[float], object]
+    rows: Floats = field(init=False)
+    last: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        members = self.begun.shape[1]
+        self.rows, self.last = np.full((len(self.times), members), np.nan), self.begun.copy()
+        self._whole = Stretching(self.scale, members)
+        self._reached = np.zeros(members)
+
+    def see(self, step: Step) -> None:
+        """Times that fall into the step, then its end."""
+        end, half = step.start + step.length, len(self.begun)
+        due, until = (np.searchsorted(self.times, own, side="right") for own in (step.start, end))
+        columns = np.flatnonzero(step.taken & (due < until))
+        if len(columns):
+            inside, due, until = step.within(columns), due[columns], until[columns]
+            left = np.arange(len(columns))
+            while len(left):
+                own, time = columns[left], self.times[due[left]]
+                v = inside.take(left).at((time - step.start[own]) / step.length[own])[half:]
+                length = np.sqrt(np.sum((v / self.scale) ** 2, axis=0))
+                self.rows[due[left], step.member[own]] = self._whole.growth[step.member[own]] + np.log(length)
+                due[left] += 1
+                left = left[due[left] < until[left]]
+        self._whole.see(step)
+        own = step.member[step.taken]
+        self.last[:, own] = step.after[:half, step.taken]
+        self._reached[own] = end[step.taken]
+        self.report(float(self._reached.min()))
 
 
 @dataclass(eq=False)

@@ -26,8 +26,10 @@ STARTING = 1.0
 """Seconds of work left that are worth the start of other processes."""
 CHUNK = 256
 """The most points that are measured together."""
-BRIEF = 0.05
-"""Seconds that a portion takes at most before the next is no larger."""
+BRIEF, BRIEF_RUNS = 0.05, 2.0
+"""Seconds that a portion takes at most before the next is no larger; one of runs, which are sooner side by side."""
+TOGETHER, CHUNK_OF_RUNS = 64, 1024
+"""Points of the first portion of runs, and the most of any."""
 MOST_REASONS = 5
 NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
@@ -101,18 +103,19 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
-        size, seconds_left = 1, 0.0
+        size, seconds_left = TOGETHER if task.durations else 1, 0.0
+        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations else (BRIEF, CHUNK)
         while remaining and not (count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING):
             portion, before = list(islice(points, size)), monotonic()
             yield from _here(task, portion)
             taken = monotonic() - before
             remaining -= len(portion)
             seconds_left = taken / len(portion) * remaining
-            size = min(2 * size, CHUNK) if taken < BRIEF else max(1, size // 2)
+            size = min(2 * size, most) if taken < brief else max(1, size // 2)
     if not remaining:
         return
     count = crew.size if crew else min(count, remaining)
-    size = max(1, min(CHUNK, remaining // (8 * count)))
+    size = max(1, min(CHUNK, remaining // ((2 if task.durations else 8) * count)))
     portions: Iterator[Points] = iter(lambda: list(islice(points, size)), [])
     while True:
         with nullcontext(crew) if crew else processes(count) as used:

@@ -92,6 +92,14 @@ def numbers_of(scene: Scene, values: Values | None = None, system: System | None
     return Numbers(system or system_of(scene), (given.get(("gravity",), scene.gravity), *cart, *fields))
 
 
+def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
+    """Of scenes that differ in numbers alone."""
+    system = system_of(scenes[0])
+    rows = zip(*(numbers_of(scene, system=system).entries for scene in scenes), strict=True)
+    entries = [row[0] if all(own == row[0] for own in row) else np.array(row) for row in rows]
+    return Numbers(system, tuple(entries))
+
+
 def _row(link: AnyLink, given: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
     """The entries of one link, with other values at some of its places."""
     mass, length, damping, stiffness = (
