@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from math import ceil, pi, radians
 
 import numpy as np
@@ -15,11 +16,11 @@ import numpy as np
 from modal.errors import ComputationError, SceneError, meant
 from modal.scene import Scene
 from modal.types import Complexes, Floats
-from nonlinear.averaging import AveragedEquations, RelativeEquilibrium
+from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, relative_equilibria
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Found, Section, Wanted
 from nonlinear.integration import estimate_timescales
-from nonlinear.synchronization import ENDING, theory_of_scene
+from nonlinear.synchronization import ENDING
 from nonlinear.synchronization.phases import from_rest, own_shapes
 from nonlinear.system import Layout, Numbers, System
 
@@ -138,9 +139,10 @@ def _configuration(context: Context, found: Found, ending: Floats) -> Columns:
     return {"configuration": np.where(fits, best + 1.0, 0.0)}
 
 
+@lru_cache(maxsize=4)
 def configurations(scene: Scene) -> tuple[RelativeEquilibrium, ...]:
     """The stable relative equilibria of a scene, in the order of `sync`; ComputationError where there is no theory."""
-    return tuple(state for state in theory_of_scene(scene).configurations if state.is_stable is not False)
+    return tuple(state for state in relative_equilibria(average(scene)) if state.is_stable is not False)
 
 
 def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Complexes:
