@@ -23,11 +23,12 @@ from nonlinear.integration.lanes import Task
 from nonlinear.integration.watches import UNKNOWN
 from nonlinear.system import Layout, Numbers
 
+SEEN = 0.4  # places a radian of the fastest motion at which the growth of errors is seen
 SHARED = 0.7  # of the speed of the lightest link if it had all the energy: what is reckoned with
 SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to length 1
 AT_ONCE = 1024  # members between whose places in memory no time is lost
-STEPS, SUBSTEPS = 4, 2  # of lanes in NumPy from one such place to the next, about; of the growth
-FINEST = 1e-3  # smallest share of a motion's size that tolerances are refined by
+STEPS, SUBSTEPS = 12, 3  # of lanes in NumPy from one such place to the next, about; of the growth
+FINEST, SPARED = 1e-5, 1e-2  # sizes of motions: the smallest that is told, and the largest that needs a finer series
 
 
 @dataclass(eq=False)
@@ -99,12 +100,14 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     events = Events(lanes.layout, y.shape[1])
-    places = np.linspace(0.0, wanted.duration, max(1, ceil(wanted.duration * _pace(numbers, lanes.layout, y))) + 1)
+    places = np.linspace(
+        0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * _pace(numbers, lanes.layout, y))) + 1
+    )
     grid = np.unique(np.concatenate((places, wanted.times)))
     seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
     judge = Judge(numbers, lanes.layout, scale, local)
     size = float(np.min(local / task.relative, initial=1.0))
-    tolerance = wanted.tolerance * 10.0 ** floor(log10(max(size, FINEST)))
+    tolerance = wanted.tolerance * min(1.0, 10.0 ** floor(log10(max(size, FINEST) / SPARED)))
     found = Found(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
     if wanted.times:
         found.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
@@ -129,7 +132,7 @@ def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
 
 
 def _pace(numbers: Numbers, layout: Layout, y: Floats) -> float:
-    """Places a second at which the growth of errors is seen: a radian of the fastest motion apart."""
+    """The pace of the fastest motion (rad/s)."""
     accounts = Accounts(numbers, layout)
     energy = accounts.energies(y, accounts.coasting(y)).total - accounts.lowest
     groups = numbers.arrays.groups
@@ -157,7 +160,7 @@ def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wan
             seen += [("rest", half + start + link, 0.0, events.widest(link)) for link in range(layout.links)]
         if section := wanted.section:
             seen.append(("level" if section.row < start else "sin", section.row, section.level, events.passed(section)))
-    return taylor.batch_integrator(written.rates, len(constants), task.lanes.size, tolerance, seen)
+    return taylor.batch_integrator(written.text, written.rates, len(constants), task.lanes.size, tolerance, seen)
 
 
 def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: Events | None, found: Found) -> Floats:
@@ -195,7 +198,8 @@ class Judge:
         self.lanes = Lanes(numbers, tangent=True)
         self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
         self.constants = self.lanes.written.constants(numbers)
-        self.product = taylor.evaluator(self.lanes.written.rates, len(self.constants), self.lanes.size)
+        written = self.lanes.written
+        self.product = taylor.evaluator(written.text, written.rates, len(self.constants), self.lanes.size)
 
     def see(self, own: slice, grid: Floats, rows: Floats, found: Found) -> None:
         """Members with y (K, size, S) at evenly spaced times."""

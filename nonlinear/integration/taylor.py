@@ -213,40 +213,59 @@ EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
 """Of a component of y: an angle at the top, an angle at a level, anything at a level, anything at zero."""
 
 
-def batch_integrator(
-    rates: Callable[..., Callable[[Any], Sequence[Any]]],
-    constants: int,
-    size: int,
-    tolerance: float,
-    seen: Sequence[Seen] = (),
-) -> Any:
+_BATCHES: dict[tuple[str, int, float], Any] = {}
+_EVALUATORS: dict[tuple[str, int], Any] = {}
+"""What has been compiled in this process for members side by side, by its text, its size and its tolerance."""
+Rates = Callable[..., Callable[[Any], Sequence[Any]]]
+
+
+def batch_integrator(text: str, rates: Rates, constants: int, size: int, tolerance: float, seen: Sequence[Seen]) -> Any:
     """Heyoka's integrator for as many members at a time as fit into a register; so many constants are parameters.
 
-    `rates` makes the derivative of y (size) from sine, cosine and these.
+    `rates` makes the derivative of y (size) from sine, cosine and these, as the `text` has it.
     """
+    known = text, size, tolerance
+    if not seen and known in _BATCHES:
+        return _BATCHES[known]
     heyoka = _heyoka()
-    width = heyoka.recommended_simd_size()
-    y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
-    found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
-    equations = [(one, heyoka.expression(0.0) + its) for one, its in zip(y, found, strict=True)]
+    width, y = heyoka.recommended_simd_size(), _components(size)
     events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
-    more = {"nt_events": events} if events else {}
     with undisturbed():
-        return heyoka.taylor_adaptive_batch(
-            equations,
+        found = heyoka.taylor_adaptive_batch(
+            list(zip(y, _rates(rates, constants, y), strict=True)),
             np.zeros((size, width)),
             pars=np.zeros((constants, width)),
             tol=uneven(tolerance),
             compact_mode=size > 4 * UNROLLED,
             fast_math=True,
-            **more,
+            **({"nt_events": events} if events else {}),
         )
+    if not seen:
+        _kept(_BATCHES, known, found)
+    return found
 
 
-def evaluator(rates: Callable[..., Callable[[Any], Sequence[Any]]], constants: int, size: int) -> Any:
+def evaluator(text: str, rates: Rates, constants: int, size: int) -> Any:
     """The y' of many y (size, S) and constants as a compiled function, with vector registers."""
+    if (text, size) not in _EVALUATORS:
+        heyoka, y = _heyoka(), _components(size)
+        with undisturbed():
+            _kept(_EVALUATORS, (text, size), heyoka.cfunc(_rates(rates, constants, y), vars=y, fast_math=True))
+    return _EVALUATORS[text, size]
+
+
+def _components(size: int) -> list[Any]:
     heyoka = _heyoka()
-    y = [heyoka.expression(f"y{i:03d}") for i in range(size)]
+    return [heyoka.expression(f"y{i:03d}") for i in range(size)]
+
+
+def _rates(rates: Rates, constants: int, y: Sequence[Any]) -> list[Any]:
+    heyoka = _heyoka()
     found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
-    with undisturbed():
-        return heyoka.cfunc([heyoka.expression(0.0) + one for one in found], vars=y, fast_math=True)
+    return [heyoka.expression(0.0) + one for one in found]
+
+
+def _kept(known: dict[Any, Any], key: Any, found: Any) -> None:
+    while len(known) >= MOST_KEPT:
+        del known[next(iter(known))]
+    known[key] = found
