@@ -112,9 +112,14 @@ def find_basins(
         raise KeyboardInterrupt
     if len(found.failures) == found.size:
         raise SceneError([f"every start failed: {next(iter(found.failures.values()))}"])
-    names = ("none of these", *map(agreement, configurations(own))) if measure == "configuration" else ()
+    names = _names(own) if measure == "configuration" else ()
     column = EARLIEST if measure == "first_turn" else next(name for name in found.columns if name.startswith(measure))
     return Basins(found, column, names)
+
+
+def _names(scene: Scene) -> tuple[str, ...]:
+    """What a configuration is called, by its number."""
+    return ("none of these", *(f"{agreement(one)}, mode {one.number}" for one in configurations(scene)))
 
 
 def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:

@@ -150,6 +150,7 @@ def ensemble(
     folder: str | os.PathLike[str] | None = None,
     check: int = CHECKED,
     chunk: int | None = None,
+    share: tuple[int, int] | None = None,
     workers: int | None = None,
     crew: WorkerPool | None = None,
     report: Report = lambda done: None,
@@ -165,6 +166,7 @@ def ensemble(
 
     `engine` is "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`) or "simulate", one by one, which
     takes every scene.  In a `folder` each `chunk` of members is a file; a call that was killed goes on there.
+    `share=(k, n)`, k from 0, computes every n-th chunk alone, for n processes that know nothing of each other.
     `workers` is a number of processes, 1 to stay in this one; `crew` is for other executors.  Results do not depend on
     either.  `report` hears how many members are done.  On Ctrl-C what is known is returned.
 
@@ -173,7 +175,16 @@ def ensemble(
     validate_scene(scene)
     question, reason = _question(scene, duration, starts, vary, output, tolerance, measures, engine, check, chunk)
     parts = None if folder is None else Parts(folder, question)
-    return _run(question, reason, parts, workers, crew, report)
+    left = _left(question, parts, share)
+    return _run(question, reason, parts, left, workers, crew, report)
+
+
+def _left(question: Question, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
+    """The chunks to compute; SceneError for a share that cannot be."""
+    one, of = share or (0, 1)
+    if not 0 <= one < of:
+        raise SceneError([f"share {share}: must be a number from 0 on and how many there are"])
+    return [number for number in range(one, question.chunks, of) if not (parts and parts.done(number))]
 
 
 def _question(
@@ -224,10 +235,15 @@ def _times(scene: Scene, duration: float, output: Output) -> tuple[float, ...]:
 
 
 def _run(
-    question: Question, reason: str, parts: Parts | None, workers: int | None, crew: WorkerPool | None, report: Report
+    question: Question,
+    reason: str,
+    parts: Parts | None,
+    left: Sequence[int],
+    workers: int | None,
+    crew: WorkerPool | None,
+    report: Report,
 ) -> Ensemble:
     kept: dict[int, Chunk] = {}
-    left = [number for number in range(question.chunks) if not (parts and parts.done(number))]
     done = question.members.size - sum(_size(question, number) for number in left)
     report(done)
     interrupted = False

@@ -23,11 +23,11 @@ from nonlinear.integration.lanes import Task
 from nonlinear.integration.watches import UNKNOWN
 from nonlinear.system import Layout, Numbers
 
-SEEN = 0.4  # places a radian of the fastest motion at which the growth of errors is seen
+SEEN = 0.6  # places a radian of the fastest motion at which the growth of errors is seen
 SHARED = 0.7  # of the speed of the lightest link if it had all the energy: what is reckoned with
 SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to length 1
 AT_ONCE = 1024  # members between whose places in memory no time is lost
-STEPS, SUBSTEPS = 12, 3  # of lanes in NumPy from one such place to the next, about; of the growth
+STEPS, SUBSTEPS = 8, 3  # of lanes in NumPy from one such place to the next, about; of the growth
 FINEST, SPARED = 1e-5, 1e-2  # sizes of motions: the smallest that is told, and the largest that needs a finer series
 
 

@@ -197,3 +197,14 @@ def test_a_dask_worker_that_is_killed_changes_nothing(
     with cluster(cluster_of_two.scheduler_address) as crew:  # type: ignore[attr-defined]
         run(tmp_path, crew=crew, report=killing)
     assert contents(tmp_path) == alone
+
+
+def test_shares_make_up_the_whole(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    """Three calls that know nothing of each other, and one that puts their parts together."""
+    for number in (2, 0, 1):
+        part = run(tmp_path, share=(number, 3))
+        assert np.isnan(part.energy_drift).any() == (number != 1)
+    assert contents(tmp_path) == alone
+    assert np.isfinite(run(tmp_path).energy_drift).all()
+    with pytest.raises(SceneError, match="share"):
+        run(tmp_path, share=(3, 3))
