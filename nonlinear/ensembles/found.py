@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -54,6 +56,23 @@ class Found:
     crossed: Crossed | None = None
 
 
-def nothing(size: int, members: int) -> Found:
-    """Before anything is found."""
-    return Found(np.full((size, members), np.nan), np.full(members, np.nan), np.full(members, np.nan))
+AXES = {"y": 1, "error": 0, "horizon": 0, "rows": 0, "first_turns": 1, "largest": 0, "stretching": 0}
+"""Along which members stand in each array."""
+
+
+def merged(parts: Sequence[tuple[Ints, Found]]) -> Found:
+    """What was found of groups of members, each with their numbers among all."""
+    order = np.argsort(np.concatenate([members for members, _ in parts]))
+    arrays: dict[str, Any] = {
+        name: np.take(np.concatenate([getattr(one, name) for _, one in parts], axis=axis), order, axis=axis)
+        for name, axis in AXES.items()
+        if getattr(parts[0][1], name) is not None
+    }
+    reasons = {int(members[k]): reason for members, one in parts for k, reason in one.reasons.items()}
+    crossed = [(members[one.crossed[0]], *one.crossed[1:]) for members, one in parts if one.crossed is not None]
+    found = Found(**arrays, reasons=reasons)
+    if crossed:
+        members, times, rows = (np.concatenate(own) for own in zip(*crossed, strict=True))
+        by_member = np.lexsort((times, members))
+        found.crossed = members[by_member], times[by_member], rows[by_member]
+    return found

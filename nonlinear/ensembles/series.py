@@ -16,7 +16,7 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
-from nonlinear.ensembles.found import Found, Section, Wanted
+from nonlinear.ensembles.found import Found, Section, Wanted, merged
 from nonlinear.ensembles.lanes import stretched, task_of
 from nonlinear.integration import taylor
 from nonlinear.integration.lanes import Task
@@ -96,7 +96,19 @@ def _at(integrator: Any, time: float, lane: int) -> Floats:
 
 
 def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
-    """Members with these numbers from y (size, S) on; MissingExtraError without heyoka."""
+    """Members with these numbers from y (size, S) on; MissingExtraError without heyoka.
+
+    Small motions need finer series than the others, which then go by themselves.
+    """
+    task, _, local = task_of(Lanes(numbers), numbers, y, wanted)
+    small = local < SPARED * task.relative
+    if not 0 < np.count_nonzero(small) < len(small):
+        return _run(numbers, y, wanted)
+    groups = [np.flatnonzero(own) for own in (~small, small)]
+    return merged([(own, _run(numbers.at(own), np.ascontiguousarray(y[:, own]), wanted)) for own in groups])
+
+
+def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     events = Events(lanes.layout, y.shape[1])

@@ -151,3 +151,16 @@ def test_members_by_taylor_series_are_those_of_lanes() -> None:
             np.testing.assert_allclose(other, one, atol=2e-6, rtol=2e-6, err_msg=name)
     ratio = found("heyoka").column("error_rad") / found().column("error_rad")
     assert np.all((ratio > 1e-3) & (ratio < 1e3))
+
+
+@pytest.mark.slow
+def test_small_motions_by_taylor_series_keep_their_relative_accuracy() -> None:
+    """Beside larger ones, which go by themselves; everything comes back in its place."""
+    pytest.importorskip("heyoka")
+    starts = ANGLES * np.array([1.0, 1e-4, 1.0, 1e-6, 1e-3, 1.0])[:, None]
+    options = {"starts": starts, "workers": 1, "check": 0, "output": "end", "measures": ["section:theta[1,1]>0"]}
+    one, other = (ensemble(load("chain-2"), DURATION, engine=name, **options) for name in ("numpy", "heyoka"))
+    size = np.abs(starts).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(other.column("links_rad") / size, one.column("links_rad") / size, atol=1e-6)
+    np.testing.assert_array_equal(other.column("crossing_member"), one.column("crossing_member"))
+    np.testing.assert_allclose(other.column("crossing_time_s"), one.column("crossing_time_s"), atol=1e-6)
