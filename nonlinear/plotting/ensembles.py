@@ -16,6 +16,7 @@ from nonlinear.ensembles import Basins, PoincareSection, Spread
 from nonlinear.plotting.sweeps import edges, label
 
 DECADES = 5.0  # the ratio of largest to smallest from which colours go by ratios
+WIDEST = 60.0  # and no more of first turns, some of which begin at the top
 MOST_BANDS = 4  # links whose motion is drawn
 FEW_MODES = 6
 TITLES = {
@@ -69,8 +70,11 @@ def _shades(figure: Figure, axis: Axes, found: Basins) -> None:
     known = shown.compressed()
     if not known.size:
         return
-    ratio = known.min() > 0 and known.max() > DECADES * known.min()
-    norm = (LogNorm if ratio else Normalize)(known.min(), known.max())
+    low, high = float(known.min()), float(known.max())
+    if found.column == "first_turn_s":
+        low = max(low, high / WIDEST)
+    ratio = low > 0 and high > DECADES * low
+    norm = (LogNorm if ratio else Normalize)(low, high)
     mesh = axis.pcolormesh(edges(x), edges(y), shown, norm=norm, rasterized=True, lw=0)
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
     bar.set_label(label(found.column))
@@ -91,7 +95,7 @@ def section_figure(found: PoincareSection) -> Figure:
     axis = figure.subplots()
     angle, rate = found.points()
     orbit = found.orbit.astype(int)
-    size = float(np.clip(4000 / max(len(orbit), 1), 0.4, 6.0))
+    size = float(np.clip(4000 / max(len(orbit), 1), 1.8, 6.0))
     for number in range(found.ensemble.size):
         own = orbit == number
         axis.plot(angle[own], rate[own], ".", ms=size, mew=0, color=colour(number))
