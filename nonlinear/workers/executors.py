@@ -5,10 +5,9 @@ from __future__ import annotations
 import os
 import signal
 from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
 from itertools import islice
-from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 from typing import NamedTuple, TypeVar
 
@@ -42,6 +41,9 @@ def processes(count: int) -> Iterator[WorkerPool]:
     An error or Ctrl-C in the block ends them at once, and so does the end of this process, however it comes.  Raises
     ComputationError where they cannot start.
     """
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import active_children, get_context
+
     others = set(active_children())
     with _one_thread_each():
         pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begun)
@@ -63,13 +65,15 @@ def _begun() -> None:
 
 
 def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
     parent = parent_process()
     if parent:
         parent.join()
         os._exit(1)
 
 
-def _start(pool: ProcessPoolExecutor, count: int) -> None:
+def _start(pool: Executor, count: int) -> None:
     try:
         with deaf_children():
             first, *_ = [pool.submit(int) for _ in range(count)]
