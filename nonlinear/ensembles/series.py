@@ -23,11 +23,11 @@ from nonlinear.integration.lanes import Task
 from nonlinear.integration.watches import UNKNOWN
 from nonlinear.system import Layout, Numbers
 
-SEEN = 0.6  # places a radian of the fastest motion at which the growth of errors is seen
+SEEN = 0.12  # places a radian of the fastest motion from which the growth of errors is seen
 SHARED = 0.7  # of the speed of the lightest link if it had all the energy: what is reckoned with
 SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to length 1
 AT_ONCE = 1024  # members between whose places in memory no time is lost
-STEPS, SUBSTEPS = 8, 3  # of lanes in NumPy from one such place to the next, about; of the growth
+STEP, STEPS = 0.7, 3  # radians of it in a step of the estimate, and steps of lanes in NumPy in that time
 FINEST, SPARED = 1e-5, 1e-2  # sizes of motions: the smallest that is told, and the largest that needs a finer series
 
 
@@ -112,9 +112,8 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     lanes = Lanes(numbers)
     task, scale, local = task_of(lanes, numbers, y, wanted)
     events = Events(lanes.layout, y.shape[1])
-    places = np.linspace(
-        0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * _pace(numbers, lanes.layout, y))) + 1
-    )
+    pace = _pace(numbers, lanes.layout, y)
+    places = np.linspace(0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * pace)) + 1)
     grid = np.unique(np.concatenate((places, wanted.times)))
     seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
     judge = Judge(numbers, lanes.layout, scale, local)
@@ -130,7 +129,7 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
         found.y[:, own] = rows[-1]
         if found.rows is not None:
             found.rows[own] = rows[kept].transpose(2, 0, 1)
-        judge.see(own, places, rows[seen], found)
+        judge.see(own, places, rows[seen], pace, found)
     if wanted.first_turns:
         found.first_turns = events.turns
     if wanted.largest:
@@ -192,64 +191,62 @@ def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: E
         integrator.state[:] = task.begun[:, members[taken]]
         integrator.pars[:] = constants[:, taken]
         rows[..., at : at + count] = integrator.propagate_grid(wide)[1][..., :count]
-        for lane in range(count):
-            if not np.all(np.isfinite(rows[-1, :, at + lane])):
-                reason = f"taylor stopped at {integrator.time[lane]:.9g} s: its series overflow"
-                found.reasons[int(members[at + lane])] = reason
+    for lane in np.flatnonzero(~np.isfinite(rows[-1]).all(0)):
+        known = int(np.isfinite(rows[..., lane]).all(1).sum())
+        found.reasons[int(members[lane])] = f"taylor stopped after {grid[max(known - 1, 0)]:.9g} s: its series overflow"
     return rows
 
 
 class Judge:
     """Estimates errors and horizons as `nonlinear.integration.watches.Growth` does, from places of a grid.
 
-    The tangent equations, compiled, go on by the classical Runge-Kutta method, y between two places being the cubic
-    that has both ends and both slopes.
+    From each place y and a tangent vector go on together by the classical Runge-Kutta method, with compiled rates,
+    until the next place, where y is known again.
     """
 
     def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats) -> None:
-        self.lanes = Lanes(numbers, tangent=True)
+        lanes = Lanes(numbers, tangent=True)
         self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
-        self.constants = self.lanes.written.constants(numbers)
-        written = self.lanes.written
-        self.product = taylor.evaluator(written.text, written.rates, len(self.constants), self.lanes.size)
+        self.constants, written = lanes.written.constants(numbers), lanes.written
+        self.rates = taylor.evaluator(written.text, written.rates, len(self.constants), lanes.size)
 
-    def see(self, own: slice, grid: Floats, rows: Floats, found: Found) -> None:
-        """Members with y (K, size, S) at evenly spaced times."""
+    def see(self, own: slice, grid: Floats, rows: Floats, pace: float, found: Found) -> None:
+        """Members with y (K, size, S) at evenly spaced times (s), of a motion of this pace (rad/s)."""
         size, members = self.size, rows.shape[2]
-        scale = np.broadcast_to(self.scale if self.scale.shape[1] == 1 else self.scale[:, own], (size, members))
+        scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, own]
         given = np.array([np.broadcast_to(one[own] if np.ndim(one) else one, members) for one in self.constants])
         given = np.ascontiguousarray(given.reshape(len(self.constants), members))
-        both, length = np.empty((2 * size, members)), grid[1] - grid[0]
-
-        def rates(y: Floats, v: Floats) -> Floats:
-            both[:size], both[size:] = y, v
-            return np.asarray(self.product(inputs=both, pars=given))
-
-        v, step = scale * size**-0.5, length / SUBSTEPS
-        slope = rates(rows[0, :size], v)[:size]
+        steps = max(1, ceil((grid[1] - grid[0]) * pace / STEP))
+        step = (grid[1] - grid[0]) / steps
+        both, tried = np.empty((2, 2 * size, members))
+        slopes = np.empty((4, 2 * size, members))
+        both[size:] = scale * size**-0.5
         error, horizon = np.zeros(members), np.full(members, inf)
         with np.errstate(all="ignore"):
             for k in range(1, len(grid)):
-                before, after, begun = rows[k - 1, :size], rows[k, :size], slope
-                slope = rates(after, v)[:size]
-                for part in range(SUBSTEPS):
-                    y = [_cubic((part + at) / SUBSTEPS, length, before, after, begun, slope) for at in (0.0, 0.5, 1.0)]
-                    one = rates(y[0], v)[size:]
-                    two = rates(y[1], v + step / 2 * one)[size:]
-                    three = rates(y[1], v + step / 2 * two)[size:]
-                    v = v + step / 6 * (one + 2 * (two + three) + rates(y[2], v + step * three)[size:])
+                both[:size] = rows[k - 1, :size]
+                for _ in range(steps):
+                    self._go(step, both, tried, slopes, given)
+                v = both[size:]
                 grown = np.sqrt(np.sum((v / scale) ** 2, axis=0))
                 v /= grown
-                error = error * grown + STEPS * self.local[own]
+                error = error * grown + steps * STEPS * self.local[own]
                 horizon = np.where((error > UNKNOWN) & (horizon == inf), grid[k], horizon)
         found.error[own], found.horizon[own] = error, horizon
 
-
-def _cubic(x: float, length: float, before: Floats, after: Floats, one: Floats, two: Floats) -> Floats:
-    """The y at a part of a stretch with these ends and slopes."""
-    moved, rest = after - before, 1 - x
-    bent = rest * (length * one - moved) - x * (length * two - moved)
-    return np.asarray(before + x * (moved + rest * bent))
+    def _go(self, step: float, both: Floats, tried: Floats, slopes: Floats, given: Floats) -> None:
+        """One step of y and v together, in place."""
+        self.rates(inputs=both, outputs=slopes[0], pars=given)
+        for stage, part in ((1, step / 2), (2, step / 2), (3, step)):
+            np.multiply(slopes[stage - 1], part, out=tried)
+            tried += both
+            self.rates(inputs=tried, outputs=slopes[stage], pars=given)
+        slopes[1] += slopes[2]
+        slopes[1] *= 2
+        slopes[0] += slopes[1]
+        slopes[0] += slopes[3]
+        slopes[0] *= step / 6
+        both += slopes[0]
 
 
 def _stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
