@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from math import inf
 
@@ -11,15 +12,17 @@ from nonlinear.ensembles.question import COMPILED, LANES, ONE_BY_ONE, PLAIN, SER
 from nonlinear.integration import taylor_takes
 
 ENGINES = (LANES, COMPILED, SERIES, PLAIN)
-SOONER = {LANES: 1.0, COMPILED: 4.0, SERIES: 6.0}
-"""How many times as fast as lanes in NumPy an engine is once it runs."""
+SOONER = {LANES: 1.0, COMPILED: 5.0, SERIES: 7.0}
+SOONER_WITHIN = {LANES: 1.0, COMPILED: 7.0, SERIES: 4.0}
+"""How many times as fast as lanes in NumPy an engine is once it runs, also where much is looked for within steps."""
+WITHIN = {"largest_angle", "section"}
 BEFORE = {LANES: 0.05, COMPILED: 7.0, SERIES: 3.0}
 """Seconds to load and compile."""
 NEEDS = {LANES: "numpy", COMPILED: "numba", SERIES: "heyoka"}
 
 
 def choose_engine(
-    asked: str, why_not: str, members: Members, duration: float, tolerance: float, measured: bool
+    asked: str, why_not: str, members: Members, duration: float, tolerance: float, measures: Sequence[str] = ()
 ) -> tuple[str, str]:
     """The engine for these members, and why; SceneError for one that cannot take them."""
     if asked not in ("auto", *ENGINES):
@@ -34,15 +37,16 @@ def choose_engine(
         raise SceneError([f"engine {asked}: takes shorter chains and fewer links"])
     if asked != "auto":
         return asked, "as asked for"
-    seconds = {name: _seconds(name, members, duration, tolerance) for name in SOONER}
+    sooner = SOONER_WITHIN if WITHIN & set(measures) else SOONER
+    seconds = {name: _seconds(name, members, duration, tolerance, sooner[name]) for name in SOONER}
     best = min(seconds, key=seconds.__getitem__)
     return best, f"the fastest for so many, about {seconds[best]:.2g} s on one core"
 
 
-def _seconds(name: str, members: Members, duration: float, tolerance: float) -> float:
+def _seconds(name: str, members: Members, duration: float, tolerance: float, sooner: float) -> float:
     if not find_spec(NEEDS[name]) or (name == SERIES and not taylor_takes(members.scene)):
         return inf
-    return BEFORE[name] + members.size * seconds_each(members.scene, duration, tolerance) / SOONER[name]
+    return BEFORE[name] + members.size * seconds_each(members.scene, duration, tolerance) / sooner
 
 
 def seconds_of(question: Question, chunks: int) -> float:
