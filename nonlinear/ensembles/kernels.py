@@ -26,6 +26,7 @@ from modal.scene import whole_file
 from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.integration.watches import ASIDE, UNKNOWN
 
+COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
 WIDTH, ROWS = 16, 8  # lanes; numbers of each beside those of its links
 HEAD = '''"""Written by multipendula, which writes it again if it is changed."""
 from math import floor, log, sqrt
@@ -292,16 +293,17 @@ def path_of(text: str) -> Path:
     return folder() / f"lanes_{sha256(text.encode()).hexdigest()[:20]}.py"
 
 
-def kept(lanes: Lanes) -> bool:
-    """Whether the module has been compiled on this machine."""
-    path = path_of(source(lanes))
-    return path.exists() and any(path.parent.rglob(f"{path.stem}.run-*.nbi"))
+def compiled_at(path: Path) -> bool:
+    """Whether the module of this name has been compiled on this machine."""
+    return path.exists() and any(path.parent.parent.rglob(f"{path.stem}.run-*.nbi"))
 
 
 @lru_cache(maxsize=32)
 def module_of(text: str) -> ModuleType:
     """The module with this text, on disk where there is a place for it."""
     path = path_of(text)
+    if not compiled_at(path) and sys.stderr.isatty():
+        print(COMPILING, file=sys.stderr)
     try:
         path = _written(path, text)
     except OSError:

@@ -126,6 +126,14 @@ def summed(shares: Sequence[tuple[int, float]], stages: Floats, found: Floats, w
         found += work
 
 
+def squared(rows: Floats) -> Floats:
+    """The sum of the squares of each column, row by row: the same for a column whatever stands beside it."""
+    found = rows[0] * rows[0]
+    for row in rows[1:]:
+        found += row * row
+    return np.asarray(found)
+
+
 def fill(rates: Any, found: Floats) -> None:
     """Rows, each an array or one number, into an array."""
     for row, rate in zip(found, rates, strict=True):
@@ -214,7 +222,7 @@ class Front:
         for shares in (FIFTH, THIRD):
             summed(shares, self.stages, sums, work)
             sums /= scale
-            squares.append(np.einsum("ij,ij->j", sums, sums))
+            squares.append(squared(sums))
         fifth, third = squares
         both = fifth + 0.01 * third
         with np.errstate(invalid="ignore", divide="ignore"):

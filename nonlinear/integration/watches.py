@@ -13,7 +13,7 @@ from math import inf, pi
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.integration.lanes import Step
+from nonlinear.integration.lanes import Step, squared
 from nonlinear.system import Layout
 
 TURN = 2 * pi
@@ -200,7 +200,7 @@ class Growth:
             v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / ASIDE)
         v[:half] += step.length * v[half:]
         v /= scale
-        grown = np.sqrt(np.einsum("ij,ij->j", v, v))
+        grown = np.sqrt(squared(v))
         v /= grown
         taken = step.taken & np.isfinite(grown) & (grown > 0)
         error = self.error[members] * grown + self.local[members]

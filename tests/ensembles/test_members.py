@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from amounts import usually
 from scenes import plane_scene
 
 from modal import load
@@ -103,9 +104,9 @@ def random_state(scene: Scene, seed: int) -> State:
     return State(links, rng.uniform(-1, 1, system.n_links), *map(float, cart))
 
 
-@pytest.mark.parametrize("first", range(0, 200, 50))
+@pytest.mark.parametrize("first", usually([0], range(0, 200, 50)))
 def test_members_agree_with_runs_by_themselves(first: int) -> None:
-    """Random scenes of all kinds: carts, unequal pendula, joint springs and dampers, drives."""
+    """Random scenes of all kinds, 200 in all: carts, unequal pendula, joint springs and dampers, drives."""
     for seed in range(first, first + 50):
         scene = plane_scene(seed) if seed % 4 == 0 else driven_scene(seed)
         states = [random_state(scene, seed + k) for k in range(2)]

@@ -49,14 +49,14 @@ def test_the_map_of_first_turns_has_its_symmetry_and_agrees_with_runs() -> None:
 
 @pytest.mark.slow
 def test_basins_of_two_clocks_are_those_that_sync_finds() -> None:
-    """Van der Pol clocks on a beam with a damper: where each of nine starts ends is what `sync` sees of it."""
+    """Van der Pol clocks on a beam with a damper: where each of four starts ends is what `sync` sees of it."""
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.2, angle_deg=5.0)),)
     scene = Scene(gravity=9.81, support=Cart(mass=20.0, damping=2.0), pendulum=[Pendulum(links=links)] * 2)
-    grid = [f"pendulum[{p}].start.angles_deg[0]=-12,2,9" for p in range(2)]
+    grid = [f"pendulum[{p}].start.angles_deg[0]=-12,9" for p in range(2)]
     found = find_basins(scene, 250.0, vary=grid, workers=1)
     assert found.column == "configuration"
-    for i, one in enumerate((-12, 2, 9)):
-        for j, other in enumerate((-12, 2, 9)):
+    for i, one in enumerate((-12, 9)):
+        for j, other in enumerate((-12, 9)):
             start = State(np.radians([one, other]), np.zeros(2))
             study = study_synchronization(scene, 250.0, start=start)
             words = found.names[int(found.values[i, j])].partition(",")[0]
