@@ -170,7 +170,8 @@ class Modes(Sequence[Mode]):
     @cached_property
     def notes(self) -> tuple[str, ...]:
         """What was left out or approximated, and why."""
-        found = notes(self._natural, self.spectrum.sources)
+        with np.errstate(all="ignore"):
+            found = notes(self._natural, self.spectrum.sources)
         return *found, *[UNDRIVEN] * self.scene.is_driven, *[SELECTED] * self.selected
 
     @cached_property
