@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from difflib import get_close_matches
 from itertools import islice
 
 from modal.report import visible
@@ -62,5 +61,7 @@ def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> 
     >>> meant("lenght", ["mass", "length"])
     ' (did you mean length?)'
     """
+    from difflib import get_close_matches
+
     found = get_close_matches(word, list(known), most, near)
     return f" (did you mean {' or '.join(found)}?)" if found else ""

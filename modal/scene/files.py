@@ -8,10 +8,8 @@ import sys
 import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
-from secrets import token_hex
 from threading import Timer
 from typing import IO, Any
 
@@ -32,7 +30,7 @@ _DEEP = re.compile(
     re.VERBOSE,
 )
 """A key too deep, or else a text or a comment, which may look like one."""
-SHIPPED = files("modal.scene") / "shipped"
+SHIPPED = Path(__file__).parent / "shipped"
 
 
 def load(source: str | os.PathLike[str]) -> Scene:
@@ -153,7 +151,7 @@ def _print(content: bytes) -> None:
 
 @contextmanager
 def _temporary(target: Path) -> Iterator[IO[bytes]]:
-    temporary = target.parent / f".multipendula-{token_hex(8)}"
+    temporary = target.parent / f".multipendula-{os.urandom(8).hex()}"
     try:
         with open(temporary, "xb") as stream:
             yield stream
