@@ -27,7 +27,7 @@ TRIED = ("way", "tolerance", "time (ms)", "derivatives", "error (rad)")
 
 
 def tradeoff_table(found: WorkPrecision, form: str) -> str:
-    """Every candidate as text, markdown, csv (one line a candidate) or json, the `form`."""
+    """Every candidate as text, markdown, csv (one line per candidate) or json, as `form` says."""
     records = [_record(found, row) for row in found.rows]
     if form == "json":
         return as_json(_whole(found, records))
@@ -120,7 +120,7 @@ def _whole(found: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any
 
 
 def advice_table(advice: Advice, form: str) -> str:
-    """Every attempt as text, markdown, csv (one line an attempt) or json, the `form`."""
+    """Every attempt as text, markdown, csv (one line per attempt) or json, as `form` says."""
     records = [_attempt_record(attempt) for attempt in advice.attempts]
     if form == "json":
         return as_json(_advice_whole(advice, records))
