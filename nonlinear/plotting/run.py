@@ -106,7 +106,7 @@ def _cart(axis: Axes, trajectory: Trajectory) -> None:
 
 
 def _energies(axis: Axes, trajectory: Trajectory) -> None:
-    """Kinetic and potential energy of one pendulum on a fixed support, else the energy of each body."""
+    """Kinetic and potential energy of one pendulum on a fixed support, else the energies of pendula and cart."""
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
     potential = mechanics.of_pendula(mechanics.potential)
