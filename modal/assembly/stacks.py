@@ -1,4 +1,4 @@
-"""Scenes of one form as one set of arrays: the same pendula, links and support, and other numbers in each.
+"""Scenes of one form as one set of arrays: the same pendula, links and support, with different numbers in each.
 
 The natural units of every scene are powers of two as in `modal.assembly.arrays`, with g = 1.
 """
@@ -26,13 +26,13 @@ class Group:
 
     @property
     def numbers(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """All but the counts."""
+        """All arrays except the counts."""
         return self.mass, self.length, self.centre, self.inertia
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """S scenes in their natural units, of which one of angular frequency is `rate` (S,) in rad/s.
+    """S scenes in their natural units; `rate` (S,) is the unit of angular frequency in rad/s.
 
     `mass` and `stiffness` (S,) are those of the carts, None where the supports are fixed.
     """
@@ -45,7 +45,7 @@ class Stack:
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that can be stacked; None for those with dampers, joint springs or links that point up."""
+    """A key equal for scenes that can be stacked; None for those with dampers, joint springs or inverted links."""
     cart = scene.support if isinstance(scene.support, Cart) else None
     if cart and (cart.damping or not cart.mass):
         return None
@@ -58,7 +58,7 @@ def form_of(scene: Scene) -> Hashable:
 
 
 def can_stack(scenes: Sequence[Scene]) -> bool:
-    """Whether all scenes are of one form."""
+    """Whether all scenes have the same form."""
     form = form_of(scenes[0])
     return form is not None and all(form_of(scene) == form for scene in scenes)
 
@@ -82,7 +82,7 @@ def stacked(scenes: Sequence[Scene]) -> Stack:
 
 
 def _links(scenes: Sequence[Scene]) -> list[Floats]:
-    """Mass, length, centre and inertia (S, L) of all links as written."""
+    """Mass, length, centre and inertia (S, L) of all links as specified."""
     rows = [[link for pendulum in scene.pendulum for link in pendulum.links] for scene in scenes]
     mass, length = (np.array([[getattr(link, name) for link in row] for row in rows]) for name in ("mass", "length"))
     centre, inertia = np.empty_like(mass), np.empty_like(mass)
@@ -98,7 +98,7 @@ def _links(scenes: Sequence[Scene]) -> list[Floats]:
 
 
 def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
-    """The pendula with the column of their first link, those of one length together."""
+    """The pendula with the column of their first link, grouped by their number of links."""
     found: dict[int, list[tuple[Pendulum, int]]] = {}
     column = 0
     for pendulum in scene.pendulum:

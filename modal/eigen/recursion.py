@@ -45,7 +45,7 @@ def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
 
 
 class Swept(NamedTuple):
-    """Results of elimination in one direction: mass and energy at the joints (n + 1, P, R), the rest at the links (n, P, R).
+    """Results of elimination in one direction: mass, energy at joints (n + 1, P, R), the rest at links (n, P, R).
 
     `mass` is the effective mass of that side, `gain` the ratio of the far joint's displacement to the near one's,
     `turn` that of a to the near one's; for a joint displaced by 1, `energy` is twice the kinetic energy over ω² of that

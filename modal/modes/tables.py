@@ -37,7 +37,7 @@ class Column:
 
 
 def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
-    """At most so many significant digits, and no more than the bound on ω leaves certain."""
+    """At most `most` significant digits, and no more than the bound on ω allows."""
 
     def shown(mode: Mode) -> str:
         number, bound = value(mode), mode.relative_error_bound
@@ -108,7 +108,7 @@ COLUMNS = (
 
 
 def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False) -> str:
-    """These rows of `modes` as text, markdown, latex, csv, html or json, the `form`.
+    """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
     `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.
     """
@@ -127,7 +127,7 @@ def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
 
 
 def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
-    """JSON: the scene, its modes, the route that was taken and notes."""
+    """JSON: the scene, its modes, the routes taken and notes."""
     found = [{**record, "resonances": list(row.resonances)} for record, row in zip(_records(rows), rows, strict=True)]
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
