@@ -363,7 +363,8 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     at less cost for chains of more than ten links; without, every digit is right.  `modes` selects the modes to
     compute, counted from 0: `slice(0, 3)` of a long chain costs little.
 
-    >>> from modal import load >>> [round(mode.frequency, 4) for mode in natural_modes(load("rope"), modes=slice(1, 4))]
+    >>> from modal import load
+    >>> [round(mode.frequency, 4) for mode in natural_modes(load("rope"), modes=slice(1, 4))]
     [1.3758, 2.1569, 2.939]
 
     Raises ComputationError where double precision or memory does not suffice, ValueError for an accuracy that is not

@@ -67,11 +67,11 @@ class Link(Checked):
     count: Count = 1
 
     is_uniform: ClassVar[bool] = True
-    """Whether the centre goes as the length and the inertia as mass times length²."""
+    """Whether the centre scales with the length and the inertia with mass times length²."""
     extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness")
 
     def heavier(self, factor: int) -> Self:
-        """So many of it as one."""
+        """That many copies as one."""
         return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
 
 
@@ -81,7 +81,7 @@ class _Simple(Link):
     kind: str
 
     def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Centre and inertia for a mass and a length in numbers of any kind, which `scalar` makes of floats."""
+        """Centre and inertia for a mass and a length in numbers of any type, made from floats by `scalar`."""
         return pair.proportions(self.kind, m, l)
 
     @property
@@ -118,7 +118,7 @@ class Body(Link):
     extensive: ClassVar[tuple[str, ...]] = (*Link.extensive, "inertia")
 
     def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Its own centre and inertia, which `scalar` makes numbers of the kind of mass and length."""
+        """Its own centre and inertia, converted by `scalar` to the type of mass and length."""
         return scalar(self.centre), scalar(self.inertia)
 
     @model_validator(mode="after")
@@ -145,7 +145,7 @@ class InitialCondition(Checked):
 class Pendulum(Checked):
     """A chain of links, top to bottom, in `count` copies.
 
-    `equilibrium` says for each link whether it points down or up; the scene is linearized about that equilibrium.
+    `equilibrium` gives for each link whether it points down or up; the scene is linearized about that equilibrium.
     """
 
     links: Annotated[tuple[Annotated[AnyLink, Field(discriminator="kind")], ...], Field(min_length=1), Several]
@@ -160,7 +160,7 @@ class Pendulum(Checked):
 
     @property
     def ways(self) -> tuple[Way, ...]:
-        """Which way every link of one copy points at rest."""
+        """The direction of every link of one copy at equilibrium."""
         hanging: tuple[Way, ...] = ("down",)
         return self.equilibrium or hanging * self.n_links
 
@@ -241,12 +241,12 @@ class Scene(Checked):
 
     @property
     def in_plane(self) -> Scene:
-        """The same in the plane of the rail, without azimuths of its starts."""
+        """The same scene in the plane of the rail, without azimuths in its starts."""
         pendula = (one.replace(start=one.start and one.start.replace(azimuths_deg=None)) for one in self.pendulum)
         return self.replace(space="plane", pendulum=tuple(pendula))
 
     def _with(self, **joint: Any) -> Scene:
-        """The same with these numbers at every joint."""
+        """The same scene with these numbers at every joint."""
         links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
         pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
         return self.replace(pendulum=tuple(pendula))
@@ -257,7 +257,7 @@ class Scene(Checked):
         return any("up" in pendulum.ways for pendulum in self.pendulum)
 
     def links(self) -> Iterator[Bob | Rod | Body]:
-        """Every link as written: copies and runs of equal links once each."""
+        """Every link as specified: copies and runs of equal links once each."""
         return (link for pendulum in self.pendulum for link in pendulum.links)
 
     @field_validator("title")
@@ -291,7 +291,7 @@ def validate_scene(given: object) -> Scene:
 
 
 def scene_from(data: object) -> Scene:
-    """The scene that nested mappings describe, as a scene file does; SceneError names every mistake."""
+    """The scene described by nested mappings, as in a scene file; SceneError lists every mistake."""
     try:
         return Scene.model_validate(data)
     except ValidationError as error:

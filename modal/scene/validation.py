@@ -53,7 +53,7 @@ Real = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
 
 
 def _whole(value: object) -> object:
-    """NumPy's whole numbers as Python's; True and False are none."""
+    """NumPy's whole numbers as Python's; True and False are rejected."""
     try:
         return value if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
     except TypeError:
@@ -61,7 +61,7 @@ def _whole(value: object) -> object:
 
 
 def _several(value: object) -> object:
-    """What is to be a list; a part by itself is none, though its fields could be gone through."""
+    """A value that must be a list; a single part is rejected, although its fields could be iterated."""
     if isinstance(value, BaseModel):
         raise ValueError(f"must be a list: write [{type(value).__name__}(…)]")
     return value
@@ -112,7 +112,7 @@ class Checked(BaseModel, metaclass=_Raising):
         return type(self)(**{name: getattr(self, name) for name in type(self).model_fields} | changes)
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Pydantic's way to the same: `update` is checked as in `replace`."""
+        """Pydantic's equivalent: `update` is checked as in `replace`."""
         return self.replace(**update) if update else super().model_copy(deep=deep)
 
     def copy(self, **options: Any) -> Self:
@@ -134,21 +134,21 @@ P = TypeVar("P", bound=BaseModel)
 
 
 def validate(part: P, problems: Iterable[str]) -> P:
-    """The part itself; ValueError with one line a problem."""
+    """The part itself; ValueError with one line per problem."""
     if found := list(problems):
         raise ValueError("\n".join(found))
     return part
 
 
 def problems_of(error: ValidationError) -> Iterator[str]:
-    """One line a mistake, in the order of the file, and how many more there are where they are many."""
+    """One line per mistake, in the order of the file, and the number omitted where there are many."""
     found = [one for one in error.errors(include_url=False) if one["type"] != "too_short" or not one["input"]]
     lines = (_problem(one, words) for one in found for words in _words(one).splitlines())
     yield from first_of(lines, sum(map(_size, found)))
 
 
 def _size(finding: Mapping[str, Any]) -> int:
-    """How many mistakes are found in one."""
+    """The number of mistakes in one finding."""
     return str(finding["ctx"]["error"]).count("\n") + 1 if finding["type"] == "value_error" else 1
 
 
@@ -165,7 +165,7 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
 
 
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:
-    """The location as the file has it, without the kinds that the validator adds behind a support or a link."""
+    """The location as written in the file, without the kinds that the validator adds after a support or a link."""
     parts = []
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
