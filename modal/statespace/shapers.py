@@ -43,8 +43,8 @@ BEATS = {"zv": (1, 1), "zvd": (1, 2, 1)}
 Kind = Literal["zv", "zvd"]
 Drive = Literal["cart_force", "cart_acceleration", "cart_velocity"]
 ASSUMED = {
-    "cart_acceleration": "trolley motion prescribed: the load swings as on a support that stands still",
-    "cart_velocity": "trolley motion prescribed: the load swings as on a support that stands still",
+    "cart_acceleration": "trolley motion prescribed: the load swings as on a fixed support",
+    "cart_velocity": "trolley motion prescribed: the load swings as on a fixed support",
     "cart_force": "trolley pushed by a force: it swings with its load, as in the table",
 }
 

@@ -96,7 +96,7 @@ def _spatial_equations(system: SymbolicSystem) -> list[Line]:
         Line(f"{u} · F = 0 with" if str(u) == "e_x" else f"{u} × F = 0 with", equal(sp.Symbol("F"), F))
         for u, F in system.vector_equations()
     ]
-    lines.append(Line("u_i points along link i and e_z down: no angle, nothing singular at rest"))
+    lines.append(Line("u_i points along link i and e_z down: no angles, no singularity at equilibrium"))
     if len(system.links) <= WRITTEN_IN_ANGLES:
         energy = replace(derive_lagrangian(system), T=in_angles(system))
         for c, form in zip(energy.coordinates, energy.equations, strict=True):
@@ -109,7 +109,10 @@ def _matrices(system: SymbolicSystem) -> Section:
     q = sp.Matrix([c.q for c in system.coordinates])
     standing = any(sign < 0 for sign in system.sigma)
     lines = [
-        Line("deviations from the rest with " + _ways(system) if standing else "small deviations from the rest", q),
+        Line(
+            "deviations from equilibrium with " + _ways(system) if standing else "small deviations from equilibrium",
+            q,
+        ),
         Line("mass matrix", equal(sp.Symbol("M"), M)),
         Line("stiffness matrix", equal(sp.Symbol("K"), K)),
     ]

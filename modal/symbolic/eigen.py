@@ -228,7 +228,7 @@ def _in_symbols(eigen: Eigen) -> Iterator[Line]:
         polynomial = sp.Poly(factor, x)
         times = f"{count} times; " if count > 1 else ""
         if polynomial.degree() >= CLOSED:
-            yield Line(f"{_named(eigen)}degree {polynomial.degree()}: no closed form that helps, give numbers")
+            yield Line(f"{_named(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
             continue
         for square in sp.roots(polynomial):
             simple = sp.simplify(square)
@@ -242,7 +242,7 @@ def _damped(eigen: Eigen) -> Iterator[Line]:
     """Roots s of a polynomial in numbers, one of each conjugate pair, from its simple factors."""
     s = sp.Symbol("s")
     if sp.sympify(eigen.polynomial).free_symbols != {s} or sp.degree(eigen.polynomial, s) > MOST_SOLVED:
-        yield Line(f"{_named(eigen)}damped, in symbols: no closed form that helps, give numbers")
+        yield Line(f"{_named(eigen)}damped, in symbols: no useful closed form; use numbers")
         return
     for factor, count in sp.factor_list(eigen.polynomial, s)[1]:
         for root in sp.Poly(factor, s).nroots(n=20, maxsteps=500):
@@ -267,7 +267,7 @@ def _remarks(system: SymbolicSystem, found: list[Eigen]) -> list[Line]:
     lines = []
     if bobs:
         shape = sp.Function("L_j")(sp.Symbol("x_r"))
-        words = "mode shape r: bob j = 0, 1, … from the free end swings aside by Laguerre's polynomial"
+        words = "mode shape r: bob j = 0, 1, … from the free end is displaced by Laguerre's polynomial"
         lines.append(Line(words, equal(sp.Symbol("y_j"), shape)))
         lines.append(Line("modal effective mass", equal(sp.Symbol("m_eff"), sp.Symbol("m") / sp.Symbol("x_r"))))
     degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in found)

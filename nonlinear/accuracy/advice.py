@@ -73,7 +73,7 @@ class Advice:
         """The message where the accuracy is not met throughout."""
         told = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
         if self.parted or self.attempts[-1].tolerance <= FARTHEST * SMALLEST:
-            told += ": beyond it the digits of double precision do not tell where the links are"
+            told += ": beyond it double precision cannot determine where the links are"
         return told + (", since starts that differ in their last digits alone part" if self.parted else "")
 
     @property

@@ -91,7 +91,7 @@ class Candidate:
         def task() -> Trajectory:
             found = motion(times)
             if not np.all(np.isfinite(found.links)):
-                raise ComputationError("the modes leave the finite numbers")
+                raise ComputationError("the modes overflow")
             return Trajectory(scene, system, times, found, run)
 
         return task

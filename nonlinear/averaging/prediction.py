@@ -104,9 +104,9 @@ class Prediction:
         elif self.share < CLEAR:
             yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
         if self.ending is None or self.ending.hold < MARGIN * self._error:
-            yield "where it ends attracts its neighbours only weakly"
+            yield "the final state attracts its neighbours only weakly"
         if any(other.survivor != self.row or other.dies for other in self.neighbours):
-            yield f"starts {100 * ASIDE:.0f} % beside this one end elsewhere"
+            yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere"
         yield from self._limits()
 
     @cached_property
@@ -128,7 +128,7 @@ class Prediction:
         if (angle := found.largest(self.motion.z)) > WIDE:
             yield f"links may reach {degrees(angle):.3g} deg, beyond the range of first order"
         if found.mixed(self.motion.z, found.turning(self.motion.z)) > MIXED:
-            yield "an escapement is swung by several frequencies at once, and may kick out of turn"
+            yield "an escapement responds to several frequencies at once, and may kick out of turn"
         if resonant(found.centre, NEAR):
             yield "frequencies of different bands are in resonance"
 
@@ -150,7 +150,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     starts, unstable = np.array([z, *_beside(z)]).T, None
     motions = settle(found, starts)
     if runs_away(found, motions[0].z):
-        raise ComputationError("drives are too strong for averaged equations: their amplitudes run away")
+        raise ComputationError("drives are too strong for averaged equations: their amplitudes diverge")
     if (ending := _ending(motions[0])) and ending.is_stable is False:
         motions = settle(found, starts, least=PATIENCE * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.is_stable is False:

@@ -36,7 +36,7 @@ class Departure(NamedTuple):
     @property
     def words(self) -> str:
         """The result as a clause."""
-        return f"a small breach of it would grow {self.factor:.2g}-fold in {self.seconds:.3g} s"
+        return f"a small perturbation of it would grow {self.factor:.2g}-fold in {self.seconds:.3g} s"
 
 
 def aside(system: System, start: State, by: Any) -> State:
