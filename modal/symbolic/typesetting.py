@@ -32,7 +32,7 @@ class Section(NamedTuple):
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
     """The document; `form` is text, latex or markdown."""
-    return _DRESSES[form](title, list(sections))
+    return _WRITERS[form](title, list(sections))
 
 
 def plain(formula: Any) -> str:
@@ -133,4 +133,4 @@ def _escaped(words: str) -> str:
     return "".join(part if part.startswith("$") else latex(part) for part in parts)
 
 
-_DRESSES: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}
+_WRITERS: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}

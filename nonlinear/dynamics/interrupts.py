@@ -30,7 +30,7 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def deaf_children() -> Iterator[None]:
+def children_without_interrupts() -> Iterator[None]:
     """Processes started in this block never receive Ctrl-C, where the platform permits; this one gets it later."""
     if not hasattr(signal, "pthread_sigmask"):
         yield

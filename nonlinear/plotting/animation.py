@@ -30,7 +30,7 @@ from modal.errors import ComputationError, SceneError
 from modal.plotting import SMALL, any_letters, colour, ink, muted, paper, sheet
 from modal.report import html, visible
 from modal.types import Floats
-from nonlinear.dynamics import deaf_children
+from nonlinear.dynamics import children_without_interrupts
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.artists import Gauges, Scenery
 from nonlinear.plotting.scene import energies_of, stage_of
@@ -238,7 +238,7 @@ def _write_mp4(film: Film, shot: Callable[[int], Image.Image], executable: str, 
     with TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         try:
-            with deaf_children():
+            with children_without_interrupts():
                 command = [executable, "-loglevel", "error", *raw, "-i", "pipe:", *coded, str(path)]
                 encoder = Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=PIPE)
         except OSError as error:

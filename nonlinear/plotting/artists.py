@@ -236,7 +236,7 @@ class Gauges:
         self.dot.set_data(self.times[frame : frame + 1], [whole[0][frame] + whole[1][frame]])
 
 
-def _dress(axis: Axes, title: str, pad: float) -> None:
+def _decorate(axis: Axes, title: str, pad: float) -> None:
     axis.grid(visible=False, axis="x")
     axis.tick_params(labelsize=SMALL, length=0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
@@ -251,7 +251,7 @@ def _top(values: Floats) -> float:
 def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectangle]]:
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
-    _dress(axis, "energy of each (J)", 5)
+    _decorate(axis, "energy of each (J)", 5)
     lower = axis.bar(range(count), kinetic[0], 0.62, color=shade(KINETIC), label="kinetic")
     upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=shade(POTENTIAL), label="potential")
     spare = max(FEWEST - count, 0) / 2
@@ -265,7 +265,7 @@ def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectang
 
 def _lines(axis: Axes, energies: Energies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.whole
-    _dress(axis, "energy of all (J)", 17)
+    _decorate(axis, "energy of all (J)", 17)
     looks = (("kinetic", KINETIC, "--"), ("potential", POTENTIAL, "-"), ("total", 1.0, "-"))
     drawn = [axis.plot([], [], dash, color=shade(part), label=name)[0] for name, part, dash in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]

@@ -39,7 +39,7 @@ def tradeoff_figure(found: WorkPrecision) -> Figure:
     _front(axis, found)
     for _, members in groupby(rows, key=lambda row: row.candidate.family):
         _family(axis, found, list(members))
-    _dress(figure, axis, found)
+    _decorate(figure, axis, found)
     return figure
 
 
@@ -76,7 +76,7 @@ def _named(candidate: Candidate) -> str:
     return candidate.family.replace("taylor", "Taylor")
 
 
-def _dress(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
+def _decorate(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
     horizon, tolerances = (
         found.reference.horizon,
         [row.candidate.tolerance for row in found.rows[1:] if not row.candidate.modal],

@@ -12,7 +12,7 @@ from threading import Thread
 from typing import NamedTuple
 
 from modal.errors import ComputationError
-from nonlinear.dynamics import deaf_children
+from nonlinear.dynamics import children_without_interrupts
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
@@ -65,7 +65,7 @@ def _end_with_parent() -> None:
 
 def _start(pool: ProcessPoolExecutor, count: int) -> None:
     try:
-        with deaf_children():
+        with children_without_interrupts():
             first, *_ = [pool.submit(int) for _ in range(count)]
         first.result()
     except BrokenExecutor:

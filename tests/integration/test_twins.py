@@ -168,7 +168,7 @@ SOFT = HELD.replace(pendulum=(Pendulum(links=[SOFT_LINK], equilibrium=["up"]),))
         (PAIR, [0.0, 180.0, 0.0, 0.0], True),
     ],
 )
-def test_unstable_rests_are_told(scene: Scene, angles: list[float], expected: bool) -> None:
+def test_unstable_equilibria_are_reported(scene: Scene, angles: list[float], expected: bool) -> None:
     start = state_at_rest(scene, angles)
     system = system_of(scene)
     assert is_unstable_equilibrium(system, start) is expected
@@ -180,7 +180,7 @@ def test_unstable_rests_are_told(scene: Scene, angles: list[float], expected: bo
         assert is_unstable_equilibrium(system_of(spatial), of_plane(start)) is expected
 
 
-def test_no_accuracy_is_promised_of_how_an_unstable_rest_is_left() -> None:
+def test_no_accuracy_is_promised_for_leaving_an_unstable_equilibrium() -> None:
     advice = advise(ONE, 11.0, 1e-2, start=state_at_rest(ONE, [180.0]), method="DOP853")
     assert not advice.met
     assert 5.0 < advice.horizon < 11.0
