@@ -52,7 +52,7 @@ def width(latex: str) -> float:
 
 @dataclass(frozen=True)
 class _Piece:
-    """What stands between two places for a break: its text and width, and what a break before it costs."""
+    """A part between two possible breaks: its text and width, and the cost of a break before it."""
 
     text: str
     width: float
