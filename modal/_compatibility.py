@@ -126,7 +126,6 @@ RENAMED = {
     "modal.scene.parameters": (
         "parsed=parse_variations insist=validate_variations places=find_places written=with_numbers varied=vary"
     ),
-    "modal.scene.validation": "insist=validate",
     "modal.statespace.balancing": "balanced=balance",
     "modal.statespace.modal_form": "modal_form=to_modal_form",
     "modal.statespace.reduction": "truncated=truncate folded=fold_equals",

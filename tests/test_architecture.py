@@ -174,6 +174,7 @@ def spoken(source: str) -> list[str]:
     return [node.value for node in texts if isinstance(node.value, str)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in sources() if not name.startswith("multipendula")])
 def test_the_packages_know_no_option_of_the_command(name: str) -> None:
     assert [text for text in spoken(sources()[name].read_text(encoding="utf-8")) if OPTION.search(text)] == []

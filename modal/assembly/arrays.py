@@ -21,6 +21,7 @@ from modal.scene import Cart, Pendulum, Scene, validate_scene
 from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
+ONE = np.zeros(1, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +83,8 @@ class Block:
 
     def heavier(self, factor: Floats | Ints) -> Block:
         """Chain p with factor[p] times the mass, dampers and springs: that many equal copies moving as one."""
+        if (factor == 1).all():
+            return self
         extensive = ("mass", "inertia", "damping", "stiffness")
         return replace(self, **{name: getattr(self, name) * factor for name in extensive})
 
@@ -206,6 +209,8 @@ def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
 
 def _different(table: Floats) -> tuple[Ints, Ints]:
     """The first row of each kind, in their order, and the kind of every row."""
+    if len(table) == 1:
+        return ONE, ONE
     kinds: dict[bytes, int] = {}
     columns = [kinds.setdefault(row.tobytes(), len(kinds)) for row in table]
     first = dict(zip(reversed(columns), reversed(range(len(columns))), strict=True))

@@ -99,15 +99,15 @@ class Modes(Sequence[Mode]):
 
     `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,) and read-only, are available for all of them; indexing
     computes a `Mode`.  `rig` is the scene as arrays, `spectrum` the source of each mode in natural `units`;
-    `notes` say what was omitted and why, `first` is the index of the first of them among all modes of the scene.
+    `first` is the index of the first of them among all modes of the scene, of which only some were `selected`.
     """
 
     scene: Scene
     rig: Rig
     units: Units
     spectrum: Spectrum
-    notes: tuple[str, ...]
     first: int = 0
+    selected: bool = False
 
     def __len__(self) -> int:
         return len(self.spectrum.eigenvalue)
@@ -166,6 +166,13 @@ class Modes(Sequence[Mode]):
     def column(self, shape: Shape) -> NDArray[Any]:
         """A shape as one vector (n,): the cart, if there is one, then every link in the order of the file."""
         return np.concatenate(([shape.cart], shape.angles)) if self.on_cart else shape.angles
+
+    @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What was omitted or approximated, and why."""
+        with np.errstate(all="ignore"):
+            found = notes(self._natural, self.spectrum.sources)
+        return *found, *[UNDRIVEN] * self.scene.is_driven, *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:
@@ -376,13 +383,10 @@ def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice |
     with np.errstate(all="ignore"):
         natural, units = rig.natural()
         found = find_spectrum(natural, limits)
-        left_out = [*notes(natural, found.sources), *[UNDRIVEN] * scene.is_driven]
-        first = 0
-        if modes is not None:
-            first, last, _ = modes.indices(len(found.eigenvalue))
-            found = found.take(slice(first, last))
-            left_out.append(SELECTED)
-        return Modes(scene, rig, units, found, tuple(left_out), first)
+    if modes is None:
+        return Modes(scene, rig, units, found)
+    first, last, _ = modes.indices(len(found.eigenvalue))
+    return Modes(scene, rig, units, found.take(slice(first, last)), first, selected=True)
 
 
 def validate_accuracy(accuracy: float | None) -> float:

@@ -14,11 +14,10 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from modal.errors import SceneError, meant
 from modal.scene.model import Scene, describe, scene_from
-from modal.scene.validation import LARGEST
+from modal.scene.validation import LARGEST, Part
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"{STEP}(\.{STEP})*", re.ASCII)
@@ -115,7 +114,7 @@ def _at(scene: Scene, place: Place) -> Any:
         if isinstance(at, tuple) and isinstance(step, int):
             at = at[step] if step < len(at) else None
         else:
-            at = getattr(at, str(step)) if isinstance(at, BaseModel) and step in type(at).model_fields else None
+            at = getattr(at, str(step)) if isinstance(at, Part) and step in at.fields else None
     return at
 
 
@@ -130,8 +129,8 @@ def _unknown(scene: Scene, name: str, path: str) -> str:
 
 def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
     """Every place of a number, whether it is written in the file or left at its default."""
-    if isinstance(part, BaseModel):
-        for name in type(part).model_fields:
+    if isinstance(part, Part):
+        for name in part.fields:
             yield from _numbers(getattr(part, name), (*at, name))
     elif isinstance(part, tuple):
         for index, item in enumerate(part):

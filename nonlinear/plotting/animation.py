@@ -21,6 +21,7 @@ from textwrap import fill
 from typing import IO, Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
@@ -73,6 +74,8 @@ class Film:
         bars, line = (self.figure.add_axes((0.69, bottom, 0.29, 0.27)) for bottom in (0.58, 0.18))
         self.gauges = Gauges(bars, line, energies_of(trajectory, times), times)
         self._words(_caption(trajectory, len(stage.actors), stage.follows, speed))
+        self.moving = sorted([*self.scenery.moving, *self.gauges.moving, self.clock], key=Artist.get_zorder)
+        self.still: tuple[float, Any] | None = None
         self.show(0)
 
     def _words(self, caption: str) -> None:
@@ -91,11 +94,25 @@ class Film:
         self.clock.set_text(f"t = {self.times[frame]:.2f} s")
 
     def image(self, frame: int) -> Image.Image:
-        """One frame."""
+        """One frame: what moves, over what stands still for as long as the camera does."""
         self.show(frame)
-        self.canvas.draw()  # type: ignore[no-untyped-call]
+        camera = float(self.scenery.stage.camera[frame])
+        if not self.still or self.still[0] != camera:
+            self.still = camera, self._still()
+        self.canvas.restore_region(self.still[1])  # type: ignore[no-untyped-call]
+        for artist in self.moving:
+            self.figure.draw_artist(artist)
         pixels = np.asarray(self.canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         return Image.fromarray(pixels[..., :3].copy())
+
+    def _still(self) -> Any:
+        """The pixels of all that does not move."""
+        for artist in self.moving:
+            artist.set_animated(True)
+        self.canvas.draw()  # type: ignore[no-untyped-call]
+        for artist in self.moving:
+            artist.set_animated(False)
+        return self.canvas.copy_from_bbox(self.figure.bbox)  # type: ignore[no-untyped-call]
 
 
 def _fit(text: Text, width: float) -> None:

@@ -7,9 +7,11 @@ the total against time.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_rgb
@@ -69,6 +71,12 @@ class Scenery:
         self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
         if stage.floor is not None:
             _floor(axis, stage)
+
+    @property
+    def moving(self) -> list[Artist]:
+        """What a frame draws anew, and the axis' own lines over it."""
+        cart = [self.cart.box, *self.cart.circles] if self.cart else []
+        return [*cart, *chain.from_iterable(player.moving for player in self.players), *self.axis.spines.values()]
 
     def show(self, frame: int) -> None:
         """Update everything to a frame."""
@@ -176,6 +184,12 @@ class _Player:
         size = min(2.8, 0.6 * thick) if marked else 0.0
         self.pins = axis.plot([], [], "o", ms=size, color=paper(), mec=hue, mew=0.8, zorder=7)[0]
 
+    @property
+    def moving(self) -> list[Artist]:
+        """All of it."""
+        lines = self.shadow, self.wake, self.line, self.bars, self.reach
+        return [*lines, self.discs, self.diamonds, self.pins]
+
     def _sizes(self, links: list[int], shortest: float) -> Floats:
         """Areas (pt²) of discs, volumes in proportion to masses."""
         mass = np.array([link.mass for link in self.actor.links])
@@ -220,9 +234,15 @@ class Gauges:
     """Bars of kinetic below potential energy on one axis, the totals against time (s) on the other."""
 
     def __init__(self, bars: Axes, line: Axes, energies: Energies, times: Floats) -> None:
-        self.energies, self.times = energies, times
+        self.energies, self.times, self.axes = energies, times, (bars, line)
         self.bars = _bars(bars, energies)
         self.lines, self.dot = _lines(line, energies, times)
+
+    @property
+    def moving(self) -> list[Artist]:
+        """What a frame draws anew, and the axes' own lines over it."""
+        spines = chain.from_iterable(axis.spines.values() for axis in self.axes)
+        return [*self.bars[0], *self.bars[1], *self.lines, self.dot, *spines]
 
     def show(self, frame: int) -> None:
         """Update everything to a frame."""

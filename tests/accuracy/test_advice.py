@@ -235,6 +235,7 @@ def test_loads_events_and_times_go_with_an_accuracy() -> None:
     assert ended.run.error <= 1e-6
 
 
+@pytest.mark.slow
 def test_in_space_and_with_equal_pendula() -> None:
     spatial = load("chain-spatial")
     found = simulate(spatial, 3.0, accuracy=1e-5)

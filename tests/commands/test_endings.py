@@ -153,6 +153,7 @@ def test_ctrl_c_at_the_first_import_is_ctrl_c() -> None:
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "multipendula: interrupted\n")
 
 
+@pytest.mark.slow
 def test_ctrl_c_during_an_mp4_is_ctrl_c(tmp_path: Path) -> None:
     ffmpeg()
     words = ["animate", "chain-3", "--duration", "600", "--seconds", "600", "-o", str(tmp_path / "f.mp4")]
@@ -199,6 +200,7 @@ def test_what_is_put_off_comes_in_its_time(number: int) -> None:
 # ---------------------------------------------------------------------------------------------------- full disks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [0, 100, 3000])
 @pytest.mark.parametrize(
     "words",
