@@ -1,6 +1,6 @@
 """The recursion compiled by numba (extra `fast`): Sturm counts and Rayleigh quotient steps at the pivot.
 
-Lanes side by side are trial values of one chain, or one trial value for each of many supports.  The arithmetic is that
+Parallel lanes are trial values of one chain, or one trial value for each of many supports.  The arithmetic is that
 of `modal.eigen.sturm` and `modal.eigen.rayleigh`, operation by operation.
 """
 

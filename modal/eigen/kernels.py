@@ -1,4 +1,4 @@
-"""Which code runs the recursion: floats for little, numba from when on loading it pays in this process."""
+"""Which code runs the recursion: Python floats for small problems, numba once loading it pays off in this process."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from modal.eigen import floats
 from modal.eigen.compiling import available
 
 LINKING, LOADING = 0.5, 1.5
-"""Seconds that the compiled recursion takes to load, with numba at hand and without."""
+"""Seconds to load the compiled recursion, with numba already loaded and without."""
 
 
 FEW = 60
-"""Links times trial values that Python floats pass sooner than arrays."""
+"""Links times trial values up to which Python floats are faster than arrays."""
 
 
 class Saved:
@@ -23,7 +23,7 @@ class Saved:
 
 
 def kernels(seconds: float = 0.0) -> ModuleType | None:
-    """`modal.eigen.compiled` once it would have saved as much as loading it costs, with so many seconds from now on."""
+    """`modal.eigen.compiled` once its savings, including the next `seconds`, reach the time to load it; else None."""
     if "modal.eigen.compiled" not in sys.modules:
         Saved.seconds += seconds
         if Saved.seconds < (LINKING if "numba" in sys.modules else LOADING) or not available():

@@ -20,7 +20,7 @@ from modal.types import Complexes, Floats
 
 POINTS, LONGEST = 2000, 20_000
 DEEPEST = 1e-5
-"""How far below the middle of a curve an antiresonance is drawn, and a peak above it, the other way up."""
+"""Largest drop of an antiresonance below the median of a curve, and inverse rise of a peak above it."""
 
 
 def draw_bode(
@@ -39,10 +39,10 @@ def draw_bode(
 def bode_figure(
     form: ModalForm, *, source: int = 0, outputs: Sequence[int] = (), band: tuple[float, float] | None = None
 ) -> Figure:
-    """Magnitude and phase of G(iω) from input `source` to these outputs (indices; left out, all) over a band (rad/s).
+    """Magnitude and phase of G(iω) from input `source` to these outputs (indices; by default all) over a band (rad/s).
 
-    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; of an undamped
-    peak, which is infinite, the picture shows the foot.  Raises ComputationError for more curves than a picture holds.
+    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; an undamped
+    peak, which is infinite, is cut off.  Raises ComputationError for more curves than a picture holds.
     """
     shown = _shown(form, outputs)
     low, high = band or _band(form)
@@ -82,9 +82,9 @@ def draw_impulse(
 def impulse_figure(
     form: ModalForm, *, source: int = 0, outputs: Sequence[int] = (), duration: float | None = None
 ) -> Figure:
-    """h(t) from input `source` to these outputs (indices; left out, all), one panel for each unit.
+    """h(t) from input `source` to these outputs (indices; by default all), one panel for each unit.
 
-    `duration` in s; left out, four periods of the slowest mode that swings.  Raises ComputationError for more curves
+    `duration` in s; by default four periods of the slowest oscillating mode.  Raises ComputationError for more curves
     than one picture holds.
     """
     shown = _shown(form, outputs)
@@ -129,14 +129,14 @@ def _band(form: ModalForm) -> tuple[float, float]:
 
 
 def _grid(form: ModalForm, low: float, high: float) -> Floats:
-    """Even in log ω, and closer about every mode."""
+    """Points evenly spaced in log ω, and closer near every mode."""
     aside = np.geomspace(1e-5, 0.03, 60)
     near = np.outer(_moving(form), np.concatenate([1 - aside, 1 + aside])).ravel()
     return np.unique(np.concatenate([np.geomspace(low, high, POINTS), near[(near > low) & (near < high)]]))
 
 
 def _phase(G: Complexes) -> Floats:
-    """Degrees in [−180, 180), interrupted where they wrap and where there is nothing to have one."""
+    """Degrees in [−180, 180), interrupted where they wrap and where G vanishes."""
     phase = (np.degrees(np.angle(G)) + 180 + 1e-6) % 360 - 180 - 1e-6
     phase[1:][np.abs(np.diff(phase)) > 270] = np.nan
     phase[G == 0] = np.nan

@@ -43,7 +43,7 @@ class VanDerPol(Part):
     """The torque e (1 − (γ/γ₀)²) γ': supplies energy within γ₀ and dissipates it beyond.
 
     `strength` e (N m s/rad), `angle_deg` γ₀ (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).  Alone on a
-    lightly driven pendulum it keeps the amplitude 2 γ₀, beside a damper d at the same joint 2 γ₀ √(1 − d/e).
+    lightly driven pendulum it keeps the amplitude 2 γ₀, with a damper d at the same joint 2 γ₀ √(1 − d/e).
     """
 
     kind: Literal["van-der-pol"] = field(one_of("van-der-pol"), default="van-der-pol")
@@ -77,11 +77,11 @@ class Link(Part):
     count: int = field(COUNT, default=1)
 
     is_uniform: ClassVar[bool] = True
-    """Whether the centre goes as the length and the inertia as mass times length²."""
+    """Whether the centre scales with the length and the inertia with mass times length²."""
     extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness")
 
     def heavier(self, factor: int) -> Self:
-        """So many of it as one."""
+        """That many copies as one."""
         return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
 
 
@@ -91,7 +91,7 @@ class _Simple(Link):
     kind: str
 
     def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Centre and inertia for a mass and a length in numbers of any kind, which `scalar` makes of floats."""
+        """Centre and inertia for a mass and a length in numbers of any type, made from floats by `scalar`."""
         return pair.proportions(self.kind, m, l)
 
     @property
@@ -128,11 +128,11 @@ class Body(Link):
     extensive: ClassVar[tuple[str, ...]] = (*Link.extensive, "inertia")
 
     def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Its own centre and inertia, which `scalar` makes numbers of the kind of mass and length."""
+        """Its own centre and inertia, converted by `scalar` to the type of mass and length."""
         return scalar(self.centre), scalar(self.inertia)
 
     def problems(self) -> Iterator[str]:
-        """What does not turn."""
+        """A body without moment of inertia about its pivot."""
         if self.centre == 0 and self.inertia == 0:
             yield ".inertia = 0.0: must be positive if the centre is at the pivot"
 
@@ -154,7 +154,7 @@ class InitialCondition(Part):
 class Pendulum(Part):
     """A chain of links, top to bottom, in `count` copies.
 
-    `equilibrium` says for each link whether it points down or up; the scene is linearized about that equilibrium.
+    `equilibrium` gives for each link whether it points down or up; the scene is linearized about that equilibrium.
     """
 
     links: tuple[AnyLink, ...] = field(parts(any_kind(Bob, Rod, Body)))
@@ -169,12 +169,12 @@ class Pendulum(Part):
 
     @property
     def ways(self) -> tuple[Way, ...]:
-        """Which way every link of one copy points at rest."""
+        """The direction of every link of one copy at equilibrium."""
         hanging: tuple[Way, ...] = ("down",)
         return self.equilibrium or hanging * self.n_links
 
     def problems(self) -> Iterator[str]:
-        """Lists that do not fit the links, links that gravity does not act on."""
+        """Lists that do not fit the links, and a last link on which gravity does not act."""
         if self.n_links > MAX_CHAIN:
             yield f".links: has {self.n_links} links, counting repeats: at most {MAX_CHAIN}"
             return
@@ -253,12 +253,12 @@ class Scene(Part):
 
     @property
     def in_plane(self) -> Scene:
-        """The same in the plane of the rail, without azimuths of its starts."""
+        """The same scene in the plane of the rail, without azimuths in its starts."""
         pendula = (one.replace(start=one.start and one.start.replace(azimuths_deg=None)) for one in self.pendulum)
         return self.replace(space="plane", pendulum=tuple(pendula))
 
     def _with(self, **joint: Any) -> Scene:
-        """The same with these numbers at every joint."""
+        """The same scene with these numbers at every joint."""
         links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
         pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
         return self.replace(pendulum=tuple(pendula))
@@ -269,11 +269,11 @@ class Scene(Part):
         return any("up" in pendulum.ways for pendulum in self.pendulum)
 
     def links(self) -> Iterator[Bob | Rod | Body]:
-        """Every link as written: copies and runs of equal links once each."""
+        """Every link as specified: copies and runs of equal links once each."""
         return (link for pendulum in self.pendulum for link in pendulum.links)
 
     def problems(self) -> Iterator[str]:
-        """Too many links, and what does not belong into this space."""
+        """Too many links, and features that this space does not allow."""
         if self.n_links > MAX_LINKS:
             yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
         for index, pendulum in enumerate(self.pendulum):
@@ -293,7 +293,7 @@ def validate_scene(given: object) -> Scene:
 
 
 def scene_from(data: object) -> Scene:
-    """The scene that nested mappings describe, as a scene file does; SceneError names every mistake."""
+    """The scene described by nested mappings, as in a scene file; SceneError lists every mistake."""
     return Scene.model_validate(data)
 
 

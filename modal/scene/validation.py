@@ -41,7 +41,7 @@ WORDS = {
 }
 LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "links": "links = [{ … }, …]"}
 Schema = dict[str, Any]
-"""What pydantic's validator checks a value by."""
+"""A schema of pydantic's validator for a value."""
 REQUIRED = object()
 
 
@@ -52,7 +52,7 @@ def _zero_or_sizeable(value: float) -> float:
 
 
 def _whole(value: object) -> object:
-    """NumPy's whole numbers as Python's; True and False are none."""
+    """NumPy's whole numbers as Python's; True and False are rejected."""
     try:
         return value if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
     except TypeError:
@@ -60,19 +60,19 @@ def _whole(value: object) -> object:
 
 
 def _several(value: object) -> object:
-    """What is to be a list; a part by itself is none, though its fields could be gone through."""
+    """A value that must be a list; a single part is rejected, although its fields could be iterated."""
     if isinstance(value, Part):
         raise ValueError(f"must be a list: write [{type(value).__name__}(…)]")
     return value
 
 
 def before(function: Callable[[Any], Any], schema: Schema) -> Schema:
-    """What the function makes of a value, checked by the schema."""
+    """The schema applied to the function's result for a value."""
     return {"type": "function-before", "function": {"type": "no-info", "function": function}, "schema": schema}
 
 
 def after(function: Callable[[Any], Any], schema: Schema) -> Schema:
-    """A value that the schema has checked, as the function gives it back."""
+    """The function applied to a value that the schema has checked."""
     return {"type": "function-after", "function": {"type": "no-info", "function": function}, "schema": schema}
 
 
@@ -93,7 +93,7 @@ def one_of(*words: str) -> Schema:
 
 
 def optional(schema: Schema) -> Schema:
-    """The same, or nothing."""
+    """The same, or None."""
     return {"type": "nullable", "schema": schema}
 
 
@@ -115,14 +115,14 @@ def any_kind(*kinds: type[Part]) -> Schema:
 
 @dataclass(frozen=True)
 class Field:
-    """What a field may hold, and its value where nothing is written."""
+    """The schema of a field, and its default value."""
 
     schema: Schema
     default: Any = REQUIRED
 
     @property
     def is_required(self) -> bool:
-        """Whether it has to be written."""
+        """Whether it must be given."""
         return self.default is REQUIRED
 
     @property
@@ -133,7 +133,7 @@ class Field:
 
 
 def field(schema: Schema, *, default: Any = REQUIRED) -> Any:
-    """A field of a part."""
+    """A field of a part, for use in a class body."""
     return Field(schema, default)
 
 
@@ -168,12 +168,12 @@ class Part:
             raise SceneError(tuple(problems_of(error))) from None
 
     def problems(self) -> Iterator[str]:
-        """What is wrong with fields that are right one by one, each beginning with its place."""
+        """Problems of fields that are valid individually, each beginning with its place."""
         return iter(())
 
     @classmethod
     def model_validate(cls, data: object) -> Self:
-        """The part that a mapping, or a part, describes; SceneError names every mistake."""
+        """The part described by a mapping or given as a part; SceneError lists every mistake."""
         try:
             return cast("Self", cls._validator().validate_python(data))
         except ValidationError as error:
@@ -181,7 +181,7 @@ class Part:
 
     @classmethod
     def schema(cls) -> Schema:
-        """By which it is checked."""
+        """The schema by which it is checked."""
         fields = {name: one.full_schema for name, one in cls.fields.items()}
         inner = {"type": "model-fields", "fields": fields, "extra_behavior": "forbid"}
         return after(_consistent, {"type": "model", "cls": cls, "schema": inner})
@@ -194,7 +194,7 @@ class Part:
 
     @classmethod
     def model_json_schema(cls) -> dict[str, Any]:
-        """The JSON Schema of the mappings that `model_validate` takes."""
+        """The JSON Schema of the mappings that `model_validate` accepts."""
         from pydantic.json_schema import GenerateJsonSchema
 
         return GenerateJsonSchema().generate(_named(cls.schema()))
@@ -255,14 +255,14 @@ def _dumped(value: Any) -> Any:
 
 
 def _restored(cls: type[Part], values: dict[str, Any]) -> Part:
-    """A part that has been checked before."""
+    """A part that has already been checked."""
     found = cls.__new__(cls)
     found.__dict__.update(values)
     return found
 
 
 def _consistent(part: Part) -> Part:
-    """The part itself; ValueError with one line a problem."""
+    """The part itself; ValueError with one line per problem."""
     if found := list(part.problems()):
         raise ValueError("\n".join(found))
     return part
@@ -293,14 +293,14 @@ def _kinds(schema: Schema) -> Iterator[str]:
 
 
 def problems_of(error: ValidationError) -> Iterator[str]:
-    """One line a mistake, in the order of the file, and how many more there are where they are many."""
+    """One line per mistake, in the order of the file, and the number omitted where there are many."""
     found = [one for one in error.errors(include_url=False) if one["type"] != "too_short" or not one["input"]]
     lines = (_problem(one, words) for one in found for words in _words(one).splitlines())
     yield from first_of(lines, sum(map(_size, found)))
 
 
 def _size(finding: Mapping[str, Any]) -> int:
-    """How many mistakes are found in one."""
+    """The number of mistakes in one finding."""
     return str(finding["ctx"]["error"]).count("\n") + 1 if finding["type"] == "value_error" else 1
 
 
@@ -317,7 +317,7 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
 
 
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:
-    """The location as the file has it, without the kinds that the validator adds behind a support or a link."""
+    """The location as written in the file, without the kinds that the validator adds after a support or a link."""
     parts = []
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]

@@ -4,7 +4,7 @@ A block of two states with matrix A has (s − A)⁻¹ = (s + A − tr A)/(s² �
 
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²),      N1 = C B,   N0 = C (A − tr A) B,
 
-a rigid translation (ω = 0) among them; a mode without a swing, of one state, adds C B/(s − λ).  In time, with
+a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ).  In time, with
 a = tr A/2 and ν² = det A − a²,
 
     h(t) = D δ(t) + Σ_k e^{at} C [cos νt + (A − a) sin(νt)/ν] B,
@@ -25,7 +25,7 @@ from modal.types import Complexes, Floats
 
 
 class Term(NamedTuple):
-    """What one mode adds to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1 and N0 of shape (p, m); `mode` as in `Block`."""
+    """The contribution of one mode to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1 and N0 (p, m); `mode` as in `Block`."""
 
     mode: int | None
     N1: Floats
@@ -39,7 +39,7 @@ class Term(NamedTuple):
 
 
 def terms(form: ModalForm) -> Iterator[Term]:
-    """What each mode adds to G, one for each copy; one for a prescribed cart."""
+    """The contribution of each mode to G, one for each copy; one for a prescribed cart."""
     for block, B, C in zip(form.blocks, form.inputs, form.outputs, strict=True):
         A, trace = block.A, float(np.trace(block.A))
         if len(A) == 1:
@@ -52,7 +52,7 @@ def terms(form: ModalForm) -> Iterator[Term]:
 def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
 
-    Infinite exactly at an undamped mode that the input reaches and the output sees, 0 included.
+    Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0.
     """
     s = np.atleast_1d(1j * np.asarray(omega, dtype=np.complex128))
     model = form.model
@@ -68,7 +68,7 @@ def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
 def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:
     """h(t) (p, m, T) just after and at times t ≥ 0 (T,) in s: output's unit over that of the input times a second.
 
-    The impulse D δ(t) itself, of an output that the input moves at once, is left out.
+    The impulse D δ(t) itself, for an output with direct feedthrough, is omitted.
     """
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     response = np.zeros((*form.model.D.shape, len(t)))

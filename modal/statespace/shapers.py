@@ -13,8 +13,8 @@ vibration of a mode, relative to a single impulse of the same sum at the start, 
 (Singer & Seering, J. Dyn. Syst. Meas. Control 112, 76 (1990); robustness as the range of V ≤ 5 %: Singhose, Seering &
 Singer, J. Mech. Des. 116, 654 (1994).)
 
-Which frequencies: if a drive makes its trolley follow an acceleration or a velocity whatever hangs from it, the load
-swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies.
+The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity whatever hangs from
+it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from modal.types import Booleans, Floats
 TOLERANCE = 0.05
 """Residual vibration up to which a shaper counts as working."""
 REACH, RUNGS = 4, 1000
-"""How many times ω a range may reach, and in what fraction of ω its edge is looked for."""
+"""Largest ω of a range over its centre, and the relative step of the search for its edges."""
 BEATS = {"zv": (1, 1), "zvd": (1, 2, 1)}
 Kind = Literal["zv", "zvd"]
 Drive = Literal["cart_force", "cart_acceleration", "cart_velocity"]
 ASSUMED = {
-    "cart_acceleration": "trolley motion prescribed: the load swings as on a support that stands still",
-    "cart_velocity": "trolley motion prescribed: the load swings as on a support that stands still",
+    "cart_acceleration": "trolley motion prescribed: the load swings as on a fixed support",
+    "cart_velocity": "trolley motion prescribed: the load swings as on a fixed support",
     "cart_force": "trolley pushed by a force: it swings with its load, as in the table",
 }
 
@@ -65,7 +65,7 @@ class Shaper:
 
     @property
     def duration(self) -> float:
-        """By how many seconds a shaped command lasts longer."""
+        """The delay (s) of the end of a shaped command."""
         return float(self.times[-1])
 
     def shaped(self, times: ArrayLike, command: ArrayLike) -> Floats:
@@ -75,7 +75,7 @@ class Shaper:
         return np.asarray(sum(parts), dtype=np.float64)
 
     def __mul__(self, other: Shaper) -> Shaper:
-        """The convolution of two: what either silences, both do."""
+        """The convolution of two shapers, which suppresses the modes of both."""
         times = np.add.outer(self.times, other.times).ravel()
         order = np.argsort(times, kind="stable")
         return Shaper(times[order], np.outer(self.amplitudes, other.amplitudes).ravel()[order])
@@ -84,7 +84,7 @@ class Shaper:
 def shaper(swings: Sequence[Swing], kind: Kind = "zv") -> Shaper:
     """The ZV or ZVD shaper of one mode, for several the convolution of one each.
 
-    Raises ValueError for another kind and for no modes, ComputationError for a mode that does not swing.
+    Raises ValueError for another kind and for no modes, ComputationError for a mode that does not oscillate.
     """
     if kind not in BEATS or not swings:
         raise ValueError(f'kind = {kind!r} for {len(swings)} modes: must be "zv" or "zvd", for at least one mode')
@@ -94,7 +94,7 @@ def shaper(swings: Sequence[Swing], kind: Kind = "zv") -> Shaper:
 def shaper_for(
     scene: Scene, count: int = 1, kind: Kind = "zv", drive: Drive = "cart_acceleration", first: int = 0
 ) -> Shaper:
-    """The shaper of `count` of the modes that `swings_of` finds, from index `first` on."""
+    """The shaper for `count` of the modes found by `swings_of`, from index `first` on."""
     found = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(found):
         raise ComputationError(f"{count} modes from index {first}: this drive excites {len(found)} modes")
@@ -102,17 +102,17 @@ def shaper_for(
 
 
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
-    """The modes that a drive makes swing, in ascending order: with a prescribed motion those of a held support.
+    """The modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
-    Under "cart_force" they are the free ones that move the cart.  Raises SceneError for another drive and for a fixed
-    support, ComputationError for an unstable rest.
+    Under "cart_force" they are the free modes that move the cart.  Raises SceneError for another drive and for a fixed
+    support, ComputationError for an unstable equilibrium.
     """
     modes, rows = _swinging(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
 
 def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
-    """The modes that a drive meets, and the indices of those that it makes swing."""
+    """The modes of the scene with this drive, and the indices of those that it excites."""
     drives = get_args(Drive)
     problems = (
         [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
@@ -133,7 +133,7 @@ def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
 
 
 def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
-    """What a shaper for the `count` slowest modes assumes, then a line for each, the table's mode beside it."""
+    """The assumptions of a shaper for the `count` slowest modes, then a line for each, with the table's mode."""
     modes, rows = _swinging(scene, drive)
     pushed, told = drive == "cart_force", scene.n_links <= MOST_COMPARED
     beside = [""] * len(modes) if pushed or not told else _beside(modes, natural_modes(scene))
@@ -144,7 +144,7 @@ def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration"
 
 
 def _beside(modes: Modes, table: Modes) -> list[str]:
-    """For every mode of a held support the table's, with the cart free, that is most like it."""
+    """For every fixed-base mode the most similar mode of the table, with a free cart."""
     moving = {mode.number - 1: mode for mode in table if mode.oscillates and mode.cart_participation}
     if not moving:
         return [""] * len(modes)
@@ -163,7 +163,7 @@ def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) 
 def insensitivity(shaper: Shaper, swing: Swing, tolerance: float = TOLERANCE) -> tuple[float, float]:
     """The range of ω (rad/s) about that of `swing` in which the residual vibration stays below `tolerance`.
 
-    Raises ComputationError if it does not at `swing` itself.
+    Raises ComputationError if it exceeds it at `swing` itself.
     """
 
     def works(omega: Floats) -> Booleans:
@@ -176,7 +176,7 @@ def insensitivity(shaper: Shaper, swing: Swing, tolerance: float = TOLERANCE) ->
 
 
 def _edge(works: Callable[[Floats], Booleans], ladder: Floats) -> float:
-    """Where, from the first rung on, it stops to work; the last rung if it never does."""
+    """The first grid value at which it fails, or the last one if it never does."""
     fails = np.flatnonzero(~works(ladder))
     if not fails.size:
         return float(ladder[-1])
@@ -188,13 +188,13 @@ def _edge(works: Callable[[Floats], Booleans], ladder: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Robustness:
-    """What a shaper leaves of each mode, `residual` (L, R) in percent, over a parameter's `values` (L,)."""
+    """The residual vibration of each mode with a shaper, `residual` (L, R) in percent, over `values` (L,)."""
 
     values: Floats
     residual: Floats
 
     def within(self, tolerance: float = TOLERANCE) -> Booleans:
-        """Where (L,) no mode keeps more than `tolerance`, 1 being all of it."""
+        """Where (L,) no mode retains more than `tolerance`, as a fraction."""
         return np.asarray((self.residual <= 100 * tolerance).all(1), dtype=np.bool_)
 
 
@@ -209,7 +209,7 @@ def robustness(
 
 
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
-    """The scene with these lengths (m) of one link as written, pendulum and link counted from 0."""
+    """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
     entry = scene.pendulum[pendulum]
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():

@@ -361,7 +361,7 @@ def test_what_was_interrupted_is_not_called_a_limit_of_the_digits() -> None:
             raise KeyboardInterrupt
 
     told = advice_table(advise(load("paper-cart-3"), 10.0, 1e-6, report=report), "text")
-    assert "nothing is promised" in told
+    assert "no accuracy is guaranteed" in told
     assert "digits" not in told
 
 

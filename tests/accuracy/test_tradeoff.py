@@ -354,9 +354,9 @@ def test_tables(short: WorkPrecision) -> None:
         "time (ms)",
         "error (rad)",
         "late (s)",
-        "held against",
+        "checked against",
         "all 1.5 s are compared",
-        "whole turns left out",
+        "modulo whole turns",
     ):
         assert words in text
     assert tradeoff_table(short, "markdown").startswith("**Two double pendula")

@@ -106,7 +106,7 @@ def test_another_drive_is_refused_with_the_nearest_word() -> None:
 
 
 @pytest.mark.parametrize("drive", ["cart_acceleration", "cart_force"])
-def test_an_unstable_rest_has_no_shaper(drive: str) -> None:
+def test_an_unstable_equilibrium_has_no_shaper(drive: str) -> None:
     with pytest.raises(ComputationError, match="is unstable"):
         shaper_for(load("cart-upright"), drive=drive)
 
