@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -131,6 +132,20 @@ def test_a_command_that_is_ended_says_so_in_one_line(delay: float, number: int, 
         told = running.communicate(timeout=600)[1]
     assert (running.returncode, told) == (130, b"multipendula: interrupted\n")
     assert not list(tmp_path.iterdir())
+
+
+def test_an_interrupt_that_is_lost_without_a_trace_is_raised_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def goes_on(*_: Any) -> None:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert eventually(lambda: False, 60)
+
+    monkeypatch.setattr("multipendula.cli.PATIENCE", 0.1)
+    monkeypatch.setattr("modal.scene.load", goes_on)
+    assert main(["table", "chain-1"]) == 130
+    assert capsys.readouterr().err == "multipendula: interrupted\n"
 
 
 def ffmpeg() -> None:
