@@ -109,7 +109,8 @@ def shaper(options: argparse.Namespace) -> None:
     from modal.statespace import shaper_for, swing_words
 
     scene = small_swings(load(options.scene))
-    found = shaper_for(scene, options.count, options.kind, options.drive)
+    step, tolerance = options.discrete or 0.0, options.tolerance / 100
+    found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)
     for words in swing_words(scene, options.count, options.drive):
         print(f"# {words}")
     impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
@@ -118,8 +119,14 @@ def shaper(options: argparse.Namespace) -> None:
 
 def _shaper_arguments(page: Page) -> None:
     add_scene(page)
-    words = "zvd tolerates more error in the frequencies"
-    page.asked.add_argument("--kind", choices=("zv", "zvd"), default="zv", help=words)
+    words = "zvd and ei tolerate more error in the frequencies; um is the shortest, with impulses of both signs"
+    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), default="zv", help=words)
+    words = "impulses at multiples of this time step, the sample time of the controller"
+    page.asked.add_argument("--discrete", metavar="SECONDS", type=number("seconds above 0"), help=words)
+    page.rephrase(r"^a step of (\S+) s", r"--discrete \1")
+    words = "percent of residual swing that ei allows (default 5)"
+    percent = number("percent above 0 and at most 50", most=50.0)
+    page.asked.add_argument("--tolerance", metavar="PERCENT", type=percent, default=5.0, help=words)
     words = "for the K slowest modes (default 1)"
     page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
@@ -236,6 +243,7 @@ COMMANDS = (
         examples=(
             ("shaper crane-hook", "for the slowest mode"),
             ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
+            ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
         ),
     ),
 )
