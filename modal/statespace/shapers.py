@@ -271,7 +271,8 @@ def _weighted(weights: Sequence[float], half: Train, step: float) -> Shaper:
     for weight in weights:
         trains.append((power[0], weight * power[1]))
         power = _convolved(power, half, step)
-    times, amplitudes = _merged(*(np.concatenate(parts) for parts in zip(*trains, strict=True)), step)
+    times, amplitudes = (np.concatenate(parts) for parts in zip(*trains, strict=True))
+    times, amplitudes = _merged((times, amplitudes), step)
     return Shaper(times, amplitudes / amplitudes.sum(), step)
 
 
@@ -319,7 +320,7 @@ def _unity_magnitude(s: complex, step: float) -> Train:
         if (shares >= 0).all() and (shares <= 1).all():
             a, b = shares
             times = step * np.array([0, ticks[0], ticks[0] + 1, ticks[1], ticks[1] + 1])
-            return _merged(times, np.array([1.0, a - 1, -a, 1 - b, b]), step)
+            return _merged((times, np.array([1.0, a - 1, -a, 1 - b, b])), step)
     raise ComputationError(f"a step of {step:g} s is too long for a UM shaper of a mode of {s.imag:g} rad/s")
 
 
@@ -329,14 +330,15 @@ def _real_weights(vectors: Complexes, target: complex) -> Floats:
 
 
 def _convolved(one: Train, other: Train, step: float) -> Train:
-    return _merged(np.add.outer(one[0], other[0]).ravel(), np.outer(one[1], other[1]).ravel(), step)
+    return _merged((np.add.outer(one[0], other[0]).ravel(), np.outer(one[1], other[1]).ravel()), step)
 
 
-def _merged(times: Floats, amplitudes: Floats, step: float) -> Train:
+def _merged(train: Train, step: float) -> Train:
     """In ascending order, those at one sample together, without empty ones."""
+    times, amplitudes = train
     if step:
         ticks, at = np.unique(np.rint(times / step), return_inverse=True)
-        times, amplitudes = ticks * step, np.bincount(at, weights=amplitudes)
+        times, amplitudes = ticks * step, np.bincount(at, amplitudes).astype(np.float64)
     order = np.argsort(times, kind="stable")
     order = order[amplitudes[order] != 0]
     return times[order], amplitudes[order]
