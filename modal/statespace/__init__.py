@@ -5,7 +5,8 @@ frequency and impulse responses, reduced models, sampled models, input shapers.
 
     z' = A z + B u,    y = C z + D u,    z = (q, q')
 
-Start with `model` and `signals`.  `sampling` needs SciPy and is imported by its own path.
+Start with `model` and `signals`.  `sampling` and `transfer` need SciPy and are imported by their
+own paths.
 """
 
 from typing import TYPE_CHECKING
