@@ -18,7 +18,13 @@ DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
 """Modules of no room: they only open one."""
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
-    "scipy": {"modal.statespace.sampling", "modal.exports.matlab", "modal.exports.objects", "nonlinear"},
+    "scipy": {
+        "modal.statespace.sampling",
+        "modal.statespace.transfer",
+        "modal.exports.matlab",
+        "modal.exports.objects",
+        "nonlinear",
+    },
     "sympy": {"modal.symbolic"},
     "control": {"modal.exports.objects"},
     "flint": {"modal.exact.balls"},

@@ -69,7 +69,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
     states = tuple(
         Signal(f"balanced_{k}", "", f"state of Hankel singular value {hankel[k - 1]:.3g}") for k in range(1, count + 1)
     )
-    reduced = replace(model, A=left @ model.A @ right, B=left @ model.B, C=model.C @ right, states=states)
+    reduced = replace(model, scene=None, A=left @ model.A @ right, B=left @ model.B, C=model.C @ right, states=states)
     return Balanced(reduced, hankel, float(2 * hankel[count:].sum()))
 
 

@@ -49,7 +49,8 @@ class StateSpace:
     """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
-    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad).
+    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad);
+    `scene` the one whose whole model this is, None for sampled and reduced ones and those from files.
     """
 
     A: Floats
@@ -62,6 +63,7 @@ class StateSpace:
     dt: float = 0.0
     title: str = ""
     operating_point: tuple[tuple[str, float], ...] = ()
+    scene: Scene | None = None
 
 
 class _Motion(NamedTuple):
@@ -110,6 +112,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
         tuple(signals),
         title=scene.title,
         operating_point=tuple(resting),
+        scene=scene,
     )
 
 

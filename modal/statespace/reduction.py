@@ -90,7 +90,7 @@ def assembled(form: ModalForm, blocks: Sequence[Block], D: Floats) -> StateSpace
     right = np.hstack([np.zeros((len(form.model.A), 0)), *(block.right for block in blocks)])
     A = block_diagonal([block.A for block in blocks])
     states = tuple(state for block in blocks for state in block.states)
-    return replace(form.model, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
+    return replace(form.model, scene=None, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
 
 
 def _rate_alone(form: ModalForm, block: Block) -> Block:

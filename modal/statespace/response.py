@@ -14,12 +14,13 @@ where sin(νt)/ν is t for ν = 0 and a hyperbolic sine for ν² < 0.  (Ewins, M
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modal.report import as_csv, as_json, finite, grid, titled
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
 
@@ -63,6 +64,49 @@ def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
         response += above / np.where(pole, 1.0, below)
         response[(above != 0) & pole] = np.inf
     return response
+
+
+def response_table(form: ModalForm, frequencies: Sequence[float], source: int, outputs: Sequence[int], to: str) -> str:
+    """Magnitude and phase of some outputs for one input at these frequencies (Hz), as "text", "csv" or "json".
+
+    An undamped mode that is hit exactly has no finite magnitude: NaN, in JSON null.
+    """
+    G = frequency_response(form, 2 * np.pi * np.asarray(frequencies))[:, source]
+    size = np.where(np.isfinite(G), np.abs(G), np.nan)
+    phase = np.where(np.isfinite(G) & (G != 0), np.degrees(np.angle(G)), np.nan)
+    with np.errstate(divide="ignore"):
+        decibel = 20 * np.log10(size)
+    signals, given = form.model.outputs, form.model.inputs[source]
+    if to == "json":
+        rows = {
+            "input": given.name,
+            "unit": {signals[k].name: f"{signals[k].unit} per {given.unit}" for k in outputs},
+            "frequency_hz": list(frequencies),
+            "magnitude": {signals[k].name: list(map(finite, size[k].tolist())) for k in outputs},
+            "phase_deg": {signals[k].name: list(map(finite, phase[k].tolist())) for k in outputs},
+        }
+        return as_json(rows)
+    records = [
+        {
+            "frequency_hz": frequency,
+            "output": signals[k].name,
+            "unit": f"{signals[k].unit} per {given.unit}",
+            "magnitude": size[k, at],
+            "magnitude_db": decibel[k, at],
+            "phase_deg": phase[k, at],
+        }
+        for k in outputs
+        for at, frequency in enumerate(frequencies)
+    ]
+    if to == "csv":
+        return as_csv(records)
+    headings = ("f (Hz)", "output", "unit", "magnitude", "dB", "phase (°)")
+    cells = [[_shown(value) for value in record.values()] for record in records]
+    return titled(form.model.title, f"response to {given.name} ({given.unit})", [grid(cells, headings)], "text")
+
+
+def _shown(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:.6g}" if np.isfinite(value) else "–"
 
 
 def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:

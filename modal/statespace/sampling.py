@@ -44,7 +44,7 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
         A, B, C, D = METHODS[method](model, dt)
     if not all(np.isfinite(matrix).all() for matrix in (A, B, C, D)):
         raise ComputationError(f"step {dt} s: the model overflows within a step")
-    return replace(model, A=A, B=B, C=C, D=D, dt=float(dt))
+    return replace(model, scene=None, A=A, B=B, C=C, D=D, dt=float(dt))
 
 
 def reach(A: Floats) -> float:
