@@ -148,6 +148,13 @@ def measures() -> str:
     return _table("measure | what it is | N unless told", rows)
 
 
+def ensemble_measures() -> str:
+    """What can be measured of every member of an ensemble."""
+    from nonlinear.ensembles import MEASURES
+
+    return _table("measure | what it is", [f"`{one.name}` | {_escaped(one.words)}" for one in MEASURES.values()])
+
+
 def _table(heading: str, rows: list[str]) -> str:
     rule = re.sub(r"[^|]+", "---", heading)
     return "\n".join(f"| {row} |" for row in (heading, rule, *rows))

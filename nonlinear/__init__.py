@@ -10,6 +10,7 @@
 from typing import TYPE_CHECKING
 
 from modal._compatibility import exported
+from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.files import load, save
 from nonlinear.integration import SimulationError, SolverInfo, Trajectory
 from nonlinear.simulation import resume, simulate
@@ -29,6 +30,7 @@ from nonlinear.system import (
 
 __all__ = [
     "AppliedForces",
+    "Ensemble",
     "Event",
     "EventRecord",
     "Motion",
@@ -37,6 +39,7 @@ __all__ = [
     "State",
     "System",
     "Trajectory",
+    "ensemble",
     "initial_state",
     "level_crossing",
     "load",

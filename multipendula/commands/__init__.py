@@ -7,6 +7,7 @@ A command is a `Command` in the `COMMANDS` of its module.  `GROUPS` has them in 
 from multipendula.commands import (
     coupling,
     derivation,
+    ensembles,
     modes,
     motion,
     scenes,
@@ -18,7 +19,7 @@ from multipendula.commands import (
 
 __all__ = ["ABOUT", "COMMANDS", "FIRST"]
 
-GROUPS = (scenes, modes, motion, verification, coupling, sweeps, synchronization, statespace, derivation)
+GROUPS = (scenes, modes, motion, verification, coupling, sweeps, synchronization, ensembles, statespace, derivation)
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)
 ABOUT = (
     "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies in the plane "

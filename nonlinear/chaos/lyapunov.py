@@ -12,23 +12,27 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import log, sqrt
+from math import ceil, log, sqrt
 from typing import Any
 
 import numpy as np
 from scipy.special import stdtrit
 
-from modal.errors import SceneError
+from modal.errors import ComputationError, SceneError
 from modal.report import visible
 from modal.scene import Escapement, Scene
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
-from nonlinear.dynamics import Mechanics
-from nonlinear.integration import SciPyStepper
-from nonlinear.system import State, initial_state, system_of, validate_state
+from nonlinear.dynamics import Lanes, Mechanics
+from nonlinear.integration.lanes import Task, integrate
+from nonlinear.integration.pacing import longest_first, units_of
+from nonlinear.integration.watches import Gains
+from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
 
 TRANSIENT = 0.5
 """Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
+THIRDS = 3
+"""Parts of the whole time, of which the transient is the first."""
 SHORTEST, USUAL = 20.0, 200.0
 """The shortest and the default duration, in sqrt(l/g) of the longest link."""
 TOLERANCE = 1e-7
@@ -218,7 +222,7 @@ def lyapunov_exponent(
     states = starts if starts is not None else nearby(initial_state(scene), ensemble, spread, rng)
     y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
     least = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
-    times, growth, last = _grown(tangent, y, rng, (1 + TRANSIENT) * duration, tolerance, least, report)
+    times, growth, last = _grown(scene, tangent, y, rng, (1 + TRANSIENT) * duration, tolerance, least, report)
     return Exponent(scene, times, growth, TRANSIENT * duration, _energy_drift(tangent, y, last))
 
 
@@ -247,6 +251,7 @@ def _check(scene: Scene, duration: float, least: float, ensemble: int) -> None:
 
 
 def _grown(
+    scene: Scene,
     tangent: Tangent,
     y: Floats,
     rng: np.random.Generator,
@@ -255,27 +260,28 @@ def _grown(
     least: float,
     report: Callable[[float], object],
 ) -> tuple[Floats, Floats, Floats]:
-    """Times (K + 1,) at which v was rescaled to length 1, the gains of ln |v| (K, E), and the last y (size, E)."""
-    interval = 1 / float(tangent.scale[-1, 0])
+    """Times (K + 1,), the gains of ln |v| between them (K, E), and the last y (size, E).
+
+    Every start goes with its own steps; after Ctrl-C the times are those that all of them have reached.
+    """
+    numbers = numbers_of(scene, system=tangent.system)
+    count, members = THIRDS * ceil(end * float(tangent.scale[-1, 0]) / THIRDS), y.shape[1]
+    times = np.linspace(0.0, end, count + 1)
     v = rng.standard_normal(y.shape) * tangent.scale
     units = np.broadcast_to(tangent.scale, y.shape)
-    first, absolute = tangent.packed(y, v / tangent.norm(v)), tolerance * tangent.packed(units, units)
-    stepper = SciPyStepper("DOP853", tangent.derivative, 0.0, first, end, tolerance, absolute)
-    times, growth = [0.0], []
+    both = np.concatenate((y, v / tangent.norm(v)))
+    absolute = tolerance * np.concatenate((units, units))
+    first = longest_first(units_of(numbers).rate, members)
+    task = Task(Lanes(numbers, tangent=True), numbers, both, end, np.full(members, tolerance), absolute, first)
+    gains = Gains(tangent.scale, times[1:], y, report)
     try:
-        while stepper.time < end:
-            stepper.step()
-            report(stepper.time)
-            if stepper.time >= min(times[-1] + interval, end):
-                y, v = tangent.parts(stepper.y)
-                length = tangent.norm(v)
-                times.append(stepper.time)
-                growth.append(np.log(length))
-                stepper.restart(tangent.packed(y, v / length))
+        if reasons := integrate(task, [gains]).reasons:
+            raise ComputationError(f"a start {next(iter(reasons.values()))}")
     except KeyboardInterrupt:
-        if times[-1] < least:
+        if not np.isfinite(gains.rows[times[1:] >= least]).all(1).any():
             raise
-    return np.array(times), np.array(growth), y
+    known = int(np.isfinite(gains.rows).all(1).sum())
+    return times[: known + 1], np.diff(gains.rows[:known], axis=0, prepend=0.0), gains.last
 
 
 def _energy_drift(tangent: Tangent, first: Floats, last: Floats) -> float:

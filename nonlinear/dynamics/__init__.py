@@ -16,6 +16,7 @@ from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
+from nonlinear.dynamics.lanes import Lanes
 from nonlinear.dynamics.maximal import Maximal
 from nonlinear.dynamics.mechanics import Mechanics, Reactions, vectors
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
@@ -29,6 +30,7 @@ __all__ = [
     "Elimination",
     "Generated",
     "Hamiltonian",
+    "Lanes",
     "Maximal",
     "Mechanics",
     "Minimal",

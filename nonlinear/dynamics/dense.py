@@ -140,7 +140,8 @@ class Elimination:
         block, self.sine, self.cosine = group.block, sine, cosine
         numbers = (block.mass, block.length, block.centre, block.inertia)
         self.A = np.array(pair.inertia_matrix(*numbers)).reshape(group.n, *block.b.shape, *[1] * tail)
-        self.b, self.mass = block.b.reshape(*block.b.shape, *[1] * tail), float(block.mass.sum())
+        self.b, total = block.b.reshape(*block.b.shape, *[1] * tail), block.mass.sum()
+        self.mass = float(total) if isinstance(total, float) else total
 
     def pull(self, angles: Any, rates: Any, moments: Any, gravity: float) -> tuple[Any, Any, Any]:
         """Mass (kg) and force (N) of the pull along the rail, summed over the pendula."""

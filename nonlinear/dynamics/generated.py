@@ -102,7 +102,7 @@ def _is(value: Any, number: int) -> bool:
     return not isinstance(value, Symbol) and bool(value == number)
 
 
-def _called(name: str) -> Any:
+def called(name: str) -> Any:
     """A function of one symbol, applied to arrays elementwise."""
     return np.frompyfunc(lambda value: value.tape.symbol(name, value), 1, 1)
 
@@ -116,7 +116,7 @@ class Text:
     def __init__(self, tape: Tape, components: Sequence[Any], size: int) -> None:
         self.named: dict[float, str] = {}
         self.written: dict[int, str] = {}
-        lines = list(self._lines(tape, _uses(components)))
+        lines = list(self._lines(tape, uses(components)))
         found = ", ".join(map(self._word, components))
         self.text = "\n".join(
             (
@@ -141,7 +141,7 @@ class Text:
             if not (wanted := uses.get(id(symbol), 0)):
                 continue
             name, (operator, *operands) = f"v{len(self.written)}", symbol.operation
-            text = f"y{operands[0]}" if operator == "y" else _joined(operator, [*map(self._word, operands)])
+            text = f"y{operands[0]}" if operator == "y" else joined(operator, [*map(self._word, operands)])
             deep[id(symbol)] = 0 if operator == "y" else 1 + max(deep.get(id(operand), 0) for operand in operands)
             if operator != "y" and (wanted > 1 or deep[id(symbol)] >= DEEPEST):
                 yield f"  {name} = {text}"
@@ -154,13 +154,14 @@ class Text:
         return self.named.setdefault(float(value), f"c{len(self.named)}")
 
 
-def _joined(operator: str, parts: Sequence[str]) -> str:
+def joined(operator: str, parts: Sequence[str]) -> str:
+    """The text of an operation on what these words name."""
     if operator in {"sin", "cos"}:
         return f"{operator}({parts[0]})"
     return f"(-{parts[0]})" if len(parts) == 1 else f"({parts[0]} {operator} {parts[1]})"
 
 
-def _uses(components: Sequence[Any]) -> dict[int, int]:
+def uses(components: Sequence[Any]) -> dict[int, int]:
     """How often each symbol is used."""
     uses: dict[int, int] = {}
     wanted = list(components)
@@ -197,7 +198,7 @@ class Generated(Minimal):
     def text(self) -> Text:
         """The generated source of the time derivative of y."""
         tape, size = Tape(), self.layout.size
-        plain = self._with_bodies(sine=_called("sin"), cosine=_called("cos"))
+        plain = self._with_bodies(sine=called("sin"), cosine=called("cos"))
         y = np.array([tape.symbol("y", i) for i in range(size)], dtype=object)
         return Text(tape, plain.derivative(0.0, y).tolist(), size)
 

@@ -61,7 +61,7 @@ def bend(group: Group, angles: Any) -> Any:
 
 
 def _spread(constant: Floats, like: Any) -> Floats:
-    return constant.reshape(*constant.shape, *[1] * (like.ndim - 2))
+    return constant.reshape(*constant.shape, *[1] * (like.ndim - constant.ndim))
 
 
 def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:

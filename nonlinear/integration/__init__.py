@@ -19,7 +19,7 @@ from nonlinear.integration.arguments import (
 )
 from nonlinear.integration.driver import Drive, silent
 from nonlinear.integration.escapements import Escaping, escaping
-from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of
+from nonlinear.integration.methods import ASKED, FORMS, Choice, choose, equations_of, taylor_takes
 from nonlinear.integration.run import Request, SimulationError, prepare
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST, Pace, SciPyStepper, Stepper
 from nonlinear.integration.timescales import estimate_timescales, modes_of, sample_count
@@ -60,6 +60,7 @@ __all__ = [
     "sample_times",
     "silent",
     "slightly",
+    "taylor_takes",
     "validate",
     "validate_accuracy",
     "validate_forces",

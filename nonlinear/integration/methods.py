@@ -108,7 +108,7 @@ def _automatic(
         if form == "minimal":
             return "Radau", fast
         return "DOP853", f"{fast}, but the {form} form has only explicit methods: this takes many steps"
-    if seconds and _taylor_takes(system):
+    if seconds and _takes_series(system):
         if tolerance < FINEST:
             return "taylor", "an accuracy near that of double precision, which takes a method of high order"
         if seconds["taylor"] < min(seconds["DOP853"], seconds["compiled"]):
@@ -116,7 +116,12 @@ def _automatic(
     return "DOP853", "no part of the motion decays far faster than it oscillates"
 
 
-def _taylor_takes(system: System) -> bool:
+def taylor_takes(scene: Scene) -> bool:
+    """Whether Taylor series can be had for so many links."""
+    return _takes_series(system_of(scene))
+
+
+def _takes_series(system: System) -> bool:
     longest = max(group.n for group in system.groups)
     return find_spec("heyoka") is not None and longest <= LONGEST_CHAIN and system.n_links <= MOST_LINKS
 

@@ -10,7 +10,7 @@ preserved every digit in all starts tried.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from copy import deepcopy
 from importlib import import_module
 from importlib.util import find_spec
@@ -148,6 +148,13 @@ def uneven(tolerance: float) -> float:
     return wanted if order % 4 else 0.99 * exp(2 - 2 * order)
 
 
+def shortened(tolerance: float) -> float:
+    """As `uneven`, but of one order less rather than more: looser by up to e², far above what a series errs by."""
+    wanted = max(tolerance, TIGHTEST)
+    order = ceil(1 - log(wanted) / 2)
+    return wanted if order % 4 else 1.01 * exp(4 - 2 * order)
+
+
 _COMPILED: dict[tuple[str, float], Any] = {}
 """Integrators of this process, by the source of their equations and their tolerance."""
 
@@ -199,3 +206,72 @@ def _heyoka() -> Any:
         return import_module("heyoka")
     except ImportError:
         raise MissingExtraError("heyoka", "taylor") from None
+
+
+Seen = tuple[str, int, float, Any]
+"""What is to be found within steps: its kind, a row of y, a level (rad or m), what to call with it."""
+EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
+    "cos": lambda heyoka, y, level: heyoka.cos(y / 2.0),
+    "sin": lambda heyoka, y, level: heyoka.sin((y - level) / 2.0),
+    "level": lambda heyoka, y, level: y - level,
+    "rest": lambda heyoka, y, level: 1.0 * y,
+}
+"""Of a component of y: an angle at the top, an angle at a level, anything at a level, anything at zero."""
+
+
+_BATCHES: dict[tuple[str, int, float], Any] = {}
+_EVALUATORS: dict[tuple[str, int], Any] = {}
+"""What has been compiled in this process for members side by side, by its text, its size and its tolerance."""
+Rates = Callable[..., Callable[[Any], Sequence[Any]]]
+
+
+def batch_integrator(text: str, rates: Rates, constants: int, size: int, tolerance: float, seen: Sequence[Seen]) -> Any:
+    """Heyoka's integrator for as many members at a time as fit into a register; so many constants are parameters.
+
+    `rates` makes the derivative of y (size) from sine, cosine and these, as the `text` has it.
+    """
+    known = text, size, tolerance
+    if not seen and known in _BATCHES:
+        return _BATCHES[known]
+    heyoka = _heyoka()
+    width, y = heyoka.recommended_simd_size(), _components(size)
+    events = [heyoka.nt_event_batch(EVENTS[kind](heyoka, y[row], level), call) for kind, row, level, call in seen]
+    with undisturbed():
+        found = heyoka.taylor_adaptive_batch(
+            list(zip(y, _rates(rates, constants, y), strict=True)),
+            np.zeros((size, width)),
+            pars=np.zeros((constants, width)),
+            tol=shortened(tolerance),
+            compact_mode=size > 4 * UNROLLED,
+            fast_math=True,
+            **({"nt_events": events} if events else {}),
+        )
+    if not seen:
+        _kept(_BATCHES, known, found)
+    return found
+
+
+def evaluator(text: str, rates: Rates, constants: int, size: int) -> Any:
+    """The y' of many y (size, S) and constants as a compiled function, with vector registers."""
+    if (text, size) not in _EVALUATORS:
+        heyoka, y = _heyoka(), _components(size)
+        with undisturbed():
+            _kept(_EVALUATORS, (text, size), heyoka.cfunc(_rates(rates, constants, y), vars=y, fast_math=True))
+    return _EVALUATORS[text, size]
+
+
+def _components(size: int) -> list[Any]:
+    heyoka = _heyoka()
+    return [heyoka.expression(f"y{i:03d}") for i in range(size)]
+
+
+def _rates(rates: Rates, constants: int, y: Sequence[Any]) -> list[Any]:
+    heyoka = _heyoka()
+    found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
+    return [heyoka.expression(0.0) + one for one in found]
+
+
+def _kept(known: dict[Any, Any], key: Any, found: Any) -> None:
+    while len(known) >= MOST_KEPT:
+        del known[next(iter(known))]
+    known[key] = found

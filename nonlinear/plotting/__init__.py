@@ -7,6 +7,14 @@ and with `animation` for films.
 from nonlinear.plotting.animation import SECONDS, animate, strobe
 from nonlinear.plotting.branches import branches_figure, draw_branches
 from nonlinear.plotting.chaos import draw_finding, draw_running
+from nonlinear.plotting.ensembles import (
+    basins_figure,
+    draw_basins,
+    draw_section,
+    draw_spread,
+    section_figure,
+    spread_figure,
+)
 from nonlinear.plotting.run import draw_run
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
@@ -16,17 +24,23 @@ from nonlinear.plotting.work_precision import draw_tradeoff, tradeoff_figure
 __all__ = [
     "SECONDS",
     "animate",
+    "basins_figure",
     "branches_figure",
     "check_figure",
+    "draw_basins",
     "draw_branches",
     "draw_check",
     "draw_finding",
     "draw_run",
     "draw_running",
+    "draw_section",
     "draw_spectrum",
+    "draw_spread",
     "draw_sweep",
     "draw_sync",
     "draw_tradeoff",
+    "section_figure",
+    "spread_figure",
     "strobe",
     "sync_figure",
     "tradeoff_figure",

@@ -166,7 +166,7 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     norm = (LogNorm if by_ratio else Normalize)(known.min(), known.max())
     axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
     shown = np.ma.masked_invalid(values)
-    mesh = axis.pcolormesh(_edges(x), _edges(y), shown, norm=norm, rasterized=True, lw=0)
+    mesh = axis.pcolormesh(edges(x), edges(y), shown, norm=norm, rasterized=True, lw=0)
     scale(axis, "x", x)
     scale(axis, "y", y)
     axis.grid(visible=False)
@@ -179,7 +179,7 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     bar.outline.set_visible(False)
 
 
-def _edges(variation: Variation) -> Floats:
+def edges(variation: Variation) -> Floats:
     """The edges of the cells around the values, halfway between neighbours."""
     values = np.log(variation.values) if variation.log else np.array(variation.values)
     middle = (values[1:] + values[:-1]) / 2

@@ -1,18 +1,18 @@
 """Parameter sweeps: measures of a scene over a grid of its parameters, on all cores.
 
 In: a `Study`: a scene, its variations and the measures.  Out: a `Sweep`, saved row by row in a checkpoint, so that an
-interrupted sweep can resume.  Start with `measures` and `study`; `executors` run the points, `files` save the result.
+interrupted sweep can resume.  Start with `measures` and `study`; `running` runs the points, `files` saves the result.
 """
 
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from nonlinear.sweeps.checkpoint import Checkpoint, open_checkpoint
-from nonlinear.sweeps.executors import WorkerPool
 from nonlinear.sweeps.files import load, save
 from nonlinear.sweeps.measures import MEASURES, parse_measures
 from nonlinear.sweeps.running import Sweep, reasons, sweep, sweep_text
 from nonlinear.sweeps.study import Study
+from nonlinear.workers import WorkerPool
 
 __all__ = [
     "MEASURES",

@@ -11,7 +11,7 @@ quantity beyond double precision is NaN.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import islice
@@ -26,6 +26,7 @@ from modal.modes import UNCERTAIN, labelled, natural_frequencies, natural_modes
 from modal.report import counted
 from modal.scene import Scene
 from modal.types import Floats
+from nonlinear.ensembles import run_together
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import extremes, last
 from nonlinear.simulation import simulate
@@ -42,7 +43,7 @@ class Measure:
 
     `words` describe the result. The function is at module level, so that other processes can import it.  `whole` marks
     a number that counts something, `numbered` a function whose third argument is the scene in whose table the modes are
-    numbered.
+    numbered, `runs` one that reads a run of so many seconds.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Measure:
     whole: bool = True
     most: float = 1000
     numbered: bool = False
+    runs: bool = False
 
 
 @dataclass(frozen=True)
@@ -81,6 +83,13 @@ class RequestedMeasure:
     def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
         """Its values for a scene; modes are numbered as in the table of `table`, by default of the scene itself."""
         return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))
+
+
+def run_all_together(scenes: Sequence[Scene], durations: Iterable[float]) -> None:
+    """Have the runs of these scenes at hand for measures, side by side where they are of one form."""
+    _RUNS.clear()
+    for seconds in durations:
+        _RUNS.update({(scene, seconds): run for scene, run in run_together(scenes, seconds).items()})
 
 
 Swinging = tuple[Values, tuple[int, ...]]
@@ -174,9 +183,16 @@ MODAL = (
 )
 
 
-@lru_cache(maxsize=1)
+_RUNS: dict[tuple[Scene, float], Trajectory] = {}
+
+
 def run_of(scene: Scene, seconds: float) -> Trajectory:
     """The run, cached for the next measure of the same scene; KeyboardInterrupt where Ctrl-C cut it short."""
+    return _RUNS.get((scene, seconds)) or _run_of(scene, seconds)
+
+
+@lru_cache(maxsize=1)
+def _run_of(scene: Scene, seconds: float) -> Trajectory:
     trajectory = simulate(scene, seconds)
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
@@ -205,9 +221,9 @@ def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
 
 
 RUNS = (
-    Measure("energy_drift", energy_drift, 10.0, "the relative drift of energy in N seconds", whole=False, most=1e6),
+    Measure("energy_drift", energy_drift, 10.0, "the relative drift of energy in N seconds", False, 1e6, runs=True),
     Measure(
-        "amplitude", amplitude, 10.0, "the largest angle and the cart's travel in N seconds", whole=False, most=1e6
+        "amplitude", amplitude, 10.0, "the largest angle and the cart's travel in N seconds", False, 1e6, runs=True
     ),
 )
 
@@ -261,7 +277,7 @@ def _ending(phases: Phases, values: Floats) -> Floats:
 
 
 SYNC = tuple(
-    Measure(function.__name__, function, USUAL, words, whole=False, most=LONGEST, numbered=function is survivor)
+    Measure(function.__name__, function, USUAL, words, False, LONGEST, function is survivor, runs=True)
     for function, words in (
         (order, "the order parameter of the phases after N seconds, from 0 to 1"),
         (survivor, "the mode with most energy after N seconds, and its share"),

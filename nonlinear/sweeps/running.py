@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter, deque
 from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, wait
+from concurrent.futures import BrokenExecutor
 from contextlib import closing, nullcontext
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from time import monotonic
 
@@ -17,18 +17,19 @@ from modal.errors import ComputationError
 from modal.report import grid, visible
 from modal.types import Floats
 from nonlinear.sweeps.checkpoint import Checkpoint
-from nonlinear.sweeps.executors import WorkerPool, cores, processes
 from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
+from nonlinear.workers import DIED, WorkerPool, cores, processes, spread
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
 STARTING = 1.0
 """Least seconds of remaining work that justify starting other processes."""
-CHUNK, AHEAD = 256, 2
-"""Most points measured together; portions queued per worker, its current one included."""
-BRIEF = 0.05
-"""Seconds per portion above which portions no longer grow."""
-DIED = "its process died, perhaps for lack of memory"
+CHUNK = 256
+"""Most points measured together."""
+BRIEF, BRIEF_RUNS = 0.05, 2.0
+"""Seconds per portion above which portions no longer grow; of runs, which are faster side by side."""
+TOGETHER, CHUNK_OF_RUNS = 64, 1024
+"""Points of the first portion of runs, and the most of any."""
 MOST_REASONS = 5
 NUMBERED = "Modes are numbered as in the table of the original scene."
 Report = Callable[[float], object]
@@ -78,8 +79,8 @@ def sweep(
     """All points of a study: those already in a journal are taken from it, new ones are added to it.
 
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    PATIENCE.  `crew` is for other executors, such as `nonlinear.sweeps.cluster`.  `report` is called with the number of
-    points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
+    PATIENCE.  `crew` is for other executors, such as `nonlinear.workers.cluster`.  `report` is called with the number
+    of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
     started.
     """
     kept = journal or Checkpoint()
@@ -103,18 +104,19 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
     points, begun = ((index, study.point(index)) for index in left), monotonic()
     remaining = len(left)
     if crew is None and (workers is None or count == 1):
-        size, seconds_left = 1, 0.0
+        size, seconds_left = TOGETHER if task.durations else 1, 0.0
+        brief, most = (BRIEF_RUNS, CHUNK_OF_RUNS) if task.durations else (BRIEF, CHUNK)
         while remaining and not (count > 1 and monotonic() - begun > PATIENCE and seconds_left > STARTING):
             portion, before = list(islice(points, size)), monotonic()
             yield from _here(task, portion)
             taken = monotonic() - before
             remaining -= len(portion)
             seconds_left = taken / len(portion) * remaining
-            size = min(2 * size, CHUNK) if taken < BRIEF else max(1, size // 2)
+            size = min(2 * size, most) if taken < brief else max(1, size // 2)
     if not remaining:
         return
     count = crew.size if crew else min(count, remaining)
-    size = max(1, min(CHUNK, remaining // (8 * count)))
+    size = max(1, min(CHUNK, remaining // ((2 if task.durations else 8) * count)))
     portions: Iterator[Points] = iter(lambda: list(islice(points, size)), [])
     while True:
         with nullcontext(crew) if crew else processes(count) as used:
@@ -139,39 +141,13 @@ def _here(task: Task, points: Points) -> Rows:
 
 
 def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
-    """The rows of all portions as they come, a few in flight at a time; points whose workers died are returned."""
-    flying: dict[Future[list[Row]], Points] = {}
-    try:
+    """The rows of all portions as they come; points whose workers died are returned."""
+    with closing(spread(partial(measure_points, task), portions, crew)) as found:
         while True:
-            for portion in islice(portions, AHEAD * crew.size - len(flying)):
-                flying[_handed(task, portion, crew)] = portion
-            if not flying:
-                return []
-            done = wait(flying, return_when=FIRST_COMPLETED).done
-            if any(isinstance(future.exception(), BrokenExecutor) for future in done):
-                break
-            for future in done:
-                yield future.result()
-                del flying[future]
-        for future in wait(flying).done:
-            if not future.exception():
-                yield future.result()
-                del flying[future]
-        return [point for portion in flying.values() for point in portion]
-    except Exception as error:
-        raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
-    finally:
-        for future in flying:
-            future.cancel()
-
-
-def _handed(task: Task, portion: Points, crew: WorkerPool) -> Future[list[Row]]:
-    try:
-        return crew.executor.submit(measure_points, task, portion)
-    except BrokenExecutor as error:
-        failed: Future[list[Row]] = Future()
-        failed.set_exception(error)
-        return failed
+            try:
+                yield next(found)[1]
+            except StopIteration as end:
+                return [point for portion in end.value for point in portion]
 
 
 def _alone(task: Task, points: Sequence[Point]) -> Rows:

@@ -14,7 +14,7 @@ import numpy as np
 from modal.errors import MultipendulaError, SceneError
 from modal.scene import Scene, describe, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
-from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures
+from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures, run_all_together
 
 MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
@@ -86,6 +86,11 @@ class Task:
     scene: Scene
     measures: tuple[RequestedMeasure, ...]
 
+    @property
+    def durations(self) -> tuple[float, ...]:
+        """Of the runs (s) that measures are read off."""
+        return tuple(dict.fromkeys(one.number for one in self.measures if one.measure.runs))
+
 
 @dataclass(frozen=True)
 class Row:
@@ -111,6 +116,8 @@ def measure_each(task: Task, points: Points) -> Iterator[Row]:
     scenes = [_scene(variable, values) for _, values in points]
     if any(one.measure.numbered for one in task.measures):
         find_together([scene for scene in scenes if isinstance(scene, Scene)])
+    if seconds := task.durations:
+        run_all_together([scene for scene in scenes if isinstance(scene, Scene)], seconds)
     for (index, _), scene in zip(points, scenes, strict=True):
         yield _row(task, index, scene)
 

@@ -7,6 +7,7 @@ with `system`.
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.events import NO_KICKS, Event, EventRecord, Kicks, level_crossing, turning_point
 from nonlinear.system.initial import initial_state, state_at_rest, validate_state
+from nonlinear.system.numbers import Numbers, numbers_of, numbers_of_all, system_with
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
 
@@ -21,14 +22,18 @@ __all__ = [
     "Layout",
     "Load",
     "Motion",
+    "Numbers",
     "State",
     "System",
     "apart",
     "initial_state",
     "level_crossing",
+    "numbers_of",
+    "numbers_of_all",
     "of_plane",
     "state_at_rest",
     "system_of",
+    "system_with",
     "turning_point",
     "unit_vectors",
     "validate_state",

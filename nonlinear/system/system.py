@@ -202,7 +202,7 @@ class System:
     @property
     def dissipates(self) -> bool:
         """Whether there is any damper."""
-        return bool(self.cart and self.cart.damping) or any(group.damped for group in self.groups)
+        return bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
 
     @property
     def excites(self) -> bool:

@@ -36,10 +36,10 @@ from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
 from nonlinear.sweeps import MEASURES, Study, Sweep, open_checkpoint, parse_measures, sweep
 from nonlinear.sweeps import files as sweep_files
-from nonlinear.sweeps.cluster import cluster
 from nonlinear.sweeps.measures import Measure, RequestedMeasure
 from nonlinear.sweeps.running import DIED
 from nonlinear.sweeps.study import MOST_POINTS, Row
+from nonlinear.workers.cluster import cluster
 
 PAPER = load("paper-cart-2")
 G = 9.81

@@ -1,19 +1,24 @@
-"""The workers of a sweep: processes on this machine, or any other `concurrent.futures.Executor`."""
+"""Workers: processes on this machine, or any other `concurrent.futures.Executor`."""
 
 from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
-from concurrent.futures import BrokenExecutor, Executor, ProcessPoolExecutor
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from contextlib import contextmanager
-from multiprocessing import active_children, get_context, parent_process
+from itertools import islice
 from threading import Thread
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from modal.errors import ComputationError
 from nonlinear.dynamics import children_without_interrupts
 
+AHEAD = 2
+"""How many portions a worker has before it, its own included."""
+DIED = "its process died, perhaps for lack of memory"
+P = TypeVar("P")
+R = TypeVar("R")
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 
 
@@ -36,6 +41,9 @@ def processes(count: int) -> Iterator[WorkerPool]:
     An error or Ctrl-C in the block ends them at once, and so does the end of this process, however it comes.  Raises
     ComputationError where they cannot start.
     """
+    from concurrent.futures import ProcessPoolExecutor
+    from multiprocessing import active_children, get_context
+
     others = set(active_children())
     with _one_thread_each():
         pool = ProcessPoolExecutor(count, mp_context=get_context("spawn"), initializer=_begun)
@@ -57,20 +65,22 @@ def _begun() -> None:
 
 
 def _end_with_parent() -> None:
+    from multiprocessing import parent_process
+
     parent = parent_process()
     if parent:
         parent.join()
         os._exit(1)
 
 
-def _start(pool: ProcessPoolExecutor, count: int) -> None:
+def _start(pool: Executor, count: int) -> None:
     try:
         with children_without_interrupts():
             first, *_ = [pool.submit(int) for _ in range(count)]
         first.result()
     except BrokenExecutor:
         raise ComputationError(
-            "worker processes cannot start: in your own script, put the sweep under "
+            "worker processes cannot start: in your own script, put the call under "
             '`if __name__ == "__main__":`, or use workers=1'
         ) from None
 
@@ -85,3 +95,44 @@ def _one_thread_each() -> Iterator[None]:
     finally:
         for name in ours:
             os.environ.pop(name, None)
+
+
+def spread(
+    function: Callable[[P], R], portions: Iterator[P], crew: WorkerPool
+) -> Generator[tuple[P, R], None, list[P]]:
+    """Portions with what the function makes of them, as they come, a few in flight at a time.
+
+    Portions whose workers died are handed back.  Raises ComputationError where the function fails.
+    """
+    flying: dict[Future[R], P] = {}
+    try:
+        while True:
+            for portion in islice(portions, AHEAD * crew.size - len(flying)):
+                flying[_handed(function, portion, crew)] = portion
+            if not flying:
+                return []
+            done = wait(flying, return_when=FIRST_COMPLETED).done
+            if any(isinstance(future.exception(), BrokenExecutor) for future in done):
+                break
+            for future in done:
+                yield flying[future], future.result()
+                del flying[future]
+        for future in wait(flying).done:
+            if not future.exception():
+                yield flying[future], future.result()
+                del flying[future]
+        return list(flying.values())
+    except Exception as error:
+        raise ComputationError(f"a worker failed: {type(error).__name__}: {error}") from error
+    finally:
+        for future in flying:
+            future.cancel()
+
+
+def _handed(function: Callable[[P], R], portion: P, crew: WorkerPool) -> Future[R]:
+    try:
+        return crew.executor.submit(function, portion)
+    except BrokenExecutor as error:
+        failed: Future[R] = Future()
+        failed.set_exception(error)
+        return failed

@@ -1,0 +1,223 @@
+"""The commands that run many members of a scene: basins, section and spread."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import prod
+from typing import Any
+
+from multipendula.command import Command
+from multipendula.commands.shared import bar, drawn, in_a_folder, picture
+from multipendula.completion import places
+from multipendula.options import add_duration, add_format, add_picture, add_scene, add_words, number, offer, whole
+from multipendula.parser import Page
+
+FORMATS = ("text", "csv", "json")
+ENGINES = ("auto", "numpy", "numba", "heyoka", "simulate")
+RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
+
+
+def basins(options: argparse.Namespace) -> None:
+    """Map which motion each start of a grid ends in: a rhythm, the first turn over the top, or an exponent."""
+    from modal.scene import load
+    from nonlinear.ensembles import basins_table, find_basins, grid_of
+
+    kind, scene = _kind(options), load(options.scene)
+    axes = grid_of(scene, options.vary or ())
+    with _engine(options, prod(len(axis.values) for axis in axes)) as more:
+        found = find_basins(scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more)
+    sys.stdout.write(basins_table(found, options.format))
+    if options.output:
+        from nonlinear.plotting import draw_basins
+
+        with drawn(options.output, options.theme) as stream:
+            draw_basins(found, stream, kind)
+
+
+def _basins_arguments(page: Page) -> None:
+    add_scene(page)
+    words = "two numbers, such as pendulum[0].start.angles_deg[0]=-180:180:512 (default: two starting angles)"
+    offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", help=words), places)
+    words = f"{', '.join(RHYTHMS)} (default: configuration of a scene with drives, else first_turn)"
+    add_words(page.asked, "--measure", RHYTHMS, comma="", choices=RHYTHMS, metavar="NAME", help=words)
+    add_duration(page, "default 30 sqrt(l/g)")
+    _add_engine(page)
+    words = "keep finished chunks in this folder, and go on there after an interruption"
+    page.written.add_argument("--folder", metavar="FOLDER", help=words)
+    add_format(page, FORMATS)
+    add_picture(page, "--output", "-o")
+
+
+def section(options: argparse.Namespace) -> None:
+    """Compute the Poincaré section of a scene at an energy, from many motions."""
+    from modal.scene import load
+    from nonlinear.ensembles import find_section, section_table
+
+    kind, scene = _kind(options), load(options.scene)
+    orbits = options.orbits or 24
+    with _engine(options, orbits) as more:
+        found = find_section(scene, options.duration, energy=options.energy, at=options.at, orbits=orbits, **more)
+    sys.stdout.write(section_table(found, options.format))
+    if options.output:
+        from nonlinear.plotting import draw_section
+
+        with drawn(options.output, options.theme) as stream:
+            draw_section(found, stream, kind)
+
+
+def _section_arguments(page: Page) -> None:
+    add_scene(page)
+    words = "energy above the scene's rest in joules (default: that of its own start)"
+    page.asked.add_argument("--energy", metavar="JOULES", type=_joules, help=words)
+    words = "what is passed, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres"
+    page.asked.add_argument("--at", metavar="COORDINATE", help=words)
+    page.asked.add_argument("--orbits", metavar="N", type=whole(10_000), help="number of motions (default 24)")
+    add_duration(page, "of each (default 200 sqrt(l/g))")
+    _add_engine(page)
+    add_format(page, FORMATS)
+    add_picture(page, "--output", "-o")
+    page.rephrase(r"no pendulum has a start: .*", "this scene has no start: give --energy")
+
+
+def spread(options: argparse.Namespace) -> None:
+    """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
+    from modal.scene import load
+    from nonlinear.ensembles import find_spread, spread_table
+
+    kind, scene = _kind(options), load(options.scene)
+    members, seed = options.members or 1000, options.seed or 5
+    with _engine(options, members) as more:
+        found = find_spread(scene, options.tolerance, options.duration, members=members, seed=seed, **more)
+    sys.stdout.write(spread_table(found, options.format))
+    if options.output:
+        from nonlinear.plotting import draw_spread
+
+        with drawn(options.output, options.theme) as stream:
+            draw_spread(found, stream, kind)
+
+
+def _spread_arguments(page: Page) -> None:
+    add_scene(page)
+    words = (
+        "a number with its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "
+        "gravity=9.8:9.83; repeat for several"
+    )
+    tolerance = page.asked.add_argument(
+        "--tolerance", metavar="PLACE=WIDTH", action="append", required=True, help=words
+    )
+    offer(tolerance, places)
+    page.asked.add_argument("--members", metavar="N", type=whole(10_000_000), help="number drawn (default 1000)")
+    page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of the random numbers")
+    add_duration(page, "of the motion, from the scene's own start (default: frequencies only)")
+    _add_engine(page)
+    add_format(page, FORMATS)
+    add_picture(page, "--output", "-o")
+    page.rephrase(r"members (\d+): must be", r"--members \1: must be")
+
+
+def _joules(text: str) -> float:
+    """An energy, also one below that of rest."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: must be a number of joules")
+    return value
+
+
+def _kind(options: argparse.Namespace) -> str:
+    in_a_folder(options.output)
+    return picture(options.output) if options.output else ""
+
+
+def _add_engine(page: Page) -> None:
+    page.computed.add_argument("--engine", choices=ENGINES, default="auto", help="default: the fastest installed")
+    words = "of the integrator (default 1e-9)"
+    numbers = number("from 1e-13 to 1e-3", 1e-3, 1e-13)
+    page.computed.add_argument("--integrator-tolerance", metavar="TOL", type=numbers, default=1e-9, help=words)
+    page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")
+    page.computed.add_argument("--scheduler", metavar="ADDRESS", help="a Dask cluster, such as tcp://192.168.0.2:8786")
+
+
+@contextmanager
+def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any]]:
+    """The arguments of an ensemble, with a progress bar in members."""
+    more: dict[str, Any] = {
+        "engine": options.engine,
+        "tolerance": options.integrator_tolerance,
+        "workers": options.workers,
+    }
+    with bar(members, "member") as report:
+        if not options.scheduler:
+            yield more | {"report": report}
+            return
+        from nonlinear.workers.cluster import cluster
+
+        with cluster(options.scheduler) as crew:
+            yield more | {"report": report, "crew": crew}
+
+
+COMMANDS = (
+    Command(
+        name="basins",
+        topic="coupling and synchronization",
+        run=basins,
+        arguments=_basins_arguments,
+        details=(
+            "Every start of a grid is simulated, thousands side by side. In a scene with drives the map tells which "
+            "steady oscillation of sync each ends in; in any other when a link first goes over the top, or how fast a "
+            "small error grows. A random sample is run by itself as well, and the largest difference stated."
+        ),
+        examples=(
+            (
+                "basins chain-2 --duration 2 --vary 'pendulum[0].start.angles_deg[0]=-170:170:12' "
+                "--vary 'pendulum[0].start.angles_deg[1]=-170:170:12' -o turns.png",
+                "when a double pendulum first turns over, from 144 starts",
+            ),
+            (
+                "basins chain-2 --measure lyapunov --duration 2 --vary 'pendulum[0].start.angles_deg[0]=0:170:6' "
+                "--vary 'pendulum[0].start.angles_deg[1]=0:170:6' --format csv",
+                "a map of the exponent, as a table",
+            ),
+        ),
+    ),
+    Command(
+        name="section",
+        topic="motion",
+        run=section,
+        arguments=_section_arguments,
+        details=(
+            "Motions with one energy start at random on the section, and each crossing is recorded: closed curves are "
+            "regular motion, clouds chaos."
+        ),
+        examples=(
+            ("section chain-2 --energy 10 --orbits 6 --duration 20 -o section.png", "a double pendulum at 10 J"),
+            ("section chain-2 --energy 2 --at 'theta[1,2]=0' --orbits 2 --duration 5 --format csv", "as a table"),
+        ),
+    ),
+    Command(
+        name="spread",
+        topic="motion",
+        run=spread,
+        arguments=_spread_arguments,
+        details=(
+            "Numbers are drawn within their tolerances, given as standard deviations or as intervals. Reported are "
+            "quantiles of every frequency, with --duration bands of the motion, and which number matters most."
+        ),
+        examples=(
+            (
+                "spread paper-cart-2 --tolerance support.mass=2% --tolerance 'pendulum[*].links[*].length=0.01' "
+                "-o spread.png",
+                "two tolerances, with a figure",
+            ),
+            (
+                "spread paper-cart-1 --tolerance gravity=9.78:9.83 --members 100 --duration 2 --format json",
+                "an interval, and bands of two seconds of motion",
+            ),
+        ),
+    ),
+)

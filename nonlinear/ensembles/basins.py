@@ -1,0 +1,187 @@
+"""Which motion each start of a grid ends in: a measure over two numbers of a scene, above all over two starting angles.
+
+Of a scene that excites itself that is the relative equilibrium (`nonlinear.averaging.equilibria`) that the end is one
+of; of any other the time of the first turn over the top, whose map is a fractal, or the exponent of a small error.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.report import as_csv, as_json, finite, grid, titled
+from modal.scene import InitialCondition, Pendulum, Scene, describe
+from modal.scene.parameters import Variation, parse_variations
+from modal.types import Floats
+from nonlinear.ensembles.measures import configurations
+from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.synchronization import agreement
+
+RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
+"""Measures with one number a member, or one a link, of which the earliest is taken."""
+SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
+EARLIEST = "first_turn_s"
+PERIODS = 30.0  # of sqrt(l/g), where nobody says how long
+
+
+@dataclass(frozen=True, eq=False)
+class Basins:
+    """A measure over the grid of two numbers: `column` is its name with its unit, `names` those of configurations."""
+
+    ensemble: Ensemble
+    column: str
+    names: tuple[str, ...] = ()
+
+    @property
+    def axes(self) -> tuple[Variation, ...]:
+        """What is varied."""
+        return self.ensemble.members.axes
+
+    @cached_property
+    def values(self) -> Floats:
+        """The measure over the grid; inf of a start from which no link turns over, NaN of one that failed."""
+        found = self.ensemble
+        if self.column != EARLIEST:
+            return found.grid(self.column)
+        return np.asarray(
+            np.min([found.grid(name) for name in found.columns if name.startswith("first_turn_")], axis=0)
+        )
+
+    def shares(self) -> dict[str, float]:
+        """Which share of the starts ends where."""
+        known = self.values[~np.isnan(self.values)]
+        total = max(known.size, 1)
+        if self.names:
+            return {name: float(np.count_nonzero(known == k)) / total for k, name in enumerate(self.names)}
+        if self.column == EARLIEST:
+            turned = float(np.count_nonzero(np.isfinite(known))) / total
+            return {"a link turns over": turned, "no link turns over": 1 - turned}
+        return {}
+
+    def record(self) -> dict[str, Any]:
+        """Everything, for JSON: the values row by row, None for inf and NaN."""
+        found = self.ensemble
+        return {
+            "scene": describe(found.question.scene),
+            "axes": [{"place": axis.path, "unit": axis.unit, "values": list(axis.values)} for axis in self.axes],
+            "duration_s": found.question.duration,
+            "tolerance": found.question.tolerance,
+            "engine": found.engine,
+            "members": found.size,
+            "failed": len(found.failures),
+            "beyond_horizon": int(np.count_nonzero(found.beyond)),
+            "largest_energy_drift": finite(float(np.nanmax(found.energy_drift))),
+            "largest_difference_rad": finite(found.largest_difference),
+            "shares": self.shares(),
+            "names": list(self.names),
+            self.column: [[finite(float(own)) for own in row] for row in self.values],
+        }
+
+
+def find_basins(
+    scene: Scene,
+    duration: float | None = None,
+    *,
+    vary: Sequence[str] | Sequence[Variation] = (),
+    measure: str | None = None,
+    report: Callable[[float], object] = lambda done: None,
+    **options: Any,
+) -> Basins:
+    """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.
+
+    `measure` is one of RHYTHMS, `options` are those of `ensemble`.  SceneError for anything else.
+    """
+    own, axes = with_starts(scene), grid_of(scene, vary)
+    measure = measure or ("configuration" if scene.is_driven else "first_turn")
+    if measure not in RHYTHMS:
+        raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])
+    found = ensemble(
+        own,
+        usual_duration(own) if duration is None else duration,
+        vary=axes,
+        measures=[measure],
+        report=report,
+        **options,
+    )
+    if found.interrupted:
+        raise KeyboardInterrupt
+    if len(found.failures) == found.size:
+        raise SceneError([f"every start failed: {next(iter(found.failures.values()))}"])
+    names = _names(own) if measure == "configuration" else ()
+    column = EARLIEST if measure == "first_turn" else next(name for name in found.columns if name.startswith(measure))
+    return Basins(found, column, names)
+
+
+def _names(scene: Scene) -> tuple[str, ...]:
+    """What a configuration is called, by its number."""
+    return ("none of these", *(f"{agreement(one)}, mode {one.number}" for one in configurations(scene)))
+
+
+def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:
+    """The two numbers that are varied; SceneError where there are more or fewer."""
+    given = vary or usual_axes(scene)
+    texts = [own for own in given if isinstance(own, str)]
+    axes = parse_variations(texts) if texts else tuple(own for own in given if isinstance(own, Variation))
+    if len(axes) != 2:
+        raise SceneError([f"basins need two numbers to vary, not {len(axes)}"])
+    return axes
+
+
+def usual_duration(scene: Scene) -> float:
+    """So many times sqrt(l/g) of the longest link (s)."""
+    return float(PERIODS * np.sqrt(max(link.length for link in scene.links()) / scene.gravity))
+
+
+def with_starts(scene: Scene) -> Scene:
+    """The scene with a start of every pendulum; those without one are at rest."""
+
+    def started(one: Pendulum) -> Pendulum:
+        angles = tuple(0.0 if way == "down" else 180.0 for way in one.ways)
+        return one if one.start else one.replace(start=InitialCondition(angles_deg=angles))
+
+    return scene.replace(pendulum=tuple(map(started, scene.pendulum)))
+
+
+def usual_axes(scene: Scene) -> list[str]:
+    """The first angles of the first two pendula, or of the first two links where there is but one entry."""
+    first = scene.pendulum[0]
+    if len(scene.pendulum) > 1:
+        places = ["pendulum[0].start.angles_deg[0]", "pendulum[1].start.angles_deg[0]"]
+    elif first.n_links > 1:
+        places = [f"pendulum[0].start.angles_deg[{link}]" for link in range(2)]
+    else:
+        raise SceneError(["this scene has one starting angle: choose two numbers to vary"])
+    return [f"{place}={-WIDEST:g}:{WIDEST:g}:{SIZE}" for place in places]
+
+
+def basins_table(found: Basins, form: str) -> str:
+    """As text, csv (one line a start) or json, the `form`."""
+    if form == "json":
+        return as_json(found.record())
+    if form == "csv":
+        return as_csv(_records(found))
+    scene = found.ensemble.question.scene
+    rows = [(f"{100 * share:.3g}", name) for name, share in found.shares().items()]
+    parts = [grid(rows, ("starts (%)", "description")), _ends(found), found.ensemble.words()]
+    return titled(scene.title, "where starts end", parts, "text")
+
+
+def _ends(found: Basins) -> str:
+    known = found.values[np.isfinite(found.values)]
+    if found.names or not known.size:
+        return ""
+    return f"{found.column}: from {known.min():.4g} to {known.max():.4g}, median {np.median(known):.4g}"
+
+
+def _records(found: Basins) -> list[dict[str, Any]]:
+    y, x = found.axes
+    return [
+        {y.column: one, x.column: other, found.column: float(found.values[i, j])}
+        for i, one in enumerate(y.values)
+        for j, other in enumerate(x.values)
+    ]

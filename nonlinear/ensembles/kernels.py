@@ -1,0 +1,323 @@
+"""DOP853 over lanes as a module of its own for every form of scene, written out for numba (extra `fast`).
+
+The equations are the text of `nonlinear.dynamics.lanes`; sine and cosine, sums over stages and the control of steps are
+loops over WIDTH lanes without a branch, which the compiler turns into vector instructions.  The text depends on the
+form alone, not on its numbers: it is kept on disk, where numba keeps what it compiles beside it.
+
+Steps in which something happens that is measured are put into a buffer, to be looked at in NumPy.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from functools import lru_cache
+from hashlib import sha256
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from tempfile import mkdtemp
+from types import ModuleType
+from typing import Any
+
+from scipy.integrate import DOP853
+
+from modal.scene import whole_file
+from nonlinear.dynamics import Lanes, undisturbed
+from nonlinear.integration.watches import ASIDE, UNKNOWN
+
+WIDTH, ROWS = 16, 8  # lanes; numbers of each beside those of its links
+HEAD = '''"""Written by multipendula, which writes it again if it is changed."""
+from math import floor, log, sqrt
+from numpy import isfinite, spacing
+from modal.eigen.compiling import vectorized
+
+D, HALF, FIRST, CONSTANTS, WIDTH, TURN = {size}, {half}, {first}, {constants}, {width}, 6.283185307179586
+T, H, REFUSED, FRESH, DUE, LARGEST, ERROR, HORIZON, TURNED = range(9)
+ASIDE, UNKNOWN = {aside!r}, {unknown!r}
+
+
+@vectorized
+def sincos(x):
+    q = floor(x * 0.6366197723675814 + 0.5)
+    r = ((x - q * 1.5707963267341256) - q * 6.077100506303966e-11) - q * 2.0222662487959506e-21
+    z = r * r
+    a = -2.50507602534068634195e-08 + z * 1.58969099521155010221e-10
+    a = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * (2.75573137070700676789e-06 + z * a))
+    s = r + r * z * (-1.66666666666666324348e-01 + z * a)
+    b = 2.08757232129817482790e-09 - z * 1.13596475577881948265e-11
+    b = -1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * (-2.75573143513906633035e-07 + z * b))
+    c = 1.0 - (0.5 * z - z * z * (4.16666666666666019037e-02 + z * b))
+    m = q - 4.0 * floor(q * 0.25)
+    high = floor(m * 0.5)
+    odd, sign = m - 2.0 * high, 1.0 - 2.0 * high
+    even = 1.0 - odd
+    return sign * (even * s + odd * c), sign * (even * c - odd * s)
+
+'''
+CONTROL = """
+@vectorized
+def errors(y, z, K, rel, ab, h, err):
+    for k in range(WIDTH):
+        e5 = 0.0
+        e3 = 0.0
+        for i in range(D):
+            scale = 1.0 / (ab[i, k] + rel[k] * max(abs(y[i, k]), abs(z[i, k])))
+            a = ({fifth}) * scale
+            b = ({third}) * scale
+            e5 += a * a
+            e3 += b * b
+        both = e5 + 0.01 * e3
+        err[k] = h[k] * e5 / sqrt(both * D) if both != 0.0 else 0.0
+
+
+@vectorized
+def load(k, member, task, front, y, c, rel, ab, sc, loc, v):
+    begun, given, relative, absolute, first, end, scale, local = task
+    for i in range(D):
+        y[i, k] = begun[i, member]
+        ab[i, k] = absolute[i, member]
+        sc[i, k] = scale[i, member % scale.shape[1]]
+    for i in range(CONSTANTS):
+        c[i, k] = given[i, member % given.shape[1]]
+    rel[k], loc[k] = relative[member], local[member]
+    for i in range(len(front)):
+        front[i, k] = 0.0
+    front[H, k], front[FRESH, k], front[HORIZON, k] = min(first[member], end), 1.0, float("inf")
+    for i in range(2 * HALF):
+        v[i, k] = 1.0 / sqrt(2.0 * HALF)
+    for i in range(FIRST, HALF):
+        front[LARGEST, k] = max(front[LARGEST, k], abs(y[i, k]))
+
+
+@vectorized
+def happens(k, y, z, h, front, times, wants, level):
+    due = int(front[DUE, k])
+    if wants[0] and due < len(times) and times[due] <= front[T, k] + h:
+        return True
+    if wants[1]:
+        for i in range(FIRST, HALF):
+            if front[TURNED + i - FIRST, k] == 0.0 and floor(y[i, k] / TURN + 0.5) != floor(z[i, k] / TURN + 0.5):
+                return True
+    if wants[2]:
+        for i in range(FIRST, HALF):
+            one, two = y[HALF + i, k], z[HALF + i, k]
+            if (one < 0.0) != (two < 0.0):
+                reach = max(abs(y[i, k]), abs(z[i, k])) + h * max(abs(one), abs(two)) / 2.0
+                if reach > front[LARGEST, k]:
+                    return True
+    if wants[3]:
+        row = wants[4]
+        one, two = y[row, k] - level, z[row, k] - level
+        if row < FIRST:
+            return (one >= 0.0) != (two >= 0.0)
+        return floor(one / TURN) != floor(two / TURN)
+    return False
+
+
+@vectorized
+def grown(z, h, g, K, sc, v, w):
+    for i in range(HALF):
+        for k in range(WIDTH):
+            faster = v[HALF + i, k] * sc[HALF + i, k] + h[k] * ((g[HALF + i, k] - K[12, HALF + i, k]) / ASIDE)
+            w[HALF + i, k] = faster / sc[HALF + i, k]
+            w[i, k] = v[i, k] + h[k] * faster / sc[i, k]
+    for k in range(WIDTH):
+        total = 0.0
+        for i in range(2 * HALF):
+            total += w[i, k] * w[i, k]
+        g[0, k] = sqrt(total)
+
+
+@vectorized
+def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, sc, loc, v, w, g, h, err, ok,
+        out, error, horizon, gain, status, which, marks, before, after, stages):
+    end, size = task[5], task[0].shape[1]
+    filled, room = 0, len(which) - WIDTH
+    while filled <= room:
+        fresh = False
+        for k in range(WIDTH):
+            if members[k] < 0 and counts[0] < size:
+                members[k] = counts[0]
+                load(k, counts[0], task, front, y, c, rel, ab, sc, loc, v)
+                counts[0] += 1
+                fresh = True
+        if fresh:
+            rate(y, c, g)
+            for k in range(WIDTH):
+                if front[FRESH, k] == 1.0:
+                    front[FRESH, k] = 0.0
+                    for i in range(D):
+                        K[0, i, k] = g[i, k]
+        busy = False
+        for k in range(WIDTH):
+            busy = busy or members[k] >= 0
+            h[k] = front[H, k]
+        if not busy:
+            return -1 - filled
+        attempt(y, h, c, K, z)
+        errors(y, z, K, rel, ab, h, err)
+        if wants[5]:
+            for i in range(D):
+                for k in range(WIDTH):
+                    w[i, k] = z[i, k]
+            for i in range(2 * HALF):
+                for k in range(WIDTH):
+                    w[i, k] += ASIDE * v[i, k] * sc[i, k]
+            rate(w, c, g)
+            grown(z, h, g, K, sc, v, w)
+        for k in range(WIDTH):
+            ok[k] = 0.0
+            if members[k] < 0:
+                continue
+            member, e = members[k], err[k]
+            taken = e < 1.0
+            factor = 0.9 * sqrt(sqrt(sqrt(1.0 / e))) if e > 0.0 else 10.0
+            factor = min(10.0, max(0.2, factor)) if isfinite(e) else 0.2
+            if not taken or front[REFUSED, k] == 1.0:
+                factor = min(factor, 1.0)
+            front[REFUSED, k] = 0.0 if taken else 1.0
+            if not taken:
+                front[H, k] = h[k] * factor
+                if not front[H, k] >= 10.0 * spacing(front[T, k]):
+                    finite = True
+                    for i in range(D):
+                        finite = finite and isfinite(K[0, i, k])
+                    status[member] = 1 if finite else 2
+                    horizon[member], error[member], gain[member] = front[T, k], front[ERROR, k], front[T, k]
+                    for i in range(D):
+                        out[i, member] = y[i, k]
+                    members[k], front[H, k] = -1, 0.0
+                continue
+            ok[k] = 1.0
+            if happens(k, y, z, h[k], front, times, wants, level):
+                which[filled], marks[0, filled], marks[1, filled] = member, front[T, k], h[k]
+                for i in range(D):
+                    before[i, filled], after[i, filled] = y[i, k], z[i, k]
+                    for j in range(13):
+                        stages[j, i, filled] = K[j, i, k]
+                filled += 1
+                due = int(front[DUE, k])
+                while wants[0] and due < len(times) and times[due] <= front[T, k] + h[k]:
+                    due += 1
+                front[DUE, k] = due
+                for i in range(FIRST, HALF):
+                    if floor(y[i, k] / TURN + 0.5) != floor(z[i, k] / TURN + 0.5):
+                        front[TURNED + i - FIRST, k] = 1.0
+            if wants[2]:
+                for i in range(FIRST, HALF):
+                    front[LARGEST, k] = max(front[LARGEST, k], abs(z[i, k]))
+            front[T, k] += h[k]
+            front[H, k] = min(h[k] * factor, end - front[T, k])
+            if wants[5] and isfinite(g[0, k]) and g[0, k] > 0.0:
+                front[ERROR, k] = front[ERROR, k] * g[0, k] + loc[k]
+                for i in range(2 * HALF):
+                    v[i, k] = w[i, k] / g[0, k]
+                if front[ERROR, k] > UNKNOWN and front[HORIZON, k] == float("inf"):
+                    front[HORIZON, k] = front[T, k]
+            if wants[6]:
+                total = 0.0
+                for i in range(D // 2, D):
+                    total += (z[i, k] / sc[i, k]) ** 2
+                length = sqrt(total)
+                gain[member] += log(length)
+                for i in range(D // 2, D):
+                    z[i, k] /= length
+                    K[12, i, k] /= length
+            if front[T, k] >= end * (1.0 - 4e-16):
+                error[member], horizon[member] = front[ERROR, k], front[HORIZON, k]
+                for i in range(D):
+                    out[i, member] = z[i, k]
+                members[k], front[H, k] = -1, 0.0
+        for i in range(D):
+            for k in range(WIDTH):
+                y[i, k] = z[i, k] if ok[k] > 0.0 else y[i, k]
+                K[0, i, k] = K[12, i, k] if ok[k] > 0.0 else K[0, i, k]
+    return filled
+"""
+
+
+def source(lanes: Lanes) -> str:
+    """The text of the module for this form of scene."""
+    written, layout = lanes.written, lanes.layout
+    names = [*written.floats.values(), *written.kept]
+    size = lanes.size
+    head = HEAD.format(
+        size=size,
+        half=layout.half,
+        first=int(layout.on_cart),
+        constants=len(names),
+        width=WIDTH,
+        aside=ASIDE,
+        unknown=UNKNOWN,
+    )
+    fifth, third = (_weighted(shares, "i, k") for shares in (DOP853.E5, DOP853.E3))
+    return head + _rate(lanes, names) + _attempt() + CONTROL.format(fifth=fifth, third=third)
+
+
+def _rate(lanes: Lanes, names: list[str]) -> str:
+    text = lanes.written.text.split("\n")
+    body, found = text[3:-2], text[-2].strip().removeprefix("return [").removesuffix("]")
+    angles = sorted({int(place) for place in re.findall(r"(?:sin|cos)\(y(\d+)\)", "\n".join(text))})
+    lines = ["", "@vectorized", "def rate(y, c, o):", " for k in range(WIDTH):"]
+    lines += [f"  {name} = c[{at}, k]" for at, name in enumerate(names)]
+    lines += [f"  y{i} = y[{i}, k]" for i in range(lanes.size)]
+    lines += [f"  s{i}, q{i} = sincos(y{i})" for i in angles]
+    for line in (*body, *(f"  o[{i}, k] = {word}" for i, word in enumerate(found.split(", ")))):
+        lines.append(re.sub(r"cos\(y(\d+)\)", r"q\1", re.sub(r"sin\(y(\d+)\)", r"s\1", line)))
+    return "\n".join(lines) + "\n\n"
+
+
+def _attempt() -> str:
+    lines = ["", "@vectorized", "def attempt(y, h, c, K, z):"]
+    for stage in range(1, DOP853.n_stages + 1):
+        shares = DOP853.A[stage] if stage < DOP853.n_stages else DOP853.B
+        lines += [" for i in range(D):", "  for k in range(WIDTH):"]
+        lines += [f"   z[i, k] = y[i, k] + h[k] * ({_weighted(shares[:stage], 'i, k')})", f" rate(z, c, K[{stage}])"]
+    return "\n".join(lines) + "\n\n"
+
+
+def _weighted(shares: Any, place: str) -> str:
+    return " + ".join(f"{float(share)!r} * K[{stage}, {place}]" for stage, share in enumerate(shares) if share)
+
+
+def folder() -> Path:
+    """Where the modules are kept."""
+    home = os.environ.get("NUMBA_CACHE_DIR") or os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(home) / "multipendula"
+
+
+def path_of(text: str) -> Path:
+    """The file of a module."""
+    return folder() / f"lanes_{sha256(text.encode()).hexdigest()[:20]}.py"
+
+
+def kept(lanes: Lanes) -> bool:
+    """Whether the module has been compiled on this machine."""
+    path = path_of(source(lanes))
+    return path.exists() and any(path.parent.rglob(f"{path.stem}.run-*.nbi"))
+
+
+@lru_cache(maxsize=32)
+def module_of(text: str) -> ModuleType:
+    """The module with this text, on disk where there is a place for it."""
+    path = path_of(text)
+    try:
+        path = _written(path, text)
+    except OSError:
+        path = _written(Path(mkdtemp(prefix="multipendula-")) / path.name, text)
+    spec = spec_from_file_location(path.stem, path)
+    assert spec
+    assert spec.loader
+    module = sys.modules[path.stem] = module_from_spec(spec)
+    with undisturbed():
+        spec.loader.exec_module(module)
+    return module
+
+
+def _written(path: Path, text: str) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.exists() or path.read_text(encoding="utf-8") != text:
+        with whole_file(path) as stream:
+            stream.write(text.encode())
+    return path

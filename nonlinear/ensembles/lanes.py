@@ -1,0 +1,113 @@
+"""The engine that is always there: DOP853 over lanes, in NumPy."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics import Lanes
+from nonlinear.ensembles.found import Found, Wanted
+from nonlinear.integration import pacing
+from nonlinear.integration.lanes import Task, Watch, fill, integrate
+from nonlinear.integration.watches import Crossings, FirstTurns, Growth, Largest, Samples, Stretching
+from nonlinear.system import Layout, Numbers
+
+SEED = 0  # of the direction of tangent vectors
+
+
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+    """Members with these numbers from y (size, S) on."""
+    plain = Lanes(numbers)
+    found = _run(plain, numbers, y, wanted)
+    if wanted.stretching:
+        found.stretching = stretching(numbers, y[: 2 * plain.layout.half], wanted)
+    return found
+
+
+def task_of(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats, Floats]:
+    """What to integrate, natural units of y, and the error (in these) allowed in a step."""
+    units, layout = pacing.units_of(numbers), lanes.layout
+    scale, slope = units.scale(layout), np.empty_like(y)
+    fill(lanes.rates(numbers)(y), slope)
+    size = pacing.extents(numbers, layout, y, units)
+    relative, absolute, first = pacing.tolerances(y, slope, scale, size, units.rate, wanted.tolerance)
+    absolute = np.ascontiguousarray(np.broadcast_to(absolute, y.shape))
+    return Task(lanes, numbers, y, wanted.duration, relative, absolute, first), scale, relative * size
+
+
+@dataclass(eq=False)
+class Watches:
+    """What is measured within steps."""
+
+    samples: Samples | None = None
+    turns: FirstTurns | None = None
+    largest: Largest | None = None
+    section: Crossings | None = None
+
+    @property
+    def all(self) -> list[Watch]:
+        """Those that there are."""
+        return [watch for watch in (self.samples, self.turns, self.largest, self.section) if watch is not None]
+
+    def found(self, found: Found) -> Found:
+        """With what these have found."""
+        return replace(
+            found,
+            rows=self.samples.rows if self.samples else None,
+            first_turns=self.turns.times if self.turns else None,
+            largest=self.largest.angle if self.largest else None,
+            crossed=self.section.found if self.section else None,
+        )
+
+
+def watches_of(layout: Layout, y: Floats, wanted: Wanted) -> Watches:
+    """What is to be measured of members from y (size, S) on."""
+    section = wanted.section
+    return Watches(
+        Samples(np.array(wanted.times), y) if wanted.times else None,
+        FirstTurns(layout, y.shape[1]) if wanted.first_turns else None,
+        Largest(layout, y) if wanted.largest else None,
+        Crossings(layout, section.row, section.level, section.direction) if section else None,
+    )
+
+
+def _run(lanes: Lanes, numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+    layout = lanes.layout
+    task, scale, local = task_of(lanes, numbers, y, wanted)
+    growth, watches = Growth(layout, scale, local), watches_of(layout, y, wanted)
+    outcome = integrate(task, [growth, *watches.all])
+    return watches.found(Found(outcome.y, growth.error, growth.horizon, outcome.reasons))
+
+
+def stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
+    """What ln |v| gains of a tangent vector in a direction drawn at random, the same for all, (S,)."""
+    task, scale = stretched(numbers, y, wanted)
+    watch = Stretching(scale, y.shape[1])
+    outcome = integrate(task, [watch])
+    watch.growth[[*outcome.reasons]] = np.nan
+    return watch.growth
+
+
+def stretched(numbers: Numbers, y: Floats, wanted: Wanted) -> tuple[Task, Floats]:
+    """The task of y and a tangent vector, and natural units of this."""
+    lanes = Lanes(numbers, tangent=True)
+    layout = Layout(lanes.layout.links, 1, lanes.layout.on_cart, False)
+    scale = shortest_scale(numbers, layout)
+    v = np.random.default_rng(SEED).standard_normal((layout.size, 1)) * scale
+    v = np.broadcast_to(v / np.sqrt(np.sum((v / scale) ** 2, axis=0)), y.shape)
+    both, units = np.concatenate((y, v)), np.broadcast_to(scale, y.shape)
+    absolute = wanted.tolerance * np.concatenate((units, units))
+    members = y.shape[1]
+    first = pacing.longest_first(pacing.units_of(numbers).rate, members)
+    relative = np.full(members, wanted.tolerance)
+    return Task(lanes, numbers, both, wanted.duration, relative, absolute, first), scale
+
+
+def shortest_scale(numbers: Numbers, layout: Layout) -> Floats:
+    """Natural units of tangent vectors, (size, S or 1), in which l is the shortest link (`nonlinear.chaos.tangent`)."""
+    system = numbers.arrays
+    length = np.min([group.block.length.min((0, 1)) for group in system.groups], axis=0)
+    rate = np.sqrt(np.atleast_1d(system.gravity) / length)
+    return pacing.Units(length, rate, 0 * rate).scale(layout)

@@ -1,0 +1,253 @@
+"""What can be measured of every member, on the way or at its end, so that nothing else need be kept.
+
+A measure is asked for by its name, a section with what is passed: `section:theta[1,1]=0`.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import ceil, pi, radians
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError, meant
+from modal.scene import Scene
+from modal.types import Complexes, Floats
+from nonlinear.averaging import AveragedEquations, RelativeEquilibrium, average, relative_equilibria
+from nonlinear.ensembles.energies import Accounts
+from nonlinear.ensembles.found import Found, Section, Wanted
+from nonlinear.integration import estimate_timescales
+from nonlinear.synchronization import ENDING
+from nonlinear.synchronization.phases import from_rest, own_shapes
+from nonlinear.system import Layout, Numbers, System
+
+PER_PERIOD, FEWEST, MOST = 12, 24, 240  # samples of the last tenth
+ALIKE = 0.9  # overlap with a configuration from which on a motion is one of it
+WITHIN = 2.0  # and how many times larger or smaller it may be
+SECTION = re.compile(r"section:\s*([^=<>]+?)\s*(=|<|>)\s*(\S+)\s*")
+DIRECTIONS = {"=": 0, ">": 1, "<": -1}
+Columns = dict[str, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Context:
+    """What a measure needs beside what was found: the scene, its form, the members' numbers and where they began."""
+
+    scene: Scene
+    system: System
+    numbers: Numbers
+    layout: Layout
+    begun: Floats
+    wanted: Wanted
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A measure: `words` say what it is; `ends` whether it is read from samples of the last tenth."""
+
+    name: str
+    words: str
+    columns: Callable[[Context, Found, Floats], Columns]
+    ends: bool = False
+
+
+def ending_times(scene: Scene, duration: float) -> tuple[float, ...]:
+    """Samples (s) of the last tenth, some for each of the fastest periods."""
+    periods = ENDING * duration * estimate_timescales(scene).swing / (2 * pi)
+    count = min(max(ceil(PER_PERIOD * periods), FEWEST), MOST)
+    return tuple(np.linspace((1 - ENDING) * duration, duration, count).tolist())
+
+
+def _first_turn(context: Context, found: Found, ending: Floats) -> Columns:
+    assert found.first_turns is not None
+    return {f"first_turn_{place}_s": own for place, own in zip(places(context.system), found.first_turns, strict=True)}
+
+
+def places(system: System) -> list[str]:
+    """Pendulum and link of every link, counted from 1: 1_2."""
+    labels = (label for label in system.labels if label != "x")
+    return [label[len("theta") :].strip("[]").replace(",", "_") for label in labels]
+
+
+def _lyapunov(context: Context, found: Found, ending: Floats) -> Columns:
+    assert found.stretching is not None
+    return {"lyapunov_per_s": found.stretching / context.wanted.duration}
+
+
+def _largest_angle(context: Context, found: Found, ending: Floats) -> Columns:
+    assert found.largest is not None
+    return {"largest_angle_deg": np.degrees(found.largest)}
+
+
+def _pendulum_energy(context: Context, found: Found, ending: Floats) -> Columns:
+    sums: Floats = np.zeros((context.system.n_pendula, len(ending)))
+    for k in range(ending.shape[1]):
+        energies = Accounts(context.numbers, context.layout).energies(np.ascontiguousarray(ending[:, k].T))
+        sums += energies.kinetic + energies.potential
+    return {f"pendulum_{p}_energy_J": own / ending.shape[1] for p, own in enumerate(sums, 1)}
+
+
+def _order(context: Context, found: Found, ending: Floats) -> Columns:
+    z, weights = own_amplitudes(context, ending)
+    size = np.abs(z)
+    leading = np.argmax(np.sum(weights * np.mean(size**2, axis=1), axis=1), axis=1)
+    unit = np.divide(z, size, out=np.zeros_like(z), where=size > 0)
+    order = np.abs(unit.mean(2)).mean(1)
+    return {"order": order[np.arange(len(order)), leading]}
+
+
+def own_amplitudes(context: Context, rows: Floats) -> tuple[Complexes, Floats]:
+    """The z (S, K, N, B) of every pendulum in its own modes, as in `nonlinear.synchronization.phases`, and φᵀAφ ω².
+
+    The modes are those of the scene itself; where members have other numbers they are taken for theirs.
+    """
+    system, layout = context.system, context.layout
+    count = min(group.n for group in system.groups)
+    first, half = int(layout.on_cart), layout.half
+    members, times = rows.shape[:2]
+    flat = rows.reshape(-1, rows.shape[2])
+    turned, rates = from_rest(system, flat[:, first:half]), flat[:, half + first : 2 * half]
+    z = np.empty((len(flat), system.n_pendula, count), dtype=np.complex128)
+    weights = np.empty((system.n_pendula, count))
+    for group in system.groups:
+        own = own_shapes(group, system.gravity, count)
+        eta, rate = (np.einsum("tnp,pnb->tpb", part[:, group.index], own.dual) for part in (turned, rates))
+        z[:, group.pendula] = eta - 1j * rate / own.omega
+        weights[group.pendula] = own.mass * own.omega**2
+    return z.reshape(members, times, *z.shape[1:]), weights
+
+
+def _configuration(context: Context, found: Found, ending: Floats) -> Columns:
+    known = configurations(context.scene)
+    if not known:
+        return {"configuration": np.zeros(len(ending))}
+    overlaps, sizes = (np.zeros((len(ending), len(known))) for _ in range(2))
+    averaged = known[0].averaged
+    for k in range(ending.shape[1]):
+        z = _modal(averaged, context, ending[:, k])
+        for number, state in enumerate(known):
+            overlap, size = _overlap(state, z)
+            overlaps[:, number] += overlap / ending.shape[1]
+            sizes[:, number] += size / ending.shape[1]
+    best = np.argmax(overlaps, axis=1)
+    rows = np.arange(len(ending))
+    like, size = overlaps[rows, best], sizes[rows, best]
+    fits = (like >= ALIKE) & (size > 1 / WITHIN) & (size < WITHIN)
+    return {"configuration": np.where(fits, best + 1.0, 0.0)}
+
+
+@lru_cache(maxsize=4)
+def configurations(scene: Scene) -> tuple[RelativeEquilibrium, ...]:
+    """The stable relative equilibria of a scene, in the order of `sync`; ComputationError where there is no theory."""
+    return tuple(state for state in relative_equilibria(average(scene)) if state.is_stable is not False)
+
+
+def _modal(averaged: AveragedEquations, context: Context, rows: Floats) -> Complexes:
+    """The amplitudes (C, S) of many states."""
+    layout = context.layout
+    q = rows[:, : layout.half].copy()
+    first = int(layout.on_cart)
+    q[:, first:] = from_rest(context.system, q[:, first:])
+    v = rows[:, layout.half : 2 * layout.half]
+    return np.asarray((q @ averaged.dual - 1j * (v @ averaged.dual) / averaged.omega).T)
+
+
+def _overlap(state: RelativeEquilibrium, z: Complexes) -> tuple[Floats, Floats]:
+    """How alike amplitudes (C, S) are to a configuration but for the phase of each band, from 0 to 1; relative size."""
+    averaged, own = state.averaged, state.z
+    weights = averaged.omega**2
+    alike = sum(
+        np.abs((weights[band] * own[band].conj()) @ z[band])
+        for band in (averaged.band == number for number in range(len(averaged.centre)))
+    )
+    norm, norms = np.sqrt(np.sum(weights * np.abs(own) ** 2)), np.sqrt(weights @ np.abs(z) ** 2)
+    whole = norm * norms
+    return np.asarray(np.divide(alike, whole, out=np.zeros_like(norms), where=whole > 0)), np.asarray(norms / norm)
+
+
+def _section(context: Context, found: Found, ending: Floats) -> Columns:
+    return {}
+
+
+MEASURES = {
+    measure.name: measure
+    for measure in (
+        Measure("first_turn", "the time at which each link first goes over the top, inf where none does", _first_turn),
+        Measure("lyapunov", "the largest Lyapunov exponent over the duration", _lyapunov),
+        Measure("configuration", "the relative equilibrium of sync at the end, 0 for none", _configuration, True),
+        Measure("order", "the order parameter, its mean over the last tenth", _order, True),
+        Measure("largest_angle", "the largest angle of any link", _largest_angle),
+        Measure("pendulum_energy", "the mean energy of each pendulum over the last tenth", _pendulum_energy, True),
+        Measure("section", "the states at which an angle or the cart passes a value", _section),
+    )
+}
+
+
+@dataclass(frozen=True)
+class Asked:
+    """The measures asked for, by their names, and the section."""
+
+    names: tuple[str, ...]
+    section: Section | None = None
+
+    @property
+    def measures(self) -> list[Measure]:
+        """Those."""
+        return [MEASURES[name] for name in self.names]
+
+    @property
+    def ends(self) -> bool:
+        """Whether the last tenth is sampled."""
+        return any(measure.ends for measure in self.measures)
+
+
+def asked(texts: Sequence[str], system: System) -> Asked:
+    """The measures in texts; SceneError names every mistake."""
+    names: list[str] = []
+    problems, section = [], None
+    for text in texts:
+        name = text.partition(":")[0]
+        if name not in MEASURES:
+            hint = meant(name, MEASURES) or f" (must be one of {', '.join(MEASURES)})"
+            problems.append(f"{text}: no such measure{hint}")
+        elif name in names:
+            problems.append(f"{text}: {name} is requested twice")
+        elif name == "section":
+            try:
+                section = section_of(text, system)
+            except SceneError as error:
+                problems += error.problems
+        elif name != text:
+            problems.append(f"{text}: {name} takes no number")
+        names.append(name)
+    if problems:
+        raise SceneError(problems)
+    return Asked(tuple(names), section)
+
+
+def section_of(text: str, system: System) -> Section:
+    """The section in a text such as "section:theta[1,1]=0", with > upwards only, with < downwards only (deg or m)."""
+    match, known = SECTION.fullmatch(text), [*system.labels]
+    if not match or match[1] not in known:
+        words = f"must be section:COORDINATE=VALUE, with > for upwards and < for downwards only, of {', '.join(known)}"
+        raise SceneError([f"{text}: {words}"])
+    try:
+        value = float(match[3])
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise SceneError([f'{text}: "{match[3]}" is not a number'])
+    row = known.index(match[1])
+    return Section(row, value if match[1] == "x" else radians(value), DIRECTIONS[match[2]])
+
+
+def validate_measures(wanted: Asked, scene: Scene) -> None:
+    """SceneError where a measure is none of such a scene."""
+    if "configuration" in wanted.names:
+        try:
+            configurations(scene)
+        except ComputationError as error:
+            raise SceneError([f"configuration: {error}"]) from None

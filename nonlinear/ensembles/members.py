@@ -1,0 +1,245 @@
+"""The members of an ensemble: a scene with other starts, or with other numbers at some of its places.
+
+Members of a grid are counted with the last place running fastest.  A `Part` is what a worker needs to know of some of
+them that follow each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from hashlib import sha256
+from math import prod
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.scene import Scene, describe
+from modal.scene.parameters import (
+    Place,
+    Variable,
+    Variation,
+    find_places,
+    parse_variations,
+    validate_variations,
+)
+from modal.types import Floats, Ints
+from nonlinear.integration import validate
+from nonlinear.system import Layout, Motion, Numbers, State, initial_state, numbers_of, system_of, validate_state
+
+Starts = Floats | Sequence[Sequence[float]] | Sequence[State] | Motion
+Vary = Sequence[str] | Sequence[Variation] | Mapping[str, Sequence[float] | Floats]
+STARTING = {"angles_deg": 0, "rates_deg": 1}
+"""The numbers of a start that are angles and rates (deg)."""
+NONE_GIVEN = "members: give starts, or what to vary"
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Members whose numbers can be: their places in the part, numbers and y (size, S); why others cannot, by place."""
+
+    places: Ints
+    numbers: Numbers
+    y: Floats
+    reasons: dict[int, str]
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Some members that follow each other, of a scene: `first` is the number of the first of them.
+
+    `values` are (S,) by their paths; `states` (S rows) stand in the place of the scene's own start.
+    """
+
+    scene: Scene
+    first: int
+    size: int
+    values: Mapping[str, Floats]
+    states: Motion | None = None
+
+    @cached_property
+    def _variable(self) -> Variable:
+        return Variable(self.scene, self.values)
+
+    def scene_of(self, place: int) -> Scene:
+        """The scene of one member; SceneError where its numbers cannot be."""
+        return self._variable.at({path: float(own[place]) for path, own in self.values.items()})
+
+    def state_of(self, place: int) -> State:
+        """The start of one member."""
+        return self.states[place] if self.states is not None else initial_state(self.scene_of(place))
+
+    @property
+    def places(self) -> tuple[Place, ...]:
+        """The numbers of the scene that differ."""
+        return tuple(self._at)
+
+    @cached_property
+    def _at(self) -> dict[Place, Floats]:
+        return {place: own for path, own in self.values.items() for place in find_places(self.scene, path)}
+
+    def block(self, layout: Layout) -> Block:
+        """The members in arrays."""
+        reasons = self._reasons()
+        good = np.array([place for place in range(self.size) if place not in reasons], dtype=np.int64)
+        given = {place: own[good] for place, own in self._at.items()}
+        numbers = numbers_of(self.scene, {place: own for place, own in given.items() if "start" not in place})
+        states = self.states.at(good) if self.states is not None else self._begun(given, len(good))
+        y = np.zeros((layout.size, len(good)))
+        first, half = int(layout.on_cart), layout.half
+        y[first:half], y[half + first : 2 * half] = states.links.T, states.link_rates.T
+        if first:
+            y[0], y[half] = states.cart, states.cart_rate
+        return Block(good, numbers, y, reasons)
+
+    def _reasons(self) -> dict[int, str]:
+        """Why members cannot be, of those whose numbers differ in more than the start."""
+        if all("start" in place for place in self._at):
+            return {}
+        found = {}
+        for place in range(self.size):
+            try:
+                self.scene_of(place)
+            except SceneError as error:
+                found[place] = " ".join(str(error).split())
+        return found
+
+    def _begun(self, given: Mapping[Place, Floats], size: int) -> Motion:
+        """The starts of the scene, with other numbers at some places."""
+        begun = initial_state(self.scene)
+        parts = [np.repeat(own[None], size, axis=0) for own in (begun.links, begun.link_rates)]
+        at = np.cumsum([0, *(one.count * one.n_links for one in self.scene.pendulum)])
+        for place, own in given.items():
+            if "start" in place:
+                _, p, _, name, link = place
+                one = self.scene.pendulum[int(p)]
+                columns = at[int(p)] + int(link) + one.n_links * np.arange(one.count)
+                parts[STARTING[str(name)]][:, columns] = np.deg2rad(own)[:, None]
+        none = np.zeros(size)
+        return Motion(parts[0], parts[1], none, none, none)
+
+
+@dataclass(frozen=True, eq=False)
+class Members:
+    """All members: over the grid of `axes`, or with one value each in `lists`, (S,) by path, or from `states`."""
+
+    scene: Scene
+    axes: tuple[Variation, ...] = ()
+    lists: Mapping[str, Floats] | None = None
+    states: Motion | None = None
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """How many there are along every axis."""
+        if self.axes:
+            return tuple(len(axis.values) for axis in self.axes)
+        if self.states is not None:
+            return (len(self.states.links),)
+        return (len(next(iter((self.lists or {}).values()))),)
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return prod(self.shape)
+
+    @property
+    def paths(self) -> tuple[str, ...]:
+        """The places that are varied."""
+        return (*(axis.path for axis in self.axes), *(self.lists or ()))
+
+    def part(self, first: int, stop: int) -> Part:
+        """Those from one number on until before another."""
+        members = np.arange(first, min(stop, self.size))
+        values = dict(zip([axis.path for axis in self.axes], self._grid(members), strict=True))
+        values |= {path: own[members] for path, own in (self.lists or {}).items()}
+        states = None if self.states is None else self.states.at(members)
+        return Part(self.scene, first, len(members), values, states)
+
+    def _grid(self, members: Ints) -> list[Floats]:
+        if not self.axes:
+            return []
+        at = np.unravel_index(members, self.shape)
+        return [np.array(axis.values)[k] for axis, k in zip(self.axes, at, strict=True)]
+
+    def header(self) -> dict[str, Any]:
+        """What they are, for a file."""
+        axes = [{"path": axis.path, "values": axis.values, "log": axis.log} for axis in self.axes]
+        found: dict[str, Any] = {"scene": describe(self.scene), "axes": axes, "size": self.size}
+        arrays = [*(self.lists or {}).values(), *(vars(self.states).values() if self.states is not None else ())]
+        if arrays:
+            found["given"] = list(self.lists or ())
+            found["sha256"] = sha256(b"".join(np.ascontiguousarray(own).tobytes() for own in arrays)).hexdigest()
+        return found
+
+
+def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Members:
+    """The members of a scene with these starts or variations; SceneError names every mistake."""
+    if (starts is None) and not vary:
+        raise SceneError([NONE_GIVEN])
+    states, (axes, lists) = validate(
+        lambda: None if starts is None else _states(scene, starts), lambda: _varied(scene, vary, starts is not None)
+    )
+    found = Members(scene, axes, lists, states)
+    if states is not None and (axes or lists) and len({found.size, len(states.links)}) > 1:
+        raise SceneError([f"starts: are {len(states.links)} for {found.size} members"])
+    if states is None:
+        initial_state(scene)
+    return found
+
+
+def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Variation, ...], dict[str, Floats]]:
+    if not vary:
+        return (), {}
+    axes: tuple[Variation, ...] = ()
+    lists: dict[str, Floats] = {}
+    if isinstance(vary, Mapping):
+        lists = {path: np.asarray(own, dtype=float).ravel() for path, own in vary.items()}
+        _check_lists(scene, lists)
+    else:
+        texts = [own for own in vary if isinstance(own, str)]
+        axes = parse_variations(texts) if len(texts) == len(vary) else tuple(vary)  # type: ignore[arg-type]
+        validate_variations(scene, axes)
+    paths = (*(axis.path for axis in axes), *lists)
+    if started and (own := [path for path in paths if ".start." in path]):
+        raise SceneError([f"{path}: cannot be varied where starts are given" for path in own])
+    return axes, lists
+
+
+def _check_lists(scene: Scene, lists: Mapping[str, Floats]) -> None:
+    problems = [f"{path}: must be finite" for path, own in lists.items() if not np.all(np.isfinite(own))]
+    if len({len(own) for own in lists.values()}) != 1 or not len(next(iter(lists.values()))):
+        problems.append("vary: needs as many values at every place, at least one")
+    for path in lists:
+        try:
+            find_places(scene, path)
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(problems)
+
+
+def _states(scene: Scene, starts: Starts) -> Motion:
+    system = system_of(scene)
+    if isinstance(starts, Motion):
+        return starts
+    if len(starts) and isinstance(starts[0], State):
+        states = [validate_state(own, system) for own in starts]  # type: ignore[arg-type]
+        links, rates, cart, speed = (
+            np.array([getattr(own, part) for own in states]) for part in ("links", "link_rates", "cart", "cart_rate")
+        )
+        return Motion(links, rates, cart, speed, np.zeros(len(states)))
+    try:
+        angles = np.array(starts, dtype=float)
+    except (TypeError, ValueError):
+        angles = np.empty(0)
+    if angles.ndim != 2 or angles.shape[1] != system.n_links or not len(angles):
+        words = f"must be an array (members, {system.n_links}) of angles in rad, or states"
+        raise SceneError([f"starts: {words}, not of shape {angles.shape}"])
+    if not np.all(np.isfinite(angles)):
+        raise SceneError(["starts: must be finite"])
+    if system.spatial:
+        raise SceneError(["starts: in space they must be states"])
+    none = np.zeros(len(angles))
+    return Motion(angles, np.zeros_like(angles), none, none, none)

@@ -1,0 +1,73 @@
+"""An ensemble on disk: one NPZ file a chunk, written whole or not at all, beside a header that says of what.
+
+A chunk that is there is not computed again, so that an ensemble goes on where it was killed.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from modal.errors import SceneError
+from modal.scene import whole_file
+from nonlinear.ensembles.computing import Chunk
+from nonlinear.ensembles.question import Question
+from nonlinear.files import as_npz, from_npz
+
+HEADER = "ensemble.json"
+
+
+class Parts:
+    """The chunks of a question in a folder, which is made if it is not there.
+
+    Raises SceneError for a folder that holds another ensemble, OSError where it cannot be written.
+    """
+
+    def __init__(self, folder: str | os.PathLike[str], question: Question) -> None:
+        self.folder, self.question = Path(folder), question
+        self.folder.mkdir(parents=True, exist_ok=True)
+        header = json.dumps({"multipendula_ensemble": question.fingerprint, **question.header()}, indent=1) + "\n"
+        path = self.folder / HEADER
+        if not path.exists():
+            if any(self.folder.glob("part-*.npz")):
+                raise SceneError([f"{self.folder}: holds parts of another ensemble"])
+            with whole_file(path) as stream:
+                stream.write(header.encode())
+        elif path.read_text(encoding="utf-8") != header:
+            words = "holds another ensemble: remove it, or write to another folder"
+            raise SceneError([f"{self.folder}: {words}"])
+
+    def path(self, number: int) -> Path:
+        """The file of a chunk."""
+        return self.folder / f"part-{number:06d}.npz"
+
+    def done(self, number: int) -> bool:
+        """Whether a chunk is there."""
+        return self.path(number).exists()
+
+    def keep(self, number: int, chunk: Chunk) -> None:
+        """Write a chunk, safe from a crash when this returns."""
+        header = {
+            "first": chunk.first,
+            "size": chunk.size,
+            "reasons": {str(member): reason for member, reason in chunk.reasons.items()},
+            "differences_rad": {str(member): own.hex() for member, own in chunk.differences.items()},
+        }
+        with whole_file(self.path(number)) as stream:
+            stream.write(as_npz(header, chunk.columns))
+
+    def read(self, number: int) -> Chunk:
+        """A chunk that is there; SceneError where the file is damaged."""
+        try:
+            header, columns = from_npz(self.path(number))
+            reasons = {int(member): str(reason) for member, reason in header["reasons"].items()}
+            differences = {int(k): float.fromhex(own) for k, own in header["differences_rad"].items()}
+            return Chunk(int(header["first"]), int(header["size"]), columns, reasons, differences)
+        except (ValueError, KeyError, TypeError, AttributeError, EOFError) as error:
+            words = "is damaged: remove it, and it is computed again"
+            raise SceneError([f"{self.path(number)}: {words} ({type(error).__name__})"]) from None
+
+    def __iter__(self) -> Iterator[Chunk]:
+        return (self.read(number) for number in range(self.question.chunks) if self.done(number))

@@ -1,0 +1,149 @@
+"""What is asked of an ensemble, and how its members are divided into chunks.
+
+A chunk depends on the question alone, so that it is the same whoever computes it and when.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+from functools import cached_property
+from hashlib import sha256
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from modal.scene import Escapement, Scene
+from modal.scene.parameters import find_places
+from nonlinear.ensembles.found import Wanted
+from nonlinear.ensembles.measures import Asked, ending_times
+from nonlinear.ensembles.members import Members, Part
+from nonlinear.integration import choose, estimate_timescales
+from nonlinear.integration.costs import PER_PERIOD
+from nonlinear.system import System, system_of
+
+VERSION = 1
+PLAIN, LANES, COMPILED, SERIES = "simulate", "numpy", "numba", "heyoka"
+SECONDS, FEWEST, MOST = 4.0, 16, 16_384  # of a chunk; its members
+ROOM = 64_000_000  # bytes of samples in a chunk
+ONE_BY_ONE = 0.15  # s that a run by itself takes at least
+CHECKED = 4  # members that are run by themselves as well
+SEED = 19
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """Members, for how long (s), to which tolerance, what to keep and to measure, and by which engine.
+
+    `times` (s) are samples that are kept, `keeps_end` says whether the last state is; `checked` are the numbers of the
+    members that are run by themselves, too.
+    """
+
+    members: Members
+    duration: float
+    tolerance: float
+    engine: str
+    measures: Asked
+    times: tuple[float, ...] = ()
+    keeps_end: bool = False
+    checked: tuple[int, ...] = ()
+    chunk: int = field(default=0)
+
+    @property
+    def scene(self) -> Scene:
+        """The scene whose members these are."""
+        return self.members.scene
+
+    @cached_property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return system_of(self.scene)
+
+    @cached_property
+    def ending(self) -> tuple[float, ...]:
+        """Samples (s) of the last tenth that measures need."""
+        return ending_times(self.scene, self.duration) if self.measures.ends else ()
+
+    @cached_property
+    def wanted(self) -> Wanted:
+        """What an engine has to find."""
+        names = self.measures.names
+        return Wanted(
+            self.duration,
+            self.tolerance,
+            tuple(sorted({*self.times, *self.ending})),
+            first_turns="first_turn" in names,
+            largest="largest_angle" in names,
+            stretching="lyapunov" in names,
+            section=self.measures.section,
+        )
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return -(-self.members.size // self.chunk)
+
+    def part(self, number: int) -> Part:
+        """The members of a chunk."""
+        return self.members.part(number * self.chunk, (number + 1) * self.chunk)
+
+    def header(self) -> dict[str, Any]:
+        """Everything in it, for a file."""
+        section = self.measures.section
+        return {
+            "version": VERSION,
+            "members": self.members.header(),
+            "duration_s": self.duration,
+            "tolerance": self.tolerance,
+            "engine": self.engine,
+            "measures": self.measures.names,
+            "section": section and vars(section),
+            "times_s": self.times,
+            "keeps_end": self.keeps_end,
+            "checked": self.checked,
+            "chunk": self.chunk,
+        }
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """The same for the same question only."""
+        return sha256(json.dumps(self.header()).encode()).hexdigest()
+
+
+def seconds_each(scene: Scene, duration: float, tolerance: float) -> float:
+    """Roughly how long a member takes by lanes in NumPy (s), as benchmarks/ensembles.py finds it."""
+    system = system_of(scene)
+    periods = duration * estimate_timescales(scene).swing / (2 * pi)
+    steps = 10 + periods * PER_PERIOD * (1e-6 / tolerance) ** (1 / 8)
+    return float(steps * system.n_links * 5e-7)
+
+
+def chunk_of(scene: Scene, duration: float, tolerance: float, samples: int, engine: str) -> int:
+    """How many members a chunk has."""
+    if engine == PLAIN:
+        return FEWEST
+    width = 2 * (scene.n_links + 1) + 1
+    fitting = ROOM // (8 * width * max(samples, 1))
+    wished = SECONDS / seconds_each(scene, duration, tolerance)
+    return int(max(min(wished, fitting, MOST), FEWEST))
+
+
+def refused(members: Members, duration: float, tolerance: float) -> str:
+    """Why these members go one by one through `simulate`; "" where they go side by side."""
+    scene = members.scene
+    if scene.space == "space":
+        return "the scene is in space"
+    if any(isinstance(link.drive, Escapement) for link in scene.links()):
+        return "the scene has escapements"
+    if any(place[-1] == "count" for path in members.paths for place in find_places(scene, path)):
+        return "members differ in their number of links or pendula"
+    if choose(scene, duration, tolerance).method == "Radau":
+        return "the fastest decay is far faster than the fastest swing"
+    return ""
+
+
+def sample_of(size: int, count: int) -> tuple[int, ...]:
+    """So many members drawn at random."""
+    drawn = np.random.default_rng(SEED).choice(size, size=min(count, size), replace=False)
+    return tuple(sorted(drawn.tolist()))

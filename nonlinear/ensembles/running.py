@@ -1,0 +1,329 @@
+"""Many members of a scene integrated together, and what was found of them.
+
+>>> import modal
+>>> from nonlinear.ensembles import ensemble
+>>> found = ensemble(modal.load("chain-2"), 1.0, starts=[[0.1, 0.2], [1.0, 2.0]], measures=["largest_angle"])
+>>> found.column("largest_angle_deg").shape
+(2,)
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Generator, Iterator, Sequence
+from contextlib import closing, nullcontext
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from math import isnan
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.scene import Scene, validate_scene
+from modal.types import Floats
+from nonlinear.ensembles.computing import Chunk, compute, engine_of
+from nonlinear.ensembles.costs import choose_engine, seconds_of
+from nonlinear.ensembles.measures import asked, validate_measures
+from nonlinear.ensembles.members import Members, Starts, Vary, members_of
+from nonlinear.ensembles.parts import Parts
+from nonlinear.ensembles.plain import STATES, validate_plain
+from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
+from nonlinear.integration import sample_times, validate, validate_numbers
+from nonlinear.system import Motion, system_of
+from nonlinear.workers import DIED, WorkerPool, cores, processes, spread
+
+USUAL = 1e-9  # tolerance
+END = "end"
+AT_ONCE = 3.0  # s of work that are not worth the start of other processes
+MOST_NUMBERS = 100_000_000  # kept in memory
+Output = str | int | Sequence[float] | Floats | None
+Report = Callable[[float], object]
+Numbered = tuple[int, Chunk]
+
+
+@dataclass(frozen=True, eq=False)
+class Ensemble:
+    """What was found of S members, in chunks; `reason` says why this engine, `interrupted` whether all are done."""
+
+    question: Question
+    chunks: Sequence[Chunk] | Parts
+    reason: str
+    interrupted: bool = False
+
+    @property
+    def members(self) -> Members:
+        """Who they are."""
+        return self.question.members
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return self.members.size
+
+    @property
+    def engine(self) -> str:
+        """What they were integrated by."""
+        return self.question.engine
+
+    @cached_property
+    def columns(self) -> tuple[str, ...]:
+        """The names of all that was kept."""
+        return tuple(dict.fromkeys(name for chunk in self.chunks for name in chunk.columns))
+
+    def column(self, name: str) -> Floats:
+        """One quantity of all members, (S, ...), NaN where it is not known; of crossings one after the other."""
+        if name not in self.columns:
+            raise SceneError([f"{name}: was not kept; there are {', '.join(self.columns)}"])
+        if name.startswith("crossing_"):
+            return np.concatenate([chunk.columns[name] for chunk in self.chunks if name in chunk.columns])
+        found: Floats | None = None
+        for chunk in self.chunks:
+            if (own := chunk.columns.get(name)) is not None:
+                if found is None:
+                    found = np.full((self.size, *own.shape[1:]), np.nan)
+                found[chunk.first : chunk.first + chunk.size] = own
+        assert found is not None
+        return found
+
+    def grid(self, name: str) -> Floats:
+        """One quantity over the grid of what was varied."""
+        own = self.column(name)
+        return own.reshape(*self.members.shape, *own.shape[1:])
+
+    @cached_property
+    def failures(self) -> dict[int, str]:
+        """Why members failed, by their numbers from 0."""
+        return {member: reason for chunk in self.chunks for member, reason in chunk.reasons.items()}
+
+    @property
+    def energy_drift(self) -> Floats:
+        """Of every member, (S,), relative."""
+        return self.column("energy_drift")
+
+    @property
+    def beyond(self) -> Any:
+        """Which members lie beyond their horizon: where the estimated error of an angle exceeds 0.1 rad, (S,)."""
+        return self.column("horizon_s") < self.question.duration
+
+    @cached_property
+    def differences(self) -> dict[int, float]:
+        """The largest angle (rad) at the end between members and runs by themselves; NaN beyond the horizon."""
+        return {member: own for chunk in self.chunks for member, own in chunk.differences.items()}
+
+    @property
+    def largest_difference(self) -> float:
+        """The largest of them; NaN where none was checked within its horizon."""
+        return max((own for own in self.differences.values() if not isnan(own)), default=float("nan"))
+
+    @property
+    def final(self) -> Motion:
+        """The last states of all members; SceneError where they were not kept."""
+        parts = {part: self.column(column) for part, column in STATES.items()}
+        return Motion(**parts, work=np.full(self.size, np.nan))
+
+    def words(self) -> str:
+        """How many there are, by which engine, and how far to trust them."""
+        drift, lost = self.energy_drift, int(np.count_nonzero(self.beyond))
+        known = drift[np.isfinite(drift)]
+        lines = [f"{self.size} members by {self.engine}: {self.reason}"]
+        if len(known):
+            lines.append(f"energy drift at most {known.max():.1e}, {lost} members beyond their horizon")
+        if self.differences:
+            count = sum(not isnan(own) for own in self.differences.values())
+            lines.append(f"{count} members run by themselves differ by at most {self.largest_difference:.1e} rad")
+        if self.failures:
+            lines.append(f"{len(self.failures)} failed")
+        return "\n".join(lines)
+
+
+def ensemble(
+    scene: Scene,
+    duration: float,
+    *,
+    starts: Starts | None = None,
+    vary: Vary | None = None,
+    output: Output = None,
+    tolerance: float = USUAL,
+    measures: Sequence[str] = (),
+    engine: str = "auto",
+    folder: str | os.PathLike[str] | None = None,
+    check: int = CHECKED,
+    chunk: int | None = None,
+    share: tuple[int, int] | None = None,
+    workers: int | None = None,
+    crew: WorkerPool | None = None,
+    report: Report = lambda done: None,
+) -> Ensemble:
+    """Members of a scene that differ in their starts, or in any of its numbers, integrated together.
+
+    `starts` are angles (S, links) in rad at rest, or states; `vary` is a grid such as
+    `["pendulum[0].start.angles_deg[0]=-180:180:512"]`, or one value a member at each place, `{"gravity": [9.8, 9.9]}`.
+    Each member has its own steps, to the `tolerance` of `simulate`.  Kept is what is asked for: `output` is "end", a
+    number of evenly spaced samples or their times (s); `measures` are computed on the way (`MEASURES`).  With neither
+    the end is kept.  Every member has its `energy_drift`, an estimate of its error and its horizon; `check` members,
+    drawn at random, are run by `simulate`, too.
+
+    `engine` is "auto", "numpy", "numba" (extra `fast`), "heyoka" (extra `taylor`) or "simulate", one by one, which
+    takes every scene.  In a `folder` each `chunk` of members is a file; a call that was killed goes on there.
+    `share=(k, n)`, k from 0, computes every n-th chunk alone, for n processes that know nothing of each other.
+    `workers` is a number of processes, 1 to stay in this one; `crew` is for other executors.  Results do not depend on
+    either.  `report` hears how many members are done.  On Ctrl-C what is known is returned.
+
+    Raises SceneError for arguments that cannot be, MissingExtraError without what an engine needs.
+    """
+    validate_scene(scene)
+    question, reason = _question(scene, duration, starts, vary, output, tolerance, measures, engine, check, chunk)
+    parts = None if folder is None else Parts(folder, question)
+    left = _left(question, parts, share)
+    return _run(question, reason, parts, left, workers, crew, report)
+
+
+def _left(question: Question, parts: Parts | None, share: tuple[int, int] | None) -> list[int]:
+    """The chunks to compute; SceneError for a share that cannot be."""
+    one, of = share or (0, 1)
+    if not 0 <= one < of:
+        raise SceneError([f"share {share}: must be a number from 0 on and how many there are"])
+    return [number for number in range(one, question.chunks, of) if not (parts and parts.done(number))]
+
+
+def _question(
+    scene: Scene,
+    duration: float,
+    starts: Starts | None,
+    vary: Vary | None,
+    output: Output,
+    tolerance: float,
+    measures: Sequence[str],
+    engine: str,
+    check: int,
+    chunk: int | None,
+) -> tuple[Question, str]:
+    """What is asked and why by this engine; SceneError names every mistake."""
+    system = system_of(scene)
+    members, wanted, times, *_ = validate(
+        lambda: members_of(scene, starts, vary),
+        lambda: asked(measures, system),
+        lambda: _times(scene, duration, output),
+        lambda: validate_numbers(duration, tolerance, 0.0),
+    )
+    duration, tolerance = float(duration), float(tolerance)
+    why_not = refused(members, duration, tolerance)
+    chosen, reason = choose_engine(engine, why_not, members, duration, tolerance, wanted.names)
+    if chosen == PLAIN:
+        validate_plain(wanted.names, scene)
+    else:
+        engine_of(chosen)
+    validate_measures(wanted, scene)
+    keeps_end = output == END if isinstance(output, str) else output is None and not measures
+    checked = () if chosen == PLAIN else sample_of(members.size, check)
+    question = Question(members, duration, tolerance, chosen, wanted, times, keeps_end, checked)
+    if chunk is not None and chunk < 1:
+        raise SceneError([f"chunk {chunk}: must be at least 1"])
+    fitting = chunk or chunk_of(scene, duration, tolerance, len(question.wanted.times), chosen)
+    if (numbers := members.size * len(times) * 2 * scene.n_links) > MOST_NUMBERS:
+        raise SceneError([f"output: {numbers:.3g} numbers are too many to keep: use fewer samples, or measures"])
+    return replace(question, chunk=fitting), reason
+
+
+def _times(scene: Scene, duration: float, output: Output) -> tuple[float, ...]:
+    if output is None or (isinstance(output, str) and output == END):
+        return ()
+    if isinstance(output, str):
+        raise SceneError([f'output "{output}": must be "end", a number of samples or their times in seconds'])
+    return tuple(sample_times(scene, duration, 0.0, output).tolist())
+
+
+def _run(
+    question: Question,
+    reason: str,
+    parts: Parts | None,
+    left: Sequence[int],
+    workers: int | None,
+    crew: WorkerPool | None,
+    report: Report,
+) -> Ensemble:
+    kept: dict[int, Chunk] = {}
+    done = question.members.size - sum(_size(question, number) for number in left)
+    report(done)
+    interrupted = False
+    try:
+        with closing(_chunks(question, left, workers, crew)) as found:
+            for number, chunk in found:
+                if parts:
+                    parts.keep(number, chunk)
+                else:
+                    kept[number] = chunk
+                done += chunk.size
+                report(done)
+    except KeyboardInterrupt:
+        interrupted = True
+    return Ensemble(question, parts or [kept[number] for number in sorted(kept)], reason, interrupted)
+
+
+def _size(question: Question, number: int) -> int:
+    return min(question.chunk, question.members.size - number * question.chunk)
+
+
+def _chunks(
+    question: Question, left: Sequence[int], workers: int | None, crew: WorkerPool | None
+) -> Generator[Numbered, None, None]:
+    """The chunks that are left, by their numbers, as they come."""
+    count = min(workers or cores(), max(len(left), 1))
+    few = workers is None and seconds_of(question, len(left)) < AT_ONCE
+    if crew is None and (count == 1 or few):
+        for number in left:
+            yield number, compute(question, question.part(number))
+        return
+    tasks: Iterator[Task] = (Task(number, _lean(question), question.part(number)) for number in left)
+    while True:
+        with nullcontext(crew) if crew else processes(count) as used:
+            lost = yield from _shared(tasks, used)
+        if not lost:
+            return
+        if crew:
+            raise ComputationError("the workers have died")
+        yield from _alone(lost)
+        return
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A chunk for a worker: its number, the question without other members' numbers, its own members."""
+
+    number: int
+    question: Question
+    part: Any
+
+
+def work(task: Task) -> Numbered:
+    """What a worker does."""
+    return task.number, compute(task.question, task.part)
+
+
+def _lean(question: Question) -> Question:
+    """The question with one member's worth of what may be many."""
+    members = question.members
+    lists = {path: own[:1] for path, own in (members.lists or {}).items()}
+    states = None if members.states is None else members.states.at(slice(0, 1))
+    small = Members(members.scene, members.axes, lists, states)
+    return replace(question, members=small)
+
+
+def _shared(tasks: Iterator[Task], crew: WorkerPool) -> Generator[Numbered, None, list[Task]]:
+    with closing(spread(partial(work), tasks, crew)) as found:
+        while True:
+            try:
+                yield next(found)[1]
+            except StopIteration as end:
+                return list(end.value) + (list(tasks) if end.value else [])
+
+
+def _alone(tasks: Sequence[Task]) -> Generator[Numbered, None, None]:
+    """One chunk after another, each in a process that may die without harm to others."""
+    for task in tasks:
+        with processes(1) as one:
+            lost = yield from _shared(iter([task]), one)
+        if lost:
+            numbers = range(task.part.first, task.part.first + task.part.size)
+            yield task.number, Chunk(task.part.first, task.part.size, {}, dict.fromkeys(numbers, DIED), {})

@@ -1,0 +1,175 @@
+"""Poincaré sections at an energy: where many motions of a conservative scene pass one value of one coordinate.
+
+Starts lie on the section and have the energy: angles and the direction of the rates are drawn at random, and the rates
+scaled so that kinetic energy makes up what potential energy leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.report import as_csv, as_json, finite, titled
+from modal.scene import Scene, describe
+from modal.types import Floats
+from nonlinear.dynamics import Lanes
+from nonlinear.ensembles.energies import Accounts
+from nonlinear.ensembles.found import Section
+from nonlinear.ensembles.measures import section_of
+from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.system import State, System, initial_state, numbers_of, system_of
+
+ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
+TRIES = 20_000  # starts drawn for each one that has the energy
+SEED = 7
+
+
+@dataclass(frozen=True, eq=False)
+class PoincareSection:
+    """The crossings of an ensemble at an `energy` (J) above the scene's rest, drawn by one of its coordinates."""
+
+    ensemble: Ensemble
+    energy: float
+    section: Section
+    coordinate: str
+    shown: str
+
+    @property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return self.ensemble.question.system
+
+    @property
+    def orbit(self) -> Floats:
+        """Which motion crosses, from 0, (C,)."""
+        return self.ensemble.column("crossing_member")
+
+    def points(self) -> tuple[Floats, Floats]:
+        """What is drawn: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""
+        if self.shown == "x":
+            return self.ensemble.column("crossing_cart_m"), self.ensemble.column("crossing_cart_rate_m_per_s")
+        link = self.system.labels.index(self.shown) - (self.system.labels[0] == "x")
+        angle = np.degrees(self.ensemble.column("crossing_links_rad")[:, link])
+        rate = np.degrees(self.ensemble.column("crossing_link_rates_rad_per_s")[:, link])
+        return np.asarray(180 - (180 - angle) % 360), rate
+
+
+def find_section(
+    scene: Scene,
+    duration: float | None = None,
+    *,
+    energy: float | None = None,
+    at: str | None = None,
+    orbits: int = ORBITS,
+    report: Callable[[float], object] = lambda done: None,
+    **options: Any,
+) -> PoincareSection:
+    """The section of a conservative plane scene at an energy (J), by default that of its own start.
+
+    `at` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
+    angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
+    """
+    system = system_of(scene)
+    text = at or f"{next(label for label in system.labels if label != 'x')}>0"
+    section = section_of(f"section:{text}", system)
+    if system.spatial or system.works:
+        raise SceneError(["a section needs motion in the plane without dampers and drives, which keeps its energy"])
+    if energy is None:
+        energy = energy_of(scene, initial_state(scene))
+    starts = starts_at(scene, section, energy, orbits)
+    length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
+    found = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)
+    if found.interrupted:
+        raise KeyboardInterrupt
+    crossed = system.labels[section.row]
+    others = [label for label in system.labels if label not in {"x", crossed}]
+    return PoincareSection(found, energy, section, text, (others or [crossed])[0])
+
+
+def energy_of(scene: Scene, state: State) -> float:
+    """Of a state (J), above the scene's rest."""
+    numbers = numbers_of(scene)
+    layout = Lanes(numbers).layout
+    return float(Accounts(numbers, layout).energies(layout.begin(state)[:, None]).total[0])
+
+
+def starts_at(scene: Scene, section: Section, energy: float, count: int) -> list[State]:
+    """So many states on a section with this energy (J); SceneError where none is found."""
+    numbers = numbers_of(scene)
+    layout = Lanes(numbers).layout
+    rng, first, half = np.random.default_rng(SEED), int(layout.on_cart), layout.half
+    found: list[State] = []
+    for _ in range(20):
+        y = np.zeros((layout.size, TRIES // 20 * max(1, count // 10)))
+        y[first:half] = rng.uniform(-np.pi, np.pi, (half - first, y.shape[1]))
+        y[section.row] = section.level
+        y[half : 2 * half] = rng.standard_normal((half, y.shape[1]))
+        if section.direction:
+            y[half + section.row] = section.direction * np.abs(y[half + section.row])
+        energies = Accounts(numbers, layout).energies(y)
+        left = energy - energies.stored
+        good = np.flatnonzero(left >= 0)
+        y = y[:, good]
+        y[half : 2 * half] *= np.sqrt(left[good] / energies.moving[good])
+        motion = layout.read(y.T)
+        found += [motion[k] for k in range(min(len(good), count - len(found)))]
+        if len(found) == count:
+            return found
+    raise SceneError([f"energy {energy:g} J: no motion of this energy passes the section"])
+
+
+def section_table(found: PoincareSection, form: str) -> str:
+    """As text, csv (one line a crossing) or json, the `form`."""
+    if form == "csv":
+        return as_csv(_records(found))
+    if form == "json":
+        return as_json(_whole(found))
+    scene, counts = found.ensemble.question.scene, np.bincount(found.orbit.astype(int), minlength=found.ensemble.size)
+    lines = [
+        f"{len(found.orbit)} crossings of {found.coordinate} by {found.ensemble.size} motions "
+        f"of {found.ensemble.question.duration:.4g} s, {counts.min()} to {counts.max()} each",
+        f"energy {found.energy:.6g} J above the scene's rest",
+        found.ensemble.words(),
+    ]
+    return titled(scene.title, "Poincaré section", ["\n".join(lines)], "text")
+
+
+def _records(found: PoincareSection) -> list[dict[str, Any]]:
+    places = [label[len("theta") :].strip("[]").replace(",", "_") for label in found.system.labels if label != "x"]
+    column = found.ensemble.column
+    rows = zip(
+        found.orbit.astype(int).tolist(),
+        column("crossing_time_s").tolist(),
+        column("crossing_links_rad").tolist(),
+        column("crossing_link_rates_rad_per_s").tolist(),
+        column("crossing_cart_m").tolist(),
+        column("crossing_cart_rate_m_per_s").tolist(),
+        strict=True,
+    )
+    return [
+        {"motion": motion + 1, "time_s": time}
+        | {f"theta_{place}_rad": own for place, own in zip(places, links, strict=True)}
+        | {f"theta_dot_{place}_rad_per_s": own for place, own in zip(places, rates, strict=True)}
+        | {"x_m": x, "x_dot_m_per_s": speed}
+        for motion, time, links, rates, x, speed in rows
+    ]
+
+
+def _whole(found: PoincareSection) -> dict[str, Any]:
+    own = found.ensemble
+    return {
+        "scene": describe(own.question.scene),
+        "section": found.coordinate,
+        "energy_J": found.energy,
+        "motions": own.size,
+        "duration_s": own.question.duration,
+        "engine": own.engine,
+        "failed": len(own.failures),
+        "largest_energy_drift": finite(float(np.nanmax(own.energy_drift))),
+        "crossings": _records(found),
+    }

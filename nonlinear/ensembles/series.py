@@ -1,0 +1,270 @@
+"""The engine of Taylor series by heyoka (extra `taylor`), several members at a time in vector registers.
+
+The numbers of a scene, and what follows from them alone, are parameters: one compiled series serves all members and
+all scenes of the same form.  What happens within steps is found by heyoka's own events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import ceil, floor, inf, log10
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.dynamics import Lanes
+from nonlinear.ensembles.energies import Accounts
+from nonlinear.ensembles.found import Found, Section, Wanted, merged
+from nonlinear.ensembles.lanes import stretched, task_of
+from nonlinear.integration import taylor
+from nonlinear.integration.lanes import Task
+from nonlinear.integration.watches import UNKNOWN
+from nonlinear.system import Layout, Numbers
+
+SEEN = 0.12  # places a radian of the fastest motion from which the growth of errors is seen
+SHARED = 0.7  # of the speed of the lightest link if it had all the energy: what is reckoned with
+SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to length 1
+AT_ONCE = 1024  # members between whose places in memory no time is lost
+STEP, STEPS = 0.7, 3  # radians of it in a step of the estimate, and steps of lanes in NumPy in that time
+FINEST, SPARED = 1e-5, 1e-2  # sizes of motions: the smallest that is told, and the largest that needs a finer series
+
+
+@dataclass(eq=False)
+class Events:
+    """What heyoka finds within steps: `first` is the member in the first lane, `count` how many lanes matter."""
+
+    layout: Layout
+    members: int
+    turns: Floats = field(init=False)
+    largest: Floats = field(init=False)
+    crossed: list[tuple[int, float, Floats]] = field(default_factory=list)
+    first: int = 0
+    count: int = 0
+
+    def __post_init__(self) -> None:
+        self.turns = np.full((self.layout.links, self.members), inf)
+        self.largest = np.zeros(self.members)
+
+    def turned(self, link: int) -> Callable[..., None]:
+        """For links that go over the top."""
+
+        def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
+            if lane < self.count:
+                member = self.first + lane
+                self.turns[link, member] = min(self.turns[link, member], time)
+
+        return seen
+
+    def widest(self, link: int) -> Callable[..., None]:
+        """For links that turn back."""
+        row = int(self.layout.on_cart) + link
+
+        def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
+            if lane < self.count:
+                member, angle = self.first + lane, abs(float(_at(integrator, time, lane)[row]))
+                self.largest[member] = max(self.largest[member], angle)
+
+        return seen
+
+    def passed(self, section: Section) -> Callable[..., None]:
+        """For a section."""
+
+        def seen(integrator: Any, time: float, sign: int, lane: int) -> None:
+            if lane < self.count:
+                y = _at(integrator, time, lane)
+                if section.direction * y[self.layout.half + section.row] >= 0:
+                    self.crossed.append((self.first + lane, time, y))
+
+        return seen
+
+    @property
+    def sorted(self) -> tuple[Any, Floats, Floats]:
+        """Crossings member by member in the order of time."""
+        found = sorted(self.crossed, key=lambda one: one[:2])
+        members, times = (np.array([one[k] for one in found]) for k in range(2))
+        rows = np.array([one[2] for one in found]).reshape(len(found), self.layout.size)
+        return members.astype(np.int64), times.astype(float), rows
+
+
+def _at(integrator: Any, time: float, lane: int) -> Floats:
+    """The y of a lane at a time within the last step."""
+    times = np.array(integrator.time)
+    times[lane] = time
+    return np.array(integrator.update_d_output(times)[:, lane])
+
+
+def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+    """Members with these numbers from y (size, S) on; MissingExtraError without heyoka.
+
+    Small motions need finer series than the others, which then go by themselves.
+    """
+    task, _, local = task_of(Lanes(numbers), numbers, y, wanted)
+    small = local < SPARED * task.relative
+    if not 0 < np.count_nonzero(small) < len(small):
+        return _run(numbers, y, wanted)
+    groups = [np.flatnonzero(own) for own in (~small, small)]
+    return merged([(own, _run(numbers.at(own), np.ascontiguousarray(y[:, own]), wanted)) for own in groups])
+
+
+def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
+    lanes = Lanes(numbers)
+    task, scale, local = task_of(lanes, numbers, y, wanted)
+    events = Events(lanes.layout, y.shape[1])
+    pace = _pace(numbers, lanes.layout, y)
+    places = np.linspace(0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * pace)) + 1)
+    grid = np.unique(np.concatenate((places, wanted.times)))
+    seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
+    judge = Judge(numbers, lanes.layout, scale, local)
+    size = float(np.min(local / task.relative, initial=1.0))
+    tolerance = wanted.tolerance * min(1.0, 10.0 ** floor(log10(max(size, FINEST) / SPARED)))
+    found = Found(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
+    if wanted.times:
+        found.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
+    integrator = _integrator(task, tolerance, events, wanted)
+    for first in range(0, y.shape[1], AT_ONCE):
+        own = slice(first, min(first + AT_ONCE, y.shape[1]))
+        rows = _propagated(integrator, task, own, grid, events, found)
+        found.y[:, own] = rows[-1]
+        if found.rows is not None:
+            found.rows[own] = rows[kept].transpose(2, 0, 1)
+        judge.see(own, places, rows[seen], pace, found)
+    if wanted.first_turns:
+        found.first_turns = events.turns
+    if wanted.largest:
+        half, start = lanes.layout.half, int(lanes.layout.on_cart)
+        found.largest = np.max([np.abs(own[start:half]).max(0) for own in (y, found.y)] + [events.largest], axis=0)
+    if wanted.section:
+        found.crossed = events.sorted
+    if wanted.stretching:
+        found.stretching = _stretching(numbers, y[: 2 * lanes.layout.half], wanted)
+    return found
+
+
+def _pace(numbers: Numbers, layout: Layout, y: Floats) -> float:
+    """The pace of the fastest motion (rad/s)."""
+    accounts = Accounts(numbers, layout)
+    energy = accounts.energies(y, accounts.coasting(y)).total - accounts.lowest
+    groups = numbers.arrays.groups
+    lightest = min(float(np.min(group.block.inertia + group.block.mass * group.block.centre**2)) for group in groups)
+    return max(_swing(numbers), SHARED * float(np.sqrt(2 * np.median(energy).clip(0) / lightest)))
+
+
+def _swing(numbers: Numbers) -> float:
+    """The fastest swing of any member (rad/s), as guessed from its shortest link."""
+    system = numbers.arrays
+    shortest = np.min([group.block.length.min((0, 1)) for group in system.groups], axis=0)
+    return float(np.sqrt(4 * np.max(np.atleast_1d(system.gravity) / shortest)))
+
+
+def _integrator(task: Task, tolerance: float, events: Events | None, wanted: Wanted) -> Any:
+    """For so many members as fit into a register, with what is to be seen on the way."""
+    written, layout = task.lanes.written, task.lanes.layout
+    constants = written.constants(task.numbers)
+    seen: list[tuple[str, int, float, Any]] = []
+    if events is not None:
+        start, half = int(layout.on_cart), layout.half
+        if wanted.first_turns:
+            seen += [("cos", start + link, 0.0, events.turned(link)) for link in range(layout.links)]
+        if wanted.largest:
+            seen += [("rest", half + start + link, 0.0, events.widest(link)) for link in range(layout.links)]
+        if section := wanted.section:
+            seen.append(("level" if section.row < start else "sin", section.row, section.level, events.passed(section)))
+    return taylor.batch_integrator(written.text, written.rates, len(constants), task.lanes.size, tolerance, seen)
+
+
+def _propagated(integrator: Any, task: Task, own: slice, grid: Floats, events: Events | None, found: Found) -> Floats:
+    """The y (K, size, members) of some members at the times of a grid, whose first is the start."""
+    members = np.arange(own.start, own.stop)
+    width = integrator.state.shape[1]
+    rows = np.empty((len(grid), len(task.begun), len(members)))
+    given = task.lanes.written.constants(task.numbers.at(members))
+    constants = np.array([np.broadcast_to(one, len(members)) for one in given]).reshape(len(given), len(members))
+    wide = np.repeat(grid[:, None], width, axis=1)
+    for at in range(0, len(members), width):
+        taken = np.minimum(np.arange(at, at + width), len(members) - 1)
+        count = min(width, len(members) - at)
+        if events is not None:
+            events.first, events.count = int(members[at]), count
+        integrator.set_time(float(grid[0]))
+        integrator.state[:] = task.begun[:, members[taken]]
+        integrator.pars[:] = constants[:, taken]
+        rows[..., at : at + count] = integrator.propagate_grid(wide)[1][..., :count]
+    for lane in np.flatnonzero(~np.isfinite(rows[-1]).all(0)):
+        known = int(np.isfinite(rows[..., lane]).all(1).sum())
+        found.reasons[int(members[lane])] = f"taylor stopped after {grid[max(known - 1, 0)]:.9g} s: its series overflow"
+    return rows
+
+
+class Judge:
+    """Estimates errors and horizons as `nonlinear.integration.watches.Growth` does, from places of a grid.
+
+    From each place y and a tangent vector go on together by the classical Runge-Kutta method, with compiled rates,
+    until the next place, where y is known again.
+    """
+
+    def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats) -> None:
+        lanes = Lanes(numbers, tangent=True)
+        self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
+        self.constants, written = lanes.written.constants(numbers), lanes.written
+        self.rates = taylor.evaluator(written.text, written.rates, len(self.constants), lanes.size)
+
+    def see(self, own: slice, grid: Floats, rows: Floats, pace: float, found: Found) -> None:
+        """Members with y (K, size, S) at evenly spaced times (s), of a motion of this pace (rad/s)."""
+        size, members = self.size, rows.shape[2]
+        scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, own]
+        given = np.array([np.broadcast_to(one[own] if np.ndim(one) else one, members) for one in self.constants])
+        given = np.ascontiguousarray(given.reshape(len(self.constants), members))
+        steps = max(1, ceil((grid[1] - grid[0]) * pace / STEP))
+        step = (grid[1] - grid[0]) / steps
+        both, tried = np.empty((2, 2 * size, members))
+        slopes = np.empty((4, 2 * size, members))
+        both[size:] = scale * size**-0.5
+        error, horizon = np.zeros(members), np.full(members, inf)
+        with np.errstate(all="ignore"):
+            for k in range(1, len(grid)):
+                both[:size] = rows[k - 1, :size]
+                for _ in range(steps):
+                    self._go(step, both, tried, slopes, given)
+                v = both[size:]
+                grown = np.sqrt(np.sum((v / scale) ** 2, axis=0))
+                v /= grown
+                error = error * grown + steps * STEPS * self.local[own]
+                horizon = np.where((error > UNKNOWN) & (horizon == inf), grid[k], horizon)
+        found.error[own], found.horizon[own] = error, horizon
+
+    def _go(self, step: float, both: Floats, tried: Floats, slopes: Floats, given: Floats) -> None:
+        """One step of y and v together, in place."""
+        self.rates(inputs=both, outputs=slopes[0], pars=given)
+        for stage, part in ((1, step / 2), (2, step / 2), (3, step)):
+            np.multiply(slopes[stage - 1], part, out=tried)
+            tried += both
+            self.rates(inputs=tried, outputs=slopes[stage], pars=given)
+        slopes[1] += slopes[2]
+        slopes[1] *= 2
+        slopes[0] += slopes[1]
+        slopes[0] += slopes[3]
+        slopes[0] *= step / 6
+        both += slopes[0]
+
+
+def _stretching(numbers: Numbers, y: Floats, wanted: Wanted) -> Floats:
+    """What ln |v| gains, as `nonlinear.ensembles.lanes.stretching` has it."""
+    task, scale = stretched(numbers, y, wanted)
+    integrator = _integrator(task, wanted.tolerance, None, wanted)
+    half, members = len(y), y.shape[1]
+    pieces = max(1, ceil(wanted.duration * _swing(numbers) / SEGMENT))
+    grid = np.linspace(0.0, wanted.duration, pieces + 1)
+    found = Found(np.empty_like(task.begun), np.zeros(members), np.zeros(members))
+    gained = np.zeros(members)
+    for first in range(0, members, AT_ONCE):
+        own = slice(first, min(first + AT_ONCE, members))
+        units = scale[:, own] if scale.shape[1] > 1 else scale
+        for k in range(pieces):
+            rows = _propagated(integrator, task, own, grid[k : k + 2], None, found)
+            length = np.sqrt(np.sum((rows[-1, half:] / units) ** 2, axis=0))
+            gained[own] += np.log(length)
+            task.begun[:half, own], task.begun[half:, own] = rows[-1, :half], rows[-1, half:] / length
+    gained[[*found.reasons]] = np.nan
+    return gained

@@ -1,0 +1,294 @@
+"""Monte Carlo over tolerances: what frequencies and motion become where numbers of a scene are not known exactly.
+
+A number is drawn from a normal distribution with a standard deviation, or evenly from an interval; all are independent.
+How much of the variance of a result one number x explains by a straight line is the square of their correlation,
+
+    share = cov(x, r)²/(var x · var r),
+
+which for small tolerances is (∂r/∂x σ_x)²/σ_r², so that the shares of all numbers add up to 1.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.modes import natural_frequencies
+from modal.report import as_csv, as_json, finite, grid, titled
+from modal.scene import Scene, describe
+from modal.scene.parameters import Variable, find_places, number_at
+from modal.types import Floats
+from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.system import system_of
+
+MEMBERS, SAMPLES, SEED = 1000, 201, 5
+QUANTILES = (0.05, 0.5, 0.95)
+WRITTEN = re.compile(r"\s*([^=]+?)\s*=\s*(?:([^:%]+)(%?)|([^:]+):([^:]+))\s*")
+
+
+@dataclass(frozen=True)
+class Tolerance:
+    """A number of a scene, with a standard deviation `sigma` about its value, or evenly from `low` to `high`."""
+
+    path: str
+    sigma: float = 0.0
+    low: float = 0.0
+    high: float = 0.0
+
+    @property
+    def text(self) -> str:
+        """As it is written."""
+        return f"{self.path}={self.sigma:g}" if self.sigma else f"{self.path}={self.low:g}:{self.high:g}"
+
+    def drawn(self, value: float, count: int, rng: np.random.Generator) -> Floats:
+        """So many values."""
+        if self.sigma:
+            return np.asarray(value + self.sigma * rng.standard_normal(count))
+        return rng.uniform(self.low, self.high, count)
+
+
+def parse_tolerances(scene: Scene, texts: Sequence[str]) -> tuple[Tolerance, ...]:
+    """The tolerances in texts such as "gravity=9.8:9.83", "support.mass=0.5" or "support.mass=2%".
+
+    SceneError names every mistake.
+    """
+    found: list[Tolerance] = []
+    problems: list[str] = []
+    for text in texts:
+        try:
+            found.append(_parsed(scene, text))
+        except SceneError as error:
+            problems += error.problems
+    paths = [one.path for one in found]
+    problems += [f"{path}: has two tolerances" for path in dict.fromkeys(paths) if paths.count(path) > 1]
+    if not texts:
+        problems.append("spread needs a tolerance: gravity=0.01, for example")
+    if problems:
+        raise SceneError(problems)
+    return tuple(found)
+
+
+def _parsed(scene: Scene, text: str) -> Tolerance:
+    match = WRITTEN.fullmatch(text)
+    if not match:
+        words = "must be PLACE=SIGMA, PLACE=PERCENT% or PLACE=LOW:HIGH"
+        raise SceneError([f"{text[:60]}: {words}"])
+    path, sigma, percent, low, high = match.groups()
+    value = _value(scene, path)
+    if sigma is None:
+        ends = _number(text, low), _number(text, high)
+        if not ends[0] < ends[1]:
+            raise SceneError([f"{text}: an interval goes from a smaller to a larger number"])
+        return Tolerance(path, low=ends[0], high=ends[1])
+    own = _number(text, sigma) * (abs(value) / 100 if percent else 1.0)
+    if not own > 0:
+        raise SceneError([f"{text}: a standard deviation must be above 0"])
+    return Tolerance(path, sigma=own)
+
+
+def _value(scene: Scene, path: str) -> float:
+    places = find_places(scene, path)
+    values = {number_at(scene, place) for place in places}
+    if places[0][-1] == "count":
+        raise SceneError([f"{path}: a count has no tolerance"])
+    if len(values) > 1:
+        raise SceneError([f"{path}: means several numbers of different value: give each its own tolerance"])
+    return values.pop()
+
+
+def _number(text: str, word: str) -> float:
+    try:
+        value = float(word)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise SceneError([f'{text}: "{word.strip()}" is not a number'])
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class Spread:
+    """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for."""
+
+    scene: Scene
+    tolerances: tuple[Tolerance, ...]
+    values: dict[str, Floats]
+    omega: Floats
+    nominal: Floats
+    failures: dict[int, str]
+    ensemble: Ensemble | None = None
+
+    @property
+    def size(self) -> int:
+        """How many members there are."""
+        return len(next(iter(self.values.values())))
+
+    @cached_property
+    def times(self) -> Floats:
+        """Of the samples of the motion (s)."""
+        return np.array(self.ensemble.question.times if self.ensemble else ())
+
+    @cached_property
+    def bands(self) -> Floats:
+        """Quantiles (Q, T, L) of the angles (deg) over time."""
+        if self.ensemble is None:
+            return np.empty((len(QUANTILES), 0, self.scene.n_links))
+        return np.degrees(np.nanquantile(self.ensemble.column("links_rad"), QUANTILES, axis=0))
+
+    @cached_property
+    def quantiles(self) -> Floats:
+        """Of the frequencies (rad/s), (Q, R)."""
+        return np.asarray(np.nanquantile(self.omega, QUANTILES, axis=0))
+
+    def shares(self, result: Floats) -> dict[str, float]:
+        """How much of the variance of a result (S,) each number explains."""
+        known = np.isfinite(result)
+        return {path: _share(own[known], result[known]) for path, own in self.values.items()}
+
+    @cached_property
+    def frequencies(self) -> list[dict[str, Any]]:
+        """A record for every frequency that is not zero."""
+        found = []
+        for number, own in enumerate(self.omega.T, 1):
+            if not self.nominal[number - 1] > 0:
+                continue
+            low, middle, high = self.quantiles[:, number - 1].tolist()
+            shares = self.shares(own)
+            found.append(
+                {
+                    "mode": number,
+                    "omega_rad_per_s": float(self.nominal[number - 1]),
+                    "mean_rad_per_s": float(np.nanmean(own)),
+                    "standard_deviation_rad_per_s": float(np.nanstd(own, ddof=1)),
+                    "q05_rad_per_s": low,
+                    "q50_rad_per_s": middle,
+                    "q95_rad_per_s": high,
+                    "shares": shares,
+                    "matters_most": max(shares, key=shares.__getitem__),
+                }
+            )
+        return found
+
+
+def _share(x: Floats, r: Floats) -> float:
+    if len(x) < 3 or not (x.std() and r.std()):
+        return 0.0
+    return float(np.corrcoef(x, r)[0, 1] ** 2)
+
+
+def find_spread(
+    scene: Scene,
+    tolerances: Sequence[str],
+    duration: float | None = None,
+    *,
+    members: int = MEMBERS,
+    seed: int = SEED,
+    report: Callable[[float], object] = lambda done: None,
+    **options: Any,
+) -> Spread:
+    """Frequencies of so many members with numbers drawn within `tolerances`, and their motion over a duration (s).
+
+    `options` are those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
+    """
+    own = parse_tolerances(scene, tolerances)
+    if members < 3:
+        raise SceneError([f"members {members}: must be at least 3"])
+    rng = np.random.default_rng(seed)
+    values = {one.path: one.drawn(_value(scene, one.path), members, rng) for one in own}
+    scenes, failures = _scenes(scene, values)
+    if not scenes:
+        raise ComputationError(f"no member can be: {next(iter(failures.values()))}")
+    found = natural_frequencies([scene, *scenes.values()])
+    omega = np.full((members, found.shape[1]), np.nan)
+    omega[[*scenes]] = found[1:]
+    motion = None
+    if duration is not None:
+        motion = ensemble(scene, duration, vary=values, output=SAMPLES, report=report, **options)
+        if motion.interrupted:
+            raise KeyboardInterrupt
+        failures = failures | motion.failures
+    return Spread(scene, own, values, omega, found[0], failures, motion)
+
+
+def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], dict[int, str]]:
+    variable, scenes, failures = Variable(scene, values), {}, {}
+    for k in range(len(next(iter(values.values())))):
+        try:
+            scenes[k] = variable.at({path: float(own[k]) for path, own in values.items()})
+        except SceneError as error:
+            failures[k] = " ".join(str(error).split())
+    return scenes, failures
+
+
+def spread_table(found: Spread, form: str) -> str:
+    """As text, csv (one line a member) or json, the `form`."""
+    if form == "csv":
+        return as_csv(_members(found))
+    if form == "json":
+        return as_json(_whole(found))
+    rows = [
+        (
+            str(one["mode"]),
+            f"{one['omega_rad_per_s']:.6g}",
+            f"{one['standard_deviation_rad_per_s']:.3g}",
+            f"{one['q05_rad_per_s']:.6g}",
+            f"{one['q95_rad_per_s']:.6g}",
+            f"{one['matters_most']} ({100 * one['shares'][one['matters_most']]:.0f} %)",
+        )
+        for one in found.frequencies
+    ]
+    headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "description")
+    tolerances = ", ".join(one.text for one in found.tolerances)
+    parts = [f"{found.size} members with {tolerances}", grid(rows, headings), _motion(found)]
+    if found.failures:
+        parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
+    return titled(found.scene.title, "spread", parts, "text")
+
+
+def _motion(found: Spread) -> str:
+    if found.ensemble is None:
+        return ""
+    widths = found.bands[-1] - found.bands[0]
+    labels = [label for label in system_of(found.scene).labels if label != "x"]
+    rows = [
+        (label, f"{own[-1]:.3g}", f"{own.max():.3g}", f"{found.times[own.argmax()]:.3g}")
+        for label, own in zip(labels, widths.T, strict=True)
+    ]
+    headings = ("number", "band at the end (°)", "widest (°)", "at (s)")
+    return f"{grid(rows, headings)}\n\n{found.ensemble.words()}"
+
+
+def _members(found: Spread) -> list[dict[str, Any]]:
+    modes = [k for k, own in enumerate(found.nominal) if own > 0]
+    return [
+        {path: float(own[k]) for path, own in found.values.items()}
+        | {f"omega_{mode + 1}_rad_per_s": float(found.omega[k, mode]) for mode in modes}
+        for k in range(found.size)
+    ]
+
+
+def _whole(found: Spread) -> dict[str, Any]:
+    record: dict[str, Any] = {
+        "scene": describe(found.scene),
+        "tolerances": [one.text for one in found.tolerances],
+        "members": found.size,
+        "failed": len(found.failures),
+        "frequencies": found.frequencies,
+    }
+    if found.ensemble is not None:
+        record["motion"] = {
+            "engine": found.ensemble.engine,
+            "time_s": found.times.tolist(),
+            "coordinates": [label for label in system_of(found.scene).labels if label != "x"],
+            **{
+                f"q{round(100 * q):02d}_deg": [[finite(float(own)) for own in row] for row in band]
+                for q, band in zip(QUANTILES, found.bands, strict=True)
+            },
+        }
+    return record

@@ -1,0 +1,299 @@
+"""DOP853 over lanes: members side by side, each with its own steps and error; who is through leaves, others come in.
+
+Stages, both error estimates and the control of steps are those of SciPy's method, whose coefficients are read from it,
+so that a lane takes the steps that it would take alone.  Whoever wants to know what happens within steps is a `Watch`,
+and gets every step of all lanes, with the method's own interpolation in those that it asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.integrate import DOP853
+
+from modal.types import Booleans, Floats, Ints
+from nonlinear.dynamics.lanes import Lanes, Rates
+from nonlinear.system import Numbers
+
+STAGES, EXTRA, DENSE = DOP853.n_stages, len(DOP853.A_EXTRA), len(DOP853.D)
+SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # of a step's length, as in SciPy
+NUMBERS, NARROWEST, WIDEST = 20_480, 128, 2048  # numbers of y in work at once; lanes
+LEAVING = 8  # the part of all lanes that are through when they leave
+ROUNDS = 14  # of the secant method with its ends kept apart (Illinois), to the last digits of a step
+TINY = 10  # units in the last place of the time that no step is shorter than
+TOO_SHORT = "the step needed is smaller than the spacing between numbers"
+NOT_FINITE = "the motion leaves the finite numbers"
+
+
+def _terms(shares: Any) -> list[tuple[int, float]]:
+    return [(stage, float(share)) for stage, share in enumerate(shares) if share]
+
+
+ROWS = [_terms(row[:stage]) for stage, row in enumerate(DOP853.A)]
+END, FIFTH, THIRD = _terms(DOP853.B), _terms(DOP853.E5), _terms(DOP853.E3)
+MORE = [_terms(row) for row in DOP853.A_EXTRA]
+POWERS = [_terms(row) for row in DOP853.D]
+
+
+class Watch(Protocol):
+    """Sees every step."""
+
+    def see(self, step: Step) -> None:
+        """A step of all lanes, of which some may have been refused."""
+        ...
+
+
+@dataclass(eq=False)
+class Step:
+    """One step of W lanes: `member` in each, whether it was `taken`, from when (s), how long, y before and after.
+
+    `stages` (13, size, W) are the rates on the way; the first and the last those at the ends.
+    """
+
+    member: Ints
+    taken: Booleans
+    start: Floats
+    length: Floats
+    before: Floats
+    after: Floats
+    stages: Floats
+    rates: Rates
+    rates_of: Callable[[Ints], Rates]
+
+    def within(self, columns: Ints) -> Inside:
+        """The motion inside the step of the lanes in these columns."""
+        length, before = self.length[columns], self.before[:, columns]
+        stages = np.empty((STAGES + 1 + EXTRA, *before.shape))
+        np.take(self.stages, columns, axis=2, out=stages[: STAGES + 1])
+        rates, work, rows = self.rates_of(columns), np.empty_like(before), np.empty_like(before)
+        for more, shares in enumerate(MORE, STAGES + 1):
+            summed(shares, stages, rows, work)
+            fill(rates(before + length * rows), stages[more])
+        moved = self.after[:, columns] - before
+        first, last = length * stages[0], length * stages[STAGES]
+        terms = np.empty((3 + DENSE, *before.shape))
+        terms[0], terms[1], terms[2] = moved, first - moved, 2 * moved - last - first
+        for own, shares in zip(terms[3:], POWERS, strict=True):
+            summed(shares, stages, own, work)
+        terms[3:] *= length
+        return Inside(before, terms)
+
+
+@dataclass(frozen=True, eq=False)
+class Inside:
+    """The motion within one step of each of some lanes, from its interpolation."""
+
+    before: Floats
+    terms: Floats
+
+    def at(self, part: Floats, rows: Any = slice(None)) -> Floats:
+        """The y (size, A), or of one component (A,), at these parts of the step, from 0 to 1."""
+        found = 0.0
+        for number, term in enumerate(self.terms[::-1]):
+            found = (found + term[rows]) * (1 - part if number % 2 else part)
+        return np.asarray(self.before[rows] + found)
+
+    def take(self, lanes: Any) -> Inside:
+        """Of some of these lanes."""
+        return Inside(self.before[:, lanes], self.terms[:, :, lanes])
+
+    def root(self, row: int, level: Floats) -> Floats:
+        """Where one component passes a level (A,) that its ends lie on either side of, as a part of the step."""
+        low, high = np.zeros(level.shape), np.ones(level.shape)
+        at_low, at_high = self.at(low, row) - level, self.at(high, row) - level
+        side, middle = np.zeros(level.shape), low
+        for _ in range(ROUNDS):
+            across = at_high - at_low
+            middle = np.where(across != 0, (low * at_high - high * at_low) / np.where(across != 0, across, 1.0), low)
+            value = self.at(middle, row) - level
+            upper = np.signbit(value) == np.signbit(at_high)
+            low, high = np.where(upper, low, middle), np.where(upper, middle, high)
+            at_low = np.where(upper, np.where(side > 0, at_low / 2, at_low), value)
+            at_high = np.where(upper, value, np.where(side < 0, at_high / 2, at_high))
+            side = np.where(upper, 1.0, -1.0)
+        return np.asarray(middle)
+
+
+def summed(shares: Sequence[tuple[int, float]], stages: Floats, found: Floats, work: Floats) -> None:
+    """Σ share · stage into `found`."""
+    (stage, share), *others = shares
+    np.multiply(stages[stage], share, out=found)
+    for stage, share in others:
+        np.multiply(stages[stage], share, out=work)
+        found += work
+
+
+def fill(rates: Any, found: Floats) -> None:
+    """Rows, each an array or one number, into an array."""
+    for row, rate in zip(found, rates, strict=True):
+        row[...] = rate
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """Members to integrate from t = 0: y (size, S) of each, until `end` (s).
+
+    `relative` (S,) and `absolute` (size, S) are tolerances, `first` (S,) steps to try (s).
+    """
+
+    lanes: Lanes
+    numbers: Numbers
+    begun: Floats
+    end: float
+    relative: Floats
+    absolute: Floats
+    first: Floats
+
+
+@dataclass(eq=False)
+class Outcome:
+    """The y (size, S) of all members at the end, or where they failed; why and when (s) these did, by member."""
+
+    y: Floats
+    steps: Ints
+    reasons: dict[int, str] = field(default_factory=dict)
+    calls: int = 0
+
+
+def width_of(size: int) -> int:
+    """How many lanes of so long a y a processor works at best at once."""
+    return int(min(max(NUMBERS // size, NARROWEST), WIDEST))
+
+
+class Front:
+    """The lanes in work: who is in each, where it stands, its next step."""
+
+    def __init__(self, task: Task, width: int) -> None:
+        self.task, self.waiting = task, min(width, task.begun.shape[1])
+        self.member = np.arange(self.waiting)
+        self.y = np.ascontiguousarray(task.begun[:, : self.waiting])
+        self.t, self.h = np.zeros(self.waiting), np.minimum(task.first[: self.waiting], task.end)
+        self.refused = np.zeros(self.waiting, dtype=bool)
+        self._prepare()
+        fill(self.rates(self.y), self.stages[0])
+
+    def _prepare(self) -> None:
+        """Numbers and room for the lanes that are there now."""
+        task, members = self.task, self.member
+        self.numbers = task.numbers.at(members)
+        self.rates = task.lanes.rates(self.numbers)
+        self.relative, self.absolute = task.relative[members], task.absolute[:, members]
+        self.stages = np.empty((STAGES + 1, *self.y.shape))
+        self.next, self.work, self.sums = (np.empty_like(self.y) for _ in range(3))
+
+    def rates_of(self, columns: Ints) -> Rates:
+        """The rates of the lanes in some columns."""
+        return self.task.lanes.rates(self.numbers.at(columns))
+
+    def attempt(self) -> Step:
+        """A step of every lane."""
+        y, z, work, stages = self.y, self.next, self.work, self.stages
+        for stage in range(1, STAGES + 1):
+            summed(ROWS[stage] if stage < STAGES else END, stages, z, work)
+            z *= self.h
+            z += y
+            fill(self.rates(z), stages[stage])
+        error = self._error()
+        taken = error < 1
+        step = Step(self.member, taken, self.t, self.h, y, z, stages, self.rates, self.rates_of)
+        with np.errstate(divide="ignore"):
+            factor = np.clip(SAFETY * error ** (-1 / 8), SHRINKS, GROWS)
+        factor = np.where(taken, np.where(self.refused, np.minimum(factor, 1.0), factor), np.minimum(factor, 1.0))
+        self.tried = self.h * np.where(np.isfinite(factor), factor, SHRINKS)
+        return step
+
+    def _error(self) -> Floats:
+        work, sums, z = self.work, self.sums, self.next
+        scale = np.maximum(np.abs(self.y), np.abs(z))
+        scale *= self.relative
+        scale += self.absolute
+        squares = []
+        for shares in (FIFTH, THIRD):
+            summed(shares, self.stages, sums, work)
+            sums /= scale
+            squares.append(np.einsum("ij,ij->j", sums, sums))
+        fifth, third = squares
+        both = fifth + 0.01 * third
+        with np.errstate(invalid="ignore", divide="ignore"):
+            error = self.h * fifth / np.sqrt(both * len(sums))
+        return np.asarray(np.where(both == 0, 0.0, error))
+
+    def go_on(self, step: Step, end: float) -> None:
+        """Make the step the present; refused ones are tried again."""
+        taken = step.taken
+        self.y = np.where(taken, step.after, step.before)
+        np.copyto(self.stages[0], self.stages[STAGES], where=taken)
+        self.t = np.where(taken, self.t + self.h, self.t)
+        self.refused = ~taken
+        self.h = np.minimum(self.tried, end - self.t)
+
+    def change(self, out: Booleans, size: int) -> None:
+        """Lanes that are through leave; others come in for them while there are any of `size`."""
+        came = np.flatnonzero(out)[: size - self.waiting]
+        task = self.task
+        if len(came):
+            fresh = np.arange(self.waiting, self.waiting + len(came))
+            self.member = self.member.copy()
+            self.member[came] = fresh
+            self.waiting += len(came)
+            self.y[:, came], self.t[came] = task.begun[:, fresh], 0.0
+            self.h[came], self.refused[came] = np.minimum(task.first[fresh], task.end), False
+        stay = ~out
+        stay[came] = True
+        first = self.stages[0]
+        if not stay.all():
+            first = first[:, stay]
+            self.y = np.ascontiguousarray(self.y[:, stay])
+            self.member, self.t, self.h, self.refused = (
+                own[stay] for own in (self.member, self.t, self.h, self.refused)
+            )
+        self._prepare()
+        self.stages[0] = first
+        if len(came):
+            columns = np.flatnonzero(self.member >= self.waiting - len(came))
+            rows = np.empty((len(self.y), len(columns)))
+            fill(self.rates_of(columns)(self.y[:, columns]), rows)
+            self.stages[0][:, columns] = rows
+
+
+def integrate(task: Task, watches: Sequence[Watch] = (), width: int | None = None) -> Outcome:
+    """All members to the end, as many at once as `width` says."""
+    size = task.begun.shape[1]
+    outcome = Outcome(task.begun.copy(), np.zeros(size, dtype=np.int64))
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore", under="ignore"):
+        front = Front(task, width or width_of(len(task.begun)))
+        while len(front.member):
+            step = front.attempt()
+            moving = step.length > 0
+            step.taken &= moving
+            outcome.calls += STAGES * int(np.count_nonzero(moving))
+            outcome.steps[front.member] += moving
+            for watch in watches:
+                watch.see(step)
+            front.go_on(step, task.end)
+            out = _through(front, step, task.end, outcome)
+            gone = int(np.count_nonzero(out))
+            if gone and (gone * LEAVING >= len(out) or gone == len(out)):
+                outcome.y[:, front.member[out]] = front.y[:, out]
+                front.change(out, size)
+    return outcome
+
+
+def _through(front: Front, step: Step, end: float, outcome: Outcome) -> Booleans:
+    """Which lanes are at the end, or can go no further; these are told why."""
+    done = front.t >= end * (1 - 4e-16)
+    broken = ~step.taken & ~done & ~(front.h >= TINY * np.spacing(front.t))
+    for column in np.flatnonzero(broken):
+        member = int(front.member[column])
+        if member not in outcome.reasons:
+            finite = bool(np.all(np.isfinite(front.stages[0][:, column])))
+            outcome.reasons[member] = f"stopped at {front.t[column]:.9g} s: {TOO_SHORT if finite else NOT_FINITE}"
+    if outcome.reasons:
+        failed = np.isin(front.member, [*outcome.reasons])
+        front.h[failed] = 0.0
+        done = done | failed
+    front.h[done] = 0.0
+    return np.asarray(done)

@@ -1,0 +1,88 @@
+"""Natural units, tolerances and first steps of many members, each as those of a run by itself.
+
+The rules are those of `nonlinear.integration.steppers` and `nonlinear.integration.run`, for arrays of members.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.integration.run import FIRST, NEAR_ZERO
+from nonlinear.integration.steppers import FEW
+from nonlinear.system import Layout, Numbers
+
+MOVED, RESTING = 4, 1e-300  # how many times what moves counts, as in `sharpened`; instead of zero
+
+
+@dataclass(frozen=True, eq=False)
+class Units:
+    """Natural units of members: `length` (m) of the longest link, `rate` sqrt(g/l) (rad/s), `energy` g Σ b (J).
+
+    Each is (S,), or (1,) where members do not differ in it.
+    """
+
+    length: Floats
+    rate: Floats
+    energy: Floats
+
+    def scale(self, layout: Layout) -> Floats:
+        """Those of y, (size, S or 1), as in `Layout.natural`."""
+        length, rate, energy = np.broadcast_arrays(self.length, self.rate, self.energy)
+        half = np.ones((layout.half, len(length)))
+        half[: layout.on_cart] = length
+        return np.concatenate((half, half * rate, energy[None][: int(layout.works)]))
+
+
+def units_of(numbers: Numbers) -> Units:
+    """Of members with these numbers."""
+    system = numbers.arrays
+    length = np.max([group.block.length.max((0, 1)) for group in system.groups], axis=0)
+    weight = sum(group.block.b.sum((0, 1)) for group in system.groups)
+    gravity = np.atleast_1d(system.gravity)
+    return Units(np.asarray(length), np.sqrt(gravity / length), np.asarray(gravity * weight))
+
+
+def extents(numbers: Numbers, layout: Layout, y: Floats, units: Units) -> Floats:
+    """How far each start y (size, S) is from rest, (S,), as in `nonlinear.integration.arguments.extent`."""
+    system, cart, first, half = numbers.arrays, numbers.arrays.cart, int(layout.on_cart), layout.half
+    rest = numbers.system.rest[:, None]
+    aside = (y[first:half] - rest + pi) % (2 * pi) - pi
+    parts = [np.abs(aside).max(0), np.abs(y[half + first : 2 * half]).max(0) / units.rate]
+    if cart is not None:
+        held, braked = (np.asarray(own) > 0 for own in (system.cart.stiffness, system.cart.damping))  # type: ignore[union-attr]
+        parts.append(np.abs(y[0]) / units.length * held)
+        parts.append(np.abs(y[half]) / units.length / units.rate * (held | braked))
+    largest = np.minimum(np.max(np.broadcast_arrays(*parts), axis=0), 1.0)
+    return np.asarray(np.where(largest == 0, 1.0, largest))
+
+
+def longest_first(rate: Floats, members: int) -> Floats:
+    """The longest first steps (s) of so many members, (S,)."""
+    return np.asarray(np.broadcast_to(FIRST / rate, members))
+
+
+def sharpened(slope: Floats, scale: Floats) -> Floats:
+    """What to take a tolerance times where much of y rests at the start, (S,), as for a run by itself."""
+    speed = np.abs(slope / scale)
+    most = speed.max(0)
+    moved = (speed / np.maximum(most, RESTING)) ** 2
+    alive = moved.sum(0) ** 2 / np.maximum((moved**2).sum(0), RESTING)
+    return np.where(most > 0, np.minimum(1.0, np.sqrt(np.maximum(MOVED * alive, FEW) / len(slope))), 1.0)
+
+
+def tolerances(
+    y: Floats, slope: Floats, scale: Floats, size: Floats, rate: Floats, tolerance: float
+) -> tuple[Floats, Floats, Floats]:
+    """Relative (S,) and absolute (size, S) tolerances and the first steps (S,) in s."""
+    relative = tolerance * sharpened(slope, scale)
+    absolute = NEAR_ZERO * relative * size * scale
+    allowed = absolute + relative * np.abs(y)
+    far, speed = (np.max(np.abs(values / allowed), axis=0) for values in (y, slope))
+    longest = longest_first(rate, len(far))
+    known = (far > 0) & (speed > 0)
+    first = np.where(known, np.minimum(far / np.where(known, speed, 1.0), longest), longest)
+    return relative, absolute, first

@@ -1,0 +1,279 @@
+"""What is measured within the steps of lanes: samples, passages of an angle, largest angles, growth of errors.
+
+Each is a `Watch` of `nonlinear.integration.lanes`, keeps what it found by member, and asks for the motion inside a step
+only in lanes where something happens there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from math import inf, pi
+
+import numpy as np
+
+from modal.types import Floats, Ints
+from nonlinear.integration.lanes import Step
+from nonlinear.system import Layout
+
+TURN = 2 * pi
+ASIDE = 1e-7  # of natural units, by which a neighbour is put aside to see how a difference grows
+UNKNOWN = 0.1  # error (rad) beyond which nothing is known
+
+
+@dataclass(eq=False)
+class Samples:
+    """The y of S members at their `times` (S, K), or (K,) for all; `rows` (S, K, size), NaN where none came.
+
+    Steps may come in any order, and several of one member at a time.
+    """
+
+    times: Floats
+    begun: Floats
+    rows: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        size, members = self.begun.shape
+        self.rows = np.full((members, self.times.shape[-1], size), np.nan)
+        at_start = np.broadcast_to(self.times[..., 0] == 0, members)
+        self.rows[at_start, 0] = self.begun.T[at_start]
+
+    def see(self, step: Step) -> None:
+        """Samples that fall into the step."""
+        end = step.start + step.length
+        due, until = self._passed(step.member, step.start), self._passed(step.member, end)
+        columns = np.flatnonzero(step.taken & (due < until))
+        if not len(columns):
+            return
+        inside, due, until = step.within(columns), due[columns], until[columns]
+        left = np.arange(len(columns))
+        while len(left):
+            own, sample = columns[left], due[left]
+            members = step.member[own]
+            time = self.times[members, sample] if self.times.ndim > 1 else self.times[sample]
+            part = (time - step.start[own]) / step.length[own]
+            y = np.where(time == end[own], step.after[:, own], inside.take(left).at(part))
+            self.rows[members, sample] = y.T
+            due[left] += 1
+            left = left[due[left] < until[left]]
+
+    def _passed(self, members: Ints, time: Floats) -> Ints:
+        """How many samples of each member come until a time."""
+        if self.times.ndim > 1:
+            return np.asarray((self.times[members] <= time[:, None]).sum(1))
+        return np.searchsorted(self.times, time, side="right")
+
+
+@dataclass(eq=False)
+class FirstTurns:
+    """The times (s) at which each link first goes over the top, θ = π + 2πk; (L, S), inf where it never does."""
+
+    layout: Layout
+    members: int
+    times: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.times = np.full((self.layout.links, self.members), inf)
+
+    def see(self, step: Step) -> None:
+        """Links that go over the top in the step."""
+        first, half = int(self.layout.on_cart), self.layout.half
+        before, after = (np.rint(y[first:half] / TURN) for y in (step.before, step.after))
+        passed = (before != after) & step.taken
+        passed &= self.times[:, step.member] == inf
+        columns = np.flatnonzero(passed.any(0))
+        if not len(columns):
+            return
+        inside = step.within(columns)
+        for link in np.flatnonzero(passed.any(1)):
+            own = np.flatnonzero(passed[link, columns])
+            at = columns[own]
+            level = TURN * np.where(after[link, at] > before[link, at], before[link, at] + 0.5, before[link, at] - 0.5)
+            part = inside.take(own).root(first + int(link), level)
+            np.minimum.at(self.times[link], step.member[at], step.start[at] + part * step.length[at])
+
+
+@dataclass(eq=False)
+class Crossings:
+    """Where one component of y passes a level, an angle at any turn, upwards (`direction` 1), downwards or both (0).
+
+    Found are the member, the time (s) and y of each.
+    """
+
+    layout: Layout
+    row: int
+    level: float
+    direction: int = 0
+    _found: list[tuple[Ints, Floats, Floats]] = field(default_factory=list)
+
+    def see(self, step: Step) -> None:
+        """Passages within the step."""
+        angle = int(self.layout.on_cart) <= self.row < self.layout.half
+        one, two = (y[self.row] - self.level for y in (step.before, step.after))
+        before, after = (np.floor(one / TURN), np.floor(two / TURN)) if angle else (one >= 0, two >= 0)
+        rises = after > before
+        passed = (before != after) & step.taken
+        if self.direction:
+            passed &= rises if self.direction > 0 else ~rises
+        columns = np.flatnonzero(passed)
+        if not len(columns):
+            return
+        inside, upward = step.within(columns), rises[columns]
+        turns = np.where(upward, after[columns], before[columns]) if angle else np.zeros(len(columns))
+        part = inside.root(self.row, self.level + TURN * turns)
+        times = step.start[columns] + part * step.length[columns]
+        self._found.append((step.member[columns].copy(), times, inside.at(part).T))
+
+    @property
+    def found(self) -> tuple[Ints, Floats, Floats]:
+        """Members (C,), times (C,) and y (C, size), member by member in the order of time."""
+        if not self._found:
+            return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros((0, self.layout.size))
+        members, times, rows = (np.concatenate(parts) for parts in zip(*self._found, strict=True))
+        order = np.lexsort((times, members))
+        return members[order], times[order], rows[order]
+
+
+@dataclass(eq=False)
+class Largest:
+    """The largest |θ| (rad) of any link, (S,), read at the turning points within steps."""
+
+    layout: Layout
+    begun: Floats
+    angle: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        first, half = int(self.layout.on_cart), self.layout.half
+        self.angle = np.abs(self.begun[first:half]).max(0)
+
+    def see(self, step: Step) -> None:
+        """Ends of steps, and turning points that may lie further out."""
+        first, half = int(self.layout.on_cart), self.layout.half
+        one, two = (np.abs(y[first:half]) for y in (step.before, step.after))
+        slow, fast = (y[half + first : 2 * half] for y in (step.before, step.after))
+        found = self.angle[step.member]
+        found = np.where(step.taken, np.maximum(found, two.max(0)), found)
+        reach = np.maximum(one, two) + step.length * np.maximum(np.abs(slow), np.abs(fast)) / 2
+        turning = (np.signbit(slow) != np.signbit(fast)) & step.taken & (reach > found)
+        columns = np.flatnonzero(turning.any(0))
+        if len(columns):
+            inside = step.within(columns)
+            for link in np.flatnonzero(turning.any(1)):
+                own = np.flatnonzero(turning[link, columns])
+                at, some = columns[own], inside.take(own)
+                part = some.root(half + first + int(link), np.zeros(len(own)))
+                found[at] = np.maximum(found[at], np.abs(some.at(part, first + int(link))))
+        np.maximum.at(self.angle, step.member, found)
+
+
+@dataclass(eq=False)
+class Growth:
+    """An estimate of every member's error in natural units, and the time when it is more than UNKNOWN.
+
+    A neighbour's distance v = (δq, δq') is carried along by one more rate a step, δq' += h (q''(y + v) − q''(y)) and
+    then δq += h δq' (symplectic Euler, so that what swings keeps its size); with g = |v after|/|v before| the error e
+    becomes g e and `local`, the tolerance.
+    """
+
+    layout: Layout
+    scale: Floats
+    local: Floats
+    error: Floats = field(init=False)
+    horizon: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        members, half = len(self.local), self.layout.half
+        self.error, self.horizon = np.zeros(members), np.full(members, inf)
+        self._v = np.full((2 * half, members), (2 * half) ** -0.5)
+
+    def see(self, step: Step) -> None:
+        """One step of the distance."""
+        half, members = self.layout.half, step.member
+        scale = self.scale[: 2 * half]
+        if scale.shape[1] > 1:
+            scale = scale[:, members]
+        v = self._v[:, members] * scale
+        shifted = step.after.copy()
+        shifted[: 2 * half] += ASIDE * v
+        rates = step.rates(shifted)
+        for row in range(half):
+            v[half + row] += step.length * ((rates[half + row] - step.stages[-1, half + row]) / ASIDE)
+        v[:half] += step.length * v[half:]
+        v /= scale
+        grown = np.sqrt(np.einsum("ij,ij->j", v, v))
+        v /= grown
+        taken = step.taken & np.isfinite(grown) & (grown > 0)
+        error = self.error[members] * grown + self.local[members]
+        columns = np.flatnonzero(taken)
+        own = members[columns]
+        self._v[:, own] = v[:, columns]
+        self.error[own] = error[columns]
+        late = own[(self.error[own] > UNKNOWN) & (self.horizon[own] == inf)]
+        if len(late):
+            times = np.empty(len(self.horizon))
+            times[members] = step.start + step.length
+            self.horizon[late] = times[late]
+
+
+@dataclass(eq=False)
+class Gains:
+    """What ln |v| has gained until each of the `times` (K,) in s, `rows` (K, S), NaN where none came; `last` is y.
+
+    Tangent vectors are brought back to length 1 after every step.  `report` hears how far (s) the slowest has come.
+    """
+
+    scale: Floats
+    times: Floats
+    begun: Floats
+    report: Callable[[float], object]
+    rows: Floats = field(init=False)
+    last: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        members = self.begun.shape[1]
+        self.rows, self.last = np.full((len(self.times), members), np.nan), self.begun.copy()
+        self._whole = Stretching(self.scale, members)
+        self._reached = np.zeros(members)
+
+    def see(self, step: Step) -> None:
+        """Times that fall into the step, then its end."""
+        end, half = step.start + step.length, len(self.begun)
+        due, until = (np.searchsorted(self.times, own, side="right") for own in (step.start, end))
+        columns = np.flatnonzero(step.taken & (due < until))
+        if len(columns):
+            inside, due, until = step.within(columns), due[columns], until[columns]
+            left = np.arange(len(columns))
+            while len(left):
+                own, time = columns[left], self.times[due[left]]
+                v = inside.take(left).at((time - step.start[own]) / step.length[own])[half:]
+                length = np.sqrt(np.sum((v / self.scale) ** 2, axis=0))
+                self.rows[due[left], step.member[own]] = self._whole.growth[step.member[own]] + np.log(length)
+                due[left] += 1
+                left = left[due[left] < until[left]]
+        self._whole.see(step)
+        own = step.member[step.taken]
+        self.last[:, own] = step.after[:half, step.taken]
+        self._reached[own] = end[step.taken]
+        self.report(float(self._reached.min()))
+
+
+@dataclass(eq=False)
+class Stretching:
+    """What ln |v| has gained of tangent vectors, (S,), which are brought back to length 1 after every step."""
+
+    scale: Floats
+    members: int
+    growth: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.growth = np.zeros(self.members)
+
+    def see(self, step: Step) -> None:
+        """Bring the tangent vectors of the step back to length 1."""
+        half = len(step.after) // 2
+        scale = self.scale if self.scale.shape[1] == 1 else self.scale[:, step.member]
+        length = np.sqrt(np.sum((step.after[half:] / scale) ** 2, axis=0))
+        length = np.where(step.taken & (length > 0), length, 1.0)
+        self.growth[step.member] += np.log(length)
+        step.after[half:] /= length
+        step.stages[-1, half:] /= length

@@ -1,0 +1,166 @@
+"""Ensembles as pictures: maps of where starts end, Poincaré sections, bands of what tolerances do."""
+
+from __future__ import annotations
+
+from typing import IO
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, to_rgb
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from modal.plotting import WIDTH, axis_words, colour, headline, rest, save, scale, sheet
+from modal.types import Floats
+from nonlinear.ensembles import Basins, PoincareSection, Spread
+from nonlinear.plotting.sweeps import edges, label
+
+DECADES = 5.0  # the ratio of largest to smallest from which colours go by ratios
+WIDEST = 60.0  # and no more of first turns, some of which begin at the top
+MOST_BANDS = 4  # links whose motion is drawn
+FEW_MODES = 6
+TITLES = {
+    "configuration": "which rhythm each start ends in",
+    "first_turn_s": "when a link first goes over the top",
+    "lyapunov_per_s": "how fast a small error grows",
+}
+
+
+def draw_basins(found: Basins, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `basins_figure` as png, svg or pdf."""
+    save(basins_figure(found), stream, kind)
+
+
+def basins_figure(found: Basins) -> Figure:
+    """The measure over both numbers: a colour each for configurations, else shades; what never happens stays blank."""
+    figure = sheet(WIDTH, 6.6)
+    axis = figure.subplots()
+    y, x = found.axes
+    axis.patch.set(edgecolor=rest(), hatch="" if found.column == "first_turn_s" else "////", lw=0)
+    (_kinds if found.names else _shades)(figure, axis, found)
+    scale(axis, "x", x)
+    scale(axis, "y", y)
+    axis.set(xlabel=axis_words(x), ylabel=axis_words(y))
+    axis.grid(visible=False)
+    words = TITLES.get(found.column, label(found.column))
+    headline(figure, found.ensemble.question.scene.title, f"{words}, within {found.ensemble.question.duration:.3g} s")
+    return figure
+
+
+def _kinds(figure: Figure, axis: Axes, found: Basins) -> None:
+    y, x = found.axes
+    kinds = len(found.names)
+    hues = [rest(), *(colour(k) for k in range(kinds - 1))]
+    norm = BoundaryNorm(np.arange(kinds + 1) - 0.5, kinds)
+    shown = np.ma.masked_invalid(found.values)
+    axis.pcolormesh(
+        edges(x), edges(y), shown, cmap=ListedColormap([to_rgb(hue) for hue in hues]), norm=norm, rasterized=True
+    )
+    shares = found.shares()
+    handles = [
+        Patch(color=hue, label=f"{name}: {100 * shares[name]:.3g} %")
+        for hue, name in zip(hues, found.names, strict=True)
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=min(3, kinds))
+
+
+def _shades(figure: Figure, axis: Axes, found: Basins) -> None:
+    y, x = found.axes
+    shown = np.ma.masked_invalid(found.values)
+    known = shown.compressed()
+    if not known.size:
+        return
+    low, high = float(known.min()), float(known.max())
+    if found.column == "first_turn_s":
+        low = max(low, high / WIDEST)
+    ratio = low > 0 and high > DECADES * low
+    norm = (LogNorm if ratio else Normalize)(low, high)
+    mesh = axis.pcolormesh(edges(x), edges(y), shown, norm=norm, rasterized=True, lw=0)
+    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
+    bar.set_label(label(found.column))
+    bar.outline.set_visible(False)
+    if ratio:
+        bar.ax.yaxis.set_major_formatter("{x:g}")
+        bar.ax.yaxis.set_minor_formatter("{x:g}")
+
+
+def draw_section(found: PoincareSection, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `section_figure` as png, svg or pdf."""
+    save(section_figure(found), stream, kind)
+
+
+def section_figure(found: PoincareSection) -> Figure:
+    """Every crossing as a dot, a colour for each motion."""
+    figure = sheet(WIDTH, 5.6)
+    axis = figure.subplots()
+    angle, rate = found.points()
+    orbit = found.orbit.astype(int)
+    size = float(np.clip(4000 / max(len(orbit), 1), 1.8, 6.0))
+    for number in range(found.ensemble.size):
+        own = orbit == number
+        axis.plot(angle[own], rate[own], ".", ms=size, mew=0, color=colour(number))
+    name = _coordinate(found.shown)
+    unit = ("m", "m/s") if found.shown == "x" else ("°", "°/s")
+    axis.set(xlabel=f"{name} ({unit[0]})", ylabel=f"rate of {name} ({unit[1]})")
+    words = f"Poincaré section at {_passed(found.coordinate)}, energy {found.energy:.4g} J"
+    headline(figure, found.ensemble.question.scene.title, words)
+    return figure
+
+
+def _coordinate(text: str) -> str:
+    return text if text == "x" else text.replace("theta[", r"θ$_{").replace("]", "}$")
+
+
+def _passed(text: str) -> str:
+    name, sign, value = next(text.partition(mark) for mark in "<>=" if mark in text)
+    way = {">": " upwards", "<": " downwards"}.get(sign, "")
+    told = name.strip().replace("theta", "θ")
+    return f"{told} = {value.strip()}{' m' if told == 'x' else '°'}{way}"
+
+
+def draw_spread(found: Spread, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `spread_figure` as png, svg or pdf."""
+    save(spread_figure(found), stream, kind)
+
+
+def spread_figure(found: Spread) -> Figure:
+    """The deviation of every frequency with what explains it, and above it bands of the motion where there is one."""
+    motion = found.ensemble is not None
+    figure = sheet(WIDTH, 4.4 + 3.4 * motion)
+    panels = np.atleast_1d(figure.subplots(1 + motion, 1))
+    if motion:
+        _bands(panels[0], found)
+    _deviations(panels[-1], found)
+    headline(figure, found.scene.title, f"spread of {found.size} members")
+    return figure
+
+
+def _bands(axis: Axes, found: Spread) -> None:
+    for link in range(min(found.scene.n_links, MOST_BANDS)):
+        low, middle, high = found.bands[..., link]
+        axis.fill_between(found.times, low, high, color=colour(link), alpha=0.25, lw=0)
+        axis.plot(found.times, middle, color=colour(link), label=f"link {link + 1}: median, 5 to 95 %")
+    axis.set(xlabel="time (s)", ylabel="angle (°)", xlim=(0, found.times[-1]))
+    axis.legend(ncols=2, loc="upper right")
+
+
+def _deviations(axis: Axes, found: Spread) -> None:
+    records = found.frequencies[:FEW_MODES]
+    at, bottom = np.arange(len(records)), np.zeros(len(records))
+    deviation = np.array([one["standard_deviation_rad_per_s"] / one["omega_rad_per_s"] for one in records])
+    for k, tolerance in enumerate(found.tolerances):
+        part = deviation * _parts(records, tolerance.path)
+        axis.bar(at, part, bottom=bottom, width=0.6, color=colour(k), label=tolerance.path)
+        bottom = bottom + part
+    axis.set_xticks(at, [f"mode {one['mode']}\n{one['omega_rad_per_s']:.4g} rad/s" for one in records])
+    axis.set(
+        ylabel="relative standard deviation of ω (–)", ylim=(0, 1.3 * max(float(deviation.max(initial=0.0)), 1e-12))
+    )
+    axis.grid(visible=False, axis="x")
+    axis.legend(loc="upper right", ncols=2)
+
+
+def _parts(records: list[dict[str, dict[str, float]]], path: str) -> Floats:
+    """Of each frequency's deviation, in proportion to the shares of its variance."""
+    totals = [sum(one["shares"].values()) or 1.0 for one in records]
+    return np.array([one["shares"][path] / total for one, total in zip(records, totals, strict=True)])

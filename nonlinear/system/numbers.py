@@ -1,0 +1,144 @@
+"""The numbers of a scene as a list, of which many members may each have their own.
+
+The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
+centre, inertia, damper, spring, and the two constants of its drive, field by field.  Where members differ an entry is
+an array (S,), elsewhere one number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import radians
+from typing import Any
+
+import numpy as np
+
+from modal.assembly import CartNumbers
+from modal.scene import AnyLink, Body, Cart, Escapement, Scene
+from modal.scene.parameters import Place
+from modal.types import Floats
+from nonlinear.system.system import Excitation, Group, System, system_of
+
+BEFORE = 4  # entries before those of links
+FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb")
+WORKING = ("damping", "strength")
+Values = Mapping[Place, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,)."""
+
+    system: System
+    entries: tuple[Any, ...]
+
+    @cached_property
+    def varied(self) -> tuple[int, ...]:
+        """Which entries are arrays."""
+        return tuple(k for k, entry in enumerate(self.entries) if isinstance(entry, np.ndarray))
+
+    @cached_property
+    def works(self) -> bool:
+        """Whether energy goes in or out of any member, or could where these entries differ."""
+        links = self.system.n_links
+        working = [2, *(BEFORE + FIELDS.index(name) * links + k for name in WORKING for k in range(links))]
+        return any(isinstance(self.entries[k], np.ndarray) or bool(self.entries[k]) for k in working)
+
+    def at(self, members: Any) -> Numbers:
+        """Those of some members: a slice or indices."""
+        taken = (entry[members] if isinstance(entry, np.ndarray) else entry for entry in self.entries)
+        return Numbers(self.system, tuple(taken))
+
+    @cached_property
+    def arrays(self) -> System:
+        """The system with these in its arrays: (n, P, 1), or (n, P, S) where members differ."""
+        return system_with(self.system, [_spread(entry) for entry in self._even], tail=True)
+
+    @property
+    def _even(self) -> list[Any]:
+        """The entries, of each field either all arrays or none."""
+        links, found = self.system.n_links, list(self.entries)
+        count = len(found[self.varied[0]]) if self.varied else 1
+        for at in range(BEFORE, len(found), links):
+            own = found[at : at + links]
+            if any(isinstance(entry, np.ndarray) for entry in own):
+                found[at : at + links] = [np.broadcast_to(entry, count) for entry in own]
+        return found
+
+
+def _spread(entry: Any) -> Any:
+    return entry if isinstance(entry, np.ndarray) else np.array([entry])
+
+
+def numbers_of(scene: Scene, values: Values | None = None, system: System | None = None) -> Numbers:
+    """The numbers of a scene, with arrays (S,) of `values` at some of its places."""
+    given: Values = values or {}
+    support, cart = scene.support, [0.0, 0.0, 0.0]
+    if isinstance(support, Cart):
+        cart = [given.get(("support", name), getattr(support, name)) for name in ("mass", "damping", "stiffness")]
+    rows = [
+        row
+        for p, pendulum in enumerate(scene.pendulum)
+        for row in [
+            _row(link, {place[4:]: own for place, own in given.items() if place[:4] == ("pendulum", p, "links", i)})
+            for i, link in enumerate(pendulum.links)
+            for _ in range(link.count)
+        ]
+        * pendulum.count
+    ]
+    fields = [entry for field in zip(*rows, strict=True) for entry in field]
+    return Numbers(system or system_of(scene), (given.get(("gravity",), scene.gravity), *cart, *fields))
+
+
+def numbers_of_all(scenes: Sequence[Scene]) -> Numbers:
+    """Of scenes that differ in numbers alone."""
+    system = system_of(scenes[0])
+    rows = zip(*(numbers_of(scene, system=system).entries for scene in scenes), strict=True)
+    entries = [row[0] if all(own == row[0] for own in row) else np.array(row) for row in rows]
+    return Numbers(system, tuple(entries))
+
+
+def _row(link: AnyLink, given: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
+    """The entries of one link, with other values at some of its places."""
+    mass, length, damping, stiffness = (
+        given.get((name,), getattr(link, name)) for name in ("mass", "length", "damping", "stiffness")
+    )
+    if isinstance(link, Body):
+        centre, inertia = (given.get((name,), getattr(link, name)) for name in ("centre", "inertia"))
+    else:
+        centre, inertia = link.proportions(mass, length)
+    strength: Any = 0.0
+    curb: Any = 0.0
+    if link.drive is not None and not isinstance(link.drive, Escapement):
+        strength = given.get(("drive", "strength"), link.drive.strength)
+        angle = given.get(("drive", "angle_deg"))
+        curb = strength / (radians(link.drive.angle_deg) if angle is None else np.radians(angle)) ** 2
+    return [mass, length, centre, inertia, damping, stiffness, strength, curb]
+
+
+def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> System:
+    """The same system with other entries: numbers, symbols, or with a `tail` arrays of one length or 1 a field."""
+    links = system.n_links
+    gravity, *cart = entries[:BEFORE]
+    fields = [_stacked(entries[at : at + links], tail) for at in range(BEFORE, BEFORE + len(FIELDS) * links, links)]
+    groups = tuple(_group(group, dict(zip(FIELDS, fields, strict=True)), tail) for group in system.groups)
+    return replace(system, gravity=gravity, cart=system.cart and CartNumbers(*cart), groups=groups)
+
+
+def _stacked(own: Sequence[Any], tail: bool) -> Any:
+    if tail:
+        return np.stack(own)
+    plain = all(isinstance(entry, float) for entry in own)
+    found = np.empty(len(own), dtype=float if plain else object)
+    found[:] = own
+    return found
+
+
+def _group(group: Group, fields: Mapping[str, Any], tail: bool) -> Group:
+    own = {name: values[group.index] for name, values in fields.items()}
+    strength, curb = own.pop("strength"), own.pop("curb")
+    sigma = group.block.sigma[..., None] if tail else group.block.sigma
+    drive = None if group.excitation is None else Excitation(strength, curb, 0.0 * sigma, 0.0 * sigma)
+    return replace(group, block=replace(group.block, sigma=sigma, **own), excitation=drive)

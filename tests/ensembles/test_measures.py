@@ -1,0 +1,166 @@
+"""What is measured on the way, against runs by themselves and against formulas."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from modal import load
+from modal.scene import InitialCondition
+from nonlinear import Event, State, simulate
+from nonlinear.chaos.tangent import Tangent
+from nonlinear.ensembles import Ensemble, ensemble
+from nonlinear.integration import SciPyStepper
+from nonlinear.postprocessing import extremes
+from nonlinear.sweeps.measures import MEASURES as SWEPT
+from nonlinear.system import system_of
+
+ANGLES = np.random.default_rng(3).uniform(-2.8, 2.8, (6, 2))
+DURATION = 4.0
+
+
+@cache
+def found(engine: str = "numpy") -> Ensemble:
+    measures = ["first_turn", "largest_angle", "lyapunov", "pendulum_energy", "section:theta[1,1]>10"]
+    return ensemble(load("chain-2"), DURATION, starts=ANGLES, measures=measures, engine=engine, workers=1, output=9)
+
+
+def test_samples_are_those_of_runs() -> None:
+    for k, angles in enumerate(ANGLES):
+        run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), output=9)
+        np.testing.assert_allclose(found().column("links_rad")[k], run.motion.links, atol=2e-8)
+        np.testing.assert_allclose(found().column("link_rates_rad_per_s")[k], run.motion.link_rates, atol=2e-7)
+
+
+def test_first_turns_are_those_of_events() -> None:
+    for k, angles in enumerate(ANGLES):
+        events = [
+            Event(f"{link}", lambda state, link=link: float(np.cos(state.links[link] / 2)), looks=8)
+            for link in range(2)
+        ]
+        run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), events=events)
+        for link in range(2):
+            times = [event.time for event in run.happenings if event.name == f"{link}"]
+            measured = found().column(f"first_turn_1_{link + 1}_s")[k]
+            assert measured == pytest.approx(min(times, default=np.inf), abs=1e-7)
+    assert np.isfinite(found().column("first_turn_1_2_s")).any()
+    assert np.isinf(found().column("first_turn_1_1_s")).any()
+
+
+def test_largest_angles_are_those_of_dense_runs() -> None:
+    for k, angles in enumerate(ANGLES):
+        run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), output=4001)
+        most = np.degrees(np.abs(extremes(run.times, run.motion.links, run.motion.link_rates)).max())
+        assert found().column("largest_angle_deg")[k] == pytest.approx(most, abs=1e-5)
+
+
+def test_crossings_are_those_of_dense_runs() -> None:
+    """Counted and placed by where the whole turns beyond 10° rise between samples."""
+    members, times = (found().column(f"crossing_{name}") for name in ("member", "time_s"))
+    links = found().column("crossing_links_rad")
+    aside = np.degrees(links[:, 0]) - 10
+    np.testing.assert_allclose(aside - 360 * np.round(aside / 360), 0.0, atol=1e-6)
+    assert np.all(found().column("crossing_link_rates_rad_per_s")[:, 0] > 0)
+    for k, angles in enumerate(ANGLES):
+        run = simulate(load("chain-2"), DURATION, start=State(angles, 0 * angles), output=8001)
+        turns = np.floor((run.motion.links[:, 0] - np.radians(10)) / (2 * np.pi))
+        expected = run.times[1:][np.diff(turns) > 0]
+        np.testing.assert_allclose(times[members == k], expected, atol=DURATION / 8000)
+
+
+def test_the_exponent_is_that_of_tangent_vectors_of_the_complex_step() -> None:
+    """Another derivative, another integrator (SciPy's own), no renormalisation, and the same direction."""
+    scene = load("chain-2")
+    tangent = Tangent(system_of(scene))
+    y = np.concatenate((ANGLES.T, 0 * ANGLES.T))
+    v = np.random.default_rng(0).standard_normal((4, 1)) * tangent.scale
+    v = np.broadcast_to(v / tangent.norm(v), y.shape)
+    both = tangent.packed(y, v)
+    stepper = SciPyStepper("DOP853", tangent.derivative, 0.0, both, DURATION, 1e-10, 1e-10 * np.ones(both.size))
+    while stepper.time < DURATION:
+        stepper.step()
+    expected = np.log(tangent.norm(tangent.parts(stepper.y)[1])) / DURATION
+    np.testing.assert_allclose(found().column("lyapunov_per_s"), expected, atol=1e-6)
+
+
+def test_energies_are_conserved_and_stated() -> None:
+    system = system_of(load("chain-2"))
+    b = np.concatenate([group.block.b[:, 0] for group in system.groups])
+    expected = system.gravity * (1 - np.cos(ANGLES)) @ b
+    np.testing.assert_allclose(found().column("pendulum_1_energy_J"), expected, rtol=1e-6)
+    assert found().energy_drift.max() < 1e-7
+
+
+def test_the_order_parameter_is_that_of_a_run() -> None:
+    scene = load("huygens")
+    found = ensemble(scene, 20.0, vary={"pendulum[0].start.angles_deg[0]": [5.0, 20.0]}, measures=["order"], workers=1)
+    for k, angle in enumerate((5.0, 20.0)):
+        first, *others = scene.pendulum
+        start = first.start.replace(angles_deg=(angle, *first.start.angles_deg[1:]))
+        other = scene.replace(pendulum=[first.replace(start=start), *others])
+        expected = SWEPT["order"].function(other, 20.0)["order"]
+        assert found.column("order")[k] == pytest.approx(expected, abs=2e-3)
+
+
+def test_estimated_errors_are_above_the_true_ones() -> None:
+    """In 60 chaotic members, for all but a few, and by how much is bounded."""
+    starts = np.random.default_rng(8).uniform(-3, 3, (60, 2))
+    loose, tight = (
+        ensemble(load("chain-2"), 6.0, starts=starts, tolerance=tolerance, workers=1, check=0, engine="numpy")
+        for tolerance in (1e-7, 1e-12)
+    )
+    true = np.abs(loose.final.links - tight.final.links).max(1)
+    estimated = loose.column("error_rad")
+    assert np.mean(estimated > true) > 0.95
+    assert np.median(estimated / true) < 1e3
+    beyond = true > 0.1
+    assert np.all(loose.beyond[beyond])
+
+
+@pytest.mark.slow
+def test_compiled_members_are_those_of_lanes() -> None:
+    pytest.importorskip("numba")
+    for name in found().columns:
+        one, other = found().column(name), found("numba").column(name)
+        kwargs = {"rtol": 0.1} if name in {"error_rad", "energy_drift"} else {"atol": 1e-8, "rtol": 1e-8}
+        if name != "energy_drift":
+            np.testing.assert_allclose(other, one, **kwargs, err_msg=name)
+
+
+def test_what_no_engine_takes_goes_one_by_one() -> None:
+    scene = load("chain-2").replace(space="space")
+    start = InitialCondition(angles_deg=(10.0, 5.0), azimuths_deg=(0.0, 40.0))
+    scene = scene.replace(pendulum=[scene.pendulum[0].replace(start=start)])
+    result = ensemble(scene, 0.5, vary={"pendulum[0].start.azimuths_deg[1]": [0.0, 90.0]}, workers=1)
+    assert result.engine == "simulate"
+    assert "in space" in result.reason
+    assert result.column("links_rad").shape == (2, 2, 3)
+    run = simulate(scene, 0.5, output=2)
+    assert result.energy_drift.max() < 1e-6
+    assert run.complete
+
+
+@pytest.mark.slow
+def test_members_by_taylor_series_are_those_of_lanes() -> None:
+    pytest.importorskip("heyoka")
+    for name in found().columns:
+        one, other = found().column(name), found("heyoka").column(name)
+        if name not in {"energy_drift", "error_rad", "horizon_s"}:
+            np.testing.assert_allclose(other, one, atol=2e-6, rtol=2e-6, err_msg=name)
+    ratio = found("heyoka").column("error_rad") / found().column("error_rad")
+    assert np.all((ratio > 1e-3) & (ratio < 1e3))
+
+
+@pytest.mark.slow
+def test_small_motions_by_taylor_series_keep_their_relative_accuracy() -> None:
+    """Beside larger ones, which go by themselves; everything comes back in its place."""
+    pytest.importorskip("heyoka")
+    starts = ANGLES * np.array([1.0, 1e-4, 1.0, 1e-6, 1e-3, 1.0])[:, None]
+    options = {"starts": starts, "workers": 1, "check": 0, "output": "end", "measures": ["section:theta[1,1]>0"]}
+    one, other = (ensemble(load("chain-2"), DURATION, engine=name, **options) for name in ("numpy", "heyoka"))
+    size = np.abs(starts).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(other.column("links_rad") / size, one.column("links_rad") / size, atol=1e-6)
+    np.testing.assert_array_equal(other.column("crossing_member"), one.column("crossing_member"))
+    np.testing.assert_allclose(other.column("crossing_time_s"), one.column("crossing_time_s"), atol=1e-6)

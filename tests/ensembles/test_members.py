@@ -1,0 +1,184 @@
+"""Members against runs by themselves, and the numbers and equations of members against those of their scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scenes import plane_scene
+
+from modal import load
+from modal.errors import SceneError
+from modal.scene import Bob, Cart, Fixed, InitialCondition, Pendulum, Rod, Scene, VanDerPol
+from modal.scene.parameters import vary
+from nonlinear import simulate, system_of
+from nonlinear.chaos.tangent import Tangent
+from nonlinear.dynamics import Generated, Lanes, lanes
+from nonlinear.ensembles import ensemble, members_of
+from nonlinear.ensembles.energies import Accounts
+from nonlinear.system import State, apart, numbers_of
+
+VARIED = {"gravity": (9.0, 11.0), "pendulum[0].links[0].mass": (0.5, 1.5), "pendulum[0].links[0].length": (0.7, 1.3)}
+
+
+def drawn(scene: Scene, seed: int, size: int) -> dict[str, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return {path: rng.uniform(*ends, size) for path, ends in VARIED.items()}
+
+
+def driven_scene(seed: int) -> Scene:
+    """Pendula of one or two links with dampers, springs and van der Pol drives, on a support of any kind."""
+    rng = np.random.default_rng(seed)
+
+    def link(top: bool) -> Bob | Rod:
+        mass, length, damping, stiffness = rng.uniform(0.2, 1.5, 4)
+        drive = VanDerPol(strength=rng.uniform(0.05, 0.3), angle_deg=rng.uniform(10, 60)) if top else None
+        own = {"mass": mass, "length": length, "damping": 0.1 * damping * rng.integers(2)}
+        own["stiffness"] = stiffness * rng.integers(2)
+        return (Bob, Rod)[rng.integers(2)](**own, drive=drive)
+
+    pendula = [
+        Pendulum(links=[link(k == 0) for k in range(rng.integers(1, 3))], count=int(rng.integers(1, 3)))
+        for _ in range(rng.integers(1, 3))
+    ]
+    cart = Cart(mass=rng.uniform(0.5, 5), damping=float(rng.integers(2)), stiffness=3.0 * rng.integers(2))
+    return Scene(gravity=9.81, support=cart if seed % 3 else Fixed(), pendulum=pendula)
+
+
+def test_equations_of_members_are_those_of_their_scenes() -> None:
+    """Written out and by the recursion, with numbers that differ and that do not."""
+    for seed in range(30):
+        scene = plane_scene(seed) if seed % 2 else driven_scene(seed)
+        values, size = drawn(scene, seed, 3), 3
+        system = system_of(scene)
+        given = members_of(scene, None, values) if all(p.start for p in scene.pendulum) else None
+        assert given is None or given.size == size
+        at = {("gravity",): values["gravity"]}
+        at |= {("pendulum", 0, "links", 0, name): values[f"pendulum[0].links[0].{name}"] for name in ("mass", "length")}
+        numbers = numbers_of(scene, at, system)
+        equations = Lanes(numbers)
+        y = np.random.default_rng(seed).standard_normal((equations.size, size))
+        written = np.array(np.broadcast_arrays(*equations.rates(numbers)(y)))
+        recursion = lanes.Minimal(
+            numbers.arrays,
+            tuple(lanes.Spread(group) for group in numbers.arrays.groups),
+            counts_work=equations.layout.works,
+        )
+        np.testing.assert_allclose(written, recursion.derivative(0.0, y), rtol=1e-10, atol=1e-10)
+        for k in range(size):
+            one = vary(scene, {path: float(own[k]) for path, own in values.items()})
+            np.testing.assert_allclose(
+                written[:, k], Generated(system_of(one)).derivative(0.0, y[:, k]), rtol=1e-10, atol=1e-10
+            )
+
+
+def test_tangent_equations_are_those_of_the_complex_step() -> None:
+    for seed in range(20):
+        scene = plane_scene(seed) if seed % 2 else driven_scene(seed)
+        numbers = numbers_of(scene)
+        equations, other = Lanes(numbers, tangent=True), Tangent(system_of(scene))
+        both = np.random.default_rng(seed).standard_normal((equations.size, 4))
+        y, v = np.split(both, 2)
+        found = np.array(np.broadcast_arrays(*equations.rates(numbers)(both)))
+        np.testing.assert_allclose(found, np.concatenate(other.product(y, v)), rtol=1e-9, atol=1e-9)
+
+
+def test_energies_of_members_are_those_of_runs() -> None:
+    for seed in range(10):
+        scene = driven_scene(seed)
+        run = simulate(scene, 0.2, start=random_state(scene, seed), output=5)
+        numbers = numbers_of(scene)
+        layout = Lanes(numbers).layout
+        rows = np.stack([layout.begin(run.motion[k]) for k in range(5)], axis=1)
+        found = Accounts(numbers, layout).energies(rows)
+        np.testing.assert_allclose(found.total, run.mechanics.energy, rtol=1e-12, atol=1e-12)
+        each = run.mechanics.of_pendula(run.mechanics.kinetic + run.mechanics.potential)
+        np.testing.assert_allclose((found.kinetic + found.potential).T, each, rtol=1e-12, atol=1e-12)
+
+
+def random_state(scene: Scene, seed: int) -> State:
+    system = system_of(scene)
+    rng = np.random.default_rng(seed)
+    links = system.rest + rng.uniform(-1, 1, system.n_links)
+    cart = rng.uniform(-1, 1, 2) if system.cart else (0.0, 0.0)
+    return State(links, rng.uniform(-1, 1, system.n_links), *map(float, cart))
+
+
+@pytest.mark.parametrize("first", range(0, 200, 50))
+def test_members_agree_with_runs_by_themselves(first: int) -> None:
+    """Random scenes of all kinds: carts, unequal pendula, joint springs and dampers, drives."""
+    for seed in range(first, first + 50):
+        scene = plane_scene(seed) if seed % 4 == 0 else driven_scene(seed)
+        states = [random_state(scene, seed + k) for k in range(2)]
+        found = ensemble(scene, 0.4, starts=states, engine="numpy", workers=1, check=0)
+        run = simulate(scene, 0.4, start=states[1], method="DOP853", output=2)
+        assert apart(found.final.at([1]), run.motion.at([-1]))[0] < 1e-9
+        assert found.energy_drift.max() < 1e-6
+
+
+def test_members_with_other_numbers_agree_with_runs_of_those_scenes() -> None:
+    scene = load("paper-cart-2")
+    values = {"support.mass": [3.0, 50.0], "pendulum[0].links[0].length": [0.5, 1.5], "support.damping": [0.0, 2.0]}
+    found = ensemble(scene, 2.0, vary=values, engine="numpy", workers=1)
+    assert found.largest_difference < 1e-9
+    for k in range(2):
+        run = simulate(vary(scene, {path: own[k] for path, own in values.items()}), 2.0, output=2)
+        assert apart(found.final.at([k]), run.motion.at([-1]))[0] < 1e-9
+
+
+def test_a_grid_of_starts_goes_the_last_place_fastest() -> None:
+    scene = load("chain-2").replace(
+        pendulum=[load("chain-2").pendulum[0].replace(start=InitialCondition(angles_deg=(0.0, 0.0)))]
+    )
+    places = [f"pendulum[0].start.angles_deg[{k}]" for k in range(2)]
+    found = ensemble(scene, 1e-6, vary=[f"{places[0]}=-10:10:3", f"{places[1]}=0:30:4"], workers=1, check=0)
+    angles = np.degrees(found.grid("links_rad"))
+    assert angles.shape == (3, 4, 2)
+    np.testing.assert_allclose(angles[2, 3], [10.0, 30.0], atol=1e-6)
+    np.testing.assert_allclose(angles[0, 1], [-10.0, 10.0], atol=1e-6)
+
+
+def test_a_member_that_cannot_be_has_its_reason_and_the_others_go_on() -> None:
+    scene = load("chain-2")
+    values = {"pendulum[0].links[0].mass": [1.0, -1.0, 2.0]}
+    start = scene.replace(pendulum=[scene.pendulum[0].replace(start=InitialCondition(angles_deg=(20.0, 0.0)))])
+    found = ensemble(start, 0.5, vary=values, workers=1, check=0)
+    assert list(found.failures) == [1]
+    assert "mass = -1.0: must be" in found.failures[1]
+    assert np.isfinite(found.column("links_rad")[[0, 2]]).all()
+    assert np.isnan(found.column("links_rad")[1]).all()
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ({}, "give starts"),
+        ({"starts": [[0.1]]}, "must be an array"),
+        ({"starts": [[0.1, np.nan]]}, "must be finite"),
+        ({"starts": [[0.1, 0.2]], "measures": ["flips"]}, "no such measure"),
+        ({"starts": [[0.1, 0.2]], "measures": ["section:phi=0"]}, "must be section:"),
+        ({"starts": [[0.1, 0.2]], "tolerance": 1.0}, "tolerance"),
+        ({"starts": [[0.1, 0.2]], "output": "all"}, "must be"),
+        ({"starts": [[0.1, 0.2]], "engine": "cuda"}, "engine cuda"),
+        ({"vary": {"gravity": [1.0], "pendulum[0].links[0].mass": [1.0, 2.0]}}, "as many values"),
+    ],
+)
+def test_what_cannot_be_is_told(more: dict, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        ensemble(load("chain-2"), 1.0, **more)
+
+
+def test_the_engine_is_chosen_by_its_cost() -> None:
+    """Few members are not worth compiling for, many are; what looks within steps prefers kernels to events."""
+    from nonlinear.ensembles.costs import ENGINES, choose_engine
+
+    pytest.importorskip("numba")
+    pytest.importorskip("heyoka")
+    scene = load("chain-2")
+    few, many = (members_of(scene, np.zeros((size, 2)), None) for size in (10, 1_000_000))
+    assert choose_engine("auto", "", few, 10.0, 1e-9)[0] == "numpy"
+    assert choose_engine("auto", "", many, 10.0, 1e-9)[0] == "heyoka"
+    assert choose_engine("auto", "", many, 10.0, 1e-9, ["section"])[0] == "numba"
+    assert choose_engine("auto", "the scene is in space", many, 10.0, 1e-9)[0] == "simulate"
+    with pytest.raises(SceneError, match="one by one"):
+        choose_engine("numba", "the scene is in space", many, 10.0, 1e-9)
+    assert set(ENGINES) == {"numpy", "numba", "heyoka", "simulate"}

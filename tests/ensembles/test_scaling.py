@@ -1,0 +1,210 @@
+"""Chunks: the same bytes whoever computes them and in whatever order, kept through kill −9, and bounded memory."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+import tracemalloc
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modal import load
+from modal.errors import ComputationError, SceneError
+from nonlinear.ensembles import Ensemble, ensemble
+from nonlinear.workers import WorkerPool
+
+STARTS = np.random.default_rng(0).uniform(-2, 2, (60, 2))
+MEASURES = ["first_turn", "largest_angle", "section:theta[1,1]=0"]
+
+
+def run(folder: Path | None, **more: object) -> Ensemble:
+    options = {"starts": STARTS, "measures": MEASURES, "output": "end", "chunk": 7, "engine": "numpy", "workers": 1}
+    return ensemble(load("chain-2"), 1.0, folder=folder, **options | more)
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    folder = tmp_path_factory.mktemp("alone")
+    run(folder)
+    return contents(folder)
+
+
+class Shuffled(Executor):
+    """Does what it is given in threads, and in a random order."""
+
+    def __init__(self) -> None:
+        self.threads, self.random = ThreadPoolExecutor(3), random.Random(1)
+
+    def submit(self, function, /, *arguments, **more) -> Future:
+        def later() -> object:
+            time.sleep(self.random.uniform(0, 0.05))
+            return function(*arguments, **more)
+
+        return self.threads.submit(later)
+
+
+class Dying(Executor):
+    """Its workers die at the third task."""
+
+    def __init__(self) -> None:
+        self.count = 0
+
+    def submit(self, function, /, *arguments, **more) -> Future:
+        self.count += 1
+        future: Future = Future()
+        if self.count < 3:
+            future.set_result(function(*arguments, **more))
+        else:
+            future.set_exception(BrokenExecutor())
+        return future
+
+
+def test_the_bytes_do_not_depend_on_workers(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    assert len(alone) == 10
+    run(tmp_path / "shuffled", crew=WorkerPool(Shuffled(), 3))
+    assert contents(tmp_path / "shuffled") == alone
+
+
+@pytest.mark.slow
+def test_the_bytes_are_those_of_processes(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    run(tmp_path / "processes", workers=2)
+    assert contents(tmp_path / "processes") == alone
+
+
+def test_what_dead_workers_leave_is_done_by_the_next_call(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    with pytest.raises(ComputationError, match="died"):
+        run(tmp_path, crew=WorkerPool(Dying(), 1))
+    done = contents(tmp_path)
+    assert 1 < len(done) < len(alone)
+    assert done.items() <= alone.items()
+    found = run(tmp_path)
+    assert contents(tmp_path) == alone
+    assert found.column("links_rad").shape == (60, 2)
+
+
+def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    """A process is killed as soon as two chunks are there; the next goes on, and all is the same to the byte."""
+    code = (
+        "import sys, numpy as np; from modal import load; from nonlinear.ensembles import ensemble\n"
+        "starts = np.random.default_rng(0).uniform(-2, 2, (60, 2))\n"
+        "def slowly(done):\n    import time; time.sleep(0.2)\n"
+        f"ensemble(load('chain-2'), 1.0, starts=starts, measures={MEASURES!r}, output='end', chunk=7, engine='numpy',"
+        " workers=1, folder=sys.argv[1], report=slowly)"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code, os.fspath(tmp_path)])
+    for _ in range(600):
+        if len([*tmp_path.glob("part-*.npz")]) >= 2:
+            break
+        time.sleep(0.05)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    before = {path: path.stat().st_mtime_ns for path in tmp_path.glob("part-*.npz")}
+    assert 2 <= len(before) < 9
+    heard: list[float] = []
+    run(tmp_path, report=heard.append)
+    assert heard[0] == 7 * len(before)
+    assert {path: path.stat().st_mtime_ns for path in before} == before
+    assert contents(tmp_path) == alone
+
+
+def test_another_ensemble_does_not_go_into_the_same_folder(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    run(tmp_path, starts=STARTS[:10])
+    for other in ({"starts": STARTS[:11]}, {"starts": STARTS[:10] + 1e-9}, {"starts": STARTS[:10], "tolerance": 1e-8}):
+        with pytest.raises(SceneError, match="holds another ensemble"):
+            run(tmp_path, **other)
+
+
+def test_a_damaged_part_is_refused(tmp_path: Path) -> None:
+    found = run(tmp_path, starts=STARTS[:10])
+    path = tmp_path / "part-000001.npz"
+    path.write_bytes(path.read_bytes()[:-40])
+    with pytest.raises(SceneError, match="part-000001"):
+        found.column("energy_drift")
+
+
+def test_chunks_in_memory_and_on_disk_say_the_same(tmp_path: Path) -> None:
+    kept, memory = run(tmp_path), run(None)
+    assert kept.columns == memory.columns
+    for name in memory.columns:
+        np.testing.assert_array_equal(kept.column(name), memory.column(name))
+    assert kept.differences == memory.differences
+    assert kept.words() == memory.words()
+
+
+def peak(members: int) -> float:
+    starts = np.random.default_rng(0).uniform(-2, 2, (members, 2))
+    tracemalloc.start()
+    options = {"measures": ["first_turn"], "workers": 1, "check": 0, "engine": "numpy", "chunk": 2048}
+    ensemble(load("chain-2"), 0.02, starts=starts, **options)
+    used = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return used
+
+
+def test_memory_grows_by_what_is_kept_alone() -> None:
+    """Five numbers a member: of a million under 1 GB, by the slope between 10,000 and 40,000."""
+    slope = (peak(40_000) - peak(10_000)) / 30_000
+    assert slope < 8 * 5 * 2.5
+    assert peak(10_000) + slope * 990_000 < 1e9
+
+
+def test_ctrl_c_keeps_what_is_known() -> None:
+    def impatient(done: float) -> None:
+        if done >= 14:
+            raise KeyboardInterrupt
+
+    found = run(None, report=impatient)
+    assert found.interrupted
+    assert np.count_nonzero(np.isfinite(found.energy_drift)) == 14
+
+
+@pytest.fixture
+def cluster_of_two() -> Iterator[object]:
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
+    ) as cluster:
+        yield cluster
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_dask_worker_that_is_killed_changes_nothing(
+    tmp_path: Path, alone: dict[str, bytes], cluster_of_two: object
+) -> None:
+    from nonlinear.workers.cluster import cluster
+
+    heard: list[float] = []
+
+    def killing(done: float) -> None:
+        heard.append(done)
+        if len(heard) == 3:
+            first = next(iter(cluster_of_two.workers.values()))  # type: ignore[attr-defined]
+            os.kill(first.pid, signal.SIGKILL)
+
+    with cluster(cluster_of_two.scheduler_address) as crew:  # type: ignore[attr-defined]
+        run(tmp_path, crew=crew, report=killing)
+    assert contents(tmp_path) == alone
+
+
+def test_shares_make_up_the_whole(tmp_path: Path, alone: dict[str, bytes]) -> None:
+    """Three calls that know nothing of each other, and one that puts their parts together."""
+    for number in (2, 0, 1):
+        part = run(tmp_path, share=(number, 3))
+        assert np.isnan(part.energy_drift).any() == (number != 1)
+    assert contents(tmp_path) == alone
+    assert np.isfinite(run(tmp_path).energy_drift).all()
+    with pytest.raises(SceneError, match="share"):
+        run(tmp_path, share=(3, 3))

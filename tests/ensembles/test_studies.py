@@ -1,0 +1,164 @@
+"""Basins, sections and spreads, against formulas, runs by themselves and the prediction of synchronization."""
+
+from __future__ import annotations
+
+import csv
+import json
+from io import StringIO
+
+import numpy as np
+import pytest
+from seen import flaws
+
+from modal import load
+from modal.errors import SceneError
+from modal.scene import Bob, Cart, Pendulum, Scene, VanDerPol
+from nonlinear import State, simulate
+from nonlinear.ensembles import (
+    basins_table,
+    find_basins,
+    find_section,
+    find_spread,
+    section_table,
+    spread_table,
+)
+from nonlinear.synchronization import study_synchronization
+
+CLOCKS = [f"pendulum[{p}].start.angles_deg[0]=-30:30:3" for p in range(2)]
+GRID = ["pendulum[0].start.angles_deg[0]=-170:170:8", "pendulum[0].start.angles_deg[1]=-170:170:8"]
+
+
+def test_the_map_of_first_turns_has_its_symmetry_and_agrees_with_runs() -> None:
+    """Mirror images turn over at the same time; a start that cannot reach the top by its energy never does."""
+    found = find_basins(load("chain-2"), 3.0, vary=GRID, workers=1)
+    assert found.column == "first_turn_s"
+    np.testing.assert_allclose(found.values, found.values[::-1, ::-1], atol=1e-6)
+    angles = np.radians(np.linspace(-170, 170, 8))
+    one, two = np.meshgrid(angles, angles, indexing="ij")
+    energy = 2 * (1 - np.cos(one)) + (1 - np.cos(two))
+    assert np.all(np.isinf(found.values[energy < 2]))
+    shares = found.shares()
+    assert sum(shares.values()) == pytest.approx(1.0)
+    assert shares["a link turns over"] == np.mean(np.isfinite(found.values))
+    record = json.loads(basins_table(found, "json"))
+    assert np.array(record["first_turn_s"], dtype=object).shape == (8, 8)
+    rows = [*csv.reader(StringIO(basins_table(found, "csv")))]
+    assert len(rows) == 65
+    assert float(rows[1 + 8 * 3 + 5][2]) == found.values[3, 5]
+
+
+@pytest.mark.slow
+def test_basins_of_two_clocks_are_those_that_sync_finds() -> None:
+    """Van der Pol clocks on a beam with a damper: where each of nine starts ends is what `sync` sees of it."""
+    links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.2, angle_deg=5.0)),)
+    scene = Scene(gravity=9.81, support=Cart(mass=20.0, damping=2.0), pendulum=[Pendulum(links=links)] * 2)
+    grid = [f"pendulum[{p}].start.angles_deg[0]=-12,2,9" for p in range(2)]
+    found = find_basins(scene, 250.0, vary=grid, workers=1)
+    assert found.column == "configuration"
+    for i, one in enumerate((-12, 2, 9)):
+        for j, other in enumerate((-12, 2, 9)):
+            start = State(np.radians([one, other]), np.zeros(2))
+            study = study_synchronization(scene, 250.0, start=start)
+            words = found.names[int(found.values[i, j])].partition(",")[0]
+            order = study.phases.order[-50:, 0].mean()
+            assert words == ("in phase" if order > 0.9 else "antiphase" if order < 0.1 else "none of these")
+    assert sum(found.shares().values()) == pytest.approx(1.0)
+
+
+def test_crossings_of_a_section_have_its_energy() -> None:
+    scene = load("chain-2")
+    found = find_section(scene, 8.0, energy=12.0, orbits=5, workers=1)
+    links, rates = (found.ensemble.column(f"crossing_{name}") for name in ("links_rad", "link_rates_rad_per_s"))
+    np.testing.assert_allclose(np.sin(links[:, 0]), 0.0, atol=1e-7)
+    assert np.all(rates[:, 0] > 0)
+    speed = rates[:, 0] ** 2 + rates[:, 1] ** 2 / 2 + rates.prod(axis=1) * np.cos(links[:, 0] - links[:, 1])
+    potential = 9.81 * (2 * (1 - np.cos(links[:, 0])) + 1 - np.cos(links[:, 1]))
+    np.testing.assert_allclose(speed + potential, 12.0, rtol=1e-7)
+    assert len(csv.DictReader(StringIO(section_table(found, "csv"))).fieldnames or ()) == 8
+    assert len(json.loads(section_table(found, "json"))["crossings"]) == len(links)
+
+
+def test_a_section_downwards_has_other_crossings() -> None:
+    scene = load("chain-2")
+    ways = {
+        way: find_section(scene, 6.0, energy=8.0, at=f"theta[1,2]{way}0", orbits=3, workers=1, check=0) for way in "<>="
+    }
+    for way, sign in (("<", -1), (">", 1)):
+        assert np.all(sign * ways[way].ensemble.column("crossing_link_rates_rad_per_s")[:, 1] >= 0)
+    both = ways["="].ensemble.column("crossing_link_rates_rad_per_s")[:, 1]
+    assert (both > 0).any()
+    assert (both < 0).any()
+
+
+def test_the_spread_of_a_simple_pendulum_is_that_of_the_formula() -> None:
+    """ω = √(g/l): (σ_ω/ω)² = ¼ ((σ_g/g)² + (σ_l/l)²), and each share in proportion."""
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])
+    texts = ["gravity=1%", "pendulum[0].links[0].length=0.04", "pendulum[0].links[0].mass=0.9:1.1"]
+    found = find_spread(scene, texts, members=20_000)
+    (record,) = found.frequencies
+    expected = 0.5 * np.hypot(0.01, 0.02) * np.sqrt(9.81 / 2)
+    assert record["standard_deviation_rad_per_s"] == pytest.approx(expected, rel=0.03)
+    shares = record["shares"]
+    assert shares["gravity"] == pytest.approx(0.2, abs=0.02)
+    assert shares["pendulum[0].links[0].length"] == pytest.approx(0.8, abs=0.02)
+    assert shares["pendulum[0].links[0].mass"] < 0.001
+    assert record["matters_most"] == "pendulum[0].links[0].length"
+    normal = np.array([record[f"q{q}_rad_per_s"] for q in ("05", "50", "95")])
+    np.testing.assert_allclose(normal, np.sqrt(9.81 / 2) + expected * np.array([-1.645, 0, 1.645]), rtol=2e-3)
+
+
+def test_bands_of_motion_are_quantiles_of_runs() -> None:
+    scene = load("paper-cart-1")
+    found = find_spread(scene, ["support.mass=80:120"], 1.0, members=9, workers=1)
+    masses = found.values["support.mass"]
+    angles = []
+    for mass in masses:
+        run = simulate(scene.replace(support=scene.support.replace(mass=float(mass))), 1.0, output=201)
+        angles.append(np.degrees(run.motion.links))
+    np.testing.assert_allclose(found.bands, np.quantile(angles, (0.05, 0.5, 0.95), axis=0), atol=1e-6)
+    assert json.loads(spread_table(found, "json"))["motion"]["time_s"][-1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("texts", "words"),
+    [
+        ([], "needs a tolerance"),
+        (["gravity"], "must be PLACE="),
+        (["gravity=-1"], "must be above 0"),
+        (["gravity=2:1"], "from a smaller"),
+        (["gravity=x"], "is not a number"),
+        (["mass=1"], "is not a number of this scene"),
+        (["gravity=1", "gravity=2"], "has two tolerances"),
+        (["pendulum[0].count=1"], "has no tolerance"),
+    ],
+)
+def test_what_is_no_tolerance_is_told(texts: list[str], words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        find_spread(load("chain-2"), texts)
+
+
+def test_studies_that_cannot_be_are_told() -> None:
+    with pytest.raises(SceneError, match="no motion of this energy"):
+        find_section(load("chain-2"), energy=-1.0)
+    with pytest.raises(SceneError, match="without dampers"):
+        find_section(load("metronomes"), energy=1.0)
+    with pytest.raises(SceneError, match="two numbers to vary"):
+        find_basins(load("chain-2"), vary=GRID[:1])
+    with pytest.raises(SceneError, match="must be one of"):
+        find_basins(load("chain-2"), vary=GRID, measure="colour")
+
+
+@pytest.mark.parametrize("name", ["light", "dark"])
+def test_nothing_is_wrong_with_pictures(name: str) -> None:
+    from modal.plotting.style import theme
+    from nonlinear.plotting import basins_figure, section_figure, spread_figure
+
+    with theme(name):
+        figures = [
+            basins_figure(find_basins(load("chain-2"), 2.0, vary=GRID, workers=1, check=0)),
+            basins_figure(find_basins(load("metronomes"), 1.0, vary=CLOCKS, workers=1, check=0)),
+            section_figure(find_section(load("chain-2"), 4.0, energy=12.0, orbits=3, workers=1, check=0)),
+            spread_figure(find_spread(load("paper-cart-1"), ["gravity=1%"], 0.5, members=20, workers=1, check=0)),
+        ]
+    for figure in figures:
+        assert flaws(figure) == []
