@@ -247,6 +247,8 @@ def section_of(text: str, system: System) -> Section:
 def validate_measures(wanted: Asked, scene: Scene) -> None:
     """SceneError where a measure is none of such a scene."""
     if "configuration" in wanted.names:
+        if not scene.is_driven:
+            raise SceneError(["configuration: no drive keeps this scene swinging"])
         try:
             configurations(scene)
         except ComputationError as error:

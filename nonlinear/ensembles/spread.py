@@ -20,7 +20,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_frequencies
-from modal.report import as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
 from modal.scene import Scene, describe
 from modal.scene.parameters import Variable, find_places, number_at
 from modal.types import Floats
@@ -28,6 +28,7 @@ from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.system import system_of
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
+ROUNDING = 1e-12  # of a result, below which nothing is said to matter
 QUANTILES = (0.05, 0.5, 0.95)
 WRITTEN = re.compile(r"\s*([^=]+?)\s*=\s*(?:([^:%]+)(%?)|([^:]+):([^:]+))\s*")
 
@@ -170,14 +171,14 @@ class Spread:
                     "q50_rad_per_s": middle,
                     "q95_rad_per_s": high,
                     "shares": shares,
-                    "matters_most": max(shares, key=shares.__getitem__),
+                    "matters_most": max(shares, key=shares.__getitem__) if any(shares.values()) else "",
                 }
             )
         return found
 
 
 def _share(x: Floats, r: Floats) -> float:
-    if len(x) < 3 or not (x.std() and r.std()):
+    if len(x) < 3 or x.std() == 0 or not r.std() > ROUNDING * abs(r.mean()):
         return 0.0
     return float(np.corrcoef(x, r)[0, 1] ** 2)
 
@@ -239,7 +240,7 @@ def spread_table(found: Spread, form: str) -> str:
             f"{one['standard_deviation_rad_per_s']:.3g}",
             f"{one['q05_rad_per_s']:.6g}",
             f"{one['q95_rad_per_s']:.6g}",
-            f"{one['matters_most']} ({100 * one['shares'][one['matters_most']]:.0f} %)",
+            _words(one["shares"], one["matters_most"]),
         )
         for one in found.frequencies
     ]
@@ -249,6 +250,10 @@ def spread_table(found: Spread, form: str) -> str:
     if found.failures:
         parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
     return titled(found.scene.title, "spread", parts, "text")
+
+
+def _words(shares: dict[str, float], most: str) -> str:
+    return f"{most} ({100 * shares[most]:.0f} %)" if most else NOTHING
 
 
 def _motion(found: Spread) -> str:

@@ -144,6 +144,8 @@ def test_studies_that_cannot_be_are_told() -> None:
         find_section(load("metronomes"), energy=1.0)
     with pytest.raises(SceneError, match="two numbers to vary"):
         find_basins(load("chain-2"), vary=GRID[:1])
+    with pytest.raises(SceneError, match="no drive"):
+        find_basins(load("chain-2"), vary=GRID, measure="configuration")
     with pytest.raises(SceneError, match="must be one of"):
         find_basins(load("chain-2"), vary=GRID, measure="colour")
 
