@@ -1,18 +1,18 @@
-"""Whether `advise` keeps its word: accuracy met, and cost beside the cheapest candidate, on a held set.
+"""Whether `advise` keeps its promises: accuracy met, and cost relative to the cheapest candidate, on a held-out set.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/advice.py [--scenes 300] [--promises] [--journal FILE] [--write]
 
 Random scenes of one to nine links, in the plane and in space, on a cart or not, with springs and dampers or without,
 some of them driven (van der Pol), with stiff joints or with light links above heavy ones, from 0.01 to 170 degrees,
-over 1 to 15 s and for 1e-8 to 1e-2 rad; no constant of the code was fitted to them.  The judge is DOP853 at a tolerance
-of 1e-4 times the accuracy, or times the error that was stated where that is smaller, held against one ten times looser,
-or else the finest candidates that there are; where those differ by more than a twentieth of the accuracy nobody can
-judge, and the advice should say so.  The cheapest candidate is found by trying every integrator from loose tolerances
+over 1 to 15 s and for 1e-8 to 1e-2 rad; no constant of the code was fitted to them.  The reference is DOP853 at a
+tolerance of 1e-4 times the accuracy, or times the stated error where that is smaller, checked against one ten times
+looser, or else the finest candidates available; where those differ by more than a twentieth of the accuracy there is no
+verdict, and the advice should say so.  The cheapest candidate is found by trying every integrator from loose tolerances
 on, half a decade at a time.  A cost is the time from scene to motion in a process of its own: compilers and the loading
 of numba and heyoka, which is measured once, are counted.
 
-With --promises no cheapest candidate is sought, and nothing is judged that was not promised.  With a journal what is
-done is kept, and not done again.
+With --promises no cheapest candidate is sought, and only promises are checked.  With a journal finished cases are kept,
+and not repeated.
 """
 
 from __future__ import annotations
@@ -44,15 +44,15 @@ from nonlinear.simulation import advise
 from nonlinear.system import Motion, State, apart, system_of
 
 DOCS = Path(__file__).parent.parent / "docs"
-FINER, SHARE = 1e-4, 0.05  # of the accuracy: the judge's tolerance, and how far it and a looser one may differ
-LOOSE, HALF_DECADES = 30.0, 24  # the first tolerance over accuracy and size, and how many follow
+FINER, SHARE = 1e-4, 0.05  # over the accuracy: the reference's tolerance, and its largest difference from a looser one
+LOOSE, HALF_DECADES = 30.0, 24  # the first tolerance over accuracy and size, and the number that follow
 LIMIT = 3.0
 STIFF, HEAVY = 10.0, 10.0  # spring over m l² (1/s²) of a stiff joint, mass below a light link over its own
 
 
 @dataclass(frozen=True)
 class Case:
-    """One scene: what was asked, what came of it, and the cheapest candidate that would have done (inf s: none)."""
+    """One scene: the request, the result, and the cheapest candidate that would have sufficed (inf s: none)."""
 
     seed: int
     links: int
@@ -120,7 +120,7 @@ def held(seed: int) -> tuple[Scene, State, float, float]:
 
 
 def kind(scene: Scene) -> str:
-    """What makes a scene hard, in words."""
+    """The difficulties of a scene, in words."""
     chains = [[link for link in pendulum.links for _ in range(link.count)] for pendulum in scene.pendulum]
     features = {
         "driven": scene.is_driven,
@@ -132,7 +132,7 @@ def kind(scene: Scene) -> str:
 
 @cache
 def loading(way: str) -> float:
-    """Seconds to load what a way needs beside NumPy and SciPy, in a new process."""
+    """Seconds to load what a method needs besides NumPy and SciPy, in a new process."""
     module = "nonlinear.dynamics.compiled" if "compiled" in way else "heyoka" if "taylor" in way else ""
     if not module:
         return 0.0
@@ -141,7 +141,7 @@ def loading(way: str) -> float:
 
 
 def judged(seed: int, costs: bool = True) -> Case:
-    """One scene of the set, and where costs are asked for the cheapest candidate that would have done."""
+    """One scene of the set, with the cheapest sufficient candidate if `costs`."""
     scene, start, duration, accuracy = held(seed)
     estimate_timescales.cache_clear()
     begun = perf_counter()
@@ -185,12 +185,12 @@ def judged(seed: int, costs: bool = True) -> Case:
 
 
 def _error(advice: Advice, finest: Motion) -> float:
-    """The largest error (rad) as far as the advised motion goes."""
+    """The largest error (rad) over the advised motion."""
     return float(apart(advice.trajectory.motion, finest).max())
 
 
 def _enough(question: Question, finest: object, accuracy: float) -> Iterator[tuple[Candidate, float]]:
-    """Of every family the loosest candidate that meets the accuracy, and its time (s)."""
+    """For every family the loosest candidate that meets the accuracy, and its time (s)."""
     plane = question.scene.space == "plane"
     families = [[Candidate(LINEAR)], [Candidate(CORRECTED)]]
     methods = [("DOP853", False), ("RK45", False), *([("LSODA", False)] if plane else [])]
@@ -253,7 +253,7 @@ def _costs(kept: list[Case]) -> list[str]:
 
 
 def main() -> None:
-    """Run the set and print what came of it."""
+    """Run the set and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=300)
     parser.add_argument("--first", type=int, default=910_000)

@@ -1,11 +1,11 @@
-"""Whether the error that a few modes state is the true one or larger, on chains in and out of resonance.
+"""Whether the error stated for a few modes is at least the true one, on chains in and out of resonance.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/few_modes.py [--chains 40] [--first 710000]
 
-Random chains of four to twenty bobs or rods, on a cart or not, swing in one of their three lowest modes at 2 to 45
-degrees for 10 to 30 s and are followed in the modes up to that one.  In two of three a length is changed until a mode
-that is left out stands within 3 % of twice or three times its frequency.  The judge is the whole scene, integrated at a
-tolerance of 1e-12; where two such runs differ by more than a hundredth of the error nobody can judge.
+Random chains of four to twenty bobs or rods, on a cart or not, oscillate in one of their three lowest modes at 2 to 45
+degrees for 10 to 30 s and are simulated in the modes up to that one.  In two of three a length is changed until an
+omitted mode is within 3 % of twice or three times its frequency.  The reference is the whole scene, integrated at a
+tolerance of 1e-12; where two such runs differ by more than a hundredth of the error there is no verdict.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from nonlinear.reduction import simulate_truncated, start_in_mode
 from nonlinear.simulation import simulate
 from nonlinear.system import State
 
-TUNED = (None, 2.0, 3.0)  # ratio of the frequencies of a mode left out and of the one that swings
-BESIDE = 0.03  # of that ratio, at most
+TUNED = (None, 2.0, 3.0)  # frequency ratio of an omitted mode and the oscillating one
+BESIDE = 0.03  # largest relative deviation from that ratio
 SAMPLES = 401
-SURE = 0.01  # of an error, what two judges may differ by
+SURE = 0.01  # largest difference of two references over an error
 
 
 @dataclass(frozen=True)
 class Case:
-    """A chain that swings in `mode` (from 0) at `degrees` for `duration` seconds; `ratio` of the nearest tuned mode."""
+    """A chain in `mode` (from 0) at `degrees` for `duration` seconds; `ratio` of the nearest tuned mode."""
 
     scene: Scene
     mode: int
@@ -48,7 +48,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Judged:
-    """The errors (rad) stated and true at the end, the least ratio of the two so far, and whether that is certain."""
+    """The errors (rad) stated and true at the end, their smallest ratio so far, and whether that is certain."""
 
     stated: float
     true: float
@@ -77,7 +77,7 @@ def held(seed: int) -> Case:
 
 
 def _tuned(chain: Callable[[float], Scene], mode: int, ratio: float) -> Scene:
-    """The chain with the last length at which a mode has this ratio to `mode`; with the nearest there is, if none."""
+    """The chain with the last length at which a mode has this ratio to `mode`; the nearest one if there is none."""
     lengths = np.geomspace(0.1, 3.0, 60)
     table = np.array([natural_modes(chain(last)).omega for last in lengths])
     off = table[:, mode + 1 :] / table[:, [mode]] - ratio
@@ -94,7 +94,7 @@ def _tuned(chain: Callable[[float], Scene], mode: int, ratio: float) -> Scene:
 
 
 def judged(case: Case) -> Judged:
-    """A case with what is true of it."""
+    """A case with its true error."""
     start = case.start
     found = simulate_truncated(case.scene, case.duration, case.mode + 1, start=start, output=SAMPLES)
     sure, other = (
@@ -122,7 +122,7 @@ def report(cases: Iterable[Judged]) -> str:
 
 
 def main() -> None:
-    """Run the set and print what came of it."""
+    """Run the set and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--chains", type=int, default=40)
     parser.add_argument("--first", type=int, default=710_000)

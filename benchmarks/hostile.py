@@ -1,14 +1,13 @@
-"""Everything hostile that the command line can meet, and whether any of it leaves more than one clear message.
+"""Hostile input to the command line, and whether any of it leaves more than one clear message.
 
     python benchmarks/hostile.py [--scenes 10000] [--options 1] [--flips 500] [--interruptions 200]
 
 Scene files from wild but valid to random bytes, given to the commands that read scenes; every option of every command
-with values of every wrong sort; files that are read back, with bytes changed; commands stopped by Ctrl-C, SIGTERM and
-SIGKILL.  Counted as faults: tracebacks, exit codes other than 0, 1, 2 and 130, messages that steer a terminal, warnings
-of Python's, files that are half-written or left behind, processes that outlive their command, and numbers that differ
-without a word.  A command that is given up after 20 s is counted apart.  Exit code 1 where there are faults.
-
-`--options 0.1` takes a tenth of the calls; `--from N` begins at case N of every sort, so that other cases are tried.
+with values of every wrong type; files that are read back, with bytes changed; commands stopped by Ctrl-C, SIGTERM and
+SIGKILL.  Counted as faults: tracebacks, exit codes other than 0, 1, 2 and 130, messages that control a terminal, Python
+warnings, files that are half-written or left behind, processes that outlive their command, and numbers that differ
+without notice.  A command that is given up after 20 s is counted separately.  Exit code 1 where there are faults.
+`--options 0.1` takes a tenth of the calls; `--from N` begins at case N of every kind, so that other cases are tried.
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ from hostility.judge import Ended, warm_up
 from tabulate import tabulate
 from tqdm import tqdm
 
-MEMORY = 6 * 2**30  # bytes that a command may take
+MEMORY = 6 * 2**30  # memory limit of a command (bytes)
 CHUNK = 20
 
 Verdict = tuple[str, list[str]]
-"""What became of a case, and its faults."""
+"""The outcome of a case, and its faults."""
 
 
 def scene_case(number: int) -> Verdict:
@@ -65,7 +64,7 @@ def _verdict(name: str, ended: Ended) -> Verdict:
 
 
 def parts(asked: argparse.Namespace) -> Iterator[tuple[str, Callable[..., Verdict], list[Any]]]:
-    """The sorts of cases, what does one, and what tells them apart."""
+    """The kinds of cases, their functions, and their arguments."""
     first = asked.first
     calls = options.calls()
     chosen = random.Random(first).sample(calls, round(asked.options * len(calls)))
@@ -77,7 +76,7 @@ def parts(asked: argparse.Namespace) -> Iterator[tuple[str, Callable[..., Verdic
 
 
 def judged(do: Callable[..., Verdict], cases: list[Any], workers: int) -> Iterable[Verdict]:
-    """The verdicts as they come; a worker that dies is a fault of the cases it had."""
+    """The verdicts as they come; a worker that dies is a fault of its cases."""
     pool = ProcessPoolExecutor(
         workers, mp_context=get_context("spawn"), initializer=_ready, initargs=(do is not interruption_case,)
     )
@@ -86,7 +85,7 @@ def judged(do: Callable[..., Verdict], cases: list[Any], workers: int) -> Iterab
 
 
 def _ready(here: bool) -> None:
-    """A worker, in which commands run or which only watches over their processes."""
+    """A worker, in which commands run or which only monitors their processes."""
     if here:
         warm_up()
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))

@@ -1,8 +1,8 @@
-"""Whether `auto` chooses well: whole calls of `simulate` beside forced ones, each in a process of its own.
+"""Whether `auto` chooses well: whole calls of `simulate` compared with forced methods, each in a process of its own.
 
     python benchmarks/judge.py RUN WAY
 
-prints the seconds of one of them and what it took; `benchmarks/simulation.py` makes a table of all.
+prints the seconds of one of them and its method; `benchmarks/simulation.py` makes a table of all.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ QUICK_JUDGED = ("2 on a cart, 10 s at 1e-6",)
 
 
 def report(key: str, way: str) -> None:
-    """Print the seconds of `simulate`, what it imports and compiles included, and what was chosen."""
+    """Print the seconds of `simulate`, including imports and compilation, and the choice."""
     problem, tolerance = JUDGED[key]
     forget()
     if way != "auto":

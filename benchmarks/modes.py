@@ -1,12 +1,12 @@
-"""Natural frequencies beside the best that NumPy and SciPy do: time, memory and error in one run.
+"""Natural frequencies compared with the best that NumPy and SciPy can do: time, memory and error in one run.
 
-The rival fills A and b by arrays, takes the free cart out, scales by gravity and asks `scipy.linalg.eigh` for
-eigenvalues alone: its time is that of numbers to frequencies, ours that of a `Scene` to `Modes`.
+The rival fills A and b by arrays, eliminates the free cart, scales by gravity and calls `scipy.linalg.eigh` for
+eigenvalues alone: its time is that from numbers to frequencies, ours that from a `Scene` to `Modes`.
 
     python benchmarks/modes.py [--quick] [--write]
 
-`--write` puts the tables and the figure into docs/.  Errors are bounds from the count of frequencies below ω, taken in
-many digits: a mode is within τ of the truth if the count steps between ω(1 − τ) and ω(1 + τ).
+`--write` puts the tables and the figure into docs/.  Errors are bounds from the count of frequencies below ω, computed
+in many digits: a mode is within τ of the true value if the count steps between ω(1 − τ) and ω(1 + τ).
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SAMPLED = 6
 
 
 class Solved(NamedTuple):
-    """One solver on one scene: CPU seconds, those over the rival's, peak MB of arrays, ω, its worst relative error."""
+    """One solver on one scene: CPU seconds, ratio to the rival's, peak MB of arrays, ω, its worst relative error."""
 
     seconds: float
     ratio: float
@@ -132,7 +132,7 @@ def solvers(scene: Scene) -> dict[str, Callable[[], np.ndarray]]:
 
 
 def timed(each: dict[str, Callable[[], np.ndarray]]) -> dict[str, tuple[float, float]]:
-    """Median CPU seconds of a call, and over those of the rival, in rounds in which each has its turn."""
+    """Median CPU seconds of a call, and their ratio to the rival's, in rounds in which each has its turn."""
     counts = {}
     for name, solve in each.items():
         solve()
@@ -249,7 +249,7 @@ COSTS: dict[str, tuple[Callable[[], Scene], float]] = {
 
 
 def alone(words: Sequence[str]) -> list[str]:
-    """What a fresh process of this file prints."""
+    """The output of a fresh process of this file."""
     command = [sys.executable, __file__, *words]
     return subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip().split("\t")
 

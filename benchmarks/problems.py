@@ -1,4 +1,4 @@
-"""The scenes and starts that the simulator is measured on."""
+"""The scenes and starts on which the simulator is measured."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ CART_A_PENDULUM = 50.0
 
 
 class Problem(NamedTuple):
-    """A plane scene of unsprung links, the angles (L,) in rad from which it is released, and how long it moves (s)."""
+    """A plane scene of unsprung links, the angles (L,) in rad at release, and the duration (s)."""
 
     name: str
     scene: Scene
@@ -22,7 +22,7 @@ class Problem(NamedTuple):
 
     @property
     def start(self) -> State:
-        """At rest."""
+        """The initial state, at rest."""
         return State(self.angles, np.zeros(len(self.angles)))
 
 
@@ -36,11 +36,11 @@ def bobs(links: int) -> Scene:
 
 
 def on_cart(number: int, duration: float) -> Problem:
-    """Straight pendula from 90° to 45°, left and right in turn; two of them from ±90°, as in the paper."""
+    """Straight pendula from 90° to 45°, alternately left and right; two of them from ±90°, as in the paper."""
     degrees = np.linspace(90, 45 if number > 2 else 90, number) * (-1.0) ** np.arange(number)
     return Problem(f"{number} on a cart", carts(number), np.deg2rad(np.repeat(degrees, 2)), duration)
 
 
 def chain(links: int, duration: float, scene: Scene | None = None) -> Problem:
-    """Bobs in a bow, 90° at the pivot and 45° at the tip."""
+    """Bobs on an arc, 90° at the pivot and 45° at the tip."""
     return Problem(f"chain of {links}", scene or bobs(links), np.deg2rad(np.linspace(90, 45, links)), duration)

@@ -1,9 +1,9 @@
-"""One right-hand side of the equations of motion: every body here beside other engines, in one run.
+"""One right-hand side of the equations of motion: every body here compared with other engines, in one run.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/rhs.py [--quick]
 
 N double pendula of rods of 1 m and 1 kg on a cart of 100 kg, and chains of such rods on a fixed pivot, at a random
-state.  Each time is the best of several batches, a call from Python included; engines that are not installed, and
+state.  Each time is the best of several batches, including the call from Python; engines that are not installed, and
 those whose accelerations differ by more than AGREE, are named instead.
 """
 
@@ -61,7 +61,7 @@ def by_numba(scene: Scene, y: np.ndarray) -> Accelerations:
 
 
 def textbook(scene: Scene, y: np.ndarray) -> Accelerations:
-    """The full matrix of the cart and all pendula, formed and solved at every call."""
+    """The full matrix of the cart and all pendula, assembled and solved at every call."""
     system, pair = system_of(scene), matrices(scene).M
     on, half = int(system.cart is not None), len(y) // 2
     A, b = pair[on:, on:], pair[0, on:] if on else None
@@ -177,7 +177,7 @@ def microseconds(call: Accelerations) -> float:
 
 
 def too_large(name: str, scene: Scene) -> bool:
-    """Whether matrices would fill the memory or the day."""
+    """Whether matrices would exceed memory or time."""
     sizes = {"textbook": scene.n_links, "Dense": scene.pendulum[0].n_links, "Pinocchio": scene.n_links}
     return sizes.get(name, 0) > MOST_DENSE
 

@@ -24,7 +24,7 @@ def rate(M, weight, on, y):
 
 @njit(cache=True)
 def integrated(M, weight, on, y, step, steps):
-    """Y after so many steps."""
+    """The y after this many steps."""
     for _ in range(steps):
         a = rate(M, weight, on, y)
         b = rate(M, weight, on, y + step / 2 * a)

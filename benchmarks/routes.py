@@ -30,7 +30,7 @@ Maker = Callable[[Problem, float], Task]
 
 
 class Route(NamedTuple):
-    """How a route is made, its settings from coarse to fine, the package that it needs, and how it is drawn."""
+    """How a route is prepared, its settings from coarse to fine, the package that it needs, and its style."""
 
     make: Maker
     settings: tuple[float, ...]
@@ -53,7 +53,7 @@ def compiled_stepper() -> Any:
 
 
 def stepper_of(equations: Equations, start: State, duration: float, tolerance: float) -> Stepper:
-    """DOP853 as a run takes it: in floats where equations are written out, compiled, or SciPy's."""
+    """DOP853 as in a run: in floats for generated equations, compiled, or SciPy's."""
     given = (0.0, equations.begin(start), duration, tolerance, tolerance * equations.scale)
     if isinstance(equations, Generated):
         return FloatStepper(equations, *given)
@@ -108,7 +108,7 @@ def taylor(problem: Problem, tolerance: float) -> Task:
 
 
 def forget() -> None:
-    """Let heyoka compile every series anew: what it keeps on disk serves only the same scene again."""
+    """Make heyoka compile every series anew: its cache on disk serves only the same scene again."""
 
     def without_disk() -> Any:
         engine = import_module("heyoka")
@@ -122,7 +122,7 @@ def forget() -> None:
 
 
 def textbook(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
-    """The full matrix of the cart and all pendula, formed and solved at every call; no dampers, no springs."""
+    """The full matrix of the cart and all pendula, assembled and solved at every call; no dampers, no springs."""
     on, found = int(system_of(scene).cart is not None), matrices(scene)
     M, weight, half = found.M, np.diag(found.K)[on:], len(found.M)
     A, b = M[on:, on:], M[0, on:]
@@ -162,7 +162,7 @@ def numba_alone(problem: Problem, step: float) -> Task:
 
 
 def heyoka_alone(problem: Problem, tolerance: float) -> Task:
-    """Heyoka by itself, on the same expressions, from the start to the end without samples."""
+    """Heyoka alone, on the same expressions, from the start to the end without samples."""
     equations = Generated(system_of(problem.scene))
     cap, first = first_step(estimate_timescales(problem.scene).swing), equations.begin(problem.start)
     integrator = series.integrator_of(equations, series.uneven(tolerance))

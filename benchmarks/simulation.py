@@ -1,9 +1,9 @@
-"""Motion at large angles by many routes: time against error, cost a link, and whether `auto` chooses well, in one run.
+"""Motion at large angles by many routes: time against error, cost per link, and the choices of `auto`, in one run.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/simulation.py [--quick] [--write]
 
-`--write` puts the tables and the figure into docs/.  An error is the largest of the angles at the end (rad) against a
-reference; where two reference routes differ by more, that difference is stated instead.
+`--write` puts the tables and the figure into docs/.  An error is the largest of the angles at the end (rad) with
+respect to a reference; where two reference routes differ by more, that difference is given instead.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ from nonlinear.integration import Choice, equations_of
 from nonlinear.system import system_of
 
 DOCS = Path(__file__).parent.parent / "docs"
-REPEATS, LONG, TOO_LONG = 3, 0.7, 1.5  # runs; one run where it takes so many seconds; none finer after so many
-SLACK = 2.0  # how far beyond the errors of a curve its end still counts
+REPEATS, LONG, TOO_LONG = 3, 0.7, 1.5  # runs; seconds above which one run suffices; above which no finer one follows
+SLACK = 2.0  # factor beyond the errors of a curve up to which its end is used
 PEER = 1e-6  # error (rad) at which the first table compares
 
 
@@ -50,7 +50,7 @@ class Row(NamedTuple):
 
 
 class Panel(NamedTuple):
-    """One problem: by how much two reference routes differ (rad), and every route's rows."""
+    """One problem: the difference of two reference routes (rad), and every route's rows."""
 
     problem: Problem
     floor: float
@@ -67,12 +67,12 @@ def problems(quick: bool) -> list[Problem]:
 
 
 def differ(a: np.ndarray, b: np.ndarray) -> float:
-    """Largest difference of angles (rad), whole turns left out."""
+    """Largest difference of angles (rad), modulo whole turns."""
     return float(np.max(np.abs((a - b + np.pi) % (2 * np.pi) - np.pi)))
 
 
 def references(problem: Problem, quick: bool) -> tuple[np.ndarray, np.ndarray]:
-    """The finest run at hand and the one that it is held against, another body or another integrator."""
+    """The finest run available and one to check it, with another body or another integrator."""
     check = default(problem, 1e-13)()
     if takes_series(problem.scene) and not quick:
         return taylor(problem, 1e-15)(), check
@@ -118,7 +118,7 @@ def panel(problem: Problem, quick: bool) -> Panel:
 
 
 def time_at(rows: Sequence[Row], error: float, floor: float) -> float:
-    """Seconds at one error, straight between rows on logarithmic axes; NaN beyond them."""
+    """Seconds at one error, interpolated linearly on logarithmic axes; NaN outside the range."""
     known = sorted((np.log(row.error), np.log(row.seconds)) for row in rows if row.error > floor)
     if not known or not known[0][0] - np.log(SLACK) <= np.log(error) <= known[-1][0] + np.log(SLACK):
         return float("nan")
@@ -129,7 +129,7 @@ def time_at(rows: Sequence[Row], error: float, floor: float) -> float:
 
 
 def cost(problem: Problem) -> tuple[str, ...]:
-    """Nanoseconds a link of one derivative, microseconds a link of one second, and how many derivatives that took."""
+    """Nanoseconds per link of one derivative, microseconds per link of one second, and the number of derivatives."""
     system, calls = system_of(problem.scene), 0
     systems = [equations_of(system, Choice("minimal", "DOP853", False, ""))]
     systems += [Compiled(system)] if find_spec("numba") else []

@@ -1,4 +1,4 @@
-"""Time against error of every route, one panel a problem."""
+"""Time against error of every route, one panel per problem."""
 
 from __future__ import annotations
 

@@ -1,11 +1,11 @@
-"""Symbolic M, K and characteristic polynomials beside SymPy's own mechanics: operations and time in one run.
+"""Symbolic M, K and characteristic polynomials compared with SymPy's mechanics: operations and time in one run.
 
     python benchmarks/symbolic.py [--quick] [--write]
 
 One chain of n bobs, all masses and lengths different symbols, on a free cart.  The rival is
-`sympy.physics.mechanics.models.n_link_pendulum_on_cart`, linearised at the hanging rest: that model counts angles from
-straight up, so it hangs at π.  `--write` puts the tables into docs/.  Each route has a process of its own and a
-time limit, and its frequencies at one set of numbers must agree with all others'.
+`sympy.physics.mechanics.models.n_link_pendulum_on_cart`, linearized about the hanging equilibrium: that model measures
+angles from the upward vertical, so it hangs at π.  `--write` puts the tables into docs/.  Each route has a process of
+its own and a time limit, and its frequencies at one set of numbers must agree with all others'.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ S, X = sp.symbols("s x")
 
 
 class Derived(NamedTuple):
-    """Expressions, and how ω² follows from them with numbers in place of symbols."""
+    """Expressions, and a function from numbers in place of symbols to ω²."""
 
     found: Sequence[Any]
     squares: Callable[..., np.ndarray]
@@ -49,7 +49,7 @@ class Route(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """Operations after common subexpressions are named, and seconds from the start; None: it did not get there."""
+    """Operations after common subexpression elimination, and seconds from the start; None: not reached."""
 
     operations: int | None
     seconds: float | None
@@ -78,7 +78,7 @@ def our_polynomial(n: int, _: Sequence[Any]) -> Derived:
 
 
 def hanging(n: int) -> tuple[Any, dict[Any, Any]]:
-    """The model and its hanging rest."""
+    """The model and its hanging equilibrium."""
     from sympy.physics.mechanics.models import n_link_pendulum_on_cart
 
     kane = n_link_pendulum_on_cart(n, cart_force=False, joint_torques=False)
@@ -114,7 +114,7 @@ def their_polynomial(_: int, found: Sequence[Any]) -> Derived:
 
 
 def _in_s(p: Any) -> Derived:
-    """A polynomial in s = iω with only even powers, read in s² lest the double root 0 blur."""
+    """A polynomial in s = iω with only even powers, read in s² so that the double root 0 stays exact."""
     return Derived((p,), lambda p: -np.roots(sp.Poly(p, S).all_coeffs()[::2]))
 
 
@@ -132,7 +132,7 @@ ROUTES = {
 
 
 def work(name: str, n: int) -> None:
-    """Print a line of JSON as soon as each figure is known; the clock stands still while operations are counted."""
+    """Print a line of JSON as soon as each figure is known; the clock is stopped while operations are counted."""
     route, start = ROUTES[name], time.perf_counter()
     derived = route.matrices(n)
     seconds = time.perf_counter() - start
@@ -157,7 +157,7 @@ def operations(found: Sequence[Any]) -> int:
 
 
 def with_numbers(found: Any) -> Any:
-    """Exact numbers for m_c or m0, the links' masses and lengths, and g, whatever either side calls them."""
+    """Exact numbers for m_c or m0, the links' masses and lengths, and g, under either naming."""
     plain = found.subs({symbol: _number(symbol.name) for symbol in found.free_symbols - {S, X}})
     return np.array(plain, dtype=float) if isinstance(plain, sp.MatrixBase) else plain
 
@@ -178,7 +178,7 @@ def moving(squares: np.ndarray) -> list[float]:
 
 
 def measured(name: str, n: int, limit: float) -> dict[tuple[str, str], Any]:
-    """(stage, figure): value of all that a process of its own reports within the limit."""
+    """(stage, figure): value of everything that a separate process reports within the limit."""
     command = [sys.executable, __file__, "--route", name, "--links", str(n)]
     try:
         text = subprocess.run(command, stdout=subprocess.PIPE, check=True, timeout=limit).stdout

@@ -1,7 +1,7 @@
 """Docstrings are plain text: words, `code` in backticks, equations and layouts indented.  Here they become RST.
 
 Lines that are indented stand as they are, words stand for themselves, and code that names what the reference documents
-links to it.  What people see of a scene's classes is their fields, not pydantic's machinery.
+links to it.  The signature of a part of a scene shows its fields.
 """
 
 from __future__ import annotations
@@ -11,8 +11,9 @@ from collections.abc import Iterable, Iterator
 from itertools import groupby
 
 from generated import documented
-from pydantic import BaseModel
 from sphinx.application import Sphinx
+
+from modal.scene.validation import Part
 
 EVERY_NAME = re.compile(r"`([^`]+)`")
 ARRAY = re.compile(r"[\w.~]*ndarray\[tuple\[[\w.~]*Any, \.\.\.\], [\w.~]*dtype\[[\w.~]*?(\w+)\]\]")
@@ -67,10 +68,10 @@ def _signature(
     app: Sphinx, what: str, name: str, thing: object, options: object, signature: str | None, returned: str | None
 ) -> tuple[str | None, str | None]:
     """Arrays by their short names; of a part of a scene its fields, with their defaults."""
-    if not (isinstance(thing, type) and issubclass(thing, BaseModel)):
+    if not (isinstance(thing, type) and issubclass(thing, Part)):
         return _short(signature), _short(returned)
-    fields = thing.model_fields.items()
-    shown = (name if field.is_required() else f"{name}={field.default!r}" for name, field in fields)
+    fields = thing.fields.items()
+    shown = (name if field.is_required else f"{name}={field.default!r}" for name, field in fields)
     return f"(*, {', '.join(shown)})", returned
 
 
@@ -79,9 +80,9 @@ def _short(annotations: str | None) -> str | None:
 
 
 def _skip(app: Sphinx, what: str, name: str, thing: object, skip: bool, options: object) -> bool | None:
-    """Leave out the constants of modules, the fields of named tuples, of which nothing is said, and pydantic's own."""
+    """Leave out the constants of modules, and what is not to be read of named tuples and parts of scenes."""
     constant = what == "module" and not callable(thing)
-    return True if constant or name == "model_config" or type(thing).__name__ == "_tuplegetter" else None
+    return True if constant or name in {"fields", "model_config"} or type(thing).__name__ == "_tuplegetter" else None
 
 
 def setup(app: Sphinx) -> None:

@@ -127,7 +127,6 @@ RENAMED = {
     "modal.scene.parameters": (
         "parsed=parse_variations insist=validate_variations places=find_places written=with_numbers varied=vary"
     ),
-    "modal.scene.validation": "insist=validate",
     "modal.statespace.balancing": "balanced=balance",
     "modal.statespace.modal_form": "modal_form=to_modal_form",
     "modal.statespace.reduction": "truncated=truncate folded=fold_equals",
@@ -186,11 +185,11 @@ RENAMED = {
     "nonlinear.system.system": "Plant=System plant_of=system_of",
     "nonlinear.verification.measurement": "measured=measure_mode",
 }
-"""What a module offers by its old names and its new ones."""
+"""The exports of a module by their old names and their new ones."""
 
 
 def renamed(old: str, home: str) -> Callable[[str], Any]:
-    """The `__getattr__` of what `old` was: it finds names of `home`, old and new; AttributeError for any other."""
+    """The `__getattr__` of the former module `old`: it finds old and new names of `home`, else AttributeError."""
 
     def find(name: str) -> Any:
         new = dict(pair.split("=") for pair in RENAMED.get(home, "").split()).get(name, name)
@@ -203,7 +202,7 @@ def renamed(old: str, home: str) -> Callable[[str], Any]:
 
 
 def exported(package: str, names: dict[str, str], homes: tuple[str, ...] = ()) -> Callable[[str], Any]:
-    """The `__getattr__` of a package: it loads what it offers from `homes`, and answers to the old of these names."""
+    """The `__getattr__` of a package: it loads exports from `homes`, and accepts the old ones of these names."""
 
     def find(name: str) -> Any:
         offering = sys.modules[package]
@@ -220,12 +219,12 @@ def exported(package: str, names: dict[str, str], homes: tuple[str, ...] = ()) -
 
 
 def warn_of_old_name(old: str, new: str) -> None:
-    """Where what called the caller stands."""
+    """Warn with the position of the caller's caller."""
     warnings.warn(f"{old} is {new} now; the old name goes with the next version", DeprecationWarning, stacklevel=3)
 
 
 def former(owner: str, old: str, new: str) -> Any:
-    """A property of the class `owner` that still answers to its old name."""
+    """A property of the class `owner` that still works under its old name."""
 
     def get(self: Any) -> Any:
         warn_of_old_name(f"{owner}.{old}", f"{owner}.{new}")
@@ -235,7 +234,7 @@ def former(owner: str, old: str, new: str) -> Any:
 
 
 def former_argument(old: str, new: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """A decorator for a function that still takes a keyword by its old name."""
+    """A decorator for a function that still accepts a keyword by its old name."""
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
         @wraps(function)
@@ -262,7 +261,7 @@ def _moved() -> dict[str, str]:
 
 
 class _Finder:
-    """Modules under their old paths, where there is nothing else of that name."""
+    """Modules under their old paths, where no other module has that name."""
 
     def find_spec(self, fullname: str, path: object = None, target: object = None) -> ModuleSpec | None:
         if fullname.partition(".")[0] not in {"modal", "nonlinear"} or fullname not in _moved():
@@ -270,7 +269,7 @@ class _Finder:
         return ModuleSpec(fullname, self, is_package=fullname == "modal.papers")  # type: ignore[arg-type]
 
     def create_module(self, spec: ModuleSpec) -> None:
-        """The usual one."""
+        """The default module."""
 
     def exec_module(self, module: ModuleType) -> None:
         module.__dict__["__getattr__"] = renamed(module.__name__, _moved()[module.__name__])

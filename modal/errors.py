@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from difflib import get_close_matches
 from itertools import islice
 
 from modal.report import visible
 
 MOST_TOLD = 50
-"""Mistakes that a message names before it counts the rest."""
+"""Number of mistakes listed in a message before the rest are counted."""
 
 
 class MultipendulaError(Exception):
@@ -20,35 +19,35 @@ class MultipendulaError(Exception):
 
 
 class SceneError(MultipendulaError, ValueError):
-    """A scene that cannot be used: `problems` names its mistakes and where they stand, the message the first ones."""
+    """A scene that cannot be used: `problems` lists its mistakes with their places, the message the first ones."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         self.problems = tuple(map(visible, problems))
         super().__init__("\n".join(first_of(iter(self.problems), len(self.problems))))
 
     def __reduce__(self) -> tuple[type[SceneError], tuple[tuple[str, ...]]]:
-        """As it was made: a pickled one keeps its mistakes apart."""
+        """The constructor's arguments: a pickled error keeps its mistakes separate."""
         return type(self), (self.problems,)
 
 
 class ComputationError(MultipendulaError, ArithmeticError):
-    """A valid scene whose answer double precision or this machine's memory cannot give."""
+    """A valid scene whose answer exceeds double precision or this machine's memory."""
 
 
 class MissingExtraError(MultipendulaError, ImportError):
-    """An optional package is not installed; the message names the extra that brings it."""
+    """An optional package is not installed; the message names the extra that provides it."""
 
     def __init__(self, package: str, extra: str) -> None:
         self.missing = package, extra
         super().__init__(f'{package} is missing: pip install "multipendula[{extra}]"')
 
     def __reduce__(self) -> tuple[type[MissingExtraError], tuple[str, str]]:
-        """As it was made."""
+        """The constructor's arguments."""
         return type(self), self.missing
 
 
 def first_of(problems: Iterator[str], count: int) -> Iterator[str]:
-    """At most MOST_TOLD of `count` mistakes, then how many more there are; a single one more is named, not counted."""
+    """At most MOST_TOLD of `count` mistakes, then the number of others; a single other one is listed, not counted."""
     yield from islice(problems, MOST_TOLD)
     if count > MOST_TOLD + 1:
         yield f"and {count - MOST_TOLD} more mistakes"
@@ -62,5 +61,7 @@ def meant(word: str, known: Iterable[str], most: int = 1, near: float = 0.6) -> 
     >>> meant("lenght", ["mass", "length"])
     ' (did you mean length?)'
     """
+    from difflib import get_close_matches
+
     found = get_close_matches(word, list(known), most, near)
     return f" (did you mean {' or '.join(found)}?)" if found else ""

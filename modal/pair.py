@@ -20,7 +20,7 @@ Scalars = Sequence[Any] | NDArray[Any]
 def proportions(kind: str, m: Any, l: Any) -> tuple[Any, Any]:
     """Centre and moment of inertia of a bob (c = l, I = 0) or a uniform rod (c = l/2, I = m l²/12).
 
-    A centre goes as l and an inertia as m l² for every kind here; KeyError for another.
+    The centre scales with l and the inertia with m l² for every kind here; KeyError for another.
     """
     return PROPORTIONS[kind](m, l)
 
@@ -45,7 +45,7 @@ def first_moments(mass: Scalars, length: Scalars, centre: Scalars) -> list[Any]:
 
 
 def first_moment(m: Any, l: Any, c: Any, below: Any) -> Any:
-    """The b of a link with so much mass below it, or of as many as the arrays hold."""
+    """The b of a link with a mass `below` it, or of as many as the arrays hold."""
     return m * c + l * below
 
 
@@ -55,7 +55,7 @@ def second_moments(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
 
 
 def second_moment(m: Any, l: Any, c: Any, I: Any, below: Any) -> Any:
-    """A_ii of a link with so much mass below it, or of as many as the arrays hold."""
+    """A_ii of a link with a mass `below` it, or of as many as the arrays hold."""
     return I + m * c * c + l * l * below
 
 
@@ -70,10 +70,10 @@ def inertia_matrix(mass: Scalars, length: Scalars, centre: Scalars, inertia: Sca
 
 
 class Constants(NamedTuple):
-    """What one link does to the motion of its two ends: in kg, but mJ in kg² and k in N/m (`modal.eigen.recursion`).
+    """The effect of one link on the motion of its ends: in kg, but mJ in kg² and k in N/m (`modal.eigen.recursion`).
 
-    With s = c/l and J = I/l², a link whose upper end moves by y and lower end by y + a has
-    T = ½ r a'² + (q + r) a' y' + ½ m y'²; p is to the lower end what r is to the upper.
+    With s = c/l and J = I/l², a link whose upper end moves by y and lower end by y + a has T = ½ r a'² + (q + r) a' y'
+    + ½ m y'²; p is to the lower end what r is to the upper.
     """
 
     m: Any  # its mass
@@ -93,9 +93,9 @@ def constants(mass: Scalars, length: Scalars, centre: Scalars, inertia: Scalars,
 
 
 def link_constants(m: Any, l: Any, c: Any, I: Any, below: Any, gravity: Any = 1) -> Constants:
-    """Those of a link with so much mass below it, or of as many as the arrays hold.
+    """The constants of a link with a mass `below` it, or of as many as the arrays hold.
 
-    l − c is formed before it is divided: a centre next to a joint keeps every digit.
+    l − c is computed before the division: a centre next to a joint keeps every digit.
     """
     s, rest, J = c / l, (l - c) / l, I / l / l
     return Constants(

@@ -29,7 +29,9 @@ os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
 
 USER_ERRORS = {errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG}
 PLACE = re.compile(r"(pendulum\[|support\b|gravity\b)")
-ENDING = ("SIGINT", "SIGTERM", "SIGHUP")
+ENDING = ("SIGINT", "SIGTERM", "SIGHUP", "SIGALRM")
+PATIENCE = 5.0
+"""Seconds after which an interrupt that has not ended the command is raised again."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -48,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 @contextmanager
 def _stoppable(alone: bool) -> Iterator[list[int]]:
-    """Make Ctrl-C and requests to terminate raise KeyboardInterrupt, and record them in case a library swallows one.
+    """Make Ctrl-C and requests to terminate raise KeyboardInterrupt, and again if a library swallows it and goes on.
 
     If this is `alone` in its process, they are ignored afterwards, as the process ends anyway.
     """
@@ -56,6 +58,7 @@ def _stoppable(alone: bool) -> Iterator[list[int]]:
 
     def stop(number: int, frame: object) -> None:
         came.append(number)
+        _remind(PATIENCE)
         raise KeyboardInterrupt
 
     def unheard(lost: sys.UnraisableHookArgs) -> None:
@@ -74,9 +77,17 @@ def _stoppable(alone: bool) -> Iterator[list[int]]:
     try:
         yield came
     finally:
+        if came:
+            _remind(0)
         for number, handler in before.items():
             signal.signal(number, signal.SIG_IGN if alone else handler)
         sys.unraisablehook = told
+
+
+def _remind(seconds: float) -> None:
+    """Where the platform has timers, raise the interrupt again after so many seconds, never for 0."""
+    if hasattr(signal, "setitimer"):
+        signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
 def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:

@@ -1,8 +1,8 @@
-"""Trajectories on disk: NPZ has everything to the last bit, CSV the same numbers for other programs.
+"""Trajectories on disk: NPZ keeps every bit, CSV holds the same numbers for other programs.
 
-Both begin with a header in JSON: the scene, how the run was made, and its events.  In a CSV the header is a comment on
-the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both have a
-checksum, and a file that has changed is refused.
+Both begin with a JSON header: the scene, how the run was made, and its events.  In a CSV the header is a comment on
+the first line; a column is named by its quantity, the pendulum and the link (both from 1) and its unit.  Both carry a
+checksum, and a file that has been altered is refused.
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
-    """Write a .npz or .csv file, whole or not at all; SceneError for another name."""
+    """Write a .npz or .csv file atomically; SceneError for any other file name."""
     content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)
     with whole_file(path) as stream:
         stream.write(content)
 
 
 def load(path: str | os.PathLike[str]) -> Trajectory:
-    """The trajectory in a file that `save` wrote; SceneError says what is wrong with any other.
+    """Read a trajectory from a file written by `save`; SceneError says what is wrong with any other file.
 
-    Applied forces are code and are not saved: a driven run can be read, but not its reaction forces.
+    Applied forces are code and are not saved: a driven run can be read, but its reaction forces cannot be computed.
     """
     name, kind = os.fspath(path), checked_kind(path)
     with reading(name, "trajectory"):
@@ -58,17 +58,17 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
 
 
 def checked_kind(path: str | os.PathLike[str]) -> str:
-    """The ending of a file's name, npz for standard output; SceneError for any other than .npz and .csv."""
+    """The suffix of a file name, npz for standard output; SceneError for any other than .npz and .csv."""
     return kind_of(path, KINDS)
 
 
 def as_csv(header: dict[str, Any], rows: Iterable[Iterable[Any]]) -> bytes:
-    """The header in a comment on the first line, after the checksum of all the rest, and the rows below."""
+    """A CSV file: the header in a comment, preceded by the checksum of the rest, then the rows."""
     return sealed.sealed_text(COMMENT, f" {csv_comment(json.dumps(header))[1:]}\n" + csv_rows(rows))
 
 
 def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
-    """The header and the text below it."""
+    """The header of a CSV file and the text below it."""
     found = sealed.content(path)
     sealed.verify_sealed_text(found, COMMENT)
     first, _, rest = found.decode().partition("\n")
@@ -78,12 +78,12 @@ def from_csv(path: str | os.PathLike[str]) -> tuple[dict[str, Any], str]:
 
 
 def as_npz(header: dict[str, Any], arrays: dict[str, Any]) -> bytes:
-    """The arrays, with the header as an array of one text."""
+    """An NPZ file of the arrays, with the header stored as a string array."""
     return sealed.archive({HEADER: np.array(json.dumps(header))} | arrays)
 
 
 def from_npz(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The header and the other arrays."""
+    """The header of an NPZ file and its other arrays."""
     arrays = sealed.unpacked(sealed.content(path))
     header: dict[str, Any] = json.loads(str(arrays.pop(HEADER)))
     return header, arrays
@@ -170,7 +170,7 @@ def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
 
 
 def columns(system: System) -> list[str]:
-    """The names of a CSV's columns, in its order: time, links, their rates, the cart and the work."""
+    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work."""
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels if label != "x"]
     if system.spatial:
         links = [f"u{axis}_{place}" for place in places for axis in AXES]

@@ -28,7 +28,7 @@ from nonlinear.integration import (
 )
 from nonlinear.system import NO_KICKS, Event, Kicks, Load, State, initial_state, system_of, validate_state
 
-USUAL = 1e-9  # tolerance
+USUAL = 1e-9  # default tolerance
 
 Output = int | Sequence[float] | Floats | None
 Report = Callable[[float], object]
@@ -55,20 +55,21 @@ def simulate(
     """The motion of a scene over `duration` seconds at large angles.
 
     `method` is "auto", one of SciPy's ("DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA") or "taylor" (heyoka, extra
-    `taylor`); `form` is "auto", "minimal", "hamiltonian" or "maximal" in the plane, "spatial" in space.  `tolerance`
-    is the integrator's (default 1e-9), relative, and where a quantity passes through zero of the motion's own size.
-    `accuracy` is given in its place by who wants no angle to be off by more (rad): the cheapest way that meets it is
-    found and judged (`nonlinear.accuracy.advice`), `run.error` and `run.reason` say how.  `output` is a number of
-    evenly spaced samples or their times after the start (s), ascending; `start` replaces the scene file's own, at
-    `start_time` (s). `load(t, state)` returns the `Push` from outside.  One that acts for less than a step may be
-    missed: at the times t (s) that are its `breaks` steps end and the integrator restarts, and no step is longer
-    than `max_step` (s).  An accuracy under a load needs one of them; `breaks=[]` says that it changes no faster than
-    the scene swings.  `before` are the kicks of escapements until the start, which say on which side the next ones
-    come.  `report` hears of the seconds gone through after every step.
+    `taylor`); `form` is "auto", "minimal", "hamiltonian" or "maximal" in the plane, "spatial" in space.  `tolerance` is
+    the integrator's (default 1e-9): relative to each quantity, or, where that passes through zero, to the size of the
+    motion.  `accuracy` may be given instead, as the largest permitted error of any angle (rad): the cheapest method
+    that meets it is found and its error estimated (`nonlinear.accuracy.advice`); `run.error` and `run.reason` report
+    the result.  `output` is a number of evenly spaced samples or their times after the start (s), ascending; `start`
+    replaces the initial condition of the scene file, at `start_time` (s).  `load(t, state)` returns the external
+    `AppliedForces`.  A load that acts for less than a step may be missed: steps end and the integrator restarts at the
+    times `breaks` (s), and no step is longer than `max_step` (s).  An accuracy under a load needs one of them;
+    `breaks=[]` states that the load changes no faster than the scene swings.  `before` holds the escapements' kicks up
+    to the start, which determine on which side each kicks next.  `report` is called with the simulated time after every
+    step.
 
-    On Ctrl-C what was computed is returned, `run.stopped` saying how far it goes.  Raises SceneError for arguments
-    that cannot be, SimulationError (with the part that was computed) where the integrator gives up or an accuracy
-    cannot be met to the end.
+    On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.  Raises SceneError for
+    invalid arguments, SimulationError (with the part computed so far) where the integrator fails or an accuracy cannot
+    be met to the end.
     """
     validate_scene(scene)
     if accuracy is not None and tolerance is not None:
@@ -94,8 +95,8 @@ def advise(
 ) -> Advice:
     """The cheapest method by which no angle is off by more than `accuracy` (rad), and all attempts.
 
-    The other arguments are those of `simulate`.  Raises SceneError for arguments that cannot be, SimulationError where
-    an integrator gives up.
+    The other arguments are those of `simulate`.  Raises SceneError for invalid arguments, SimulationError where an
+    integrator fails.
     """
     return seek_accuracy(
         Goal(_request(scene, duration, USUAL, accuracy, output, start, start_time, more), float(accuracy))
@@ -112,7 +113,7 @@ def _request(
     start_time: float,
     more: dict[str, Any],
 ) -> Request:
-    """What is asked; SceneError names every mistake."""
+    """The validated request; SceneError lists every mistake."""
     system, load = system_of(scene), more.get("load")
     told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
     *_, pace = validate(
@@ -132,7 +133,7 @@ def _request(
 
 
 def certain(advice: Advice) -> Trajectory:
-    """The trajectory that meets its accuracy; SimulationError with the part that does where not all of it can."""
+    """The trajectory if it meets its accuracy throughout; else SimulationError with the part that does."""
     if advice.met or advice.trajectory.run.interrupted:
         return advice.trajectory
     raise SimulationError(advice.limit, advice.certain)
@@ -148,11 +149,11 @@ def resume(
     load: Load | None = None,
     **options: Any,
 ) -> Trajectory:
-    """The motion after a trajectory's last state, with its times continued.
+    """Continue a trajectory from its last state, with its times carried on.
 
-    Form (in the plane), tolerance and a method that was asked for are those of the trajectory unless given, or an
-    accuracy in their place; the work starts again at 0.  A run in a few modes or in closed form goes on as the whole
-    scene.  Raises SceneError for a driven trajectory without its `load`.
+    Form (in the plane), tolerance and an explicitly chosen method are those of the trajectory unless given, or an
+    accuracy instead of a tolerance; the work restarts from 0.  A run in a few modes or in closed form continues as a
+    simulation of the whole scene.  Raises SceneError for a driven trajectory without its `load`.
     """
     if trajectory.driven and load is None:
         raise SceneError(["load: this run had applied forces, which are not saved with it"])

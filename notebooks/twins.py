@@ -1,6 +1,6 @@
-"""Make every notebook anew from its twin, the page of text beside it that people edit: `python notebooks/twins.py`.
+"""Rebuild every notebook from its MyST source, which is the file that people edit: `python notebooks/twins.py`.
 
-The notebooks have no outputs, and cells numbered by their order, so that a change of a line is a change of a line.
+The notebooks have no outputs, and cells numbered by their order, so that diffs stay line by line.
 """
 
 from pathlib import Path
@@ -13,12 +13,12 @@ KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
 
 
 def lessons() -> list[Path]:
-    """The twins, in order."""
+    """The sources, in order."""
     return sorted(HERE.glob("[0-9][0-9]_*.md"))
 
 
 def notebook(twin: Path) -> str:
-    """What the notebook of a twin must contain."""
+    """The notebook made from a source."""
     made = jupytext.read(twin, fmt="md:myst")
     made.metadata = nbformat.from_dict({"kernelspec": KERNEL, "language_info": {"name": "python"}})
     for number, cell in enumerate(made.cells):

@@ -18,7 +18,13 @@ DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
 """Modules of no room: they only open one."""
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
-    "scipy": {"modal.statespace.sampling", "modal.exports.matlab", "modal.exports.objects", "nonlinear"},
+    "scipy": {
+        "modal.statespace.sampling",
+        "modal.statespace.transfer",
+        "modal.exports.matlab",
+        "modal.exports.objects",
+        "nonlinear",
+    },
     "sympy": {"modal.symbolic"},
     "control": {"modal.exports.objects"},
     "flint": {"modal.exact.balls"},
@@ -174,6 +180,7 @@ def spoken(source: str) -> list[str]:
     return [node.value for node in texts if isinstance(node.value, str)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in sources() if not name.startswith("multipendula")])
 def test_the_packages_know_no_option_of_the_command(name: str) -> None:
     assert [text for text in spoken(sources()[name].read_text(encoding="utf-8")) if OPTION.search(text)] == []

@@ -10,7 +10,7 @@ import pytest
 from modal import SceneError, natural_modes
 from modal.scene import parse
 
-pytestmark = pytest.mark.site
+pytestmark = [pytest.mark.site, pytest.mark.slow]
 
 README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
 

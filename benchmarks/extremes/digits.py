@@ -1,4 +1,4 @@
-"""The textbook equations in many digits: what every other route is judged by.
+"""The textbook equations in many digits: the reference for every other route.
 
 With q = (x, θ) the equations A cos(θ_i − θ_j) are assembled from the scene's own floats and solved by mpmath, and the
 motion is found by the extrapolated midpoint rule (Gragg, SIAM J. Numer. Anal. 2, 1965; Hairer, Nørsett & Wanner,

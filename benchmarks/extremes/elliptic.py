@@ -1,6 +1,7 @@
 """The simple pendulum released from rest, exactly: sin(θ/2) = k cd(ω t | k²), k = sin(a/2), by Jacobi's functions.
 
-Whatever moves as one pendulum is judged by it: equal pendula in antiphase on a cart, a chain stiffened by dampers.
+It is the reference for whatever moves as one pendulum: equal pendula in antiphase on a cart, a chain stiffened by
+dampers.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ DIGITS = 60
 
 
 def angles(amplitude: float, square: object, times: Sequence[float]) -> np.ndarray:
-    """θ (T,) in rad at these times (s), released at the float `amplitude` (rad); `square` is ω² of small swings."""
+    """θ (T,) in rad at these times (s), released at the float `amplitude` (rad); `square` is ω² at small angles."""
     with mp.workdps(DIGITS):
         k = mp.sin(mpf(amplitude) / 2)
         omega = mp.sqrt(mpf(square))
@@ -23,12 +24,12 @@ def angles(amplitude: float, square: object, times: Sequence[float]) -> np.ndarr
 
 
 def _cd(u: mpf, m: mpf) -> mpf:
-    """cn/dn, u brought within one period first."""
+    """The function cn/dn, with u first reduced to one period."""
     period = 4 * mp.ellipk(m)
     u -= period * mp.nint(u / period)
     return mp.ellipfun("cd", u, m=m)
 
 
 def creeping(start: float, rate: float, time: float) -> float:
-    """θ (rad) of a pendulum whose damper leaves no inertia to see: θ' = −rate sin θ."""
+    """θ (rad) of a pendulum whose damper makes inertia negligible: θ' = −rate sin θ."""
     return float(2 * np.arctan(np.tan(start / 2) * np.exp(-rate * time)))

@@ -1,4 +1,4 @@
-"""The scenes at the ends of what can be written, each with the motion that it ought to have."""
+"""Scenes at the limits of what can be specified, each with its reference motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ Reference = Callable[[], np.ndarray]
 
 
 class Case(NamedTuple):
-    """A family and its parameter; the scene, released at rest, its times (s), and angles (T, L) that are right."""
+    """A family and its parameter; the scene, released at rest, its times (s), and reference angles (T, L)."""
 
     family: str
     parameter: float
@@ -45,13 +45,13 @@ def bob(mass: float = 1.0, length: float = 1.0, **more: float) -> Bob:
 
 
 def case(family: str, parameter: float, scene: Scene, angles: object, duration: float) -> Case:
-    """Judged by the textbook in forty digits."""
+    """A case with the textbook in forty digits as reference."""
     start, times = at_rest(angles), duration * np.arange(1, SAMPLES + 1) / SAMPLES
     return Case(family, parameter, scene, start, times, partial(digits.motion, scene, start, times))
 
 
 def single(family: str, parameter: float, scene: Scene, angles: object, duration: float, square: float = G) -> Case:
-    """Judged by one simple pendulum that all links follow, left or right."""
+    """A case whose reference is one simple pendulum that all links follow, left or right."""
     start, times = at_rest(angles), duration * np.arange(1, SAMPLES + 1) / SAMPLES
     size, sides = float(abs(start.links[0])), np.sign(start.links)
 
@@ -62,7 +62,7 @@ def single(family: str, parameter: float, scene: Scene, angles: object, duration
 
 
 def links(quick: bool) -> Iterator[Case]:
-    """Chains of bobs of 1 kg every metre, straight at 10°: up to three judged by digits, then by two bodies."""
+    """Chains of bobs of 1 kg every metre, straight at 10°: up to three with digits as reference, then two bodies."""
     for n, duration in ((1, 2.0), (2, 2.0), (3, 2.0), (10, 2.0), (100, 1.0), (1000, 0.2), (10_000, 0.02)):
         if quick and n > 100:
             return
@@ -72,13 +72,13 @@ def links(quick: bool) -> Iterator[Case]:
 
 
 def _tight(one: Case) -> np.ndarray:
-    """Right by the recursion at the finest tolerance; the runs that are judged take dense or banded bodies."""
+    """The reference by the recursion at the finest tolerance; the compared runs use dense or banded bodies."""
     found = simulate(one.scene, one.times[-1], start=one.start, output=one.times, tolerance=1e-14, method="DOP853")
     return found.motion.links[1:]
 
 
 def pendula(quick: bool) -> Iterator[Case]:
-    """Simple pendula at ±30° in turn on a cart: the cart is still, and each is the simple pendulum."""
+    """Simple pendula alternately at ±30° on a cart: the cart is still, and each moves as a simple pendulum."""
     for n in (2, 10, 100, 1000, 10_000)[: 3 if quick else None]:
         angles = np.deg2rad(30) * (-1.0) ** np.arange(n)
         yield single("pendula on a cart", n, hung(bob(), cart=Cart(mass=10.0), count=n), angles, 5.0)
@@ -90,7 +90,7 @@ def decades(low: int, high: int, every: int, quick: bool) -> list[float]:
 
 
 def masses(quick: bool) -> Iterator[Case]:
-    """Lower over upper mass; with a light upper bob the joint swings fast, as widely as it can."""
+    """Lower over upper mass; with a light upper bob the joint oscillates fast, at its largest amplitude."""
     for ratio in decades(-16, 16, 4, quick):
         fast = min(1.0, ratio**-0.5)
         angles = (0.3 * fast, -0.3 * fast) if ratio > 1 else (0.5, 0.8)
@@ -103,7 +103,7 @@ def lengths(quick: bool) -> Iterator[Case]:
 
 
 def carts(quick: bool) -> Iterator[Case]:
-    """A light cart swings fast under the bob, as widely as it can."""
+    """A light cart oscillates fast under the bob, at its largest amplitude."""
     for mass in decades(-12, 12, 4, quick):
         fast = min(1.0, mass**0.5)
         yield case("cart mass", mass, hung(bob(), cart=Cart(mass=mass)), (0.5 * fast,), 2.0 * fast)
@@ -133,7 +133,7 @@ def detunings(quick: bool) -> Iterator[Case]:
 
 
 def dampers(quick: bool) -> Iterator[Case]:
-    """A pendulum in syrup: by digits, then by the creep that is left, right to g/(l c²)."""
+    """A heavily damped pendulum: with digits as reference, then by the remaining creep, accurate to g/(l c²)."""
     for c in (1.0, 10.0, 1e6, 1e9, 1e12)[:: 2 if quick else 1]:
         found = case("damper", c, hung(bob(damping=c)), (1.0,), 2.0 if c < 100 else c / G)
         yield found if c < 100 else found._replace(reference=partial(_crept, found))
@@ -164,7 +164,7 @@ def hours(quick: bool) -> Iterator[Case]:
 
 
 def _coarser(one: Case) -> np.ndarray:
-    """By series of another order."""
+    """The reference by series of another order."""
     found = simulate(one.scene, one.times[-1], start=one.start, output=one.times, method="taylor", tolerance=1e-13)
     return found.motion.links[1:]
 

@@ -1,7 +1,7 @@
-"""Frequencies of small and long scenes in many digits, by ways that share no line with the package.
+"""Frequencies of small and long scenes in many digits, by methods that share no line with the package.
 
     small    M, K and D from the velocities of every centre of mass and the heights of all; the symmetric pencil by
-             Cholesky factors and the state matrix with dampers, both by mpmath at as many digits as the spread asks for
+             Cholesky factors and the state matrix with dampers, both by mpmath with as many digits as the spread needs
     long     the count of frequencies below ω from the elimination of K − ω²M over the *displacements of the joints*,
              in which both matrices are tridiagonal along a chain and the cart borders them (Sylvester's law of inertia)
 
@@ -31,7 +31,7 @@ FLOOR, FAR = 1e-30, 1e30
 
 @dataclass(frozen=True)
 class Pencil:
-    """M, K and D (size, size) in many digits; `free` says that coordinate 0 is a cart that nothing holds."""
+    """M, K and D (size, size) in many digits; `free` tells that coordinate 0 is a free cart."""
 
     M: mp.matrix
     K: mp.matrix
@@ -43,7 +43,7 @@ class Pencil:
 
 
 def pencil(scene: Scene) -> Pencil:
-    """Over the cart (if any) and the angles of all links from rest, copies written out, along the rail.
+    """Over the cart (if any) and the angles of all links from equilibrium, copies expanded, along the rail.
 
     M = Σ w v vᵀ over everything that moves with v; likewise K and D over springs and dampers, and gravity g Σ m h.
     """
@@ -62,7 +62,7 @@ def pencil(scene: Scene) -> Pencil:
 
 
 def squares(scene: Scene, digits: int = SPREAD_DIGITS) -> list[mp.mpf]:
-    """Every finite ω² without the zero of a free cart, ascending; negative where a rest is unstable."""
+    """Every finite ω² without the zero of a free cart, ascending; negative for unstable modes."""
     with mp.workdps(digits):
         found = pencil(scene)
         M, K = _without_cart(found.M, found.K) if found.free else (found.M, found.K)
@@ -92,7 +92,7 @@ def eigenvalues(scene: Scene, digits: int = STATE_DIGITS) -> list[mp.mpc]:
 
 
 def _settled(value: mp.mpc) -> mp.mpc:
-    """Real where its imaginary part is what rounding leaves."""
+    """The real part where the imaginary part is rounding."""
     return mp.mpc(value.real) if abs(value.imag) < abs(value) * mp.mpf(10) ** -ROUNDED else mp.mpc(value)
 
 
@@ -135,7 +135,7 @@ def _summed(size: int, terms: Terms) -> mp.matrix:
 
 
 def _without_cart(M: mp.matrix, K: mp.matrix) -> tuple[mp.matrix, mp.matrix]:
-    """The momentum of a cart that nothing holds is zero in every other mode: A − b bᵀ/M."""
+    """The momentum of a free cart is zero in every other mode: A − b bᵀ/M."""
     n = M.rows
     reduced = mp.matrix(n - 1)
     for i in range(1, n):
@@ -167,7 +167,7 @@ def _beside(K: mp.matrix, D: mp.matrix) -> mp.matrix:
 
 
 class Counter:
-    """Counts of the frequencies below ω of a scene that hangs, without joint springs or dampers."""
+    """Counts of the frequencies below ω of a hanging scene, without joint springs or dampers."""
 
     def __init__(self, scene: Scene, digits: int = COUNT_DIGITS) -> None:
         self.digits, self.support = digits, scene.support
@@ -179,7 +179,7 @@ class Counter:
             self.chains = [(_elements(links, g), count) for links, count in tallied.items()]
 
     def below(self, omega: float, tilt: float = 0.0) -> int:
-        """How many lie below ω (1 + tilt), the zero of a free cart left out."""
+        """Number of frequencies below ω (1 + tilt), without the zero of a free cart."""
         with mp.workdps(self.digits):
             x = (mp.mpf(omega) * (1 + mp.mpf(tilt))) ** 2
             negative, pivot = 0, mp.mpf(0)
@@ -213,7 +213,7 @@ def _elements(links: tuple[Bob | Rod | Body, ...], g: mp.mpf) -> list[tuple[mp.m
 
 
 def _eliminated(elements: list[tuple[mp.mpf, ...]], x: mp.mpf) -> tuple[int, mp.mpf]:
-    """Negative pivots of K − x M from the free end up, and what is left at the pivot of the chain."""
+    """Negative pivots of K − x M from the free end up, and the remainder at the pivot of the chain."""
     negative, left = 0, mp.mpf(0)
     for p, q, r, k in elements:
         left += k - x * r
@@ -226,7 +226,7 @@ def _eliminated(elements: list[tuple[mp.mpf, ...]], x: mp.mpf) -> tuple[int, mp.
 
 
 def relative_errors(omega: NDArray[np.float64], exact: Sequence[mp.mpf]) -> NDArray[np.float64]:
-    """|ω/√ω²exact − 1| one by one, both ascending, the sign of ω being that of ω²; [∞] where the numbers differ."""
+    """|ω/√ω²exact − 1| one by one, both ascending, the sign of ω being that of ω²; [∞] if their counts differ."""
     if len(omega) != len(exact):
         return np.array([np.inf])
     with mp.workdps(COUNT_DIGITS):
@@ -234,7 +234,7 @@ def relative_errors(omega: NDArray[np.float64], exact: Sequence[mp.mpf]) -> NDAr
 
 
 def unlike(found: NDArray[np.complex128], exact: Sequence[mp.mpc]) -> NDArray[np.float64]:
-    """Relative distances of eigenvalues from exact ones, each exact one given to at most one; ∞ for those left over."""
+    """Relative distances of eigenvalues from exact ones, each exact one matched at most once; ∞ for unmatched ones."""
     with mp.workdps(COUNT_DIGITS):
         distance = np.array([[_apart(value, x) for x in exact] for value in found]).reshape(len(found), len(exact))
     rows, columns = linear_sum_assignment(np.log(distance + FLOOR))

@@ -1,9 +1,9 @@
-"""Natural frequencies at the extremes, beside `scipy.linalg.eigh` and `eig` on the assembled matrices.
+"""Natural frequencies at the extremes, compared with `scipy.linalg.eigh` and `eig` on the assembled matrices.
 
     python benchmarks/extremes/modes.py [--quick] [--write]
 
-Every family sweeps one number; the truth is `many_digits.py`.  An error of 1 means that no digit is right.  `--write`
-puts a line for each case into docs/benchmarks/extremes-modes.csv and the figure into docs/pictures/.
+Every family sweeps one number; the reference is `many_digits.py`.  An error of 1 means that no digit is right.
+`--write` puts a line for each case into docs/benchmarks/extremes-modes.csv and the figure into docs/pictures/.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Judge = Callable[[Values], NDArray[np.float64]]
 
 
 class Case(NamedTuple):
-    """One scene: worst relative errors (NaN: not tried), our worst stated bound, and what was said in words."""
+    """One scene: worst relative errors (NaN: not tried), our worst stated bound, and the messages."""
 
     family: str
     parameter: float
@@ -49,7 +49,7 @@ class Case(NamedTuple):
 
 
 def judge_of(scene: Scene, *, splitting: bool) -> Judge:
-    """What turns λ, ascending, into relative errors (R,), one for each value given."""
+    """A function from λ, ascending, to relative errors (R,), one for each value given."""
     if scene.n_links > SMALL:
         return _counting(scene)
     if scene.has_damping:
@@ -89,7 +89,7 @@ def worst(errors: NDArray[np.float64]) -> float:
 
 
 def ours(scene: Scene, judge: Judge) -> tuple[float, float, str]:
-    """Worst error of the rows that claim one, the worst bound among them, and what else the answer says."""
+    """Worst error of the rows that claim an accuracy, the worst bound among them, and the remarks."""
     try:
         modes = natural_modes(scene)
     except ComputationError as error:
@@ -109,7 +109,7 @@ def ours(scene: Scene, judge: Judge) -> tuple[float, float, str]:
 
 
 def between(omega: NDArray[np.float64], error: NDArray[np.float64]) -> NDArray[np.float64]:
-    """What bounds on neighbouring frequencies leave of their differences, relative, at most 1."""
+    """The relative errors of frequency differences from bounds on neighbouring frequencies, at most 1."""
     gap, doubt = np.diff(omega), (error * omega)[1:] + (error * omega)[:-1]
     return np.where(gap > doubt, doubt / np.where(gap > 0, gap, 1.0), 1.0)
 
@@ -128,7 +128,7 @@ def symmetric(scene: Scene) -> tuple[Values, str]:
 
 
 def general(scene: Scene) -> tuple[Values, str]:
-    """λ by `eig`: of the pencil, with dampers of the state matrix."""
+    """λ by `eig`: of the pencil, or with dampers of the state matrix."""
     found = matrices(scene)
     if not scene.has_damping:
         return _oscillating(scene, eig(found.K, found.M, right=False))
@@ -145,7 +145,7 @@ def _free(scene: Scene) -> int:
 
 
 def _oscillating(scene: Scene, square: Values) -> tuple[Values, str]:
-    """iω from ω², the zero of a free cart and what is infinite left out, with a count of what cannot be."""
+    """iω from ω², without the zero of a free cart and infinite values, with a count of impossible ones."""
     finite = square[np.isfinite(square)]
     finite = finite[np.argsort(np.abs(finite))][_free(scene) :]
     finite = finite[np.argsort(finite.real)]

@@ -1,4 +1,4 @@
-"""Scenes at the ends of what can be written down: families that sweep one number each."""
+"""Scenes at the limits of what can be specified: families that sweep one number each."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ TEN = 10
 
 
 class Family(NamedTuple):
-    """A sweep: its scenes by parameter, the words on its axis, and whether splittings are judged rather than ω."""
+    """A sweep: its scenes by parameter, the axis label, and whether splittings are compared rather than ω."""
 
     name: str
     axis: str
@@ -43,7 +43,7 @@ def geometric(what: str, ratio: float) -> Scene:
 
 
 def odd(what: str, at: int, ratio: float) -> Scene:
-    """Ten equal bobs, but for one."""
+    """Ten bobs, equal except one."""
     values = [{"mass": 1.0, "length": 1.0} | ({what: ratio} if k == at else {}) for k in range(TEN)]
     return chain([Bob(**value) for value in values])
 
@@ -81,7 +81,7 @@ def damped_cart(damping: float) -> Scene:
 
 
 def near_buckling(above: float) -> Scene:
-    """Three standing bobs on equal joint springs, stiffer than the critical ones by this fraction."""
+    """Three inverted bobs on equal joint springs, stiffer than the critical ones by this fraction."""
     steps = np.eye(3) - np.eye(3, k=-1)
     weight = np.sqrt(G * np.array([3.0, 2.0, 1.0]))
     critical = 1.0 / float(np.linalg.eigvalsh(steps.T @ steps / weight / weight[:, None])[0])

@@ -1,4 +1,4 @@
-"""The figure of the extremes: one panel a family, error against parameter, cut off at HIGHEST."""
+"""The figure of the extremes: one panel per family, error against parameter, cut off at HIGHEST."""
 
 from __future__ import annotations
 

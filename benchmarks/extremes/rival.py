@@ -1,4 +1,4 @@
-"""What one writes without a toolkit: the dense matrix, `numpy.linalg.solve`, and `scipy.integrate.solve_ivp`."""
+"""A simulator without a toolkit: the dense matrix, `numpy.linalg.solve`, and `scipy.integrate.solve_ivp`."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from modal import pair
 from modal.scene import Cart, Scene
 from nonlinear.system import State
 
-MOST = 1000  # links of a dense matrix
+MOST = 1000  # most links for a dense matrix
 
 
 class Found(NamedTuple):
-    """Angles (T, L) at the end of a run, or None and why; seconds."""
+    """Angles (T, L) at the end of a run, or None and the reason; seconds."""
 
     angles: np.ndarray | None
     words: str

@@ -1,10 +1,10 @@
-"""Motion where numbers run out: every parameter of a scene taken to its ends, in one run.
+"""Motion at numerical extremes: every parameter of a scene taken to its limits, in one run.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/extremes/simulation.py [--quick] [--write]
 
 `--write` puts every case into docs/benchmarks/extremes-simulation.csv and the figure into docs/pictures/.  An error is
 the largest of all angles at five times over the largest angle; the references are those of families.py.  Rivals are the
-dense textbook under `solve_ivp`, as it comes and at rtol = atol = 1e-9.
+dense textbook equations under `solve_ivp`, with its defaults and at rtol = atol = 1e-9.
 """
 
 from __future__ import annotations
@@ -29,13 +29,13 @@ from nonlinear.integration import Trajectory
 from nonlinear.simulation import SimulationError
 
 DOCS = Path(__file__).parent.parent.parent / "docs"
-PATIENCE, QUICK_PATIENCE = 4.0, 1.0  # seconds that a rival may take
-OURS = 60.0  # seconds that we may take
+PATIENCE, QUICK_PATIENCE = 4.0, 1.0  # time limits (s) of a rival
+OURS = 60.0  # our time limit (s)
 FINE = {"rtol": 1e-9, "atol": 1e-9}
 
 
 class Line(NamedTuple):
-    """One case: what we did, our error, energy drift and seconds; the rival's, twice; and what we said."""
+    """One case: our method, error, energy drift and seconds; the rival's, twice; and the messages."""
 
     family: str
     parameter: float
@@ -79,7 +79,7 @@ def _way(found: Trajectory | None) -> str:
 
 
 def ours(one: families.Case) -> tuple[Trajectory | None, str, float]:
-    """The trajectory, what the program said, and seconds; a traceback of any other kind is a defect and is named."""
+    """The trajectory, the program's message, and seconds; a traceback of any other kind is a defect and is named."""
     begun = time.perf_counter()
 
     def report(_: float) -> None:

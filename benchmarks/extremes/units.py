@@ -1,8 +1,8 @@
 """The same scene in other units: masses × a, lengths × b, gravity × c, and time × √(b/c).
 
-With powers of two and the same second every number of a run is the other's times a power of two, but for what a dense
-solve rounds otherwise where lengths change the order of its pivots.  Where the second changes, SciPy's first step does
-too: its rule, (0.01/max(|f|, |f'|))^(1/9), has no unit of time; the two then differ within the tolerance.
+With powers of two and the same second every number of a run is the other's times a power of two, except where a dense
+solve rounds differently because lengths change the order of its pivots.  Where the second changes, so does SciPy's
+first step: its rule, (0.01/max(|f|, |f'|))^(1/9), has no unit of time; the two runs then differ within the tolerance.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ DURATION = 3.0
 
 
 class Compared(NamedTuple):
-    """Whether all steps are the same, whether all angles are bit by bit, and by how much they differ (rad)."""
+    """Whether all steps are the same, whether all angles are identical, and their largest difference (rad)."""
 
     factors: str
     way: str

@@ -1,5 +1,5 @@
-"""What a stranger can do to the command line, and what must never come of it.
+"""Attacks on the command line, and the outcomes that must never result from them.
 
-`judge` runs one command and says what is wrong with how it ended; `scene_files`, `options`, `damage` and
-`interruptions` each make cases of one sort, every case from its own number, so that any one can be done again.
+`judge` runs one command and reports what is wrong with its end; `scene_files`, `options`, `damage` and
+`interruptions` each make cases of one kind, every case from its number, so that any one can be repeated.
 """

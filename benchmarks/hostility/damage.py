@@ -1,4 +1,4 @@
-"""Files that are read back, with bytes changed: each is refused whole, or gives the very numbers that were written."""
+"""Files that are read back, with bytes changed: each is refused whole, or gives exactly the numbers written."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ REFUSED, SAME = "refused", "same"
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of file: the bytes of a good one, and what reading others in their place gives, as text to compare."""
+    """A kind of file: the bytes of a good one, and the result of reading others in its place, as text to compare."""
 
     content: bytes
     read: Callable[[bytes], bytes]
@@ -51,7 +51,7 @@ def kinds() -> dict[str, Kind]:
 
 
 def case(name: str, number: int) -> tuple[str, str]:
-    """Damage a file of a kind in way `number`: what became of it, and the fault, "" where there is none."""
+    """Damage a file of a kind in way `number`: the outcome, and the fault, "" where there is none."""
     kind = kinds()[name]
     content = changed(kind.content, random.Random(f"{name}:{number}"))
     try:
@@ -65,7 +65,7 @@ def case(name: str, number: int) -> tuple[str, str]:
 
 
 def changed(content: bytes, rng: random.Random) -> bytes:
-    """Bytes with one to a few bits flipped, a part cut off or left out, a digit changed, or something put in."""
+    """Bytes with one to a few bits flipped, a part cut off or omitted, a digit changed, or something inserted."""
     at = rng.randrange(len(content))
     sort = rng.random()
     if sort < 0.5:
@@ -118,7 +118,7 @@ def _journal_of(swept: Sweep) -> bytes:
 
 
 def _resumed(study: Study, content: bytes) -> bytes:
-    """What a sweep gives that goes on from a journal."""
+    """The result of a sweep resumed from a journal."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "file.journal"
         path.write_bytes(content)

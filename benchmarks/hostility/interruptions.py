@@ -38,7 +38,7 @@ START = (
     "import os, sys, _signal; _signal.signal(2, _signal.default_int_handler); "
     "from multipendula.__main__ import main; os.write({}, b'!'); sys.exit(main())"
 )
-"""What the installed command does, after a sign that the interpreter is up and this project's code begins.
+"""The installed command, with a sign when the interpreter is up and this project's code begins.
 
 A shell's background jobs ignore Ctrl-C, and so would what they start.
 """
@@ -46,7 +46,7 @@ LATEST, PATIENCE, GRACE = 5.0, 60.0, 5.0  # s
 
 
 def case(number: int, folder: Path) -> tuple[str, list[str]]:
-    """Start a command, stop it in way `number`, and look at what is left: what was done, and its faults."""
+    """Start a command, stop it in way `number`, and inspect the remains: what was done, and its faults."""
     rng = random.Random(number)
     words, sign = rng.choice(COMMANDS).split(), rng.choice(SIGNALS)
     delay = LATEST * rng.random() ** 2
@@ -98,7 +98,7 @@ def _stopped(words: list[str], folder: Path, sign: signal.Signals, delay: float)
 
 
 def _wrong_end(code: int | None, sign: signal.Signals) -> Iterator[str]:
-    """A process that its signal ended has no exit code; one that Ctrl-C ended has 130."""
+    """A process ended by its signal has no exit code; one ended by Ctrl-C has 130."""
     if code is None:
         yield f"does not end within {PATIENCE:g} s"
     elif code not in ({0, 130} if sign is signal.SIGINT else {0, 130, 128 + sign, -sign}):
@@ -106,7 +106,7 @@ def _wrong_end(code: int | None, sign: signal.Signals) -> Iterator[str]:
 
 
 def _left(session: int) -> list[int]:
-    """Processes of a session that are still there some seconds after its first one has ended; Linux only."""
+    """Processes of a session that still exist some seconds after its first one has ended; Linux only."""
     until = time.monotonic() + GRACE
     while (found := _of_session(session)) and time.monotonic() < until:
         time.sleep(0.1)
@@ -126,7 +126,7 @@ def _of_session(session: int) -> list[int]:
 
 
 def _resumed(words: list[str], folder: Path) -> Iterator[str]:
-    """Faults of the same sweep taken up again: it gives what one that was never stopped gives."""
+    """Faults of the resumed sweep: it must give the same as one that was never stopped."""
     command = [sys.executable, "-m", "multipendula"]
     again = subprocess.run([*command, *words], cwd=folder, capture_output=True, check=False)
     clean = folder / f"clean{Path(words[-1]).suffix}"

@@ -1,4 +1,4 @@
-"""One command run in this process, and what is wrong with how it ended."""
+"""One command run in this process, and what is wrong with its end."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ LOADED = (
 
 
 class OutOfPatienceError(BaseException):
-    """A command that goes on for longer than anybody waits here; nothing in the program may catch it."""
+    """A command that exceeds its time limit; nothing in the program may catch it."""
 
 
 @dataclass(frozen=True)
 class Ended:
-    """A command's exit code (None where it was not waited for), what it said, and every fault of its."""
+    """A command's exit code (None where it was not waited for), its output, and all of its faults."""
 
     words: tuple[str, ...]
     code: int | None
@@ -54,7 +54,7 @@ class Ended:
 
 
 def run(words: Sequence[str], folder: Path, *, stdin: bytes = b"", patience: float = 20.0, text: bool = True) -> Ended:
-    """Run `multipendula WORDS` in a folder; `text` says that standard output is for a terminal."""
+    """Run `multipendula WORDS` in a folder; `text` tells that standard output is for a terminal."""
     before, began = contents(folder), perf_counter()
     out, err = _stream(), _stream()
     code: int | None = None
@@ -78,7 +78,7 @@ def run(words: Sequence[str], folder: Path, *, stdin: bytes = b"", patience: flo
 
 
 def wrong_words(code: int, out: str, err: str) -> Iterator[str]:
-    """Faults of an exit code and of what was printed."""
+    """Faults of an exit code and of the output."""
     if code not in CODES:
         yield f"exit code {code}"
     if "Traceback" in err:
@@ -96,7 +96,7 @@ def wrong_words(code: int, out: str, err: str) -> Iterator[str]:
 
 
 def unprintable(letter: str) -> bool:
-    """Whether a letter steers a terminal instead of being shown: controls, marks of direction, line separators."""
+    """Whether a letter controls a terminal instead of being shown: controls, direction marks, line separators."""
     return letter not in "\n\t" and (category(letter) in {"Cc", "Zl", "Zp", "Cs"} or letter in DIRECTIONS)
 
 
@@ -115,7 +115,7 @@ def contents(folder: Path) -> dict[str, tuple[int, int]]:
 
 
 def left_behind(before: dict[str, tuple[int, int]], folder: Path, code: int | None) -> Iterator[str]:
-    """Temporary files that are still there, and any file that a command which failed has made or changed."""
+    """Temporary files that remain, and any file that a failed command has made or changed."""
     for name, status in contents(folder).items():
         if TEMPORARY in name and name not in before:
             yield f"left {name}"
@@ -147,7 +147,7 @@ def _standing_in(folder: Path, stdin: bytes, out: io.TextIOWrapper, err: io.Text
 
 @contextlib.contextmanager
 def _at_most(seconds: float) -> Iterator[None]:
-    """Raise OutOfPatienceError in the block after so many seconds of work or ten times as many of waiting.
+    """Raise OutOfPatienceError in the block after this many seconds of work or ten times as many of waiting.
 
     Does nothing where the platform has no such alarm.
     """
@@ -171,7 +171,7 @@ def _at_most(seconds: float) -> Iterator[None]:
 
 
 def warm_up() -> None:
-    """Load what commands load when first needed, so that no patience ends in the midst of it."""
+    """Load what commands load on first use, so that no time limit expires during it."""
     for name in LOADED:
         with contextlib.suppress(ImportError):
             import_module(name)

@@ -1,4 +1,4 @@
-"""Every option of every command with every value that a stranger may try."""
+"""Every option of every command with every value that a user may try."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ def _given(option: str, value: str) -> tuple[str, ...]:
 
 
 def case(call: tuple[str, ...], folder: Path, *, patience: float = 10.0) -> Ended:
-    """Do one call in a folder that has a small scene, a driven one and a broken file."""
+    """Run one call in a folder that has a small scene, a driven one and a broken file."""
     (folder / "small.toml").write_text(SMALL, encoding="utf-8")
     (folder / "clock.toml").write_text(CLOCK, encoding="utf-8")
     (folder / "broken.npz").write_bytes(random.Random(0).randbytes(300))

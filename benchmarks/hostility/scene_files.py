@@ -44,11 +44,11 @@ HEAVY = (
     *("explain FILE -o e.svg", "check FILE --mode 1 --amplitude 1", "advise FILE --accuracy 1e-3 --duration 0.1"),
     "sweep FILE --vary gravity=1:10:3 --workers 1 -o sweep.csv",
 )
-MOST_LETTERS_OF_HEAVY = 3000  # larger files are for the light commands
+MOST_LETTERS_OF_HEAVY = 3000  # larger files are given to fast commands only
 
 
 def case(number: int, folder: Path, *, patience: float = 20.0) -> Ended:
-    """Make scene file `number`, give it to a command, and judge."""
+    """Make scene file `number`, give it to a command, and judge the result."""
     rng = random.Random(number)
     text = scene_file(rng)
     few = len(text) < MOST_LETTERS_OF_HEAVY
@@ -146,7 +146,7 @@ def _nested(value: object) -> bool:
 
 
 def damaged(text: bytes, rng: random.Random) -> bytes:
-    """A text with bytes changed, cut, doubled or put in."""
+    """A text with bytes changed, cut, doubled or inserted."""
     at = rng.randrange(len(text) + 1)
     end = min(len(text), at + rng.randint(1, 40))
     kinds = (

@@ -3,11 +3,11 @@
     python benchmarks/sync/exchange.py [--quick]
 
 One pendulum of the shipped scene `paper-cart-2` is released at a small angle, the other hangs.  Each pendulum's motion
-is projected on its own modes, those on a support that stands still, φ_rᵀAφ_s = δ_rs: with η_r = φ_rᵀAθ
+is projected on its fixed-base modes, φ_rᵀAφ_s = δ_rs: with η_r = φ_rᵀAθ
 
     E_r = (η_r'² + ω_r² η_r²)/2,       share of the second pendulum  s_r = E_r2/(E_r1 + E_r2) = (1 − cos Δω_r t)/2
 
-in the family r, slow or fast, whose two modes are Δω_r apart.  s_r rises through one half once a period 2π/Δω_r.
+in the family r, slow or fast, whose two modes are Δω_r apart.  s_r rises through one half once per period 2π/Δω_r.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
 
 FAMILIES = ("slow", "fast")
-WINDOW_S = 6.0  # over which shares are averaged: some swings of the slow family, little of an exchange
+WINDOW_S = 6.0  # averaging window of shares: some periods of the slow family, little of an exchange
 
 
 def tabled() -> Floats:

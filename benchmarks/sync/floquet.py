@@ -1,4 +1,4 @@
-"""Two clocks on a free beam: their exact periodic motions and Floquet multipliers, beside what averaging says.
+"""Two clocks on a free beam: exact periodic motions and Floquet multipliers, compared with averaging.
 
     python benchmarks/sync/floquet.py
 
@@ -36,7 +36,7 @@ TOGETHER = 1e-9  # rad
 
 @dataclass(frozen=True)
 class Pair:
-    """Two clocks, the second of so much more `extra` inertia; y = (θ₁, θ₂, θ₁', θ₂', x')."""
+    """Two clocks, the second with `extra` more inertia; y = (θ₁, θ₂, θ₁', θ₂', x')."""
 
     mass: float
     length: float
@@ -61,12 +61,12 @@ class Pair:
 
     @property
     def drift(self) -> float:
-        """The rate c/M (1/s) at which a beam that drifts along with its clocks is stopped, exactly."""
+        """The rate c/M (1/s) at which a beam drifting along with its clocks is stopped, exactly."""
         return self.damper / (self.beam + 2 * self.mass)
 
     @cached_property
     def scene(self) -> Scene:
-        """The same for the package."""
+        """The same clocks as a scene of the package."""
         size = {"mass": self.mass, "length": self.length, "damping": self.joint, "drive": self.drive}
         inertias = (self.inertia, self.inertia + self.extra)
         links = [Body(**size, centre=self.centre, inertia=one) if one else Bob(**size) for one in inertias]
@@ -80,7 +80,7 @@ class Pair:
         return np.moveaxis(np.array([*rows, (b * cosine[0], b * cosine[1], total)]), (0, 1), (-2, -1))
 
     def rate(self, y: Complexes) -> Complexes:
-        """Of y (5, ...)."""
+        """The time derivative of y (5, ...)."""
         q, v = y[:2], y[2:4]
         drain = -self.joint * v
         if isinstance(self.drive, VanDerPol):
@@ -92,11 +92,11 @@ class Pair:
         return np.array([*v, *np.moveaxis(found, -1, 0)])
 
     def slope(self, y: Floats) -> Floats:
-        """Of the rate (5, 5), by complex steps."""
+        """The Jacobian of the rate (5, 5), by complex steps."""
         return np.asarray(self.rate(y[:, None] + 1j * SMALL * np.eye(5)).imag / SMALL)
 
     def kicked(self, y: Complexes, clock: int, side: float) -> Complexes:
-        """After a kick of one clock."""
+        """The state after a kick of one clock."""
         assert isinstance(self.drive, Escapement)
         push = np.zeros((*y.shape[1:], 3, 1))
         push[..., clock, 0] = side * self.drive.impulse
@@ -156,7 +156,7 @@ class Orbit:
 
     @cached_property
     def exponents(self) -> Complexes:
-        """Of Floquet (1/s), the largest first, but for those of the clocks' common time and of the drifting beam."""
+        """Floquet exponents (1/s), the largest first, without those of the phase and of the drifting beam."""
         values = np.linalg.eigvals(self.monodromy)
         for known in (1.0, np.exp(-self.pair.drift * self.period)):
             values = np.delete(values, np.abs(values - known).argmin())
@@ -165,12 +165,12 @@ class Orbit:
 
     @property
     def growth(self) -> float:
-        """The largest rate (1/s) at which neighbours leave."""
+        """The largest growth rate (1/s) of perturbations."""
         return float(self.exponents[0].real)
 
 
 def orbit(pair: Pair, y: Floats, period: float) -> Orbit:
-    """The periodic motion next to this, by Newton's method; the first clock turns back at its start."""
+    """The periodic motion closest to this one, by Newton's method; the first clock turns back at its start."""
     for _ in range(NEWTON):
         end, matrix = pair.flow(y, period)
         if np.abs(end - y).max() < DONE:
@@ -184,7 +184,7 @@ def orbit(pair: Pair, y: Floats, period: float) -> Orbit:
 
 
 def near(pair: Pair, one: RelativeEquilibrium) -> Orbit:
-    """The exact motion beside an averaged configuration."""
+    """The exact motion close to an averaged configuration."""
     place = one.averaged.shapes @ one.z
     turn = np.exp(-1j * np.angle(place[1]))
     q, v = (place * turn).real, (1j * one.omega * place * turn).real
@@ -192,13 +192,13 @@ def near(pair: Pair, one: RelativeEquilibrium) -> Orbit:
 
 
 def metronomes(angle_deg: float, beam: float = 0.95, strength: float = 2e-5, damper: float = 0.01) -> Pair:
-    """Like the shipped ones, with this γ₀, on other beams."""
+    """Metronomes like the shipped ones, with this γ₀, on other beams."""
     drive = VanDerPol(strength=strength, angle_deg=angle_deg)
     return Pair(0.025, 0.1, 0.02, 1e-5, 1e-6, beam, damper, drive)
 
 
 def huygens(beam: float, factor: float = 1.0) -> Pair:
-    """The shipped clocks on a beam of this mass (kg), dampers at the joints and kicks so many times as strong."""
+    """The shipped clocks on a beam of this mass (kg), with joint dampers and kicks multiplied by a factor."""
     drive = Escapement(impulse=2.9e-5 * factor, angle_deg=3.0)
     return Pair(0.082, 0.14, 0.14, 0.0, 1.35e-4 * factor, beam, 4.0, drive)
 

@@ -1,22 +1,22 @@
-"""Huygens' two clocks on a beam: over which beams antiphase survives, and where a clock stops.
+"""Huygens' two clocks on a beam: on which beams antiphase survives, and where a clock stops.
 
     python benchmarks/sync/huygens.py [--quick]
 
 After Bennett, Schatz, Rockwood & Wiesenfeld, Proc. R. Soc. A 458, 563 (2002), who found antiphase on heavy beams and
-`beating death' on light ones: the energy that the clocks exchange takes one below the swing its escapement needs, and
-it stops.  The numbers are those of the shipped scene `huygens` and ours; what is varied is the mass of the beam, and
-with it the ratio m/(M + 2m).  A clock alone needs
+`beating death' on light ones: the energy that the clocks exchange reduces the amplitude of one below that needed by its
+escapement, and it stops.  The numbers are those of the shipped scene `huygens` and ours; the mass of the beam is
+varied, and with it the ratio m/(M + 2m).  A clock alone needs
 
-    π d ω a² = 2 P ω √(a² − γ₀²)      (loss and feed of a period, small angles)
+    π d ω a² = 2 P ω √(a² − γ₀²)      (loss and supply per period, small angles)
 
-and so has two amplitudes a: the larger is its swing, below the smaller it dies.  Both meet at a = √2 γ₀, so that no
-damper above P/πγ₀ lets it go.  In phase the damper c of the beam adds to that of each clock
+and so has two amplitudes a: the larger is its steady one, below the smaller it dies out.  Both meet at a = √2 γ₀, so
+that a damper above P/πγ₀ stops it.  In phase the damper c of the beam adds to that of each clock
 
     d_in − d = 2 c (m l/(M + 2m))²/(1 + η²),      η = c/((M + 2m) ω),
 
-wherefore both clocks stop on beams lighter than where d_in = P/πγ₀ (our derivation, small angles, ω of a clock alone;
-kicks that come before the extreme speed a clock up a little, which is left out).  That death is one of both clocks;
-one alone stops here on heavy beams, in beats that begin between the phases.
+so that both clocks stop on beams lighter than where d_in = P/πγ₀ (our derivation, small angles, ω of a clock alone;
+kicks that come before the extreme speed a clock up a little, which is neglected).  There both clocks stop; one alone
+stops here on heavy beams, in beats from starts between the two phases.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def on(mass: float) -> Scene:
 
 
 def amplitudes_deg(scene: Scene) -> tuple[float, float]:
-    """Of a clock alone: that which it needs, and that which it takes, from the balance of energy."""
+    """The smallest and the steady amplitude of a clock alone, from the balance of energy."""
     link = scene.pendulum[0].links[0]
     assert isinstance(link.drive, Escapement)
     angle, K = math.radians(link.drive.angle_deg), 2 * link.drive.impulse / (math.pi * link.damping)
@@ -77,7 +77,7 @@ def lightest_simulated(relative: float = 0.01, seconds: float = 300.0) -> float:
 
 
 def outcome(scene: Scene, start: tuple[float, float], seconds: float = SECONDS) -> Outcome:
-    """What becomes of two clocks released at these angles (deg)."""
+    """The outcome for two clocks released at these angles (deg)."""
     times = np.linspace(seconds - LATE, seconds, 3001)
     run = simulate(scene, seconds, tolerance=1e-7, start=state_at_rest(scene, start), output=times)
     going = np.unique(run.kicks.link[run.kicks.time > seconds - LATE])

@@ -9,8 +9,8 @@ the shape of one mode and a little of all others.  With
 
     E_r = ((φ_rᵀM q')² + ω_r² (φ_rᵀM q)²)/2,        φ_rᵀMφ_s = δ_rs,
 
-that mode stays if its share of the energy is larger in the end than at first.  Beside every run stands what the
-averaged equations say of the configuration: stable, unstable, or there is none.
+that mode persists if its share of the energy is larger at the end than at the start.  Every run is listed with the
+prediction of the averaged equations for the configuration: stable, unstable, or none.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def modes(scene: Scene) -> tuple[Floats, Floats, Floats]:
 
 @cache
 def shares(scene: Scene, start: int, seconds: float = SECONDS) -> Floats:
-    """Of the energy of the four modes at first and at the end of a run that begins in one of them, (2, 4)."""
+    """Energy shares of the four modes at the start and at the end of a run that begins in one of them, (2, 4)."""
     omega, shapes, M = modes(scene)
     size = math.radians(TOP_DEG) / np.abs(shapes[[1, 3]]).max(axis=0) * np.where(np.arange(4) == start, 1.0, ASIDE)
     q = shapes @ size
@@ -74,7 +74,7 @@ def shares(scene: Scene, start: int, seconds: float = SECONDS) -> Floats:
 
 
 def attracts(scene: Scene, start: int, seconds: float = SECONDS) -> str:
-    """`stays` where all other modes lose, else the number of the one that takes over, or `mixed`."""
+    """`stays` where all other modes decay, else the number of the one that takes over, or `mixed`."""
     begun, found = shares(scene, start, seconds)
     winner = int(np.argmax(found))
     if winner == start:
@@ -83,7 +83,7 @@ def attracts(scene: Scene, start: int, seconds: float = SECONDS) -> str:
 
 
 def averages(scene: Scene) -> tuple[str, ...]:
-    """What the averaged equations say of each mode by itself, in the order of NAMES: stable, unstable, or none."""
+    """The prediction of the averaged equations for each mode, in the order of NAMES: stable, unstable, or none."""
     fates = {one.row: one.is_stable for one in relative_equilibria(average(scene)) if one.share.max() > PURE}
     rows = 1 + np.argsort(np.argsort(modes(scene)[0]))  # row 0 of the table is the beam's own
     return tuple("none" if row not in fates else "stable" if fates[row] else "unstable" for row in rows)

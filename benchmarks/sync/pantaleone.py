@@ -41,11 +41,11 @@ from nonlinear.system import State, level_crossing, system_of
 G, MASS, CENTRE, INERTIA = 9.81, 0.022, 0.012, 4.5e-6
 MOMENT = INERTIA + MASS * CENTRE**2
 OMEGA = math.sqrt(MASS * G * CENTRE / MOMENT)
-SMALL = 1e-5  # disturbance (rad)
+SMALL = 1e-5  # perturbation (rad)
 
 
 class Base(NamedTuple):
-    """Coupling β, drive μ and damping η without units."""
+    """Dimensionless coupling β, drive μ and damping η."""
 
     coupling: float
     drive: float = 0.02
@@ -80,7 +80,7 @@ def cycle(scene: Scene) -> tuple[float, float]:
 
 
 def multiplier(base: Base, limit_deg: float) -> float:
-    """The largest over one period of antiphase, of disturbances in which the metronomes move alike."""
+    """The largest multiplier over one period of antiphase, for perturbations in which the metronomes move alike."""
     scene = base.scene(limit_deg)
     speed, period = cycle(scene)
     units = np.array([1.0, OMEGA, CENTRE * OMEGA])[: 3 if base.damping else 2]
@@ -89,7 +89,7 @@ def multiplier(base: Base, limit_deg: float) -> float:
 
 
 def _moved(scene: Scene, period: float, speed: float, step: Floats) -> Floats:
-    """What a period makes of half the difference between two starts disturbed either way."""
+    """Half the difference after one period between two starts perturbed either way."""
     ends = []
     for sign in (1, -1):
         angle, rate, cart_rate = sign * np.pad(step, (0, 3 - len(step)))

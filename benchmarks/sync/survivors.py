@@ -1,11 +1,11 @@
-"""Whether the survivor that is predicted is the one that survives, and when: a held set of driven scenes, simulated.
+"""Whether the predicted survivor survives, and when: a held-out set of driven scenes, simulated.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/sync/survivors.py [--quick] [--csv FILE]
 
 Random scenes of two to six equal pendula of one or two links on one cart, light to heavy, with and without damper and
-spring, kept going by van der Pol torques or escapements, released at random angles; no constant of the code was fitted
-to them.  Each is predicted by the averaged equations and then simulated as a whole at a tolerance of 1e-8, for one and
-a half times the predicted locking time and 50 periods.  Who survives and since when is read off the run by
+spring, sustained by van der Pol torques or escapements, released at random angles; no constant of the code was fitted
+to them.  Each is predicted by the averaged equations and then simulated in full at a tolerance of 1e-8, for one and
+a half times the predicted locking time and 50 periods.  The survivor and its time are determined from the run by
 `nonlinear.synchronization.modal_energy`.  A scene that would take more than LONGEST periods is predicted but not
 judged.
 """
@@ -31,14 +31,14 @@ from nonlinear.simulation import simulate
 from nonlinear.synchronization import Survival, find_survival
 
 SCENES, QUICK, FIRST = 150, 6, 900_000
-TOLERANCE, LONGER, MORE, LONGEST, SAMPLES = 1e-8, 1.5, 50, 1200, 12  # the last three in periods, samples a period
-CLOSE, BRAKED = 0.2, 0.3  # of a time; of the frequency, the rate at which dampers stop a cart at most
+TOLERANCE, LONGER, MORE, LONGEST, SAMPLES = 1e-8, 1.5, 50, 1200, 12  # the last three in periods, samples per period
+CLOSE, BRAKED = 0.2, 0.3  # relative tolerance of a time; largest damping rate of a cart over the frequency
 GRAVITY = 9.81
 
 
 @dataclass(frozen=True)
 class Case:
-    """One scene: what was predicted, rows from 1, and what the run shows, times in s; NaN where there is none."""
+    """One scene: the prediction, rows from 1, and the result of the run, times in s; NaN where there is none."""
 
     seed: int
     pendula: int
@@ -61,7 +61,7 @@ class Case:
 
     @property
     def timed(self) -> bool:
-        """Whether its locking time is."""
+        """Whether its locking time is claimed."""
         return not self.timing_doubts
 
     @property
@@ -71,7 +71,7 @@ class Case:
 
     @property
     def right(self) -> bool:
-        """Whether it is the one that was predicted."""
+        """Whether the survivor is the predicted one."""
         return self.row == self.run_row
 
     @property
@@ -108,7 +108,7 @@ def _link(rng: random.Random, mass: float, length: float, damping: float) -> dic
 
 
 def _drive(rng: random.Random, strength: float, damping: float) -> dict[str, Any]:
-    """A torque or kicks that one pendulum would answer with some degrees beside this damper."""
+    """A torque or kicks that sustain one pendulum at some degrees with this damper."""
     if rng.random() < 0.6:
         return {"kind": "van-der-pol", "strength": damping + strength, "angle_deg": rng.uniform(2, 8)}
     size, share = radians(rng.uniform(3, 11)), rng.uniform(0, 0.5)
@@ -117,7 +117,7 @@ def _drive(rng: random.Random, strength: float, damping: float) -> dict[str, Any
 
 
 def _cart(rng: random.Random, hung: float, omega: float, rate: float) -> dict[str, Any]:
-    """Light to heavy; its damper takes from pendula in phase at a rate like that of the drives."""
+    """Light to heavy; its damper acts on pendula in phase at a rate similar to that of the drives."""
     mass = hung * 10 ** rng.uniform(-0.3, 2.3)
     taken = rate * 10 ** rng.uniform(-1, 0.5) * (rng.random() < 0.75)
     stiffness = (mass + hung) * (omega * rng.uniform(0.2, 3)) ** 2 * (rng.random() < 0.25)
@@ -145,7 +145,7 @@ def judged(seed: int) -> Case:
 
 
 def _duration(said: Prediction) -> tuple[float, float]:
-    """How long (s) a scene is simulated, and its slowest period."""
+    """The simulated duration (s) of a scene, and its slowest period."""
     period = 2 * pi / float(said.averaged.omega.min())
     ends = said.locking_time()
     return LONGER * (float(said.motion.times[-1]) if ends is None else ends) + MORE * period, period
@@ -204,14 +204,14 @@ def _seconds(values: list[float]) -> str:
 
 
 def progress(done: int, whole: int) -> None:
-    """A bar where somebody looks on."""
+    """A progress bar on a terminal."""
     if sys.stderr.isatty():
         bar = "#" * (30 * done // whole)
         print(f"\r[{bar:30s}] {done}/{whole}", end="\n" if done == whole else "", file=sys.stderr, flush=True)
 
 
 def main() -> None:
-    """Run the set and print what came of it."""
+    """Run the set and print the results."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenes", type=int, default=SCENES)
     parser.add_argument("--first", type=int, default=FIRST)

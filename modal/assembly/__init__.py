@@ -10,7 +10,7 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices, matrices_of
-from modal.assembly.stacks import Group, Stack, can_stack, form_of, stacked
+from modal.assembly.stacks import Group, Stack, can_stack, stacked
 
 __all__ = [
     "ARRAYS",
@@ -26,7 +26,6 @@ __all__ = [
     "can_stack",
     "coordinate_labels",
     "dampers",
-    "form_of",
     "masses_below",
     "matrices",
     "matrices_of",

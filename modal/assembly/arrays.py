@@ -1,7 +1,7 @@
 """A scene as arrays: pendula with bitwise equal links are one column with a count.
 
-Pendula are sorted into blocks by their number of links n; a block of P different chains holds (n, P) arrays.
-The natural units of a rig are powers of two next to its largest mass and length, with g = 1, so that rescaling
+Pendula are sorted into blocks by their number of links n; a block of P different chains has (n, P) arrays.
+The natural units of a rig are powers of two near its largest mass and length, with g = 1, so that rescaling
 a scene (grams, tonnes) changes nothing but the last rounding.
 """
 
@@ -21,13 +21,14 @@ from modal.scene import Cart, Pendulum, Scene, validate_scene
 from modal.types import Booleans, Floats, Ints
 
 ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
+ONE = np.zeros(1, dtype=np.int64)
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
     """P different chains of n links: arrays of shape (n, P), top link first; `count` (P,) copies of each.
 
-    `sigma` is 1 where a link points down at rest and −1 where it points up.
+    `sigma` is 1 where a link points down at equilibrium and −1 where it points up.
     """
 
     mass: Floats
@@ -41,7 +42,7 @@ class Block:
 
     @property
     def n(self) -> int:
-        """Links in each chain."""
+        """Number of links in each chain."""
         return int(self.mass.shape[0])
 
     @property
@@ -51,7 +52,7 @@ class Block:
 
     @cached_property
     def is_plain(self) -> Booleans:
-        """Which chains (P,) have neither joint springs nor dampers, and no link that points up."""
+        """Which chains (P,) have neither joint springs nor dampers nor inverted links."""
         broken = (self.damping > 0) | (self.stiffness > 0) | (self.sigma < 0)
         return np.asarray(~broken.any(0), dtype=np.bool_)
 
@@ -82,13 +83,15 @@ class Block:
 
     def heavier(self, factor: Floats | Ints) -> Block:
         """Chain p with factor[p] times the mass, dampers and springs: that many equal copies moving as one."""
+        if (factor == 1).all():
+            return self
         extensive = ("mass", "inertia", "damping", "stiffness")
         return replace(self, **{name: getattr(self, name) * factor for name in extensive})
 
 
 @dataclass(frozen=True, eq=False)
 class Units:
-    """How many kg, m and m/s² one natural unit is."""
+    """The size of each natural unit in kg, m and m/s²."""
 
     mass: float
     length: float
@@ -96,7 +99,7 @@ class Units:
 
     @property
     def rate(self) -> float:
-        """rad/s in one natural unit of angular frequency, sqrt(g/L)."""
+        """The natural unit of angular frequency, sqrt(g/L), in rad/s."""
         return sqrt(self.gravity / self.length)
 
 
@@ -110,7 +113,7 @@ class CartNumbers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and who hangs where.
+    """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and the pendula's positions.
 
     `members` follows the file: (block, column, copies) for every pendulum entry.
     """
@@ -123,7 +126,7 @@ class Rig:
 
     @cached_property
     def total_mass(self) -> float:
-        """Everything that hangs, and the cart (kg)."""
+        """Total mass of all links and the cart (kg)."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
         return hanging + (self.cart.mass if self.cart else 0.0)
 
@@ -134,7 +137,7 @@ class Rig:
 
     @cached_property
     def names(self) -> dict[tuple[int, int], str]:
-        """Every kind (block, column), block by block, by the first of its pendula, copies counted out from 1."""
+        """Every kind (block, column), block by block, named by its first pendulum, copies numbered from 1."""
         found: dict[tuple[int, int], tuple[int, int]] = {}
         passed = 0
         for block, column, count in self.members:
@@ -147,7 +150,7 @@ class Rig:
         }
 
     def natural(self) -> tuple[Rig, Units]:
-        """The same rig in its natural units, and what those are in SI units."""
+        """The same rig in its natural units, and these units in SI."""
         heaviest = max(float(block.mass.max()) for block in self.blocks)
         longest = max(float(block.length.max()) for block in self.blocks)
         units = Units(2.0 ** frexp(heaviest)[1], 2.0 ** frexp(longest)[1], self.gravity)
@@ -174,12 +177,12 @@ class Rig:
 
 
 def masses_below(mass: Floats) -> Floats:
-    """Σ_{k>i} m_k for every link i, as `modal.pair` says, of arrays with links first."""
+    """Σ_{k>i} m_k for every link i, as in `modal.pair`, for arrays with links first."""
     return np.concatenate([np.cumsum(mass[:0:-1], axis=0)[::-1], np.zeros_like(mass[:1])])
 
 
 def rig_of(scene: Scene) -> Rig:
-    """The arrays of a scene, in SI units; SceneError for what is none."""
+    """The arrays of a scene, in SI units; SceneError for an invalid one."""
     validate_scene(scene)
     deep = sorted(range(len(scene.pendulum)), key=lambda index: scene.pendulum[index].n_links)
     members: list[tuple[int, int, int]] = [(0, 0, 0)] * len(deep)
@@ -205,7 +208,9 @@ def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:
 
 
 def _different(table: Floats) -> tuple[Ints, Ints]:
-    """The first of each kind of row, in their order, and the kind of every row."""
+    """The first row of each kind, in their order, and the kind of every row."""
+    if len(table) == 1:
+        return ONE, ONE
     kinds: dict[bytes, int] = {}
     columns = [kinds.setdefault(row.tobytes(), len(kinds)) for row in table]
     first = dict(zip(reversed(columns), reversed(range(len(columns))), strict=True))

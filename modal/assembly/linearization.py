@@ -1,11 +1,11 @@
-"""M, K and D about a scene's rest, written out: for printing, for small dense problems and for oracles.
+"""M, K and D about a scene's equilibrium as dense matrices: for printing, small problems and reference results.
 
     M = [[M_tot, σ_i b_i], [σ_i b_i, σ_i σ_j A_ij]],   K = diag(k_c, g σ_i b_i) + torsion springs,
     D = diag(c_c, 0) + joint dampers
 
-over the coordinates x (on a cart), then the absolute angle of every link from its rest, pendulum by pendulum, top to
-bottom; σ_i is 1 for a link that hangs and −1 for one that stands.  A spring or damper at a joint acts on the
-difference of two neighbouring angles, the spring being relaxed at the rest.
+over the coordinates x (on a cart), then the absolute angle of every link from equilibrium, pendulum by pendulum, top to
+bottom; σ_i is 1 for a hanging link and −1 for an inverted one.  A spring or damper at a joint acts on the
+difference of two neighbouring angles, the spring being relaxed at equilibrium.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ class Matrices:
 def matrices(scene: Scene) -> Matrices:
     """M (kg, kg m, kg m²), K and D of the whole scene, in SI units.
 
-    In space these describe the motion along the rail; across it a cart is a fixed support.
+    For a scene in space these describe the motion along the rail; across it a cart is a fixed support.
     Raises ComputationError beyond LARGEST_DENSE coordinates.
     """
     return matrices_of(rig_of(scene))
 
 
 def matrices_of(rig: Rig) -> Matrices:
-    """The same of a scene's arrays."""
+    """M, K and D from a scene's arrays."""
     size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + (rig.cart is not None)
     if size > LARGEST_DENSE:
         raise ComputationError(
@@ -56,7 +56,7 @@ def matrices_of(rig: Rig) -> Matrices:
 
 
 def coordinate_labels(rig: Rig) -> tuple[str, ...]:
-    """`x`, then `theta[pendulum,link]`, both counted from 1 with copies counted out."""
+    """`x`, then `theta[pendulum,link]`, both counted from 1, copies counted separately."""
     links = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     angles = [f"theta[{p},{i}]" for p, n in enumerate(links, 1) for i in range(1, n + 1)]
     return (*(["x"] if rig.cart else []), *angles)
@@ -84,7 +84,7 @@ def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tup
 
 
 def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
-    """D of the same."""
+    """D of the same coordinates."""
     D = _zeros(columns, cart)
     for block, column, own in _placed(columns, cart):
         _add_joints(D[own, own], block.damping[:, column])
@@ -99,7 +99,7 @@ def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:
 
 
 def _placed(columns: Columns, cart: CartNumbers | None) -> Iterator[tuple[Block, int, slice]]:
-    """Every pendulum with the places of its angles."""
+    """Every pendulum with the slice of its angles."""
     at = 1 if cart else 0
     for block, column in columns:
         yield block, column, slice(at, at + block.n)
@@ -115,6 +115,6 @@ def _add_joints(S: Floats, strength: Floats) -> None:
 
 
 def _diagonal(S: Floats) -> Floats:
-    """A view that can be written to."""
+    """A writable view of the diagonal."""
     found: Floats = np.einsum("ii->i", S[: min(S.shape), : min(S.shape)])
     return found

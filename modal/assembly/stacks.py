@@ -1,4 +1,4 @@
-"""Scenes of one form as one set of arrays: the same pendula, links and support, and other numbers in each.
+"""Scenes of one form as one set of arrays: the same pendula, links and support, with different numbers in each.
 
 The natural units of every scene are powers of two as in `modal.assembly.arrays`, with g = 1.
 """
@@ -7,11 +7,15 @@ from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
+from itertools import chain
+from operator import attrgetter
 
 import numpy as np
 
 from modal.scene import Cart, Pendulum, Scene
 from modal.types import Floats, Ints
+
+KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness"), attrgetter("mass", "length")
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,13 +30,13 @@ class Group:
 
     @property
     def numbers(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """All but the counts."""
+        """All arrays except the counts."""
         return self.mass, self.length, self.centre, self.inertia
 
 
 @dataclass(frozen=True, eq=False)
 class Stack:
-    """S scenes in their natural units, of which one of angular frequency is `rate` (S,) in rad/s.
+    """S scenes in their natural units; `rate` (S,) is the unit of angular frequency in rad/s.
 
     `mass` and `stiffness` (S,) are those of the carts, None where the supports are fixed.
     """
@@ -44,23 +48,24 @@ class Stack:
     spatial: bool
 
 
-def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that can be stacked; None for those with dampers, joint springs or links that point up."""
-    cart = scene.support if isinstance(scene.support, Cart) else None
-    if cart and (cart.damping or not cart.mass):
-        return None
-    pendula = []
-    for pendulum in scene.pendulum:
-        if "up" in (pendulum.equilibrium or ()) or any(link.damping or link.stiffness for link in pendulum.links):
-            return None
-        pendula.append((pendulum.count, tuple((type(link), link.count) for link in pendulum.links)))
-    return cart and cart.stiffness > 0, scene.space, tuple(pendula)
-
-
 def can_stack(scenes: Sequence[Scene]) -> bool:
-    """Whether all scenes are of one form."""
-    form = form_of(scenes[0])
-    return form is not None and all(form_of(scene) == form for scene in scenes)
+    """Whether all scenes have the same form, without dampers, joint springs, massless carts or inverted links."""
+    form = _form(scenes[0])
+    return _is_plain(scenes[0]) and all(_form(scene) == form for scene in scenes)
+
+
+def _form(scene: Scene) -> Hashable:
+    """A key equal for scenes of the same form."""
+    cart = scene.support if isinstance(scene.support, Cart) else None
+    held = cart and (cart.mass > 0, cart.damping, cart.stiffness > 0)
+    pendula = [(pendulum.count, pendulum.equilibrium, *map(KIND, pendulum.links)) for pendulum in scene.pendulum]
+    return held, scene.space, tuple(pendula)
+
+
+def _is_plain(scene: Scene) -> bool:
+    cart = scene.support if isinstance(scene.support, Cart) else None
+    still = all(not link.damping and not link.stiffness for pendulum in scene.pendulum for link in pendulum.links)
+    return still and not scene.stands and not (cart and (cart.damping or not cart.mass))
 
 
 def stacked(scenes: Sequence[Scene]) -> Stack:
@@ -82,9 +87,10 @@ def stacked(scenes: Sequence[Scene]) -> Stack:
 
 
 def _links(scenes: Sequence[Scene]) -> list[Floats]:
-    """Mass, length, centre and inertia (S, L) of all links as written."""
+    """Mass, length, centre and inertia (S, L) of all links as specified."""
     rows = [[link for pendulum in scene.pendulum for link in pendulum.links] for scene in scenes]
-    mass, length = (np.array([[getattr(link, name) for link in row] for row in rows]) for name in ("mass", "length"))
+    sizes = np.fromiter(chain.from_iterable(map(SIZE, chain.from_iterable(rows))), float).reshape(len(rows), -1, 2)
+    mass, length = (np.ascontiguousarray(sizes[..., column]) for column in (0, 1))
     centre, inertia = np.empty_like(mass), np.empty_like(mass)
     kinds = [type(link) for link in rows[0]]
     for kind in set(kinds):
@@ -98,7 +104,7 @@ def _links(scenes: Sequence[Scene]) -> list[Floats]:
 
 
 def _by_length(scene: Scene) -> list[list[tuple[Pendulum, int]]]:
-    """The pendula with the column of their first link, those of one length together."""
+    """The pendula with the column of their first link, grouped by their number of links."""
     found: dict[int, list[tuple[Pendulum, int]]] = {}
     column = 0
     for pendulum in scene.pendulum:

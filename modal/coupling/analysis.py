@@ -1,14 +1,14 @@
-"""How the cart couples the pendula: families of modes, their splitting and beats, and both limits of the cart's mass.
+"""The coupling of pendula through the cart: families of modes, splitting and beats, and limits of the cart's mass.
 
-Pendula whose modes agree in the fixed-support frequency ω_r form family r: their combinations that do not push the cart
+Pendula with a common fixed-base frequency ω_r form family r: their combinations that do not push the cart
 stay at ω_r, and one more moves it, at a zero of the dynamic mass (`modal.coupling.dynamic_mass`),
 
     Δω = ω_zero − ω_r,    beat period 2π/Δω.
 
-With m_r the dynamic mass at ω_r of all but the family itself and μ_r the family's modal effective mass, the coupling
-strength ε_r = μ_r/m_r gives Δω ≈ ½ ε_r ω_r to first order; for N equal simple pendula on a free cart of mass m_c it is
-N m/m_c, and ω_zero = ω_r √(1 + ε_r) is exact.  A heavy cart leaves every mode at its pole, a light one lets the zeros
-of m_dyn − m_c take over.  In space all of this is the motion along the rail; across it nothing is coupled.
+With m_r the dynamic mass at ω_r of everything but the family itself and μ_r the family's modal effective mass, the
+coupling strength ε_r = μ_r/m_r gives Δω ≈ ½ ε_r ω_r to first order; for N equal simple pendula on a free cart of mass
+m_c it is N m/m_c, and ω_zero = ω_r √(1 + ε_r) is exact.  With a heavy cart every mode approaches its pole, with a light
+one the zeros of m_dyn − m_c.  In space all of this is the motion along the rail; across it there is no coupling.
 """
 
 from __future__ import annotations
@@ -33,22 +33,22 @@ from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
 MISSED = 1e-6
-"""How far the sum rule may be missed, relative."""
+"""Largest relative error of the sum rule."""
 FAR = 0.2
-"""Relative difference of first order from the splitting that only a change of m_r explains."""
+"""Relative difference of first order from the splitting above which m_r must vary."""
 ROUGH = 0.02
-"""Relative difference of a splitting from that under a steady m_r, from which both are but a guide."""
+"""Relative difference of a splitting from that with a constant m_r above which both are only a guide."""
 UNEVEN = 1e-3
-"""How far rates of decay within a family may differ, over its splitting and the largest."""
+"""Largest differences of decay rates within a family, over its splitting and over the largest rate."""
 STANDS = "the coupling is explained for hanging pendula: an inverted link has no frequency of its own"
 
 
 @dataclass(frozen=True)
 class CartMode:
-    """A mode that moves the cart: `omega` (rad/s), and where it goes as the cart's mass does.
+    """A mode that moves the cart: `omega` (rad/s), and its limits for extreme cart masses.
 
     `light` is ω as m_c → 0, infinite where the mode is lost, `heavy` as m_c → ∞ (rad/s), `participation` the share in
-    the cart's velocity just after a push.  `family` counts from 0; None for the cart swinging on its own spring.
+    the cart's velocity just after a push.  `family` counts from 0; None for the cart oscillating on its own spring.
     """
 
     omega: float
@@ -60,13 +60,13 @@ class CartMode:
 
 @dataclass(frozen=True)
 class Family:
-    """Fixed-support modes of one frequency `omega` (rad/s): `members` are indices into `OwnModes`.
+    """Fixed-base modes of one frequency `omega` (rad/s): `members` are indices into `FixedBaseModes`.
 
-    `fold` of them in all, so that fold − 1 combinations leave the cart still; `mass` is their modal effective mass
-    μ_r, `rest` the dynamic mass m_r of everything else at ω_r (kg), infinite on a fixed support.  `cart_mode` is the
-    index of the mode that moves the cart and `splitting` its Δω (rad/s); None where there is none.  `exchange` is what
-    becomes of the energy of one pendulum set swinging alone; None where there is only one, where first order does not
-    hold, and where the joints drain some of the pendula faster than others.
+    There are `fold` of them in all, so that fold − 1 combinations leave the cart still; `mass` is their modal effective
+    mass μ_r, `rest` the dynamic mass m_r of everything else at ω_r (kg), infinite on a fixed support.  `cart_mode` is
+    the index of the mode that moves the cart and `splitting` its Δω (rad/s); None where there is none.  `exchange`
+    describes the energy of one pendulum released alone; None where there is only one, where first order does not hold,
+    and where the joints damp some of the pendula faster than others.
     """
 
     omega: float
@@ -80,7 +80,7 @@ class Family:
 
     @property
     def strength(self) -> float:
-        """ε_r = μ_r/m_r, below 0 next above another pole or the cart's spring, infinite where nothing else resists."""
+        """ε_r = μ_r/m_r, negative just above another pole or the cart's spring, infinite where nothing else resists."""
         return self.mass / self.rest if self.rest else inf
 
     @property
@@ -96,19 +96,19 @@ class Family:
 
     @property
     def is_rough(self) -> bool:
-        """Whether a near family takes a part: m_r changes from the pole to the zero, not too much for first order."""
+        """Whether a nearby family interferes: m_r varies from the pole to the zero, not too much for first order."""
         steady, split = self.omega * (sqrt(max(0.0, 1 + self.strength)) - 1), self.splitting or 0.0
         return abs(steady - split) > ROUGH * abs(split)
 
     @property
     def beat(self) -> float | None:
-        """2π/|Δω| (s), in which energy goes from one pendulum of the family to the others and back; None if not."""
+        """2π/|Δω| (s), in which energy passes from one pendulum of the family to the others and back; None if none."""
         return self.exchange.period if self.exchange and self.exchange.beats else None
 
 
 @dataclass(frozen=True, eq=False)
 class Coupling:
-    """How a scene's cart couples its pendula; on a fixed support nothing does, and `dynamic` has a cart of mass 0."""
+    """The coupling of a scene's pendula by its cart; for a fixed support (no coupling) `dynamic` has cart mass 0."""
 
     scene: Scene
     rig: Rig
@@ -128,7 +128,7 @@ class Coupling:
 
     @cached_property
     def families(self) -> tuple[Family, ...]:
-        """One for each distinct fixed-support frequency, ascending."""
+        """The families, one for each distinct fixed-base frequency, ascending."""
         fold = np.bincount(self.pole, weights=self.own.count).astype(int)
         order = np.argsort(self.pole, kind="stable")
         members = np.split(order, np.cumsum(np.bincount(self.pole))[:-1])
@@ -149,7 +149,7 @@ class Coupling:
         return tuple(replace(family, exchange=self._exchange(family)) for family in found)
 
     def _exchange(self, family: Family) -> Transfer | None:
-        """Two levels: one pendulum of the first kind, and what all others of the family do alike."""
+        """Two levels: one pendulum of the first kind, and all others of the family moving alike."""
         members, own = list(family.members), self.own
         rate = own.rate[members]
         uneven = np.ptp(rate) > UNEVEN * (abs(family.splitting or 0.0) + rate.max())
@@ -164,7 +164,7 @@ class Coupling:
 
     @cached_property
     def cart_modes(self) -> tuple[CartMode, ...]:
-        """The modes that move the cart, ascending, but for a free cart's rigid translation; none on a fixed support."""
+        """The modes that move the cart, ascending, except a free cart's rigid translation; none on a fixed support."""
         if not self.on_cart:
             return ()
         zeros = self.dynamic.zeros
@@ -189,7 +189,7 @@ class Coupling:
 
     @cached_property
     def pairs(self) -> tuple[EnergyExchange, ...]:
-        """Pairs of modes of different pendula, those that share most energy first."""
+        """Pairs of modes of different pendula, those that exchange most energy first."""
         return energy_exchanges(self.own, self.dynamic, self.pole, self.rig.cart.damping) if self.rig.cart else ()
 
     talks = former("Coupling", "talks", "pairs")
@@ -201,7 +201,7 @@ class Coupling:
 
     @cached_property
     def _table(self) -> tuple[Floats, Ints] | None:
-        """ω of the modes without dampers and their numbers in the table; None where no table is to be had."""
+        """ω of the modes without dampers and their numbers in the table; None where the table is not available."""
         if self.scene.has_damping and self.scene.n_links > MOST_COMPARED:
             return None
         try:
@@ -210,19 +210,19 @@ class Coupling:
             return None
 
     def number(self, omega: float) -> int | None:
-        """The number in the table of the mode of this frequency (rad/s) without dampers, None where it is not known."""
+        """The number in the table of the undamped mode of this frequency (rad/s), None where unknown."""
         if self._table is None:
             return None
         known, numbers = self._table
         return int(numbers[np.abs(known - omega).argmin()])
 
     def residual(self) -> float:
-        """How far modal effective and residual masses miss the total mass, over it: two independent routes to it."""
+        """Relative error of the total mass from modal effective and residual masses, two independent routes."""
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.rig.blocks)
         return abs(self.dynamic.residual + float(self.dynamic.mass.sum()) - hanging) / hanging
 
     def swept(self, masses: Floats) -> Floats:
-        """ω (len(masses), Z) in rad/s of the modes that move the cart, under carts of these masses (kg) above 0."""
+        """ω (len(masses), Z) in rad/s of the modes that move the cart, for carts of these masses (kg) above 0."""
         return np.array([self.dynamic.with_cart(float(mass)).zeros.omega for mass in masses])
 
     @property
@@ -275,6 +275,6 @@ def explain(scene: Scene) -> Coupling:
 
 
 def _residual(rig: Rig) -> float:
-    """What inertia alone makes the pivots of all pendula feel (kg)."""
+    """The mass of all pendula felt from inertia alone at the pivots (kg)."""
     natural, units = rig.natural()
     return units.mass * float(sum((at_infinity(block)[0] * block.count).sum() for block in natural.blocks))

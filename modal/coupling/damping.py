@@ -4,10 +4,10 @@ To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E,
 
     σ = φᵀDφ/2E = c_c φ_x²/2E + Σ d_i (θ_i − θ_{i−1})²/2E
 
-(Rayleigh, Theory of Sound, §102); modes of equal frequency turn until D is diagonal among them.  A drive that pushes
-every pendulum's top link with the torque e θ_1' gives back e F, F = Σ θ_1²/2E: in the linear scene a mode grows once e
-exceeds σ/F.  The van der Pol torques of the scene itself feed Σ e_i (θ_i − θ_{i−1})²/2E at rest.  Beside σ stands the
-eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
+(Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated until D is diagonal among them.  A drive that
+applies the torque e θ_1' to every pendulum's top link contributes a growth rate e F, F = Σ θ_1²/2E: in the linear scene
+a mode grows once e exceeds σ/F.  The van der Pol torques of the scene itself contribute Σ e_i (θ_i − θ_{i−1})²/2E at
+equilibrium.  σ is listed with the eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
 """
 
 from __future__ import annotations
@@ -37,8 +37,8 @@ class Damped:
     """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
 
     `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart` and `from_joints` add up to σ,
-    `from_drives` is what the scene's own drives feed.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue (rad/s),
-    None where there is none to be had.
+    `from_drives` is the growth rate by the scene's own drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue
+    (rad/s), None where it is not available.
     """
 
     omega: float
@@ -58,7 +58,7 @@ class Damped:
 
     @property
     def decay(self) -> float:
-        """The rate of decay (1/s) of the damped scene itself, −Re λ, or σ where that is all there is."""
+        """The decay rate (1/s) of the damped scene itself, −Re λ, or σ where that is not available."""
         return self.rate if self.exact is None else -self.exact.real + 0.0
 
     @property
@@ -85,7 +85,7 @@ class _Mode(NamedTuple):
 
 
 def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
-    """All modes of a rig in SI units that swing along the rail, ascending; all links hanging.
+    """All modes of a rig in SI units that oscillate along the rail, ascending; all links must hang.
 
     `strengths` are those of `negative_damping`.
     """
@@ -134,7 +134,7 @@ class _Shapes(NamedTuple):
 
 
 def _modes(rig: Rig, found: Spectrum, driven: tuple[Floats, ...]) -> list[_Mode]:
-    """Every mode that swings, ascending."""
+    """Every oscillating mode, ascending."""
     swinging = [number for number, value in enumerate(found.eigenvalue) if value]
     parts = [(number, part) for number in swinging for part in found.groups[number]]
     parts.sort(key=lambda entry: (entry[1].source, entry[1].row))
@@ -180,7 +180,7 @@ def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes, driven: tuple[Flo
 def _relative(
     rig: Rig, part: Part, shapes: _Shapes, driven: tuple[Floats, ...]
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Relative angles (J, d) at all joints that move, their dampers and drives (J,), and 1 for top joints, folded."""
+    """Relative angles (J, d) at all moving joints, their dampers and drives (J,), and 1 for top joints, folded."""
     if part.kind:
         index, column = part.kind
         block = rig.blocks[index]
@@ -198,7 +198,7 @@ def _tops(n: int, count: Floats) -> Floats:
 
 
 def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
-    """The damped eigenvalue of every vector: of the same pendula's, that which least misses λ² + 2σλ + ω² = 0."""
+    """The damped eigenvalue of every vector: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
     if not (rig.cart and rig.cart.damping) and not any(block.damping.any() for block in rig.blocks):
         return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
     unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
@@ -222,7 +222,7 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
 
 
 def _slow(values: NDArray[np.complex128], count: int) -> NDArray[np.complex128]:
-    """Those that swing and of those that creep the slowest, `count` in all: as its slow root a mode ends."""
+    """The oscillating eigenvalues and the slowest of the overdamped ones, `count` in all, since slow roots dominate."""
     order = np.argsort(np.where(values.imag != 0, -np.inf, -values.real), kind="stable")
     return values[order[:count]]
 

@@ -2,10 +2,10 @@
 
     m_dyn(ω) = m_c − k_c/ω² + m_res + Σ_r μ_r ω_r²/(ω_r² − ω²)
 
-over the fixed-support frequencies ω_r of all pendula, μ_r the modal effective mass of all that swings at ω_r and m_res
-the residual mass, what inertia alone makes the pivots feel; a force F on the cart gives it the acceleration F/m_dyn.
-Next to a pole ω_r² − ω² is formed as (ω_r − ω)(ω_r + ω), and a zero is kept as an offset from the pole beside it
-(`modal.eigen.secular`), so that neither loses digits however close the two lie.
+over the fixed-base frequencies ω_r of all pendula, μ_r the total modal effective mass at ω_r and m_res the residual
+mass, which the pivots feel from inertia alone; a force F on the cart accelerates it by F/m_dyn.
+Near a pole ω_r² − ω² is evaluated as (ω_r − ω)(ω_r + ω), and a zero is stored as an offset from the nearest pole
+(`modal.eigen.secular`), so that neither loses digits however close the two are.
 """
 
 from __future__ import annotations
@@ -73,12 +73,12 @@ class DynamicMass:
 
     @property
     def at_infinity(self) -> float:
-        """What is felt at high frequency (kg): the cart and what inertia alone makes the pivots feel."""
+        """The limit at high frequency (kg): the cart, and the mass that the pivots feel from inertia alone."""
         return self.cart + self.residual
 
     @property
     def at_rest(self) -> float:
-        """All mass (kg), the limit at ω = 0 where no spring holds the cart."""
+        """The total mass (kg), the limit at ω = 0 where no spring holds the cart."""
         return self.at_infinity + float(self.mass.sum())
 
     def __call__(self, omega: ArrayLike, left_out: Booleans | None = None) -> Floats:
@@ -96,12 +96,12 @@ class DynamicMass:
         return self.at_infinity - held + found
 
     def with_cart(self, mass: float) -> DynamicMass:
-        """The same under a cart of another mass (kg)."""
+        """The dynamic mass for a cart of another mass (kg)."""
         return replace(self, cart=mass)
 
     @cached_property
     def zeros(self) -> Zeros:
-        """The modes that move the cart, but for a free cart's rigid translation at ω = 0."""
+        """The modes that move the cart, except a free cart's rigid translation at ω = 0."""
         square, weight = self.omega**2, np.maximum(self.mass * self.omega**2, LIGHTEST)
         if self.spring > 0:
             square, weight = np.append(0.0, square), np.append(self.spring, weight)

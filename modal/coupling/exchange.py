@@ -1,16 +1,16 @@
 """The exchange of energy between pendula through the cart: detuning against coupling, two modes at a time.
 
-Modes a and b of different pendula, of fixed-support frequencies ω_a, ω_b and modal effective masses μ_a, μ_b, share a
-cart that resists them with m, the dynamic mass of all else halfway between them.  To first order in μ/m their slow
-amplitudes obey i a' = H a with
+Modes a and b of different pendula, of fixed-base frequencies ω_a, ω_b and modal effective masses μ_a, μ_b, share a
+cart that resists them with m, the dynamic mass of everything else halfway between them.  To first order in μ/m their
+slow amplitudes obey i a' = H a with
 
     H_aa = ω_a (1 + μ_a/2m),    H_ab = g = √(μ_a μ_b ω_a ω_b)/2m,    δ = H_aa − H_bb,
 
-so that of the energy given to one the other gets at most 4g²/(4g² + δ²), once in every 2π/√(4g² + δ²)
-(two coupled oscillators: Landau & Lifshitz, Mechanics, §23).  More than half passes over where |δ| < 2|g|.  All of
-this takes m for a constant: where it changes between ω_a and ω_b, something else takes part in the exchange.
+so that of the energy given to one the other receives at most 4g²/(4g² + δ²), once in every 2π/√(4g² + δ²)
+(two coupled oscillators: Landau & Lifshitz, Mechanics, §23).  More than half is transferred where |δ| < 2|g|.  All of
+this assumes a constant m: where it varies between ω_a and ω_b, something else takes part in the exchange.
 
-Dampers make H complex.  One of c_c on the cart adds c_c/iω to m, those of the joints add iσ_a to H_aa.  With
+Dampers make H complex.  A damper c_c on the cart adds c_c/iω to m, those of the joints add iσ_a to H_aa.  With
 Ω = √(g² + δ²/4) and h half the trace of H,
 
     a = e^{iht} (cos Ωt + iδ/2 sin Ωt / Ω),    b = ig e^{iht} sin Ωt / Ω,
@@ -32,19 +32,19 @@ from modal.types import Booleans, Floats, Ints
 
 SAMPLES = 2001
 MOST_MODES = 40
-"""Modes up to which pairs say anything: among more, so many lie within reach of each other that no two are alone."""
+"""Modes up to which pairs are listed: among more, no two are isolated from the others."""
 STRONG = 0.5
-"""Coupling strength μ/m from which first order says nothing."""
+"""Coupling strength μ/m above which first order is meaningless."""
 STEADY = 0.2
-"""The share of m that may change over the frequencies of a pair that is alone."""
+"""Largest relative change of m over the frequencies of an isolated pair."""
 
 
 @dataclass(frozen=True)
 class Transfer:
-    """What becomes of the energy given to one of two coupled amplitudes, as shares of it.
+    """The later distribution of energy given to one of two coupled amplitudes, as fractions of it.
 
-    `most` is what the other ever holds; after `period` seconds, from one to the other and back, `left` is the most
-    that the first has again.  `beats` if any of it comes back: dampers can part the two before.  `lossless` without
+    `most` is the maximum that the other ever has; after `period` seconds, from one to the other and back, `left` is the
+    maximum that the first has again.  `beats` if any of it comes back, which dampers can prevent.  `lossless` without
     dampers.
     """
 
@@ -56,7 +56,7 @@ class Transfer:
 
 
 def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
-    """Of the amplitudes a' = iHa, H = [[first, coupling], [coupling, second]] in rad/s."""
+    """The transfer between the amplitudes a' = iHa, H = [[first, coupling], [coupling, second]] in rad/s."""
     half, decay = np.complex128(first - second) / 2, (first.imag + second.imag) / 2
     with np.errstate(all="ignore"):
         turn = np.sqrt(np.complex128(coupling) ** 2 + half**2)
@@ -72,7 +72,7 @@ def transfer(first: complex, second: complex, coupling: complex) -> Transfer:
 
 
 def _swung(times: Floats, turn: np.complex128, decay: float) -> Floats:
-    """|e^{iht} sin Ωt / Ω|² at these times: every exponential by itself, none of them grows."""
+    """|e^{iht} sin Ωt / Ω|² at these times, with separate exponentials, none of which grows."""
     grown = np.exp((1j * turn - decay) * times) - np.exp((-1j * turn - decay) * times)
     return np.abs(grown / (2 * turn) if turn else times * np.exp(-decay * times)) ** 2
 
@@ -85,10 +85,10 @@ def _returned(half: np.complex128, turn: np.complex128, decay: float, time: floa
 
 @dataclass(frozen=True)
 class EnergyExchange:
-    """Modes `first` and `second`, indices into `OwnModes`, all copies of each kind swinging alike.
+    """Modes `first` and `second`, indices into `FixedBaseModes`, all copies of each kind moving alike.
 
     `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them, all without dampers, and `exchange`
-    what passes with them; `alone` if no other mode takes part and g is small enough for all this.
+    the transfer with them; `alone` if no other mode takes part and g is small enough for the theory.
     """
 
     first: int
@@ -106,17 +106,17 @@ class EnergyExchange:
 
     @property
     def share(self) -> float:
-        """The most of one's energy that the other ever holds, 0 … 1."""
+        """The largest fraction of one's energy that the other ever has, 0 … 1."""
         return self.exchange.most
 
 
 def energy_exchanges(
     own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, damping: float = 0.0
 ) -> tuple[EnergyExchange, ...]:
-    """Pairs of modes of different kinds, those that share most first.
+    """Pairs of modes of different kinds, those that exchange most first.
 
-    `pole` (K,) is the pole that each mode stands in, `damping` (N s/m) the cart's.  A pair with nothing between them,
-    m = 0, is tied together, and left out: it does not exchange anything.  None of more than MOST_MODES modes.
+    `pole` (K,) is the pole of each mode, `damping` (N s/m) the cart's.  A pair with nothing else on the cart, m = 0, is
+    rigidly coupled and omitted: it exchanges nothing.  There are none for more than MOST_MODES modes.
     """
     places = range(len(own.omega)) if len(own.omega) <= MOST_MODES else ()
     pairs = [(a, b) for a, b in combinations(places, 2) if own.kind[a] != own.kind[b]]
@@ -129,7 +129,7 @@ def energy_exchanges(
 
 
 def _between(dynamic: DynamicMass, poles: Ints) -> Floats:
-    """M (pairs,) in kg: the dynamic mass without the two poles of each pair, halfway between them."""
+    """The m (pairs,) in kg: the dynamic mass without the two poles of each pair, halfway between them."""
     return _without(dynamic, poles, np.sqrt(dynamic.omega[poles].prod(1)))
 
 
@@ -140,7 +140,7 @@ def _without(dynamic: DynamicMass, poles: Ints, omega: Floats) -> Floats:
 
 
 def _alone(own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m: Floats) -> Booleans:
-    """Whether a pair has its poles for itself, is not coupled strongly, and m is steady over all frequencies of its."""
+    """Whether no other mode shares the poles of a pair, its coupling is weak, and m is steady over its frequencies."""
     mass = (own.mass * own.count)[pairs]
     omega, company = own.omega[pairs], np.bincount(pole)[pole[pairs]]
     with np.errstate(all="ignore"):
@@ -155,7 +155,7 @@ def _alone(own: FixedBaseModes, dynamic: DynamicMass, pole: Ints, pairs: Ints, m
 
 
 def _exchange(own: FixedBaseModes, a: int, b: int, m: float, damping: float, *, alone: bool) -> EnergyExchange:
-    """Pair (a, b) on a cart that resists with m and a damper."""
+    """The pair (a, b) on a cart that resists with m and a damper."""
     wa, wb = float(own.omega[a]), float(own.omega[b])
     ma, mb = (float(own.mass[k] * own.count[k]) for k in (a, b))
     detuning = (wa - wb) + (wa * ma - wb * mb) / (2 * m)

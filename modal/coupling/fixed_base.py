@@ -4,8 +4,8 @@ A mode φ of K φ = ω² A φ pushes the support with the momentum φᵀb; its m
 
     μ_r = (φ_rᵀ b)² / (φ_rᵀ A φ_r),        Σ_r μ_r + residual mass = mass of the pendulum,
 
-is what it adds to the mass that the support feels (Clough & Penzien, Dynamics of Structures, §26-4).  These are the
-modes of the conservative scene, along the rail; to first order the dampers of its joints drain each at
+is its contribution to the mass felt at the support (Clough & Penzien, Dynamics of Structures, §26-4).  These are the
+modes of the conservative scene, along the rail; to first order the dampers of its joints damp each at the rate
 σ = Σ d_i (φ_i − φ_{i−1})² / 2φᵀAφ.
 """
 
@@ -22,10 +22,10 @@ from modal.types import Floats, Ints
 
 @dataclass(frozen=True, eq=False)
 class FixedBaseModes:
-    """K fixed-support modes of single pendula, ascending, one entry for all copies of a kind; all (K,).
+    """K fixed-base modes of single pendula, ascending, one entry for all copies of a kind; all (K,).
 
-    `omega` (rad/s), `mass` the modal effective mass of one copy (kg), `kind` the place of its kind in `Rig.names`,
-    `number` its place among the modes of that pendulum, from 1, `count` how many copies there are, `rate` σ (1/s).
+    `omega` (rad/s), `mass` the modal effective mass of one copy (kg), `kind` the index of its kind in `Rig.names`,
+    `number` its number among the modes of that pendulum, from 1, `count` the number of copies, `rate` σ (1/s).
     """
 
     omega: Floats
@@ -37,13 +37,13 @@ class FixedBaseModes:
 
 
 def without_damping(rig: Rig) -> Rig:
-    """The same without dampers, in the plane of the rail."""
+    """The rig without dampers, in the plane of the rail."""
     blocks = tuple(replace(block, damping=np.zeros_like(block.damping)) for block in rig.blocks)
     return replace(rig, blocks=blocks, cart=rig.cart and rig.cart._replace(damping=0.0), spatial=False)
 
 
 def fixed_base_modes(rig: Rig) -> FixedBaseModes:
-    """The fixed-support modes of every kind of pendulum of a rig in SI units, all of them hanging."""
+    """The fixed-base modes of every kind of pendulum of a rig in SI units, all of them hanging."""
     natural, units = replace(without_damping(rig), cart=None).natural()
     found = find_spectrum(natural)
     parts = [(number, part) for number, group in enumerate(found.groups) for part in group]
@@ -72,7 +72,7 @@ def fixed_base_modes(rig: Rig) -> FixedBaseModes:
 
 
 def _places_within(kind: Ints) -> Ints:
-    """How many entries of the same kind come no later, (K,)."""
+    """The running number of each entry within its kind, from 1, (K,)."""
     order = np.argsort(kind, kind="stable")
     first = np.searchsorted(kind[order], kind[order])
     found = np.empty_like(order)

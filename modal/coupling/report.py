@@ -1,4 +1,4 @@
-"""The coupling of a scene as a report: sentences with its numbers, each beside its formula."""
+"""The coupling of a scene as a report: sentences with its numbers, each with its formula."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from modal.report import WIDTH, as_json, capital, counted, listed, markdown, per
 FORMS = ("text", "markdown", "json")
 MOST_LISTED, FEW = 8, 3
 ROUGH = 0.1
-"""Coupling strength from which first order is only a guide."""
+"""Coupling strength above which first order is only a guide."""
 GUIDE = " (only a guide: the coupling is strong)"
 NEAR = " (only a guide: another family is near)"
 SLIGHT = 1e-4
-"""What is left of an energy below this share of it is not worth a number."""
+"""Smallest fraction of an energy that is given as a number."""
 ELSEWHERE = "in the JSON form"
 HALF = 0.5
 MOST_DAMPED = 12
 NEGLIGIBLE = 1e-12
 OFF = 0.1
-"""Relative difference of the exact rate from first order that is worth a word."""
+"""Relative difference of the exact rate from first order that is mentioned."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Section:
 
 
 def coupling_report(coupling: Coupling, form: str = "text") -> str:
-    """The page as "text", "markdown" or "json", the last with every number (units in the names).
+    """The report as "text", "markdown" or "json", the last with every number (units in the names).
 
     Raises ValueError for another form.
     """
@@ -53,7 +53,7 @@ def coupling_report(coupling: Coupling, form: str = "text") -> str:
 
 
 def sections(coupling: Coupling) -> tuple[Section, ...]:
-    """The page."""
+    """The sections of the report."""
     parts = (
         ("What hangs there", _scene),
         ("What the cart feels" if coupling.on_cart else "What a cart would feel", _felt),
@@ -83,23 +83,23 @@ def _markdown(title: str, parts: tuple[Section, ...]) -> str:
 
 
 def shown(coupling: Coupling) -> int:
-    """How many of a sort are written out, fewer where there are many."""
+    """How many entries of each kind are listed, fewer where there are many."""
     return MOST_LISTED if len(coupling.own.omega) <= MOST_MODES else FEW
 
 
 def member(coupling: Coupling, k: int) -> str:
-    """A fixed-base mode by its place and its pendulum."""
+    """A fixed-base mode by its number and its pendulum."""
     return f"fixed-base mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
 
 
 def numbered(coupling: Coupling, omega: float) -> str:
-    """Behind a frequency the number of its mode in the table, where that is known."""
+    """The number of a frequency's mode in the table, in parentheses, where it is known."""
     number = coupling.number(omega)
     return "" if number is None else f" (mode {number})"
 
 
 def left(share: float) -> str:
-    """A share of an energy."""
+    """A fraction of an energy in words."""
     return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
 
 
@@ -159,7 +159,7 @@ def _felt(coupling: Coupling) -> Iterator[str]:
 
 
 def families(coupling: Coupling) -> Iterator[str]:
-    """A sentence or more about each family."""
+    """Sentences about each family."""
     every, most = coupling.families, shown(coupling)
     for index, family in enumerate(every[:most]):
         yield _family(coupling, family_name(index), family)
@@ -168,7 +168,7 @@ def families(coupling: Coupling) -> Iterator[str]:
 
 
 def limits(coupling: Coupling) -> Iterator[str]:
-    """Where each mode that moves the cart goes as the cart's mass goes from 0 to ∞."""
+    """Limits of each mode that moves the cart for cart masses from 0 to ∞."""
     if not coupling.on_cart:
         yield "A fixed support is the limit of an immense cart: the poles above are its frequencies [m_c → ∞]."
         return
@@ -196,7 +196,7 @@ def _family(coupling: Coupling, r: str, family: Family) -> str:
 
 
 def _moved(coupling: Coupling, r: str, family: Family) -> Iterator[str]:
-    """Which of a family stay and which moves the cart, and how strongly it is coupled."""
+    """Which modes of a family stay and which moves the cart, and its coupling strength."""
     several = family.fold > 1
     if several:
         many = counted(family.fold - 1, "combination stays", "combinations stay")
@@ -254,7 +254,7 @@ def _beats(coupling: Coupling, family: Family) -> Iterator[str]:
 
 
 def _damped_beats(coupling: Coupling, family: Family, passed: Transfer) -> Iterator[str]:
-    """What dampers leave of beats."""
+    """The effect of dampers on beats."""
     sigma = float(coupling.own.rate[family.members[0]])
     if sigma >= family.omega:
         yield "Joint dampers make its pendula overdamped [σ ≥ ω]: there are no beats."
@@ -286,7 +286,7 @@ def _limit(coupling: Coupling, mode: CartMode) -> str:
 
 
 def exchanges(coupling: Coupling) -> Iterator[str]:
-    """A sentence about each pair of modes of different pendula, or about all of many together."""
+    """A sentence about each pair of modes of different pendula, or about all of them where there are many."""
     if len(coupling.names) == 1 or not coupling.on_cart:
         return
     if len(coupling.own.omega) > MOST_MODES:
@@ -327,7 +327,7 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
 
 
 def _passed(pair: EnergyExchange) -> str:
-    """Whether they exchange energy, how much, and what comes back."""
+    """Whether they exchange energy, how much, and how much comes back."""
     passed, tuned = pair.exchange, abs(pair.detuning) < 2 * pair.coupling
     if passed.lossless:
         return (
@@ -350,7 +350,7 @@ def _passed(pair: EnergyExchange) -> str:
 
 
 def _many(coupling: Coupling) -> Iterator[str]:
-    """The first modes of different pendula with many: their spread against their collective coupling."""
+    """The first modes of many different pendula: their spread against their collective coupling."""
     own, dynamic = coupling.own, coupling.dynamic
     first = own.number == 1
     omega, mass = own.omega[first], float((own.mass * own.count)[first].sum())
@@ -377,7 +377,7 @@ def _many(coupling: Coupling) -> Iterator[str]:
 
 
 def damping(coupling: Coupling) -> Iterator[str]:
-    """Sentences about every mode, about who survives, and about a drive."""
+    """Sentences about every mode, about the survivors, and about a drive."""
     if not (coupling.scene.has_damping or coupling.scene.is_driven):
         yield "Nothing dissipates energy [D = 0]: every mode keeps its amplitude."
         return
@@ -398,7 +398,7 @@ def damping(coupling: Coupling) -> Iterator[str]:
 
 
 def _named(coupling: Coupling, mode: Damped) -> str:
-    """A mode by its frequency and by what moves."""
+    """A mode by its frequency and the moving parts."""
     whose = f", {mode.kind}" if mode.kind else ""
     number = coupling.number(mode.omega)
     name = "the mode" if number is None else f"mode {number}"
@@ -446,7 +446,7 @@ def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
 
 
 def _own_drives(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
-    """What van der Pol torques in the scene do; the kicks of escapements have no rate at rest."""
+    """The effect of the scene's van der Pol torques; the kicks of escapements have no rate at equilibrium."""
     fed = [mode for mode in modes if mode.from_drives]
     for mode in fed[:MOST_DAMPED]:
         net = mode.from_drives - mode.decay

@@ -1,18 +1,18 @@
-"""How far a linear frequency can be trusted: ω(a) = ω (1 + κ a²) to second order in the amplitude a.
+"""The range of validity of a linear frequency: ω(a) = ω (1 + κ a²) to second order in the amplitude a.
 
     Γ = (ω²/8) [ −½ φ_x Σ b_i φ_i³ − ¼ Σ_ij A_ij (φ_i − φ_j)² φ_i φ_j ] + (g/64) Σ b_i φ_i⁴
     κ = −4 Γ / (φᵀ M φ ω²)
 
-with σ_i b_i and σ_i σ_j A_ij for b_i and A_ij where links stand up (σ_i = −1); from averaging the fourth-order
+with σ_i b_i and σ_i σ_j A_ij for b_i and A_ij where links are inverted (σ_i = −1); from averaging the fourth-order
 Lagrangian, even in the amplitude.  It holds away from 1:1 and 1:3 resonance and for motion in one vertical plane.  A
 simple pendulum has κ = −1/16 (1/rad², of the largest angle).
 
-Beside it stands another mode ψ, which the cubic forces of φ drive at k = 1 or 3 times its frequency.  Averaged over
+A second mode ψ is driven by the cubic forces of φ at k = 1 or 3 times its frequency.  Averaged over
 q = aφ cos τ + cψ cos kτ the Lagrangian has the terms Γa⁴ + G₁a³c + G₂a²c², so that
 
     c/a = 2G₁a² / (ψᵀMψ (ω_ψ² − k²ω(a)²) − 4G₂a²),        ω(a)²/ω² − 1 = 2κa² (1 + ¾ G₁c/(Γa)):
 
-G₂ is the drift of the other frequency.  Near 1:1 or 1:3 that answer c bends the shape and the frequency.
+G₂ is the drift of the other frequency.  Near 1:1 or 1:3 the response c changes the shape and the frequency.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from modal.assembly import Block
 from modal.types import Floats
 
 QUARTER = pi / 16 * np.array([1.0, 3.0, 5.0, 7.0])
-"""Instants whose mean is exact for what four factors of cos τ and cos 3τ make."""
+"""Number of instants whose mean is exact for products of four factors cos τ and cos 3τ."""
 RATIOS = np.array([[0.0], [1.0], [-1.0], [2.0], [-2.0]])
-"""Of the amplitudes of two modes at which their mean Lagrangian is taken."""
+"""Ratios of the amplitudes of two modes at which their mean Lagrangian is evaluated."""
 INSTANTS = 33
 
 
 def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
-    """Each chain's part (P, R) of Γ at g = 1, for x = ω² and cart displacements (R,) and angles (n, P, R)."""
+    """Each chain's part (P, R) of Γ at g = 1, for x = ω², cart displacements (R,) and angles (n, P, R)."""
     b = (block.sigma * block.b)[:, :, None]
     inertial = -cart / 2 * (b * angle**3).sum(0) - _pairs(block, angle, angle) / 2
     part: Floats = x / 8 * inertial + (b * angle**4).sum(0) / 64
@@ -41,7 +41,7 @@ def quartic(block: Block, x: Floats, cart: Floats, angle: Floats) -> Floats:
 
 
 def fourth_order(block: Block, angle: Floats, cart_speed: Floats, speed: Floats) -> Floats:
-    """Each chain's part (P, R) of the fourth-order Lagrangian at g = 1, at one instant."""
+    """The contribution of each chain (P, R) to the fourth-order Lagrangian at g = 1, at one instant."""
     b = (block.sigma * block.b)[:, :, None]
     inertial = cart_speed * (b * angle**2 * speed).sum(0) + _pairs(block, angle, speed)
     found: Floats = (b * angle**4).sum(0) / 24 - inertial / 2
@@ -65,7 +65,7 @@ def coefficient(gamma: Floats, modal_mass: Floats, x: Floats, largest: Floats) -
 
 
 def one_percent_amplitude(kappa: float) -> float:
-    """Largest angle of a mode (deg) at which |κ| a² = 0.01; infinite where κ = 0, NaN where κ has no meaning."""
+    """Largest angle of a mode (deg) at which |κ| a² = 0.01; infinite where κ = 0, NaN where κ is undefined."""
     return degrees(sqrt(0.01 / abs(kappa))) if kappa else inf
 
 
@@ -79,9 +79,10 @@ class Swing(NamedTuple):
 
 
 def distortion(blocks: tuple[Block, ...], swing: Swing, other: Swing, harmonic: int, kappa: Floats) -> Floats:
-    """How much larger, relative (R,), the angle of 1 % is with the answer of the other mode than without it.
+    """The relative change (R,) of the angle of 1 % by the response of the other mode.
 
-    The largest angle of any link over the period is meant; infinite where the two frequencies meet below that angle.
+    It refers to the largest angle of any link over the period; infinite where the two frequencies meet below that
+    angle.
     """
     a2 = np.minimum(0.01 / np.abs(kappa), (pi / 2) ** 2)
     driven = harmonic**2 * swing.x
@@ -119,7 +120,7 @@ def _lanes(values: Floats, factors: Floats) -> Floats:
 
 
 def _largest(swing: Swing, other: Swing, harmonic: int, answer: Floats) -> Floats:
-    """The largest angle over the period (R,), of a = 1."""
+    """The largest angle over the period (R,), for a = 1."""
     time = np.linspace(0.0, pi / 2, INSTANTS)
     cos, far = np.cos(time), np.cos(harmonic * time) * answer[:, None]
     shapes = zip(swing.angles, other.angles, strict=True)

@@ -1,11 +1,11 @@
 """Zeros of a monotone count, to the last bit: on the floats themselves, all of them at once.
 
-Positive floats are ordered like the integers that share their bits, so dividing the integers finds exponent and
-mantissa alike and ends at two neighbouring floats, by halves after at most 62 counts.  Where few zeros are sought each
-count tries several points between the same two, which costs little more than one.
+Positive floats are ordered like the integers that share their bits, so bisecting these integers finds exponent and
+mantissa alike and ends at two neighbouring floats, after at most 62 counts.  Where few zeros are sought each
+count tries several points in the same interval, which costs little more than one.
 
-A guess is taken where the count confirms it: x is found where it steps within two units in the last place of the
-guess.  The others are looked for in brackets about theirs, which are widened until the count steps inside.
+A guess is used if the count confirms it: x is found where the count steps within two units in the last place of the
+guess.  The others are sought in brackets about theirs, which are widened until the count steps inside.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from modal.types import Booleans, Floats, Ints
 STRIDE = 2.0**24
 BEYOND = "the ratios in this scene are beyond double precision: a frequency overflows"
 NEAR = 2
-"""Units in the last place about a guess."""
+"""Distance from a guess in units in the last place."""
 WIDER, WIDEST = 2**8, 2**62
 TRIALS = 800
-"""Trial values that cost hardly more than one."""
+"""Number of trial values that cost hardly more than one."""
 
 
 def smallest_where(reached: Callable[[Floats], Booleans], low: Floats, high: Floats) -> Floats:
@@ -51,21 +51,21 @@ def above_all(count: Callable[[Floats], Ints], start: Floats, wanted: Ints) -> F
 
 
 class Counting(Protocol):
-    """S problems alike, whose eigenvalues below trial values (R, S) can be counted."""
+    """S problems of one form, whose eigenvalues below trial values (R, S) can be counted."""
 
     @property
     def low(self) -> Floats:
-        """Below all eigenvalues, (S,)."""
+        """Lower bounds of all eigenvalues, (S,)."""
 
     def count(self, x: Floats) -> Ints:
-        """How many lie below each x (R, S)."""
+        """The number of eigenvalues below each x (R, S)."""
 
     def take(self, supports: Ints) -> Counting:
-        """Some of the problems."""
+        """A subset of the problems."""
 
 
 def located(problem: Counting, wanted: Ints, modes: int) -> Floats:
-    """The eigenvalues with these places (R,), from 0, of each problem with so many `modes`, (R, S)."""
+    """The eigenvalues with these indices (R,), from 0, of each problem with `modes` eigenvalues, (R, S)."""
     low = problem.low[None]
     high = above_all(problem.count, low, np.array(modes))
     shape = (len(wanted), low.shape[1])
@@ -74,7 +74,7 @@ def located(problem: Counting, wanted: Ints, modes: int) -> Floats:
 
 
 def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) -> tuple[Floats, Booleans]:
-    """The same within so many units in the last place of guesses (R, S), and where they are not (R, S)."""
+    """The eigenvalues confirmed within `near` units in the last place of guesses (R, S), and a mask of the others."""
     bits = np.where(guess > 0, guess, 1.0).view(np.int64)
     steps = np.arange(-near, near + 1)
     reached = _reached(problem, wanted, bits + steps[:, None, None])
@@ -83,14 +83,14 @@ def confirmed(problem: Counting, wanted: Ints, guess: Floats, near: int = NEAR) 
 
 
 def lies_within(problem: Counting, wanted: Ints, guess: Floats, error: Floats | float) -> Booleans:
-    """Whether each lies within a relative error of its guess (R, S)."""
+    """Whether each eigenvalue lies within a relative error of its guess (R, S)."""
     ends = np.stack([guess * (1 - error), guess * (1 + error)])
     reached = _reached(problem, wanted, ends.view(np.int64))
     return np.asarray(~reached[0] & reached[1])
 
 
 def searched(problem: Counting, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """The same from guesses (R, S) with these relative errors (R, S), infinite where there is none."""
+    """The eigenvalues from guesses (R, S) with relative errors (R, S), infinite where there is no guess."""
     least = problem.low[None].view(np.int64)
     most = above_all(problem.count, problem.low[None], np.array(modes)).view(np.int64)
     bits = np.clip(np.where(np.isfinite(error), guess, 1.0).view(np.int64), least, most)
@@ -105,7 +105,7 @@ def searched(problem: Counting, wanted: Ints, guess: Floats, error: Floats, mode
 
 
 def _between(problem: Counting, wanted: Ints, lo: Ints, hi: Ints) -> Floats:
-    """The floats where the count has passed each place, between these bits."""
+    """The floats at which the count passes each index, between these bit patterns."""
     parts = max(2, TRIALS // max(1, lo.size))
     inner = np.arange(1, parts)[:, None, None]
     while np.any((gap := hi - lo) > 1):
@@ -118,7 +118,7 @@ def _between(problem: Counting, wanted: Ints, lo: Ints, hi: Ints) -> Floats:
 
 
 def _reached(problem: Counting, wanted: Ints, points: Ints) -> Booleans:
-    """Where the count at points (K, R, S) has passed the places (R,)."""
+    """Whether the count at points (K, R, S) has passed the indices (R,)."""
     x = np.ascontiguousarray(points).view(np.float64)
     counts = problem.count(x.reshape(-1, points.shape[-1])).reshape(points.shape)
     return np.asarray(counts > wanted[:, None])

@@ -1,13 +1,13 @@
 """Frequencies and shapes by the effective mass, for chains on a fixed support and for chains that share a cart.
 
-On a fixed support every chain is alone: ω² is found where its count of D < 0 steps.  On a cart the pivots move
+On a fixed support every chain is independent: ω² is found where its count of D < 0 steps.  On a cart the pivots move
 together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
 
-A shape is built from both ends and joined at one joint (a twisted factorisation: Dhillon & Parlett, SIAM J. Matrix
-Anal. Appl. 25, 858 (2004), §2).  There it misses equilibrium by
-ω² (μ + ν) y, so its Rayleigh quotient misses ω² by |μ + ν| y² over the kinetic energy T: a residual that certifies
-the mode.  The joint is one where the halves agree to rounding (|μ + ν| against the joint's own mass) and the
-neighbouring links hold most of the kinetic energy: there the mode lives.
+A shape is built from both ends and joined at one joint (a twisted factorization: Dhillon & Parlett, SIAM J. Matrix
+Anal. Appl. 25, 858 (2004), §2).  There it is out of balance by ω² (μ + ν) y, so its Rayleigh quotient deviates from ω²
+by |μ + ν| y² over the kinetic energy T: a residual that certifies the mode.  The joint is one where the halves agree to
+rounding (|μ + ν| against the joint's own mass) and the neighbouring links have most of the kinetic energy: where the
+mode is localized.
 """
 
 from __future__ import annotations
@@ -31,17 +31,17 @@ from modal.types import Booleans, Floats, Ints
 SEEDS = "dense seeds"
 ROUNDING = 1e-15
 LONG, FEW, LONG_COMPILED = 500, 20, 200
-"""Links of a chain whose seeds cost more than a search for one mode in so many; than a search for all, compiled."""
+"""Links above which seeds cost more than a search for one mode in FEW; than a compiled search for all."""
 SEARCHED, CONFIRMED = 60, 8
-"""Counts in a search, and beside seeds with as many trials in each."""
+"""Counts in a search, and after seeds with as many trials in each."""
 PER_LINK, PER_TRIAL = 5e-6, 1e-8
-"""Seconds of a count that the compiled recursion saves."""
+"""Seconds that the compiled recursion saves per link of a count, and per trial value of a link."""
 FARTHER = 16
-"""Units in the last place about a second guess."""
+"""Distance from a second guess in units in the last place."""
 
 
 class Limits(NamedTuple):
-    """What is asked of a spectrum: ω to this relative accuracy (0: every digit), and so many of the lowest modes."""
+    """What is required of a spectrum: a relative accuracy of ω (0: every digit), and a number of the lowest modes."""
 
     accuracy: float = 0.0
     lowest: int | None = None
@@ -68,28 +68,28 @@ class Motion:
 
 
 class Squares(NamedTuple):
-    """ω² and bounds on what their relative errors exceed rounding by, of one shape."""
+    """ω² and bounds on their relative errors beyond rounding, in one array shape."""
 
     x: Floats
     error: Floats
 
     @classmethod
     def exact(cls, x: Floats) -> Squares:
-        """To rounding."""
+        """Squares that are exact to rounding."""
         return cls(x, np.zeros(x.shape))
 
     @property
     def route(self) -> str:
-        """Where they come from, in words."""
+        """The method in words."""
         dense = self.error > 0
         routes = [SEEDS] * bool(dense.any()) + ["effective mass"] * (not dense.all() or not dense.size)
         return ", ".join(routes)
 
 
 def squares_of(suspension: Suspension, wanted: Ints, modes: int, accuracy: float = 0.0) -> Squares:
-    """ω² (R, S) with these places (R,), from 0, among the oscillatory modes of each support.
+    """ω² (R, S) with these indices (R,), from 0, among the oscillatory modes of each support.
 
-    Where dense eigenvalues are within `accuracy`, relative in ω, they are taken as they are.
+    Dense eigenvalues within `accuracy`, relative in ω, are used unchanged.
     """
     if not wanted.size:
         return Squares.exact(np.zeros((0, suspension.supports)))
@@ -126,9 +126,9 @@ def _near_seeds(suspension: Suspension, wanted: Ints, modes: int, accuracy: floa
 
 
 def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Floats, modes: int) -> Floats:
-    """By a Rayleigh quotient step from each seed, on another shape where the count does not confirm the first.
+    """A Rayleigh quotient step from each seed, and from another shape where the count does not confirm the first.
 
-    Compiled counts are quicker than that other shape.
+    With compiled counts that second shape would take longer than a search.
     """
     found, missed = confirmed(suspension, wanted, at_pivot(suspension, guess))
     if missed.any() and not kernels():
@@ -141,7 +141,7 @@ def _confirmed(suspension: Suspension, wanted: Ints, guess: Floats, error: Float
 
 
 def _part(suspension: Suspension, missed: Booleans) -> tuple[tuple[Ints, ...], Ints, Suspension]:
-    """Where (R, S) the modes and supports are that anything is missed of, which modes, and these supports."""
+    """The modes and supports with anything missing as indices (R, S), these modes, and these supports."""
     rows, supports = (np.flatnonzero(missed.any(axis)) for axis in (1, 0))
     return np.ix_(rows, supports), rows, suspension.take(supports)
 
@@ -177,12 +177,12 @@ def fixed_shapes(chains: Block, x: Floats) -> Motion:
 
 
 def bare_mass(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
-    """m_c + Σ residual masses: what a force on the cart feels at infinite frequency; 0 where M is singular."""
+    """m_c + Σ residual masses: the mass felt by a force on the cart at infinite frequency; 0 where M is singular."""
     return cart.mass + float(sum(at_infinity(block)[0].sum() for block in blocks))
 
 
 def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
-    """Whether M is: no inertia holds a massless cart over bobs."""
+    """Whether M is singular: a massless cart over bobs has no inertia."""
     return cart.mass == 0 and bare_mass(blocks, cart) == 0
 
 
@@ -190,7 +190,7 @@ def is_singular(blocks: tuple[Block, ...], cart: CartNumbers) -> bool:
 class CartProblem:
     """Chains that share a cart; counts are folded into the chains' masses.
 
-    `known` are the places, among all oscillatory modes, of those that are not to be looked for.
+    `known` are the indices, among all oscillatory modes, of those that need not be computed.
     """
 
     blocks: tuple[Block, ...]
@@ -201,7 +201,7 @@ class CartProblem:
 
     @property
     def route(self) -> str:
-        """Dense where that is accurate enough."""
+        """Dense where that is accurate enough, else the effective mass."""
         return self.found.route
 
     @property
@@ -212,7 +212,7 @@ class CartProblem:
 
     @property
     def n_modes(self) -> int:
-        """Oscillatory modes: a free cart's rigid translation is one of the coordinates, not one of these."""
+        """Number of oscillatory modes: a free cart's rigid translation is a coordinate, but not one of these."""
         links = sum(block.n * block.size for block in self.blocks)
         return links + (self.cart.stiffness > 0) - is_singular(self.blocks, self.cart)
 
@@ -231,7 +231,7 @@ class CartProblem:
 
     @property
     def dense_error(self) -> Floats:
-        """What the relative errors of ω (R,) exceed rounding by."""
+        """Bounds on the relative errors of ω (R,) beyond rounding."""
         return self.found.error / 2
 
     def shapes(self, rows: Ints) -> Motion:
@@ -272,7 +272,7 @@ class CartProblem:
 
 
 def _mismatch(below: Swept, above: Swept, own: Floats) -> tuple[Floats, Floats]:
-    """|μ + ν| at each joint, and how badly the halves would join there, given the joints' own masses (n + 1, P)."""
+    """|μ + ν| at each joint, and the cost of joining the halves there, given the joints' own masses (n + 1, P)."""
     gap = np.abs(below.mass + above.mass)
     near, whole = below.nearest + above.nearest, below.energy + above.energy
     joinable = (own[:, :, None] > 0) & (near > 1e-150 * whole)
@@ -293,7 +293,7 @@ def _cheapest(costs: tuple[Floats, ...]) -> list[Booleans]:
 
 
 def _climb(above: Swept, twist: Booleans) -> Floats:
-    """Joints y from the twist upward, 1 at the twist, in the chains that hold it; 0 elsewhere."""
+    """Joints y from the twist upward, 1 at the twist, in the chains that contain it; 0 elsewhere."""
     y = np.where(twist, 1.0, 0.0)
     for i in reversed(range(len(y) - 1)):
         y[i] += y[i + 1] * above.gain[i]

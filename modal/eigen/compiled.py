@@ -1,6 +1,6 @@
 """The recursion compiled by numba (extra `fast`): Sturm counts and Rayleigh quotient steps at the pivot.
 
-Lanes side by side are trial values of one chain, or one trial value for each of many supports.  The arithmetic is that
+Parallel lanes are trial values of one chain, or one trial value for each of many supports.  The arithmetic is that
 of `modal.eigen.sturm` and `modal.eigen.rayleigh`, operation by operation.
 """
 
@@ -9,9 +9,12 @@ from __future__ import annotations
 import numpy as np
 
 from modal.eigen.compiling import compiled
+from modal.eigen.floats import passed, passed_with_energy
 from modal.types import Floats, Ints
 
 LANES = 16
+
+_passed, _passed_with_energy = compiled(passed), compiled(passed_with_energy)
 
 
 def count_and_mass(constants: tuple[Floats, ...], x: Floats, nudge: float) -> tuple[Ints, Floats]:
@@ -45,14 +48,6 @@ def _apart(constants: tuple[Floats, ...]) -> list[list[Floats]]:
 
 
 @compiled
-def _passed(k, r, p, m, mJ, y, mu, nudge):  # type: ignore[no-untyped-def]
-    """(D, μ') of one link."""
-    t = y * k
-    D = 1.0 - (mu + r) * t - nudge
-    return D, (mu * (1.0 - p * t) + (m - mJ * t)) / D
-
-
-@compiled
 def _count(k, r, p, m, mJ, x, nudge, below, mass):  # type: ignore[no-untyped-def]
     n, S = k.shape
     y, mu, negative = np.empty(LANES), np.empty(LANES), np.empty(LANES)
@@ -74,15 +69,6 @@ def _count(k, r, p, m, mJ, x, nudge, below, mass):  # type: ignore[no-untyped-de
                         negative[c] += 1.0 if D < 0 else 0.0
             for c in range(lanes):
                 below[row, start + c], mass[row, start + c] = int(negative[c]), mu[c]
-
-
-@compiled
-def _passed_with_energy(k, r, p, m, mJ, q, y, mu, energy):  # type: ignore[no-untyped-def]
-    """(μ', energy') of one link."""
-    t = y * k
-    D = 1.0 - r * t - t * mu
-    carried = (1.0 + q * t) / D
-    return (mu * (1.0 - p * t) + (m - mJ * t)) / D, ((energy + r) * carried + 2 * q) * carried + p
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""numba (extra `fast`): how functions are compiled."""
+"""Compilation of functions by numba (extra `fast`)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ def available() -> bool:
 
 
 def compiled(function: Any) -> Any:
-    """The compiled function, kept on disk where there is a folder for it; itself without numba."""
+    """The compiled function, cached on disk where there is a folder for it; the function itself without numba."""
     try:
         from numba import njit
     except ImportError:

@@ -1,4 +1,4 @@
-"""What a source of modes was built from, told by the source itself."""
+"""The sizes of the problems solved by a source of modes, reported by the source itself."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 
 class Built(NamedTuple):
-    """So many `problems` alike, each of so many `unknowns`; square `matrices` as (name, order, how many).
+    """A number of `problems` of one form, each with `unknowns`; square `matrices` as (name, order, count).
 
-    `is_complex` says whether eigenvalues were sought in the complex plane.
+    `is_complex` tells whether eigenvalues were sought in the complex plane.
     """
 
     what: str

@@ -1,10 +1,10 @@
-"""A cart with many different pendula: each one's own modes, coupled by the secular equation.
+"""A cart with many different pendula: the fixed-base modes of each, coupled by the secular equation.
 
-With the cart displaced by X, the fixed-support mode r of a pendulum follows with amplitude
+With the cart displaced by X, the fixed-base mode r of a pendulum follows with amplitude
 x P_r X / (E_r (λ_r − x)), where P_r = φ_rᵀ b is its momentum, E_r = φ_rᵀ A φ_r and μ_r = P_r²/E_r its modal
 effective mass.  Equal λ_r are one pole.  With α the residual mass of a pendulum, its momentum and twice its energy over
-ω² are sums of the modes' own, X (α + Σ μ_r λ_r/(λ_r − x)) and X² (α + Σ μ_r λ_r²/(λ_r − x)²): nothing cancels where a
-light cart moves under pendula that stay where they are.
+ω² are sums over its modes, X (α + Σ μ_r λ_r/(λ_r − x)) and X² (α + Σ μ_r λ_r²/(λ_r − x)²): nothing cancels where a
+light cart moves under pendula that stay in place.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from modal.types import Floats, Ints
 
 CHUNK = 100_000
 LIGHTEST = 1e-290
-"""The floor of a pole's weight: a lighter one moves no digit of any root, and its products underflow."""
+"""Least weight of a pole: a lighter one changes no digit of any root, and its products underflow."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Own:
-    """A block's own modes: momenta and modal masses (n modes, P), turns (n links, n modes, P)."""
+    """A block's fixed-base modes: momenta and modal masses (n modes, P), turns (n links, n modes, P)."""
 
     momentum: Floats
     modal_mass: Floats
@@ -39,7 +39,7 @@ class _Own:
 
 @dataclass(frozen=True, eq=False)
 class CoupledPendula:
-    """Chains that share a cart, counts folded into their masses, with their fixed-support `own` squares (n, P)."""
+    """Chains that share a cart, counts folded into their masses, with their fixed-base squares `own` (n, P)."""
 
     blocks: tuple[Block, ...]
     cart: CartNumbers
@@ -51,7 +51,7 @@ class CoupledPendula:
 
     @property
     def built(self) -> Built:
-        """The different modes of the pendula's own, and the cart."""
+        """The distinct fixed-base modes of the pendula, and the cart."""
         poles = len(self.clusters.first)
         shapes = vars(self).get("modes", ())
         squares = tuple(("own shapes", b.n, b.size) for b, _ in zip(self.blocks, shapes, strict=False) if b.n > 1)
@@ -59,12 +59,12 @@ class CoupledPendula:
 
     @cached_property
     def modes(self) -> tuple[_Own, ...]:
-        """Fixed-support modes of every block."""
+        """Fixed-base modes of every block."""
         return tuple(_own_modes(block, square) for block, square in zip(self.blocks, self.own, strict=True))
 
     @cached_property
     def poles(self) -> Poles:
-        """One for each cluster, after that of the spring."""
+        """One pole for each cluster, after that of the spring."""
         own = zip(self.modes, self.own, strict=True)
         weight = np.concatenate([(modes.momentum**2 / modes.modal_mass * x).ravel() for modes, x in own])
         weight = np.maximum(np.add.reduceat(weight[self.clusters.order], self.clusters.first), LIGHTEST)
@@ -114,7 +114,7 @@ class CoupledPendula:
         return found
 
     def _distances(self, rows: Ints) -> list[Floats]:
-        """λ_r − x of every fixed-support mode, for each block (n modes, P, R), with full relative accuracy."""
+        """λ_r − x of every fixed-base mode, for each block (n modes, P, R), with full relative accuracy."""
         anchor, offset = self.roots.anchor[rows], self.roots.offset[rows]
         square = self.poles.square[len(self.poles.square) - len(self.clusters.first) :]
         apart = square[:, None] - self.poles.square[anchor] - offset
@@ -126,14 +126,14 @@ class CoupledPendula:
 
 
 class Counted(CoupledPendula):
-    """The same for few links, with its frequencies found by the effective mass."""
+    """`CoupledPendula` with few links, its frequencies found by the effective mass."""
 
     route = "effective mass"
     slack = 1
 
     @property
     def built(self) -> Built:
-        """The same, and the matrix of everything together."""
+        """The same modes and cart, and the matrix of the whole scene."""
         built, links = super().built, sum(block.mass.size for block in self.blocks)
         return built._replace(matrices=(*seed_matrices(links, 1), *built.matrices))
 
@@ -145,7 +145,7 @@ class Counted(CoupledPendula):
 
 
 def _own_modes(block: Block, square: Floats) -> _Own:
-    """The modes a bounded amount of memory at a time, beside what is kept of them."""
+    """The fixed-base modes, computed with a bounded amount of memory in addition to the results."""
     column, x = np.broadcast_to(np.arange(block.size), square.shape).ravel(), square.ravel()
     step = max(1, CHUNK // block.n)
 
@@ -160,6 +160,6 @@ def _own_modes(block: Block, square: Floats) -> _Own:
 
 
 def _scaled_to(energies: Floats, whole: Floats) -> Floats:
-    """A chain's energies link by link (n, P, R), with the sum (P, R) that they are known to have."""
+    """A chain's energies link by link (n, P, R), rescaled to their known sum (P, R)."""
     total = energies.sum(0)
     return energies * np.where(total > 0, whole / np.where(total > 0, total, 1.0), 0.0)

@@ -1,6 +1,6 @@
 """Equal frequencies of different pendula on a cart: all of their modes but one leave the cart still.
 
-Take d fixed-support modes of one frequency, with momenta P_i and modal masses E_i, moving with amplitudes a_i/√E_i.
+Take d fixed-base modes of one frequency, with momenta P_i and modal masses E_i, moving with amplitudes a_i/√E_i.
 They push the cart with Σ a_i p_i, p_i = P_i/√E_i; the combinations orthogonal to p,
 
     a^(k) = (p_1 p_{k+1}, …, p_k p_{k+1}, −s_k, 0, …)/√(s_k s_{k+1}),    s_k = p_1² + … + p_k²,    k = 1 … d − 1,
@@ -22,16 +22,16 @@ from modal.eigen.counts import Built
 from modal.types import Floats, Ints
 
 TOLERANCE = 16 * 2.0**-52
-"""Squares this close are taken as equal: what rounding can put between two exactly equal ones."""
+"""Squares this close are taken as equal: the largest difference of equal ones by rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class DegenerateModes:
-    """The fixed-support modes of all kinds, gathered where their frequencies are equal.
+    """The fixed-base modes of all kinds, clustered where their frequencies are equal.
 
-    `order` (K,) sorts the modes, counted block by block, mode by mode, column by column; cluster c holds the `size[c]`
-    of them from `first[c]` on and has the square `square[c]`, that of its lowest member; all (C,).  `rounded` says
-    whether the members of any differ in their last digits.
+    `order` (K,) sorts the modes, counted block by block, mode by mode, column by column; cluster c consists of
+    `size[c]` of them from `first[c]` on and has the square `square[c]`, that of its lowest member; all (C,).  `rounded`
+    tells whether the members of any differ in their last digits.
     """
 
     order: Ints
@@ -42,19 +42,19 @@ class DegenerateModes:
 
     @property
     def inside(self) -> Ints:
-        """Places of the gaps inside clusters among the gaps between all K modes; each holds a mode of that square."""
+        """Gaps inside clusters, as indices into the gaps between all K modes; each has a mode of that square."""
         inner = np.ones(len(self.order), dtype=np.bool_)
         inner[self.first] = False
         return np.flatnonzero(inner) - 1
 
     @property
     def closest(self) -> float:
-        """The smallest relative gap between two different ones."""
+        """The smallest relative gap between two different squares."""
         return float((np.diff(self.square) / self.square[1:]).min(initial=1.0))
 
     @property
     def shared(self) -> Ints:
-        """Those with more than one member."""
+        """Clusters with more than one member."""
         return np.flatnonzero(self.size > 1)
 
 
@@ -77,7 +77,7 @@ def degenerate_modes(squares: tuple[Floats, ...]) -> DegenerateModes:
 
 @dataclass(frozen=True, eq=False)
 class Still:
-    """The modes of different pendula that hold the cart still between them; a row is a cluster and a vector in it.
+    """The modes of different pendula that together hold the cart still; a row is a cluster and a vector in it.
 
     `blocks` have their counts folded into their masses.
     """
@@ -91,7 +91,7 @@ class Still:
 
     @cached_property
     def folds(self) -> Ints:
-        """How many vectors each shared cluster has."""
+        """The number of vectors of each shared cluster."""
         return self.clusters.size[self.clusters.shared] - 1
 
     @property
@@ -122,7 +122,7 @@ class Still:
         )
 
     def _members(self, cluster: int) -> list[_Member]:
-        """The modes in a cluster, each of modal mass 1, the one that pushes hardest first."""
+        """The modes in a cluster, each of modal mass 1, the one with the largest momentum first."""
         first, size = int(self.clusters.first[cluster]), int(self.clusters.size[cluster])
         places = np.sort(self.clusters.order[first : first + size])
         found, offset = [], 0
@@ -148,7 +148,7 @@ class Still:
 
 @dataclass(frozen=True, eq=False)
 class _Member:
-    """One pendulum's own mode of modal mass 1: its momentum p, turns and energies (n,)."""
+    """A pendulum's fixed-base mode of modal mass 1: its momentum p, turns and energies (n,)."""
 
     block: int
     column: int

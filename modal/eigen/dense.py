@@ -1,7 +1,7 @@
-"""The dense route, for what has no structured one, small scenes only.
+"""The dense route, for small scenes that have no structured one.
 
 Undamped: the symmetric pencil K φ = ω² M φ, also with inverted links and an indefinite K.  (`modal.eigen.quadratic` is
-for dampers.)  A free cart's position is taken out first, and its momentum with it, so that its rigid translation is
+for dampers.)  A free cart's position is eliminated first, and its momentum with it, so that its rigid translation is
 exact.
 """
 
@@ -28,7 +28,7 @@ SINGULAR = (
 class Eigen:
     """Eigenvalues λ (R,), one of each conjugate pair, with shapes (size, R) and relative error bounds (R,).
 
-    `order` is that of the matrix which they are the eigenvalues of, `number` how many such were solved.
+    `order` is the order of the matrix whose eigenvalues they are, `number` how many such matrices were solved.
     """
 
     eigenvalue: Complexes
@@ -39,9 +39,9 @@ class Eigen:
 
 
 def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
-    """Modes of K φ = ω² M φ, K positive definite but for a `free` cart in row 0.
+    """Modes of K φ = ω² M φ, K positive definite except for a `free` cart in row 0.
 
-    Where M is known to be `singular`, by one dimension, the mode at infinite frequency is left out.
+    Where M is known to be `singular`, by one dimension, the mode at infinite frequency is omitted.
     """
     inertia, stiffness, _ = without_cart(M, K) if free else (M, K, 1.0)
     scale, L, sensitivity = _factored(stiffness)
@@ -58,11 +58,10 @@ def undamped(M: Floats, K: Floats, *, free: bool, singular: bool) -> Eigen:
 
 
 def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
-    """Modes of K φ = x M φ for a rest that need not be stable: λ = i√x, and where x < 0 the growth rate √−x > 0.
+    """Modes of K φ = x M φ about an equilibrium that may be unstable: λ = i√x, and for x < 0 the growth rate √−x > 0.
 
-    `terms` (size,) are the sums of the sizes of what makes up K's diagonal, where springs and gravity may cancel.
-
-    The decaying mirror image −√−x of a growing mode has the same shape and is not listed.
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel.
+    The decaying counterpart −√−x of a growing mode has the same shape and is not listed.
     """
     refuse_singular(M)
     inertia, stiffness, lost = without_cart(M, K) if free else (M, K, 1.0)
@@ -77,7 +76,7 @@ def indefinite(M: Floats, K: Floats, *, free: bool, terms: Floats) -> Eigen:
 
 
 def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
-    """Each column turned in the complex plane until its largest entry in rows `first` … is real and positive."""
+    """Each column rotated in the complex plane until its largest entry in rows `first` … is real and positive."""
     entries = shape[first:]
     leading = np.take_along_axis(entries, np.abs(entries).argmax(0)[None], 0)[0]
     size = np.abs(leading)
@@ -87,7 +86,7 @@ def in_phase(shape: NDArray[np.inexact], first: int) -> NDArray[np.inexact]:
 def _factored(S: Floats) -> tuple[Floats, Floats, float]:
     """Scale to a unit diagonal, Cholesky factor, and sensitivity ‖L⁻¹‖² of a positive definite matrix.
 
-    Roundings of the scaled entries move its quadratic form by no more than so many times their sum.
+    Roundings of the scaled entries change its quadratic form by at most this factor times their sum.
     """
     scale = 1 / np.sqrt(np.diag(S))
     L = np.asarray(np.linalg.cholesky(S * scale * scale[:, None]), dtype=np.float64)
@@ -101,7 +100,7 @@ def _in_factors(L: Floats, S: Floats) -> Floats:
 
 
 def without_cart(M: Floats, K: Floats) -> tuple[Floats, Floats, float]:
-    """The pendula with a free cart that keeps the total momentum zero, A − b bᵀ/M_tot, and what that lost in digits."""
+    """The pendula with a free cart that keeps the total momentum zero, A − b bᵀ/M_tot, and its loss of digits."""
     A = M[1:, 1:]
     reduced = A - np.outer(M[1:, 0], M[0, 1:]) / M[0, 0]
     lost = float((np.diag(A) / np.diag(reduced)).max(initial=1.0))
@@ -123,13 +122,13 @@ def is_singular(M: Floats) -> bool:
 
 
 def refuse_singular(M: Floats) -> None:
-    """ComputationError where `is_singular`."""
+    """ComputationError if `is_singular`."""
     if is_singular(M):
         raise ComputationError(SINGULAR)
 
 
 def refuse_beyond(largest: int, size: int, cause: str) -> None:
-    """ComputationError for more coordinates than this route is meant for."""
+    """ComputationError for more coordinates than this route allows."""
     if size > largest:
         raise ComputationError(
             f"{cause} need the dense route: {size} coordinates, at most {largest} "

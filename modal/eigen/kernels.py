@@ -1,14 +1,19 @@
-"""When the compiled recursion is used: from when on loading it pays in this process."""
+"""Which code runs the recursion: Python floats for small problems, numba once loading it pays off in this process."""
 
 from __future__ import annotations
 
 import sys
 from types import ModuleType
 
+from modal.eigen import floats
 from modal.eigen.compiling import available
 
 LINKING, LOADING = 0.5, 1.5
-"""Seconds that the compiled recursion takes to load, with numba at hand and without."""
+"""Seconds to load the compiled recursion, with numba already loaded and without."""
+
+
+FEW = 60
+"""Links times trial values up to which Python floats are faster than arrays."""
 
 
 class Saved:
@@ -18,7 +23,7 @@ class Saved:
 
 
 def kernels(seconds: float = 0.0) -> ModuleType | None:
-    """`modal.eigen.compiled` once it would have saved as much as loading it costs, with so many seconds from now on."""
+    """`modal.eigen.compiled` once its savings, including the next `seconds`, reach the time to load it; else None."""
     if "modal.eigen.compiled" not in sys.modules:
         Saved.seconds += seconds
         if Saved.seconds < (LINKING if "numba" in sys.modules else LOADING) or not available():
@@ -26,3 +31,8 @@ def kernels(seconds: float = 0.0) -> ModuleType | None:
     from modal.eigen import compiled
 
     return compiled
+
+
+def scalar_kernels(links: int, trials: int, supports: int) -> ModuleType | None:
+    """The module that runs the recursion one number at a time, None where arrays do it sooner."""
+    return floats if supports == 1 and links * trials <= FEW else kernels()

@@ -1,12 +1,11 @@
-"""Modes from matrices, for dampers and for what `sprung_chains` leaves of joint springs and standing links.
+"""Modes from matrices, for dampers and for joint springs and inverted links beyond `sprung_chains`.
 
-Of one chain, or of one heavy pendulum of each kind and the cart.
-
-A damped mode φ of eigenvalue λ takes part in the cart's response to a sudden push with its residue,
+For one chain, or for one heavy pendulum of each kind and the cart. A damped mode φ of eigenvalue λ takes part in the
+cart's response to a sudden push with its residue,
 
     x'(0+) = Σ λ φ_x²/(φᵀ(2λM + D)φ)    over all eigenvalues,
 
-of which a conjugate pair gives twice the real part; without dampers that is φ_x²/(φᵀMφ).
+where a conjugate pair gives twice the real part; without dampers that is φ_x²/(φᵀMφ).
 """
 
 from __future__ import annotations
@@ -29,7 +28,7 @@ from modal.errors import ComputationError
 from modal.types import Floats, Ints
 
 LIGHT = 0.1
-"""Damping ratio, and share of a shape out of phase with the rest, up to which a mode has an amplitude coefficient."""
+"""Damping ratio, and out-of-phase share of a shape, up to which a mode has an amplitude coefficient."""
 
 Numbers = NDArray[Any]
 
@@ -45,7 +44,7 @@ class FromMatrices:
 
     @property
     def built(self) -> Built:
-        """The matrices as they stand, and the one whose eigenvalues were found."""
+        """The assembled matrices, and the one whose eigenvalues were found."""
         M, K = self.matrices
         own = [("M", len(M), 1), ("K", len(K), 1), *([("D", len(self.D), 1)] if self.is_damped else [])]
         links = counted(sum(block.mass.size for block in self.blocks), "link")
@@ -64,7 +63,7 @@ class FromMatrices:
 
     @cached_property
     def D(self) -> Floats:
-        """The damping matrix; only where something damps."""
+        """The damping matrix; only for damped scenes."""
         return dampers(self._columns, self.cart)
 
     @property
@@ -83,7 +82,7 @@ class FromMatrices:
 
     @property
     def stands(self) -> bool:
-        """Whether a link stands up."""
+        """Whether any link is inverted."""
         return any((block.sigma < 0).any() for block in self.blocks)
 
     @cached_property
@@ -100,7 +99,7 @@ class FromMatrices:
 
     @property
     def _terms(self) -> Floats:
-        """Sums of the sizes of what makes up K's diagonal."""
+        """Sums of the absolute terms of K's diagonal."""
         falling = [((1 - block.sigma) * block.b).T.ravel() for block in self.blocks]
         terms: Floats = np.diag(self.matrices[1]) + np.concatenate([np.zeros(1 if self.cart else 0), *falling])
         return terms
@@ -121,7 +120,7 @@ class FromMatrices:
 
     @cached_property
     def is_singular(self) -> bool:
-        """Whether M is, by a cart without mass over bobs."""
+        """Whether M is singular, by a massless cart over bobs."""
         return self.cart is not None and is_singular(self.blocks, self.cart)
 
     @cached_property
@@ -146,7 +145,7 @@ class FromMatrices:
         return self.modes.error
 
     def details(self, rows: Ints) -> Details:
-        """Shapes, turned so that the largest angle is real; what a damped mode lacks is NaN."""
+        """Shapes, rotated so that the largest angle is real; quantities undefined for damped modes are NaN."""
         value, shape = self.modes.eigenvalue[rows], self._shapes(rows)
         M, K = self.matrices
         cart, angles = self._split(shape)
@@ -167,7 +166,7 @@ class FromMatrices:
         )
 
     def _shapes(self, rows: Ints) -> Numbers:
-        """(size, R), real without dampers; a cart that moves no more than rounding makes it is still."""
+        """(size, R), real without dampers; a cart that moves no more than rounding is still."""
         first = 1 if self.cart else 0
         shape = dense.in_phase(self.modes.shape[:, rows], first)
         noise = 4 * len(shape) * dense.EPS * np.abs(shape).max(0)
@@ -183,7 +182,7 @@ class FromMatrices:
         return np.where((value.imag > 0) | (not self.is_damped), 2 * residue, residue)
 
     def _kappa(self, shape: Numbers, value: NDArray[np.complex128]) -> Floats:
-        """κ of the part of each shape that moves in phase: exact without dampers, to first order in light ones."""
+        """κ of the in-phase part of each shape: exact without dampers, to first order in light ones."""
         in_phase, omega = shape.real, np.abs(value)
         cart, angles = self._split(in_phase)
         modal_mass = _form(in_phase, self.matrices[0], in_phase)
@@ -209,7 +208,7 @@ class FromMatrices:
         return (shape[0] if self.cart else np.zeros(shape.shape[1])), angles
 
     def _energies(self, cart: Numbers, angles: tuple[Numbers, ...]) -> tuple[Floats, ...]:
-        """Those of the real and of the imaginary part, added."""
+        """The energies of the real and of the imaginary part, added."""
         found = []
         for block, angle in zip(self.blocks, angles, strict=True):
             turn = angle * (block.sigma * block.length)[:, :, None]

@@ -1,19 +1,18 @@
-"""Modes with dampers, M q'' + D q' + K q = 0: each eigenvalue from a problem scaled to a rate of its own size.
+"""Modes with dampers, M q'' + D q' + K q = 0: each eigenvalue from a problem scaled to a rate of its own magnitude.
 
-Dampers spread the eigenvalues: a stiff one makes a fast decay d/m and a slow one k/d beside the oscillations √(k/m),
-and one matrix keeps only those near its own norm.  So the quadratic problem is solved once for every size of rate that
-its diagonal suggests.  For the rate γ, with λ = γμ and the coordinates scaled so that P = γ²M + γD + K has a unit
-diagonal, Cayley's θ = (μ + 1)/(μ − 1) turns it into
+Dampers spread the eigenvalues: a stiff one makes a fast decay d/m and a slow one k/d in addition to the oscillations
+√(k/m), and one matrix is accurate only for those near its own norm.  So the quadratic problem is solved once for every
+magnitude of rate that its diagonal suggests.  For the rate γ, with λ = γμ and the coordinates scaled so that
+P = γ²M + γD + K has a unit diagonal, Cayley's θ = (μ + 1)/(μ − 1) turns it into
 
     P θ² x + 2(γ²M − K) θ x + (γ²M − γD + K) x = 0,
 
-whose matrices are all bounded: what decays has |θ| < 1, and a backward error δ moves μ by 2δ/|θ² − 1| of itself.
-Above every growth rate P is positive definite; at one it is singular, and γ is moved.  Solutions for neighbouring γ
-are joined at a gap that both see, and more are made where the bounds still ask for them.  A joint that its damper holds
-has the difference of its angles as its coordinate, so that P keeps what D hides.
-(Scaling by such sizes: Gaubert & Sharify, Tropical scaling of polynomial matrices, LNCIS 389, 291 (2009).)
-
-The free position of a cart is an eigenvalue 0, the smallest, and is left out.
+whose matrices are all bounded: decaying modes have |θ| < 1, and a backward error δ changes μ by 2δ/|θ² − 1| of itself.
+Above every growth rate P is positive definite; at one it is singular, and γ is shifted.  Solutions for neighbouring γ
+are joined at a gap that both resolve, and more are computed where the bounds require it.  A joint dominated by its
+damper has the difference of its angles as its coordinate, so that P keeps what D would mask.
+(Scaling by such magnitudes: Gaubert & Sharify, Tropical scaling of polynomial matrices, LNCIS 389, 291 (2009).)
+The free position of a cart is an eigenvalue 0, the smallest, and is omitted.
 """
 
 from __future__ import annotations
@@ -30,11 +29,11 @@ from modal.types import Complexes, Floats, Ints
 LIGHT = 1e-2
 """Damping ratio below which the real part of an eigenvalue comes from its shape."""
 SPAN = 1e2
-"""Rates this far apart are still solved together: one digit either way."""
+"""Ratio up to which rates are solved together: one digit either way."""
 MOVED = (1.0, 2.0, 0.5)
-"""What a rate may be moved by."""
+"""Factor by which a rate may be shifted."""
 WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
-"""An eigenvalue whose bound lies between the first two asks for a rate within this factor, up to so many rates."""
+"""Bounds between which an eigenvalue needs a rate within the third factor; most rates."""
 
 
 class Dampers(NamedTuple):
@@ -45,13 +44,13 @@ class Dampers(NamedTuple):
 
     @property
     def hung(self) -> Dampers:
-        """Without the cart in row 0."""
+        """The dampers without the cart in row 0."""
         return Dampers(self.strength[1:], np.maximum(self.above[1:] - 1, -1))
 
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """M, K, the sizes of the terms that K was summed from, all (size, size), and the dampers."""
+    """M, K, the absolute terms of which K is the sum, all (size, size), and the dampers."""
 
     M: Floats
     K: Floats
@@ -60,7 +59,7 @@ class _Problem:
 
     @property
     def rates(self) -> list[float]:
-        """√(k/m) or, where a damper is stronger, d/m and k/d of every coordinate; those within SPAN as one."""
+        """√(k/m) or, where a damper dominates, d/m and k/d of every coordinate; those within SPAN merged."""
         m, d, k = np.diag(self.M), self.dampers.strength, np.diag(self.sizes)
         strong = d > np.sqrt(m) * np.sqrt(k)
         wished = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
@@ -73,9 +72,10 @@ class _Problem:
         return found
 
     def turned(self, rate: float) -> tuple[Floats, Floats]:
-        """Coordinates q (size, size) as columns of the old ones, and what each damper sees of q, by rows.
+        """Coordinates q (size, size) as columns of the old ones, and each damper's displacement in terms of q, by rows.
 
-        A joint whose damper outweighs all else of its link at this rate is told by the difference of its angles.
+        A joint whose damper outweighs everything else on its link at this rate is described by the difference of its
+        angles.
         """
         strength, above = self.dampers
         held = (above >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
@@ -87,7 +87,7 @@ class _Problem:
 
 @dataclass(frozen=True, eq=False)
 class _Solution:
-    """All eigenvalues (N,) by size, shapes (size, N) and relative error bounds (N,)."""
+    """All eigenvalues (N,) by magnitude, shapes (size, N) and relative error bounds (N,)."""
 
     value: Complexes
     shape: Complexes
@@ -105,14 +105,14 @@ class _Solution:
         return np.asarray(below < above)
 
     def wishes(self, rates: list[float]) -> float | None:
-        """The size of what is best known among what other rates than these would tell better; None if nothing is."""
+        """The magnitude of the best-known eigenvalue that a rate other than these would improve; None without any."""
         size = np.abs(self.value)
         away = np.abs(np.log(size[:, None] / np.array(rates))).min(1)
         asking = np.flatnonzero((self.error > WISHED) & (self.error < LOST) & (away > np.log(NEAR)))
         return float(size[asking[np.argmin(self.error[asking])]]) if asking.size else None
 
     def joined(self, faster: _Solution) -> _Solution:
-        """The slow part of this one and the fast part of another, cut where their bounds are smallest together."""
+        """The slow part of this one and the fast part of another, cut where the sum of their bounds is smallest."""
         own, other = (np.log(part.error) for part in (self, faster))
         cost = np.append(0.0, np.cumsum(own)) + np.append(np.cumsum(other[::-1])[::-1], 0.0)
         allowed = self.gaps & faster.gaps
@@ -125,9 +125,9 @@ class _Solution:
 
 
 def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, *, free: bool) -> Eigen:
-    """Modes of M q'' + D q' + K q = 0; `free` says that nothing holds the cart in row 0 (its dashpot may drag it).
+    """Modes of M q'' + D q' + K q = 0; with `free`, the cart in row 0 has no spring (it may have a damper).
 
-    `terms` (size,) are the sums of the sizes of what makes up K's diagonal, where springs and gravity may cancel.
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel.
     """
     refuse_singular(M)
     sizes = np.abs(K)
@@ -147,7 +147,7 @@ def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, *, free: bool)
 
 
 def _solved_everywhere(problem: _Problem) -> tuple[_Solution, int]:
-    """The solutions for all rates, joined, and how many there were."""
+    """The solutions for all rates, joined, and their number."""
     solved = {rate: _solved(problem, rate) for rate in problem.rates}
     while True:
         found = reduce(_Solution.joined, (solved[rate] for rate in sorted(solved)))
@@ -158,7 +158,7 @@ def _solved_everywhere(problem: _Problem) -> tuple[_Solution, int]:
 
 
 class _Scaled(NamedTuple):
-    """γ²M, K and the roots of γD (one row a damper) in coordinates of which `shape` has the columns, and P⁻¹."""
+    """γ²M, K and the roots of γD (one row per damper) in the coordinates given by the columns of `shape`, and P⁻¹."""
 
     rate: float
     shape: Floats
@@ -186,7 +186,7 @@ def _scaled(problem: _Problem, rate: float) -> _Scaled:
 def _solved(problem: _Problem, rate: float) -> _Solution:
     """All eigenvalues and shapes; the bound is the first-order one.
 
-    It is condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity.
+    It is the condition number times a backward error of a few roundings of the matrix's norm and of P⁻¹'s sensitivity.
     """
     scaled = min((_scaled(problem, rate * moved) for moved in MOVED), key=lambda one: one.sensitivity)
     M, K, D, n = scaled.M, scaled.K, scaled.friction.T @ scaled.friction, len(scaled.M)
@@ -202,9 +202,9 @@ def _solved(problem: _Problem, rate: float) -> _Solution:
 
 
 def _lightly_damped(values: Complexes, shape: Complexes, M: Floats, friction: Floats) -> Complexes:
-    """Eigenvalues whose real part is below the roundings of the state matrix, with Re μ = −φᴴDφ/(2 φᴴMφ) for it.
+    """Eigenvalues with Re μ = −φᴴDφ/(2 φᴴMφ) where the real part is below the rounding of the state matrix.
 
-    That holds exactly where μ is not real (μ² φᴴMφ + μ φᴴDφ + φᴴKφ = 0 has real coefficients), and D cancels nothing.
+    This is exact where μ is not real (μ² φᴴMφ + μ φᴴDφ + φᴴKφ = 0 has real coefficients), and D has no cancellation.
     """
     inertia = np.einsum("ir,ij,jr->r", shape.conj(), M, shape, optimize=True).real
     lost = (np.abs(friction @ shape) ** 2).sum(0)

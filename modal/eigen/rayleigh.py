@@ -1,11 +1,11 @@
 """One Rayleigh quotient step for every trial value.
 
 Elimination leaves at one joint, displaced by 1, an unbalanced mass T and a shape of kinetic energy N, twice over ω².
-The Rayleigh quotient of that shape is x (1 − T/N), which misses an eigenvalue by the square of what x misses it by.
+The Rayleigh quotient of that shape is x (1 − T/N), with an error that is the square of that of x.
 
 Elimination from the free ends ends at the pivot, which moves in most modes.  Elimination from both ends may end at any
-joint (a twisted factorisation: Dhillon & Parlett, SIAM J. Matrix Anal. Appl. 25, 858 (2004), §2): a mode that leaves
-the pivot still has its own, that of the least T²/N in units of the joint's own mass.
+joint (a twisted factorization: Dhillon & Parlett, SIAM J. Matrix Anal. Appl. 25, 858 (2004), §2): a mode that leaves
+the pivot still has a suitable joint, that of the least T²/N in units of the joint's own mass.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from modal.eigen.kernels import kernels
+from modal.eigen.kernels import scalar_kernels
 from modal.eigen.recursion import joint_masses
 from modal.eigen.sturm import ROOM, Chains, Suspension
 from modal.types import Floats
@@ -34,7 +34,7 @@ class _Side(NamedTuple):
 
 
 def at_pivot(suspension: Suspension, x: Floats) -> Floats:
-    """The Rayleigh quotients (R, S) of the shapes at x (R, S) whose pivot is out of balance; NaN where it is still."""
+    """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the pivot; NaN where that is still."""
     with np.errstate(all="ignore"):
         if suspension.mass is None or suspension.stiffness is None:
             (chains,) = suspension.chains
@@ -51,9 +51,9 @@ def at_pivot(suspension: Suspension, x: Floats) -> Floats:
 
 def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
     """Mass, and twice the kinetic energy over ω², of chains whose pivots are displaced by 1, (P, R, S)."""
-    if compiled := kernels():
+    if scalar := scalar_kernels(chains.size, *x.shape):
         constants = chains.inverse, chains.r, chains.p, chains.m, chains.mJ, chains.q
-        return compiled.mass_and_energy(constants, x)  # type: ignore[no-any-return]
+        return scalar.mass_and_energy(constants, x)  # type: ignore[no-any-return]
     mass, energy = (np.zeros((chains.m.shape[1], *x.shape)) for _ in range(2))
     D = np.empty_like(mass)
     step = max(1, ROOM // max(1, mass.size))
@@ -80,7 +80,7 @@ def _mass_and_energy(chains: Chains, x: Floats) -> tuple[Floats, Floats]:
 
 
 def twisted(suspension: Suspension, x: Floats) -> Floats:
-    """The Rayleigh quotients (R, S) of the shapes at x (R, S) whose best joint is out of balance; NaN for none."""
+    """The Rayleigh quotients (R, S) of the shapes at x (R, S) out of balance at the best joint; NaN without one."""
     step = max(1, ROOM // (suspension.size * suspension.supports))
     with np.errstate(all="ignore"):
         pieces = [x[at : at + step] * (1.0 - _missed(suspension, x[at : at + step])) for at in range(0, len(x), step)]
@@ -102,7 +102,7 @@ def _missed(suspension: Suspension, x: Floats) -> Floats:
 
 
 def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, Floats]]:
-    """What is below and above each joint, and the joints' own masses, of every group of chains."""
+    """Both sides of each joint, and the joints' own masses, for every group of chains."""
     mass, stiffness = suspension.mass, suspension.stiffness
     from_below = [_swept(chains, x, 0.0, 0.0, upward=True).reversed for chains in suspension.chains]
     if mass is None or stiffness is None:
@@ -121,7 +121,7 @@ def _joined(suspension: Suspension, x: Floats) -> Iterator[tuple[_Side, _Side, F
 
 
 def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | float, *, upward: bool) -> _Side:
-    """One side of each joint in the order of the sweep, from what is felt at the first."""
+    """One side of each joint in the order of the sweep, given mass and energy at the first joint."""
     near, far = (chains.r, chains.p) if upward else (chains.p, chains.r)
     order = slice(None, None, -1 if upward else 1)
     near, far, q, t = (values[order] for values in (near, far, chains.q, chains.inverse * x))
@@ -148,7 +148,7 @@ def _swept(chains: Chains, x: Floats, mass: Floats | float, energy: Floats | flo
 
 
 def without_each(own: Floats, parts: list[Floats]) -> list[Floats]:
-    """Own + Σ of all rows but each one, for rows (P, …) in several arrays; nothing is subtracted."""
+    """Own + Σ of all rows but each one, for rows (P, …) in several arrays, without subtraction."""
     rows = np.concatenate(parts)
     before, after = np.zeros_like(rows), np.zeros_like(rows)
     np.cumsum(rows[:-1], axis=0, out=before[1:])

@@ -5,9 +5,9 @@ Elimination from the free end.  With t = ω²/k and μ the effective mass felt a
     D = 1 − t (r + μ),    μ' = ((1 − t p) μ + m (1 − t J)) / D        (μ = 0 below the last link),
 
 the number of D < 0 is the number of frequencies below ω (Sylvester's law of inertia: Parlett, The Symmetric
-Eigenvalue Problem, §3.3), and a link whose upper joint moves by y
-turns by a = t (m s + μ) y / D and carries its lower joint to y (1 + t q) / D.  From above the same lines hold
-with s → 1 − s, p ↔ r and ν, the effective mass of all that is above, in place of μ.
+Eigenvalue Problem, §3.3), and a link whose upper joint moves by y turns by a = t (m s + μ) y / D and moves its lower
+joint to y (1 + t q) / D.  From above the same equations hold with s → 1 − s, p ↔ r and ν, the effective mass of
+everything above, in place of μ.
 
 Arrays: links first, then pendula, then trial values x = ω² (natural units, g = 1): (n, P, R).
 """
@@ -23,17 +23,17 @@ from modal.pair import Constants
 from modal.types import Floats
 
 NUDGE = 2.0**-60
-"""Subtracted from each D: far below its rounding, but an exact zero becomes a tiny negative number."""
+"""Subtracted from each D: far below its rounding, but turns an exact zero into a tiny negative number."""
 
 
 def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
     """(α, β, γ), each (P,), of the effective mass α − β/ω² − γ/ω⁴ − … at the pivot for high frequencies.
 
-    α is the residual mass, what inertia alone makes the pivot feel.  With R = r + α and u = m s + α below the link,
+    α is the residual mass, which the pivot feels from inertia alone.  With R = r + α and u = m s + α below the link,
 
         α' = (p α + m J)/R,   β' = (k u² + β q²)/R²,   γ' = (k u + β q)²/R³ + γ q²/R²,
 
-    sums of positive terms, from the recursion by expanding in 1/ω².
+    sums of positive terms, from the recursion by expansion in 1/ω².
     """
     alpha = beta = gamma = np.zeros(block.size)
     for link in reversed(_rows(block.constants)):
@@ -45,11 +45,11 @@ def at_infinity(block: Block) -> tuple[Floats, Floats, Floats]:
 
 
 class Swept(NamedTuple):
-    """One direction of elimination, kept: at the joints (n + 1, P, R) mass and energy, at the links (n, P, R) the rest.
+    """Results of elimination in one direction: mass, energy at joints (n + 1, P, R), the rest at links (n, P, R).
 
     `mass` is the effective mass of that side, `gain` the ratio of the far joint's displacement to the near one's,
-    `turn` that of a to the near one's; for a joint displaced by 1, `energy` is twice the kinetic energy over ω² of
-    that whole side and `nearest` that of its nearest link.
+    `turn` that of a to the near one's; for a joint displaced by 1, `energy` is twice the kinetic energy over ω² of that
+    whole side and `nearest` that of its nearest link.
     """
 
     mass: Floats
@@ -107,7 +107,7 @@ def joints(pivot: Floats, a: Floats) -> Floats:
 
 
 def joint_masses(p: Floats, r: Floats) -> Floats:
-    """What each joint's neighbours weigh when every other joint is held, (n + 1, …), from the links' p and r (n, …)."""
+    """Mass felt at each joint with every other joint held, (n + 1, …), from the links' p and r (n, …)."""
     masses = np.zeros((len(p) + 1, *p.shape[1:]))
     masses[:-1] += p
     masses[1:] += r

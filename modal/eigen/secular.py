@@ -1,14 +1,14 @@
 """The secular equation of many pendula on one cart, solved in O(N log N).
 
-Fixed-support modes of effective mass μ_r and square ω_r² = λ_r are seen by the rail as
+Fixed-base modes of effective mass μ_r and square ω_r² = λ_r appear at the rail as
 
     f(x) = c + Σ W_r / (λ_r − x),    W_r = μ_r λ_r,    c = m_c + Σ residual masses,
 
 and a spring k_c to the ground as one more pole, λ = 0 with W = k_c.  f rises from −∞ to +∞ between neighbouring
-poles, so each gap holds one root, and one more lies beyond the last pole if c > 0.  Roots are kept as
-(nearest pole, offset), which leaves every difference λ_r − x its full relative accuracy.
+poles, so each gap contains one root, and one more lies beyond the last pole if c > 0.  Roots are stored as
+(nearest pole, offset), which gives every difference λ_r − x full relative accuracy.
 
-Distant poles act smoothly on a short run of gaps: their sum is tabulated at Chebyshev points, run by run, while
+Distant poles vary smoothly over a short run of gaps: their sum is tabulated at Chebyshev points, run by run, while
 the runs are divided until few enough neighbours are left to be summed one by one, as in fast multipole sums
 (Gu & Eisenstat, SIAM J. Matrix Anal. Appl. 16, 172 (1995)).
 """
@@ -62,7 +62,7 @@ def solve(poles: Poles) -> Roots:
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """A smooth function of x, known at the Chebyshev points of [centre − half, centre + half]."""
+    """A smooth function of x, tabulated at the Chebyshev points of [centre − half, centre + half]."""
 
     centre: float
     half: float
@@ -149,7 +149,7 @@ def _beyond(poles: Poles) -> Roots:
 
 
 def _rising_zero(function: Callable[[Floats], Floats], high: Floats, at_low: Floats, at_high: Floats) -> Floats:
-    """Zeros in (0, high] of functions that rise through them, given the values at both ends.
+    """Zeros in (0, high] of functions that increase through them, given the values at both ends.
 
     The Illinois rule (Dowell & Jarratt, BIT 11, 168 (1971)); ComputationError if it does not converge.
     """

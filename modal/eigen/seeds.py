@@ -1,10 +1,10 @@
-"""Frequencies to start from: eigenvalues of one dense matrix, with what rounding may have done to them.
+"""Initial frequencies: eigenvalues of one dense matrix, with bounds on their rounding errors.
 
     1/ω² = eigenvalues of K^−½ M K^−½,
 
-without a free cart, whose momentum stays zero: A − b bᵀ/M_tot stands for M.  Scaled by gravity, the entries are at most
+without a free cart, whose momentum stays zero: A − b bᵀ/M_tot replaces M.  Scaled by gravity, the entries are at most
 of the size of the largest eigenvalue, so each is known to N ε of that one (Parlett, The Symmetric Eigenvalue Problem,
-§10.3): slow modes to many digits, fast ones to as many fewer as they are faster.
+§10.3): slow modes to many digits, fast ones to fewer in proportion to their speed.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from modal.types import Floats
 
 EPS = 2.0**-53
 ROUNDINGS = 4
-"""Of an entry, in units of its last place."""
+"""Rounding of an entry, in units in the last place."""
 LARGEST = 1500
-"""Links on a support up to which one matrix is worth its memory."""
+"""Links on a support up to which a dense matrix is used."""
 
 
 def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
-    """ω² (N, S), ascending, and bounds on the relative errors (N, S); infinite ones where nothing is known."""
+    """ω² (N, S), ascending, and bounds on the relative errors (N, S), infinite where nothing is known."""
     matrix = _scaled(suspension)
     size = matrix.shape[-1]
     values: Floats = np.asarray(matrix[..., 0] if size == 1 else np.linalg.eigvalsh(matrix), dtype=np.float64)
@@ -34,7 +34,7 @@ def seeds(suspension: Suspension) -> tuple[Floats, Floats]:
 
 
 def seed_matrices(links: int, supports: int) -> tuple[tuple[str, int, int], ...]:
-    """The matrices behind the seeds of so many supports, as (name, order, how many)."""
+    """The matrices behind the seeds of `supports` supports, as (name, order, count)."""
     return (("seeds", links, supports),) if 1 < links <= LARGEST else ()
 
 

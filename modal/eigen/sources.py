@@ -1,9 +1,10 @@
-"""Where modes come from: each source holds modes of one structure and describes any of its rows.
+"""Sources of modes: each holds modes of one structure and describes any of its rows.
 
     Rigid          a free cart's translation, ω = 0, exact
-    Alone          pendula on a support that does not move for them: a fixed one, across the rail, or because equal
+    Alone          pendula on a support that is still in these modes: a fixed one, across the rail, or because equal
                    pendula in antiphase hold the cart still
     Together       one pendulum of each kind, as heavy as all its copies, and the cart
+
 These are the structured forms; `modal.eigen.matrix_source` is for dampers.  All in natural units.
 """
 
@@ -31,10 +32,10 @@ ROUNDOFF = 2.0**-53
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """What a table says about R modes φ; NaN where it has no meaning.  All (R,) but the last two.
+    """Properties of R modes φ for a table; NaN where undefined.  All (R,) except the last two.
 
     `momentum` is φᵀMe for the unit translation e along the rail, `participation` the mode's share in the cart's
-    response to a sudden push.  `angles` and `shares` hold, for every block of kinds (n, P), the angles and kinetic
+    response to a sudden push.  `angles` and `shares` are, for every block of kinds (n, P), the angles and kinetic
     energy shares (n, P, R) of one copy.
     """
 
@@ -70,14 +71,14 @@ class Source(Protocol):
 
     @property
     def built(self) -> Built:
-        """What it took."""
+        """The sizes of the problems solved."""
 
     def details(self, rows: Ints) -> Details:
-        """What a table says about these rows."""
+        """Properties of these rows."""
 
 
 class Problem(Protocol):
-    """What `Together` joins: squares and shapes, and by how much its error exceeds that of one recursion."""
+    """A problem solved by `Together`: squares and shapes, and its error relative to that of one recursion."""
 
     @property
     def route(self) -> str:
@@ -89,7 +90,7 @@ class Problem(Protocol):
 
     @property
     def dense_error(self) -> float | Floats:
-        """What the relative errors of ω exceed rounding by, one for all or (R,)."""
+        """Bounds on the relative errors of ω beyond rounding, one for all or (R,)."""
 
     @property
     def squares(self) -> Floats:
@@ -97,14 +98,14 @@ class Problem(Protocol):
 
     @property
     def built(self) -> Built:
-        """What it took."""
+        """The sizes of the problems solved."""
 
     def shapes(self, rows: Ints) -> Motion:
         """Shapes of these rows."""
 
 
 def _oscillating(squares: Floats) -> NDArray[np.complex128]:
-    """iω; where ω² < 0 the growth rate."""
+    """iω, or the growth rate where ω² < 0."""
     return np.sqrt(np.abs(squares)) * np.where(squares < 0, 1.0, 1j)
 
 
@@ -115,7 +116,7 @@ def _structured_error(links: int, chains: int) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Rigid:
-    """The rigid translation of everything on a free cart; where a dashpot drags the cart it has no dynamics left."""
+    """The rigid translation of everything on a free cart; if a dashpot drags the cart it has no dynamics left."""
 
     blocks: tuple[Block, ...]
     total_mass: float
@@ -127,7 +128,7 @@ class Rigid:
     built = Built("free cart with everything at rest on it", 1, 0)
 
     def details(self, rows: Ints) -> Details:
-        """The one shape there is: the cart alone is displaced, every angle is zero."""
+        """The only shape: the cart alone is displaced, every angle is zero."""
         zero = np.zeros(len(rows))
         return Details(
             modal_mass=zero + self.total_mass,
@@ -143,19 +144,19 @@ class Rigid:
 
 @dataclass(frozen=True, eq=False)
 class Alone:
-    """Every mode of the chains of one block on a support that stands still: row r of column p is row r P + p."""
+    """Every mode of the chains of one block on a support at rest: row r of column p is row r P + p."""
 
     block: Block
     limits: Limits = EVERYTHING
 
     @property
     def route(self) -> str:
-        """Dense where that is accurate enough."""
+        """Dense where that is accurate enough, else the effective mass."""
         return self.found.route
 
     @property
     def built(self) -> Built:
-        """Every chain for itself."""
+        """One problem for each chain."""
         n, chains = self.block.n, self.block.size
         return Built(f"chain of {counted(n, 'link')}, support still", chains, n, seed_matrices(n, chains))
 
@@ -166,7 +167,7 @@ class Alone:
 
     @property
     def squares(self) -> Floats:
-        """The same without their errors."""
+        """ω² without their errors."""
         return self.found.x
 
     @cached_property
@@ -180,7 +181,7 @@ class Alone:
         return self.found.error.ravel() / 2 + _structured_error(self.block.n, 1)
 
     def details(self, rows: Ints) -> Details:
-        """One copy's shape; its own momentum."""
+        """One copy's shape and momentum."""
         chains, x = self.block.take(rows % self.block.size), self.squares.ravel()[rows]
         motion = fixed_shapes(chains, x)
         angle = motion.turns[0] / chains.length[:, None, :]
@@ -190,9 +191,9 @@ class Alone:
 
 @dataclass(frozen=True, eq=False)
 class Together:
-    """One heavy pendulum of each kind and the cart, with the modes that a problem finds for them.
+    """One heavy pendulum of each kind and the cart, with the modes found by a problem.
 
-    `accelerance` gives Σ φ_x² over all finite modes where a table asks for it.
+    `accelerance` returns Σ φ_x² over all finite modes when a table needs it.
     """
 
     blocks: tuple[Block, ...]
@@ -266,5 +267,5 @@ def largest_angle(angles: tuple[NDArray[np.inexact], ...]) -> Floats:
 
 
 def per_copy(energies: tuple[Floats, ...], counts: tuple[Ints, ...]) -> tuple[Floats, ...]:
-    """Energies of one copy, from those of `counts` copies folded together."""
+    """Energies of one copy, from those of `counts` copies combined."""
     return tuple(part / count[:, None] for part, count in zip(energies, counts, strict=True))

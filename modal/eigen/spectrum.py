@@ -1,8 +1,8 @@
-"""All eigenvalues of a scene in ascending order, by the routes that what hangs there asks for.
+"""All eigenvalues of a scene in ascending order, by the routes that its structure requires.
 
-A fixed support leaves every pendulum alone.  On a cart, N equal pendula (equal links, bit for bit, wherever they
-stand in the file) split exactly: one pendulum N times as heavy moves together with the cart, and N − 1 antiphase
-copies of the pendulum's own modes hold it still.  So do all but one of the modes of equal frequency of different
+On a fixed support every pendulum is independent.  On a cart, N equal pendula (equal links, bit for bit, wherever they
+are in the file) split exactly: one pendulum N times as heavy moves together with the cart, and N − 1 antiphase
+copies of the pendulum's fixed-base modes hold it still.  So do all but one of the modes of equal frequency of different
 pendula.  In space the motion across the rail is that on a fixed support.
 """
 
@@ -44,8 +44,8 @@ MERGED = (
 class Part:
     """`along` + `across` modes of equal frequency, from row `row` of source `source` on.
 
-    `kind` is the (block, column) whose copies share that row and move while all else stands still; None where one
-    vector moves several kinds and has a row of its own.  `still` says that the support does not move.
+    `kind` is the (block, column) whose copies share that row and move while all else is at rest; None where one
+    vector moves several kinds and has a row of its own.  `still` tells that the support does not move.
     """
 
     source: int
@@ -73,16 +73,16 @@ class Batch:
     columns: Ints | None = None
 
     def parts(self, index: int) -> Iterator[Part]:
-        """The rows one by one, this being source number `index`."""
+        """The rows one by one, for source number `index`."""
         kinds = repeat(None) if self.columns is None else ((self.block, column) for column in self.columns.tolist())
         numbers = zip(self.rows.tolist(), self.along.tolist(), self.across.tolist(), kinds, strict=False)
         return (Part(index, *number, self.still) for number in numbers)
 
 
 def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
-    """All modes of a rig in natural units; a dense source only where something damps or no structured one is left.
+    """All modes of a rig in natural units; a dense source only with dampers or where no structured one applies.
 
-    What different pendula have in common is told by every digit of their own modes.
+    Equal frequencies of different pendula are recognized from all digits of their own modes.
     """
     coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
     own = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
@@ -96,7 +96,7 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
 
 
 def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: bool) -> Iterator[Batch]:
-    """What is needed of a block's chains one by one: all structured ones from one source, the others each its own.
+    """The chains of a block needed individually: all structured ones from one source, the others from one each.
 
     Different chains `coupled` by a cart are needed even where none of their modes holds it still: a batch without rows.
     """
@@ -121,13 +121,13 @@ def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
 
 
 def _needs_more(rig: Rig) -> bool:
-    """Whether what hangs from a cart has no effective mass alone."""
+    """Whether the effective mass does not suffice for the pendula on a cart."""
     dragged = rig.cart is not None and rig.cart.damping > 0
     return dragged or not all(block.is_plain.all() for block in rig.blocks)
 
 
 def _sprung(matrices: FromMatrices) -> Source:
-    """Of chains with joint springs or standing links: by mass and moment, unless something damps or it is too much."""
+    """The source for chains with joint springs or inverted links: mass and moment, or dense if damped or too large."""
     blocks, cart = matrices.blocks, matrices.cart
     many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
     if matrices.is_damped or matrices.is_singular or many:
@@ -160,7 +160,7 @@ def _different(
     accelerance: Callable[[], float],
     limits: Limits,
 ) -> Iterator[Batch]:
-    """Different kinds with their `own` squares: what leaves the cart still by coincidence, and what moves it."""
+    """Modes of different kinds with squares `own`: those that leave the cart still by coincidence, and the others."""
     gathered = degenerate_modes(own)
     few = sum(block.mass.size for block in heavy) <= MOST_LINKS_TOGETHER
     if few and gathered.closest > CLOSE and not gathered.shared.size:
@@ -180,7 +180,7 @@ def _moving(source: Source) -> Batch:
 
 
 def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
-    """What was left out or taken as equal by these `sources`, and why."""
+    """What these `sources` omitted or took as equal, and why."""
     massless = rig.cart is not None and is_singular(rig.blocks, rig.cart)
     problems = [source.problem for source in sources if isinstance(source, Together)]
     merged = any(isinstance(problem, Still) and problem.clusters.rounded for problem in problems)
@@ -192,7 +192,7 @@ def notes(rig: Rig, sources: Iterable[Source]) -> tuple[str, ...]:
 class Spectrum:
     """Distinct eigenvalues (R,) by |λ|, and relative error bounds (R,), in `batches` of sources.
 
-    Eigenvalue r is that of the rows `order[cuts[r]:cuts[r + 1]]` of all batches, one after the other.
+    Eigenvalue r is that of the rows `order[cuts[r]:cuts[r + 1]]` of all batches, one after another.
     """
 
     eigenvalue: NDArray[np.complex128]
@@ -203,7 +203,7 @@ class Spectrum:
 
     @property
     def sources(self) -> tuple[Source, ...]:
-        """Those of the batches."""
+        """The sources of the batches."""
         return tuple(batch.source for batch in self.batches)
 
     @cached_property
@@ -215,12 +215,12 @@ class Spectrum:
 
     @cached_property
     def multiplicity(self) -> Ints:
-        """How many independent modes share each eigenvalue, (R,)."""
+        """The number of independent modes of each eigenvalue, (R,)."""
         return np.array([sum(part.along + part.across for part in parts) for parts in self.groups])
 
     @cached_property
     def numbers_of_kind(self) -> dict[tuple[int, int] | None, list[int]]:
-        """The eigenvalues, by index, that each kind of pendulum has on its own; None for those of several kinds."""
+        """The indices of the eigenvalues of each kind of pendulum alone; None for those of several kinds."""
         found: dict[tuple[int, int] | None, list[int]] = {}
         for number, parts in enumerate(self.groups):
             for part in parts:
@@ -228,21 +228,21 @@ class Spectrum:
         return found
 
     def take(self, rows: slice) -> Spectrum:
-        """Some of the eigenvalues."""
+        """A slice of the eigenvalues."""
         first, last, _ = rows.indices(len(self.eigenvalue))
         cuts = self.cuts[first : max(first, last) + 1]
         return Spectrum(self.eigenvalue[rows], self.error[rows], self.batches, self.order, cuts)
 
     def details(self, source: int, rows: Sequence[int]) -> Details:
-        """What a source says about its rows."""
+        """Properties of rows of a source."""
         with np.errstate(all="ignore"):
             return self.sources[source].details(np.array(rows))
 
 
 def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
-    """The spectrum of a rig in natural units, or as much of it as is asked for.
+    """The spectrum of a rig in natural units, or the requested part of it.
 
-    Raises ComputationError where double precision or memory cannot give it.
+    Raises ComputationError where double precision or memory does not suffice.
     """
     try:
         found = list(batches(rig, limits))

@@ -1,12 +1,13 @@
-"""Chains whose joints have springs or whose links stand: beside the effective mass, what the link above feels.
+"""Chains with joint springs or inverted links: the effective mass together with a moment felt by the link above.
 
-A spring lets the part below a joint feel the angle φ of the link above as well as the displacement y of the joint.
-Eliminated from the free end, with x = ω², that part is the quadratic form
+With a spring the part below a joint depends on the angle φ of the link above as well as on the displacement y of the
+joint.  Eliminated from the free end, with x = ω², that part is the quadratic form
 
     −x μ y² − 2 x h y φ + F φ²,        Δ = μ F + x h²
 
-of an effective mass μ, first moment h and stiffness F; Δ, kept for itself, would lose its digits as a sum.  A link of
-mass m, centre c, inertia I and length l, with r = l − c, its weight G = σ g b, and s of the spring at its upper joint,
+of an effective mass μ, first moment h and stiffness F; Δ is kept separately, as it would lose its digits as a sum.  For
+a link of mass m, centre c, inertia I and length l, with r = l − c, its weight G = σ g b, and s of the spring at its
+upper joint,
 
     H = l μ + h + m c,        N = Δ + μ (G − x (I + m r²)) − 2 x m r h + m (G + F − x I),
     B = G + F − x (I + m c² + l (l μ + 2 h)),        D = B + s,
@@ -15,8 +16,7 @@ mass m, centre c, inertia I and length l, with r = l − c, its weight G = σ g 
 The number of D < 0 is the number of x below, negative ones included (Sylvester's law of inertia).  Without springs
 this is `modal.eigen.recursion`; with them the four are the minors of a 2 × 2 form, so that a stiff spring subtracts
 nothing (compound matrices: Ng & Reid, J. Comput. Phys. 30, 125 (1979)).  Angles are σ θ, those of the hanging chain:
-there a spring acts on σ_i θ_i − σ_i σ_{i−1} (σ_{i−1} θ_{i−1}).
-
+in these a spring acts on σ_i θ_i − σ_i σ_{i−1} (σ_{i−1} θ_{i−1}).
 Shapes come from inverse iteration in the same elimination.
 
 Arrays as in `modal.eigen.recursion`: links first, then pendula, then trial values x: (n, P, R).
@@ -39,21 +39,21 @@ from modal.eigen.sturm import Suspension
 from modal.types import Booleans, Floats, Ints
 
 NUDGE = 2.0**-60
-"""Of a link's weight and spring, below zero: what an exact zero of D becomes."""
+"""An exact zero of D becomes minus this fraction of a link's weight and spring."""
 ROUNDINGS = 4
-"""How many times those of `modal.eigen.recursion` a link takes."""
+"""Roundings per link over those of `modal.eigen.recursion`."""
 ITERATIONS = 3
 CLOSE = 1e-8
-"""Relative gap of ω² within which shapes are made orthogonal one after the other."""
+"""Relative gap of ω² within which shapes are orthogonalized one after another."""
 CANCELLED = 2.0**-50
-"""Displacement of a cart, over the largest angle, that is none, for each mode."""
+"""Displacement of a cart over the largest angle, per mode, that counts as zero."""
 CHUNK = 400_000
 SMALLEST = 2.0**-900
-"""Below every |x| that is looked for where links stand."""
+"""Lower bound of |x| with inverted links."""
 
 
 class Eliminated(NamedTuple):
-    """What elimination leaves of one link, arrays (P, R), or of all, (n, P, R).
+    """The results of eliminating one link, arrays (P, R), or all of them, (n, P, R).
 
     `pivot` is D and `moment` H; `first_moment` h and `stiffness` F are those below the link, `mass` is μ' above it.
     """
@@ -91,7 +91,7 @@ def eliminated(block: Block, x: Floats) -> Eliminated:
 
 
 def count_and_mass(block: Block, x: Floats) -> tuple[Ints, Floats]:
-    """How many ω² of each chain on a fixed support lie below each x (R,), and the mass felt at its pivot, (P, R)."""
+    """Number of ω² of each chain on a fixed support below each x (R,), and the mass felt at its pivot, (P, R)."""
     below = np.zeros((block.size, x.shape[-1]), dtype=np.int64)
     for link in eliminate(block, x):
         below += link.pivot < 0
@@ -139,14 +139,14 @@ class _Shape(NamedTuple):
         )
 
     def subtract(self, column: int, other: _Shape, share: Floats) -> None:
-        """Take this share of another shape off one column, in place."""
+        """Subtract this multiple of another shape from one column, in place."""
         parts = [*zip(self.angles, other.angles, strict=True), *zip(self.centres, other.centres, strict=True)]
         for own, its in [*parts, (self.cart, other.cart)]:
             own[..., column] -= (its * share)[..., 0]
 
 
 def _gathered(block: Block, found: Eliminated, x: Floats, force: Floats, moment: Floats) -> tuple[Floats, Floats]:
-    """What loads make each link feel (n, P, R) once all below is eliminated, and the force on the pivot (P, R)."""
+    """The load on each link (n, P, R) once everything below is eliminated, and the force on the pivot (P, R)."""
     felt, pivot = np.empty_like(moment), np.zeros(moment.shape[1:])
     passed, turned = pivot, _turned(block)
     for i in reversed(range(block.n)):
@@ -158,7 +158,7 @@ def _gathered(block: Block, found: Eliminated, x: Floats, force: Floats, moment:
 
 
 def _descended(block: Block, found: Eliminated, x: Floats, felt: Floats, pivot: Floats) -> tuple[Floats, Floats]:
-    """Angles and displacements of the centres (n, P, R) under what each link feels, the pivot displaced (R,).
+    """Angles and displacements of the centres (n, P, R) under the load on each link, the pivot displaced (R,).
 
     The lower joint moves by y + l θ = (y (D + x l H) + l (s φ + …)) / D, in which D + x l H needs no μ.
     """
@@ -178,7 +178,7 @@ def _descended(block: Block, found: Eliminated, x: Floats, felt: Floats, pivot: 
 
 @dataclass(frozen=True, eq=False)
 class SprungProblem:
-    """Chains that share a cart, or (`cart` None) one chain on a support that stands still; M is not singular."""
+    """Chains that share a cart, or (`cart` None) one chain on a support at rest; M is not singular."""
 
     blocks: tuple[Block, ...]
     cart: CartNumbers | None
@@ -194,12 +194,12 @@ class SprungProblem:
 
     @property
     def stands(self) -> bool:
-        """Whether a link does."""
+        """Whether any link is inverted."""
         return any((block.sigma < 0).any() for block in self.blocks)
 
     @property
     def n_modes(self) -> int:
-        """All but a free cart's rigid translation."""
+        """Number of modes except a free cart's rigid translation."""
         return self._links + (self.cart is not None and self.cart.stiffness > 0)
 
     def count(self, x: Floats) -> Ints:
@@ -214,7 +214,7 @@ class SprungProblem:
 
     @cached_property
     def squares(self) -> Floats:
-        """ω² of every mode (R,), ascending; negative where it grows."""
+        """ω² of every mode (R,), ascending; negative for growing modes."""
         if self.stands:
             low = np.array([SMALLEST])
         else:
@@ -246,9 +246,9 @@ class SprungProblem:
 
     @cached_property
     def slack(self) -> Floats:
-        """How much further than one recursion's the error of ω may reach (R,).
+        """Factor of the error of ω over that of one recursion (R,).
 
-        Where links stand, gravity and springs may cancel: a rounding of each counts by the energy that it holds.
+        With inverted links gravity and springs may cancel: a rounding of each counts in proportion to its energy.
         """
         if not self.stands:
             return np.full(self.n_modes, float(ROUNDINGS))
@@ -289,12 +289,12 @@ class SprungProblem:
         )
 
     def _momentum(self, x: Floats, shape: _Shape) -> Floats:
-        """Of everything, from the first moment about the pivot: nothing cancels there."""
+        """Total momentum, from the first moment about the pivot, where nothing cancels."""
         found: Floats = (eliminated(self.blocks[0], x).moment[0] * shape.angles[0][0]).sum(0)
         return found
 
     def _solved(self, rows: Ints) -> tuple[_Shape, Floats]:
-        """Shapes of these modes, the largest angle 1, and φᵀMφ times what their Rayleigh quotients miss ω² by, (R,)."""
+        """Shapes of these modes, largest angle 1, and φᵀMφ times the error of their Rayleigh quotients, (R,)."""
         near = self._clusters
         members = np.flatnonzero(np.isin(near, near[rows]))
         x, places = self.squares[members], members - np.searchsorted(near, near[members])
@@ -313,13 +313,13 @@ class SprungProblem:
         return shape.take(at), missed[at]
 
     def _still(self, shape: _Shape, near: Ints) -> Booleans:
-        """Where the cart moves no more than the sums that made shapes of a cluster orthogonal leave (R,)."""
+        """Whether the cart moves no more than rounding in the orthogonalization of a cluster (R,)."""
         several = np.bincount(near)[near] > 1
         return several & (np.abs(shape.cart) <= CANCELLED * self.n_modes)
 
     @cached_property
     def _clusters(self) -> Ints:
-        """Which modes (R,) stand too close for inverse iteration alone to tell their shapes apart, by numbers alike."""
+        """Cluster numbers of the modes (R,), equal where inverse iteration alone cannot separate their shapes."""
         x = self.squares
         apart = np.diff(x) > CLOSE * np.minimum(np.abs(x[1:]), np.abs(x[:-1]))
         found: Ints = np.concatenate([[0], np.cumsum(apart)])
@@ -333,7 +333,7 @@ class SprungProblem:
             shape.subtract(k, other, _product(loads, shape.take(np.array([k]))) / _product(loads, other))
 
     def _first(self, places: Ints) -> _Loads:
-        """Loads of every link's own size for each place in a cluster, the same each time."""
+        """Starting loads for each place in a cluster, scaled to every link's own size and reproducible."""
         random = np.random.default_rng(0)
         sizes = [np.sqrt(block.diagonal)[:, :, None] for block in self.blocks]
         every = range(int(places.max(initial=0)) + 1)

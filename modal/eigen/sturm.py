@@ -1,10 +1,10 @@
-"""Sturm counts: how many modes of pendula on a support lie below ω, for all trial values at once.
+"""Sturm counts: the number of modes of pendula on a support below ω, for all trial values at once.
 
 The pivots D of `modal.eigen.recursion` change sign as the eigenvalues do (Sylvester's law of inertia: Parlett, The
-Symmetric Eigenvalue Problem, §3.3).  On a fixed support the modes below ω are the D < 0.  On a cart the pivots move
-together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
+Symmetric Eigenvalue Problem, §3.3).  On a fixed support the number of modes below ω is that of D < 0.  On a cart the
+pivots move together, and the count gains one where the mass felt by the rail, m_c − k_c/ω² + Σ μ', is positive.
 
-Many supports alike are one problem: trial values x = ω² have the shape (R, S), R of each of S supports, and the
+Many supports of one form are one problem: trial values x = ω² have the shape (R, S), R of each of S supports, and the
 constants of the P chains that hang from each (n, P, 1, S), links first.
 """
 
@@ -19,16 +19,16 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import Block, CartNumbers, masses_below
-from modal.eigen.kernels import kernels
+from modal.eigen.kernels import scalar_kernels
 from modal.eigen.recursion import NUDGE
 from modal.types import Floats, Ints
 
 ROOM = 200_000
-"""Numbers in an array of trials over links: what a processor's cache holds."""
+"""Size of an array of trials over links that fits a processor's cache."""
 
 
 class Chains(NamedTuple):
-    """The recursion's constants (n, P, 1, S) with 1/k for k, and what a dense matrix is made of."""
+    """The recursion's constants (n, P, 1, S) with 1/k for k, and the entries of a dense matrix."""
 
     m: Floats
     mJ: Floats
@@ -42,16 +42,16 @@ class Chains(NamedTuple):
 
     @property
     def n(self) -> int:
-        """Links of each chain."""
+        """Number of links in each chain."""
         return len(self.m)
 
     @property
     def size(self) -> int:
-        """Links of all chains of one support."""
+        """Number of links of all chains of one support."""
         return int(self.m.shape[0] * self.m.shape[1])
 
     def take(self, supports: Ints) -> Chains:
-        """Those of some supports."""
+        """The chains of some supports."""
         return Chains(*(values[..., supports] for values in self))
 
     @property
@@ -71,7 +71,7 @@ def chains_of(mass: Floats, length: Floats, centre: Floats, inertia: Floats) -> 
 
 @dataclass(frozen=True, eq=False)
 class Suspension:
-    """S supports alike with what hangs there; `mass` and `stiffness` (S,) of their carts, None where they are fixed."""
+    """S supports of one form with their chains; `mass` and `stiffness` (S,) of their carts, None where fixed."""
 
     chains: tuple[Chains, ...]
     mass: Floats | None = None
@@ -90,17 +90,17 @@ class Suspension:
 
     @property
     def supports(self) -> int:
-        """S."""
+        """Number of supports, S."""
         return int(self.chains[0].m.shape[-1])
 
     @property
     def size(self) -> int:
-        """Links on each support."""
+        """Number of links on each support."""
         return sum(chains.size for chains in self.chains)
 
     @cached_property
     def total_mass(self) -> Floats:
-        """Everything on each cart, and the cart, (S,)."""
+        """Mass of each cart and everything on it, (S,)."""
         return np.asarray((0.0 if self.mass is None else self.mass) + sum(c.m.sum((0, 1, 2)) for c in self.chains))
 
     def take(self, supports: Ints) -> Suspension:
@@ -111,7 +111,7 @@ class Suspension:
         return Suspension(chains, self.mass[supports], self.stiffness[supports])
 
     def count(self, x: Floats) -> Ints:
-        """How many oscillatory modes lie below each x (R, S)."""
+        """Number of oscillatory modes below each x (R, S)."""
         below: Ints = np.zeros(x.shape, dtype=np.int64)
         felt = np.zeros(x.shape)
         for chains in self.chains:
@@ -134,7 +134,7 @@ class Suspension:
 
 
 def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
-    """How many fixed-support frequencies of each chain lie below each x, and the mass felt at its pivot, (P, R, S)."""
+    """Number of fixed-base frequencies of each chain below each x, and the mass felt at its pivot, (P, R, S)."""
     with np.errstate(all="ignore"):
         below, mass = _counted(chains, x, 0.0)
         if not (fine := np.isfinite(mass).all((0, 2))).all():
@@ -143,8 +143,8 @@ def count_and_mass(chains: Chains, x: Floats) -> tuple[Ints, Floats]:
 
 
 def _counted(chains: Chains, x: Floats, nudge: float) -> tuple[Ints, Floats]:
-    if compiled := kernels():
-        return compiled.count_and_mass((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
+    if scalar := scalar_kernels(chains.size, *x.shape):
+        return scalar.count_and_mass((chains.inverse, chains.r, chains.p, chains.m, chains.mJ), x, nudge)  # type: ignore[no-any-return]
     mu = np.zeros((chains.m.shape[1], *x.shape))
     below = np.zeros(mu.shape, dtype=np.int64)
     step = max(1, ROOM // max(1, mu.size))

@@ -1,10 +1,10 @@
 """The count of `modal.eigen.recursion` in ball arithmetic (python-flint): every sign it reports is proved.
 
-With x = ω² an exact number, t = x/k and every constant a ball, each μ enters once,
+With x = ω² an exact number, t = x/k and every constant a ball, each μ occurs once in
 
     D = 1 − t (r + μ),    μ' = p − 1/t + (1 + t q)²/(t D),
 
-so the balls grow no faster than the rounding does.  A sign that stays undecided doubles the precision.
+so the balls grow no faster than the rounding does.  Where a sign remains undecided the precision is doubled.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ NEWTON_STEPS = 8
 
 
 class _UndecidedError(ArithmeticError):
-    """A ball holds zero where a sign is needed."""
+    """A ball contains zero where a sign is needed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hung:
-    """Chains on one support, each standing for a number of equal ones that move alike; floats are taken exactly."""
+    """Chains on one support, each representing a number of equal ones that move alike; floats are taken exactly."""
 
     gravity: float
     support: Fixed | Cart
@@ -38,7 +38,7 @@ class Hung:
     _prepared: dict[int, list[tuple[list[pair.Constants], int]]] = field(default_factory=dict, repr=False)
 
     def count(self, x: Ball, bits: int) -> int:
-        """How many oscillatory modes have ω² < x: proved, at whatever precision it takes."""
+        """Number of oscillatory modes with ω² < x: proved, at whatever precision it takes."""
         while bits <= MOST_BITS:
             try:
                 with flint().ctx.workprec(bits):
@@ -64,7 +64,7 @@ class Hung:
         return below
 
     def newton(self, x: Ball, width: Ball, bits: int) -> Ball:
-        """An approximate zero of the determinant near x; what it is worth is for the count to say."""
+        """An approximate zero of the determinant near x, to be verified by the count."""
         with flint().ctx.workprec(bits):
             for _ in range(NEWTON_STEPS):
                 step = 1 / self._logarithmic_derivative(x, bits)
@@ -100,7 +100,7 @@ class Hung:
 
 
 def constants(chain: Links, gravity: float) -> list[pair.Constants]:
-    """The recursion's constants as balls, in which centre and inertia are formed too."""
+    """The recursion's constants as balls, centre and inertia included."""
     arb = flint().arb
     mass, length = [arb(link.mass) for link in chain], [arb(link.length) for link in chain]
     parts = [link.proportions(m, l, arb) for link, m, l in zip(chain, mass, length, strict=True)]

@@ -1,14 +1,14 @@
-"""Characteristic polynomials with exact integer coefficients, and intervals that provably hold their roots.
+"""Characteristic polynomials with exact integer coefficients, and intervals that provably contain their roots.
 
-With μ = N/d the effective mass of `modal.eigen.recursion`, numerator and denominator pass a link together, x = ω²:
+With μ = N/d the effective mass of `modal.eigen.recursion`, numerator and denominator follow a link together, x = ω²:
 
     d' = k d − x (r d + N),    N' = (k − x p) N + (m k − x m J) d        (d = 1, N = 0 below the last link)
 
 Only N/d has a meaning, so each step may clear its denominators; d becomes det(K − x A) of the chain up to a factor.
 On a cart det(K − x M) = (x m_c − k_c + x Σ N_p/d_p) Π d_p.
 
-Two conventions: x = ω² in a `unit`, and paper 001's λ = −unit/ω² = −1/x.  Lists of coefficients run from the lowest
-power up; a `Polynomial` is written as people write it, highest power first.
+Two conventions: x = ω² in a `unit`, and paper 001's λ = −unit/ω² = −1/x.  Lists of coefficients begin with the lowest
+power; a `Polynomial` is written as usual, highest power first.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from modal.scene import Cart, Pendulum, Scene
 Variable = Literal["x", "lambda"]
 Clear = Callable[[list[Any]], list[Any]]
 Links = tuple[tuple[Fraction, ...], ...]
-"""One row (mass, length, centre, inertia, stiffness, σ) a link, top first: a pendulum's exact parameters."""
+"""One row (mass, length, centre, inertia, stiffness, σ) per link, top first: a pendulum's exact parameters."""
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Polynomial:
         return self if self.variable == "lambda" else self._turned("lambda")
 
     def intervals(self, width: Fraction | float = 1e-15) -> list[Interval]:
-        """Ascending dyadic intervals, none wider than `width`, that provably hold the roots (all of them are real)."""
+        """Ascending dyadic intervals, none wider than `width`, that provably contain the roots (all real)."""
         return isolate(self.coefficients, Fraction(width))
 
     def text(self) -> str:
-        """For people: 2 λ^2 + 4 λ + 1."""
+        """Plain text: 2 λ^2 + 4 λ + 1."""
         return self._written("λ" if self.variable == "lambda" else "x", "{}^{}")
 
     def latex(self) -> str:
@@ -99,7 +99,7 @@ def equal_bobs(n: int, variable: Variable = "lambda") -> Polynomial:
 
 
 class Factor(NamedTuple):
-    """A factor of a scene's characteristic polynomial in x = ω² (rad²/s²), how often it occurs and what it moves."""
+    """A factor of a scene's characteristic polynomial in x = ω² (rad²/s²), its multiplicity and what moves in it."""
 
     polynomial: Polynomial
     multiplicity: int
@@ -109,7 +109,7 @@ class Factor(NamedTuple):
 def of_scene(scene: Scene) -> list[Factor]:
     """det(K − x M) of any scene without dampers as primitive integer factors in x = ω² (rad²/s²).
 
-    A number of the scene is read as the shortest decimal that gives its float, which is what a file says: 0.1 is 1/10;
+    A number of the scene is read as the shortest decimal that gives its float, as written in the file: 0.1 is 1/10;
     a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
     factor x.  Raises ComputationError where there are dampers.
     """
@@ -143,7 +143,7 @@ def exact(value: float) -> Fraction:
 
 
 def exact_links(pendulum: Pendulum) -> Links:
-    """Every link's parameters as fractions, repeats included; σ is 1 for down and −1 for up."""
+    """Every link's parameters as fractions, repeats expanded; σ is 1 for down and −1 for up."""
     rows = []
     for link in pendulum.links:
         m, l, stiffness = map(exact, (link.mass, link.length, link.stiffness))
@@ -153,7 +153,7 @@ def exact_links(pendulum: Pendulum) -> Links:
 
 
 def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any], list[Any]]:
-    """(d, N), lowest power first, of a chain; `clear` frees each link's numbers of their common denominator."""
+    """(d, N), lowest power first, of a chain; `clear` removes the common denominator of each link's numbers."""
     d: list[Any] = [1]
     N: list[Any] = [0]
     for link in reversed(links):
@@ -165,7 +165,7 @@ def eliminated(links: Sequence[pair.Constants], clear: Clear) -> tuple[list[Any]
 
 
 def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
-    """(d, N) of one pendulum on a joint that moves; in the coordinates σ_i θ_i an inverted link has −k for k."""
+    """(d, N) of one pendulum on a moving joint; in the coordinates σ_i θ_i an inverted link has −k for k."""
     mass, length, centre, inertia, stiffness, sigma = zip(*links, strict=True)
     if any(stiffness):
         return sample_at_integers((mass, length, centre, inertia), stiffness, sigma, gravity)
@@ -174,7 +174,7 @@ def _pivot(links: Links, gravity: Fraction) -> tuple[list[int], list[int]]:
 
 
 def _moving(cart: Cart, kinds: list[tuple[list[int], list[int], int]]) -> list[Factor]:
-    """The modes that move the cart: (x m_c − k_c + x Σ count N/d) Π d, and x apart where no spring holds the cart."""
+    """The modes that move the cart: (x m_c − k_c + x Σ count N/d) Π d, with x as a separate factor without a spring."""
     d, N = [1], [0]
     for below, force, count in kinds:
         d, N = product(d, below), total(product(N, below), scaled(count, product(d, force)))
@@ -199,7 +199,7 @@ def sample_at_integers(
     """(d, N) of a chain with joint springs: d = det B, N = det [[B, −b], [x bᵀ, Σm]] with B = K − x A.
 
     Below the smallest root, which is negative only with inverted links, B is positive definite, so its elimination
-    never stops there.  In the coordinates σ_i θ_i, A and b are those of the hanging chain.
+    never breaks down.  In the coordinates σ_i θ_i, A and b are those of the hanging chain.
     """
     mass, length, centre, _ = parameters
     b, A = pair.first_moments(mass, length, centre), pair.inertia_matrix(*parameters)
@@ -220,7 +220,7 @@ def _minors(
     mass: Sequence[Fraction],
     start: int,
 ) -> list[tuple[int, Fraction]]:
-    """(d, N) at x = −start − 1, −start − 2, …, over a common unit; none where B is not definite there."""
+    """(d, N) at x = −start − 1, −start − 2, …, over a common unit; empty where B is not definite there."""
     unit = lcm(*(value.denominator for row in (*A, *K, b, mass) for value in row))
     found = []
     for x in range(-start - 1, -start - len(b) - 2, -1):
@@ -239,7 +239,7 @@ def _minors(
 def _stiffness_matrix(
     weights: Sequence[Fraction], stiffness: Sequence[Fraction], sigma: Sequence[Fraction]
 ) -> list[list[Fraction]]:
-    """K = g diag σb + Σ k_i (σ_i e_i − σ_{i−1} e_{i−1})(…)ᵀ: spring i holds link i to the link above it."""
+    """K = g diag σb + Σ k_i (σ_i e_i − σ_{i−1} e_{i−1})(…)ᵀ: spring i connects link i to the link above it."""
     K = [[weight if i == j else Fraction(0) for j in range(len(weights))] for i, weight in enumerate(weights)]
     for i, spring in enumerate(stiffness):
         K[i][i] += spring

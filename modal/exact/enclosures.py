@@ -1,9 +1,9 @@
 """Guaranteed enclosures of every natural frequency: the effective-mass count in ball arithmetic (python-flint).
 
 The floats of the scene are taken exactly as they are stored.  A count whose signs are all decided is a proof: the
-enclosure of frequency number k is a pair of trial values with at most k frequencies below the one and more than k
-below the other.  Double-precision frequencies start it, Newton's iteration on log det supplies the digits, and where
-Newton fails (clusters closer than double precision) the proof falls back on bisection.
+enclosure of frequency number k is a pair of trial values with at most k frequencies below one and more than k
+below the other.  The starting values are double-precision frequencies, Newton's iteration on log det supplies the
+digits, and where Newton fails (clusters closer than double precision) the proof falls back on bisection.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ FIRST_WIDTH = 2.0**-48
 
 @dataclass(frozen=True)
 class Enclosure:
-    """low ≤ ω ≤ high (rad/s), exact decimals; how many modes share it by symmetry, and which they are."""
+    """low ≤ ω ≤ high (rad/s), exact decimals; the number of modes that share it by symmetry, and a description."""
 
     low: str
     high: str
@@ -35,7 +35,7 @@ class Enclosure:
     label: str
 
     def text(self) -> str:
-        """The digits both ends share, then the rest of each: 2.7175[49, 51]."""
+        """The digits common to both ends, then the rest of each: 2.7175[49, 51]."""
         same = next((i for i, (a, b) in enumerate(zip(self.low, self.high, strict=False)) if a != b), len(self.low))
         return self.low if self.low == self.high else f"{self.low[:same]}[{self.low[same:]}, {self.high[same:]}]"
 
@@ -44,8 +44,8 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     """Every natural frequency, ascending, in an interval of relative width at most 10^−digits.
 
     Rows of different labels may overlap: no interval proves two frequencies equal.  The rigid translation of a free
-    cart is exact.  `report` hears what share is done.  Raises ComputationError for dampers and joint springs and where
-    no precision decides a sign, MissingExtraError without python-flint.
+    cart is exact.  `report` is called with the fraction done.  Raises ComputationError for dampers and joint springs
+    and where no precision decides a sign, MissingExtraError without python-flint.
     """
     flint()
     if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
@@ -69,7 +69,7 @@ class _Problem:
     label: str
 
     def enclosures(self, digits: int) -> Iterator[Enclosure]:
-        """One for each mode, ascending."""
+        """One enclosure for each mode, ascending."""
         guesses = self.guesses()
         if len(guesses) != self.n_modes:
             raise ComputationError(
@@ -83,7 +83,7 @@ class _Problem:
 
     @property
     def n_modes(self) -> int:
-        """Oscillatory modes: one fewer on a free cart whose effective mass vanishes at infinite frequency."""
+        """Number of oscillatory modes: one fewer on a free cart whose effective mass vanishes at infinite frequency."""
         links = sum(map(len, self.hung.chains))
         if not isinstance(self.hung.support, Cart):
             return links
@@ -112,7 +112,7 @@ class _Problem:
             return self.bisected(index, start, width, bits)
 
     def bisected(self, index: int, start: Ball, width: Ball, bits: int) -> tuple[Ball, Ball]:
-        """From a bracket that grows until it is proved, halved (not quite: no trial value should be special)."""
+        """From a bracket expanded until proved, by near-halving (so that no trial value is special)."""
         growth = 1 + FIRST_WIDTH
         low, high = (start / growth).mid(), (start * growth).mid()
         while self.hung.count(low, bits) > index:
@@ -128,7 +128,7 @@ class _Problem:
 
 
 def _problems(scene: Scene) -> Iterator[_Problem]:
-    """The modes that move the cart, and every different pendulum's own where the support stays still."""
+    """The modes that move the cart, and those of every different pendulum with the support at rest."""
     counts: dict[Links, int] = {}
     names: dict[Links, int] = {}
     passed = 0
@@ -148,7 +148,7 @@ def _problems(scene: Scene) -> Iterator[_Problem]:
 
 
 def _has_residual_mass(chain: Links) -> bool:
-    """Whether inertia alone loads the pivot, α > 0 in `modal.eigen.recursion.at_infinity`: α' = (p α + m J)/(r + α)."""
+    """Whether α > 0 in `modal.eigen.recursion.at_infinity`, the mass from inertia alone: α' = (p α + m J)/(r + α)."""
     alpha = False
     for link in reversed(chain):
         inertia = link.proportions(exact(link.mass), exact(link.length), exact)[1]
@@ -157,7 +157,7 @@ def _has_residual_mass(chain: Links) -> bool:
 
 
 def _decimal(x: Ball, digits: int, *, up: bool) -> str:
-    """The square root of an exact x, rounded outward to two digits more than asked for."""
+    """The square root of an exact x, rounded outward to two digits more than requested."""
     with flint().ctx.workprec(int(3.33 * digits) + GUARD_BITS):
         root = x.sqrt()
         places = digits + 1 - floor(float(root.log()) / log(10))

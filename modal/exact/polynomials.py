@@ -36,14 +36,14 @@ def integers(values: Iterable[Fraction]) -> list[int]:
 
 
 def primitive(p: Sequence[int]) -> list[int]:
-    """Without leading zeros and content, the highest coefficient positive."""
+    """The polynomial without leading zeros and content, the highest coefficient positive."""
     size = max(power for power, c in enumerate(p) if c) + 1
     shared = gcd(*p) * (1 if p[size - 1] > 0 else -1)
     return [c // shared for c in p[:size]]
 
 
 def leading_minors(matrix: Sequence[Sequence[int]]) -> list[int]:
-    """All leading principal minors of an integer matrix that has none equal to 0 (Bareiss 1968: division is exact)."""
+    """All leading principal minors of an integer matrix, none of them 0 (Bareiss 1968: division is exact)."""
     A, before = [list(row) for row in matrix], 1
     for k, top in enumerate(A):
         for row in A[k + 1 :]:
@@ -65,7 +65,7 @@ def interpolated(values: Sequence[Fraction]) -> list[Fraction]:
 
 
 def shifted(p: Sequence[Any], step: Any) -> list[Any]:
-    """Coefficients of p(x + step) (Horner, again and again)."""
+    """Coefficients of p(x + step) (repeated Horner)."""
     c = list(p)
     for first in range(len(c) - 1):
         for power in range(len(c) - 2, first - 1, -1):

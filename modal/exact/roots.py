@@ -1,7 +1,7 @@
-"""Intervals that provably hold the roots of a polynomial all of whose roots are real, by integer arithmetic alone.
+"""Intervals that provably contain the roots of a real-rooted polynomial, by integer arithmetic alone.
 
-For such polynomials Descartes' rule is exact: the roots above a, with their multiplicities, are as many as the
-sign changes in the coefficients of p(a + y).  Once a simple root is alone, the sign of p halves its interval.
+For such polynomials Descartes' rule is exact: the number of roots above a, with their multiplicities, is that of
+the sign changes in the coefficients of p(a + y).  Once a simple root is isolated, the sign of p halves its interval.
 Endpoints are dyadic, and every interval is half-open: low < root ≤ high.
 """
 
@@ -18,7 +18,7 @@ Narrow = Callable[[Fraction, Fraction], bool]
 
 
 class Interval(NamedTuple):
-    """low < root ≤ high, and how many roots it holds: more than one only where they are closer than the width."""
+    """low < root ≤ high, and the number of roots: more than one only where they are closer than the width."""
 
     low: Fraction
     high: Fraction
@@ -28,10 +28,9 @@ class Interval(NamedTuple):
 def isolate(coefficients: Sequence[int], width: Fraction, *, relative: bool = False) -> list[Interval]:
     """Ascending intervals, none wider than `width`, of all roots of a real-rooted polynomial, highest power first.
 
-    With `relative`, none wider than `width` times the smaller end, for a polynomial that has not the root 0.
-
-    That all roots are real is the caller's knowledge (K and M are symmetric, M positive): ComputationError where
-    Newton's inequalities deny it.  Intervals that are all simple prove it.
+    With `relative`, none is wider than `width` times its smaller end, for a polynomial without the root 0.
+    The caller guarantees that all roots are real (K and M are symmetric, M positive): ComputationError where
+    Newton's inequalities disprove it.  Intervals that are all simple prove it.
     """
     if width <= 0:
         raise ValueError(f"width = {width}: must be positive")

@@ -55,6 +55,11 @@ FORMATS = {
     "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "matlab.write_m"),
     "json": Format(".json", "everything, exactly; `modal.exports.json_.read_json` reads it back", "json_.write_json"),
     "npz": Format(".npz", "everything, exactly; `modal.exports.npz.read_npz` reads it back", "npz.write_npz"),
+    "tf": Format(
+        ".tf.json",
+        "transfer functions: zeros, poles, gain, numerator and denominator for every input and output",
+        "transfer.write_transfer",
+    ),
     "csv": Format(".csv", "everything, exactly, one number per row", "csv_.write_csv"),
     "c": Format(
         ".h",

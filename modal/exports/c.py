@@ -66,16 +66,16 @@ def _names(capitals: str, kind: str, signals: tuple[Signal, ...]) -> Iterator[st
 
 
 def hexadecimal(number: float) -> str:
-    """A number that compilers read in half the time."""
+    """A number in a form that compilers read in half the time."""
     return number.hex() if number else "0.0"
 
 
 def c_matrix(
     name: str, values: Floats, number: Callable[[float], str] = repr, *, by_place: bool = False
 ) -> Iterator[str]:
-    """A constant; C has no arrays of no elements, so an empty side has length one and holds a zero.
+    """A constant; C has no arrays without elements, so an empty side has length one and contains a zero.
 
-    `by_place` leaves most zeros out, which C can say and C++ cannot.
+    `by_place` omits most zeros by designated initializers, which exist in C but not in C++.
     """
     rows, columns = (max(1, size) for size in values.shape)
     yield f"static const double {name}[{rows}][{columns}] = {{"
@@ -86,7 +86,7 @@ def c_matrix(
 
 
 def _row(row: list[str], *, by_place: bool) -> str:
-    """A row; `by_place`, of a long one that is mostly zeros only the rest, by their places."""
+    """A row; with `by_place`, a long one that is mostly zeros as its other entries by index."""
     if by_place and len(row) > LONG_ROW and row.count("0.0") > MOSTLY * len(row):
         kept = [f"[{place}] = {number}" for place, number in enumerate(row) if number != "0.0"]
         row = kept or ["0.0"]

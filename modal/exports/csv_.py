@@ -15,7 +15,7 @@ HEADER = ("matrix", "row", "row_name", "row_unit", "column", "column_name", "col
 def write_csv(model: StateSpace) -> bytes:
     """HEADER, then title, dt, the operating point, and A, B, C, D by rows; rows and columns count from 1.
 
-    A row of A and B is named after the state that it moves.
+    A row of A and B is named after its state.
     """
     return csv_rows(_rows(model)).encode()
 

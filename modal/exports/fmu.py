@@ -1,7 +1,7 @@
 """FMI 2.0 co-simulation: a zip of description, C source and, where a compiler is found, a Linux binary.
 
-Inputs are held over every communication step, as co-simulation has it without derivatives of inputs: the answer to a
-ramp lags by half a step.  Over the default step the step is exact; `linear_fmu.c` bridges any other one to rounding.
+Inputs are held constant over every communication step, as in co-simulation without input derivatives: the response to
+a ramp lags by half a step.  The default step is exact; `linear_fmu.c` handles any other one to rounding.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ ROLES = {
 
 
 def write_fmu(model: StateSpace, step: float = DEFAULT_STEP) -> bytes:
-    """The FMU; `step` in seconds is the default communication step, that of a discrete model is its own.
+    """The FMU; `step` in seconds is the default communication step, for a discrete model its own.
 
     The same model gives the same source and GUID.  Raises SceneError for a step that is not positive.
     """
@@ -74,13 +74,13 @@ def write_fmu(model: StateSpace, step: float = DEFAULT_STEP) -> bytes:
 
 
 def note(content: bytes) -> str:
-    """What to tell about an FMU: that no binary is in it, or nothing."""
+    """A note that an FMU contains no binary, or nothing."""
     with ZipFile(BytesIO(content)) as archive:
         return "" if any(name.startswith("binaries/") for name in archive.namelist()) else SOURCE_ONLY
 
 
 def compiler() -> str | None:
-    """A C compiler that makes 64-bit Linux binaries, if there is one."""
+    """A C compiler for 64-bit Linux binaries, if there is one."""
     if not sys.platform.startswith("linux") or platform.machine() not in {"x86_64", "AMD64"}:
         return None
     return next(filter(None, map(which, COMPILERS)), None)
@@ -137,7 +137,7 @@ def _zipped(content: dict[str, bytes]) -> bytes:
 
 
 class Variable(NamedTuple):
-    """A signal in its role, under the name that it has in the FMU."""
+    """A signal in its role, under its name in the FMU."""
 
     name: str
     role: str
@@ -145,7 +145,7 @@ class Variable(NamedTuple):
 
 
 def variables(model: StateSpace) -> list[Variable]:
-    """Inputs, then states as `state.NAME`, then outputs: the place of each is its value reference."""
+    """Inputs, then states as `state.NAME`, then outputs: the index of each is its value reference."""
     outside = [("input", s) for s in model.inputs], [("output", s) for s in model.outputs]
     words = identifiers((s.name for _, s in (*outside[0], *outside[1])), taken=["state"])
     named = [Variable(word, *pair) for word, pair in zip(words, (*outside[0], *outside[1]), strict=True)]
@@ -218,7 +218,7 @@ def _variable(variable: Variable, reference: int) -> ET.Element:
 
 
 def _structure(root: ET.Element, model: StateSpace) -> None:
-    """Outputs depend at once on the inputs that D lets through; their first values on everything."""
+    """Outputs depend directly on the inputs with feedthrough in D; their initial values on everything."""
     structure = ET.SubElement(root, "ModelStructure")
     for part, listed in (("Outputs", _through(model)), ("InitialUnknowns", _first(model))):
         if model.outputs:

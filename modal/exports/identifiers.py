@@ -13,8 +13,8 @@ LONGEST = 32
 def identifier(text: str, fallback: str = "pendula") -> str:
     """ASCII letters, digits and underscores, no digit first, at most LONGEST characters; `fallback` for no text.
 
-    A text beyond ASCII of which no letter is left becomes `fallback` and a checksum, so that two have two names; so
-    does one of signs alone.
+    A non-ASCII text of which no letter remains becomes `fallback` and a checksum, so that names stay distinct; so
+    does one of symbols alone.
 
     >>> identifier("Größe 2: ein Kran"), identifier("2"), identifier("振り子"), identifier("")
     ('Gro_e_2_ein_Kran', 'n_2', 'pendula_87cf40f7', 'pendula')

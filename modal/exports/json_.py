@@ -23,7 +23,7 @@ Rests = Sequence[tuple[str, float]]
 
 
 def write_json(model: StateSpace) -> bytes:
-    """An object of title, dt, operating_point, states, inputs, outputs and the matrices, a row a line."""
+    """An object of title, dt, operating_point, states, inputs, outputs and the matrices, one line per row."""
     fields = list(_fields(model))
     return sealed_text(OPENING, "\n" + ",\n".join(fields) + "\n}\n")
 

@@ -62,7 +62,7 @@ def write_mat(model: StateSpace) -> bytes:
 
 
 def _titles(title: str) -> dict[str, Any]:
-    """Octave counts a text's length in bytes, so `title` is plain ASCII; the bytes of UTF-8 have every letter."""
+    """Octave measures a text's length in bytes, so `title` is plain ASCII; the UTF-8 bytes keep every letter."""
     plain = normalize("NFKD", title).encode("ascii", "ignore").decode()
     return {"title": plain, "title_utf8": np.frombuffer(title.encode(), dtype=np.uint8)}
 

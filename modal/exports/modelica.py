@@ -35,7 +35,7 @@ def write_modelica(model: StateSpace) -> bytes:
 
 
 def unit(signal: Signal) -> str:
-    """The unit as Modelica and FMI write it, nothing where their grammar has none.
+    """The unit in the syntax of Modelica and FMI, empty where their grammar has none.
 
     >>> unit(Signal("a", "m/s^2", "")), unit(Signal("b", "N m", ""))
     ('m/s2', 'N.m')

@@ -27,7 +27,7 @@ def to_control(model: StateSpace) -> control.StateSpace:
 
 
 def to_scipy(model: StateSpace) -> Any:
-    """The `scipy.signal.StateSpace`, a `dlti` for a discrete model, neither of which knows names."""
+    """The `scipy.signal.StateSpace`, or a `dlti` for a discrete model; neither has names."""
     from scipy.signal import StateSpace as Continuous
     from scipy.signal import dlti
 

@@ -14,7 +14,7 @@ FIRST = (
     "# -*- coding: utf-8 -*-",
     "# A linear state-space model for python-control, in SI units, deviations from the equilibrium.",
 )
-"""Python looks into the first two lines of a file for its encoding: no words of a scene stand there."""
+"""Python looks for an encoding in the first two lines of a file: they contain no text of a scene."""
 
 
 def write_script(model: StateSpace) -> bytes:

@@ -29,12 +29,12 @@ def law(model: StateSpace) -> str:
 
 
 def rest(model: StateSpace) -> list[str]:
-    """The operating point, one angle a line."""
+    """The operating point, one line per angle."""
     return [one_line(f"{name} = {value!r} rad at equilibrium") for name, value in model.operating_point]
 
 
 def preamble(model: StateSpace) -> list[str]:
-    """What a file says of itself at its top: title, equations, operating point."""
+    """The header of a file: title, equations, operating point."""
     return [heading(model), f"{law(model)}, in SI units, deviations from the equilibrium", *rest(model)]
 
 

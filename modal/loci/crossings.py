@@ -4,7 +4,7 @@ Two uncoupled modes cross: their order changes and their shapes do not.  Next to
 
     (ω_b − ω_a)² = gap² + s²(p − p₀)²,
 
-the order stays, and where the gap has grown by √2 on either side of p₀ each shape is halfway to the other, MAC = ½.
+the order is kept, and where the gap has grown by √2 on either side of p₀ each shape is halfway to the other, MAC = ½.
 (Leissa, ZAMP 25, 99 (1974); Perkins & Mote, J. Sound Vib. 106, 451 (1986).)
 """
 
@@ -24,10 +24,10 @@ from modal.types import Floats, Ints
 TURNED = 0.25
 """The least MAC of one shape before with the other after, where the gap has grown by √2, that makes a veering."""
 APART = 0.02
-"""The MAC below which two modes know nothing of each other."""
+"""The MAC below which two modes are unrelated."""
 GOLDEN = (3 - sqrt(5)) / 2
 SHARPNESS = 3e-9
-"""Share of the interval to which a veering is placed: the gap is flat there, so rounding hides more."""
+"""Fraction of the interval to which a veering is located: the gap is flat there, so rounding hides more."""
 
 Kind = Literal["crossing", "veering"]
 Pair = tuple[int, int]
@@ -53,9 +53,9 @@ class CloseApproach:
 def find_close_approaches(
     points: Sequence[Point], tracks: Ints, solve: Solve
 ) -> tuple[list[CloseApproach], list[Point]]:
-    """All meetings of these K tracks, `loci` counting among them, and the points of the smallest gaps.
+    """All meetings of these K tracks, with `loci` counted among them, and the points of the smallest gaps.
 
-    `points` ascend and hold every track in one order; `solve` gives the modes at another value.
+    `points` ascend and have all tracks in the same order; `solve` gives the modes at another value.
     """
     omega, group = (np.array([getattr(point, name)[tracks] for point in points]) for name in ("omega", "group"))
     found: list[tuple[CloseApproach, Point]] = []
@@ -73,7 +73,7 @@ Found = Iterator[tuple[Kind, Point, float]]
 
 
 def _crossings(points: Sequence[Point], signed: Floats, pair: Pair) -> Found:
-    """Where ω_a − ω_b changes its sign, 0 standing for what error bounds do not tell apart."""
+    """Sign changes of ω_a − ω_b, which is 0 where error bounds cannot separate the two."""
     for i, j in pairwise(np.flatnonzero(signed).tolist()):
         if signed[i] * signed[j] < 0:
             closest = min((points[k] for k in range(i + 1, j)) if j > i + 1 else (points[i], points[j]), key=_by(pair))
@@ -81,7 +81,7 @@ def _crossings(points: Sequence[Point], signed: Floats, pair: Pair) -> Found:
 
 
 def _veerings(points: Sequence[Point], signed: Floats, pair: Pair, solve: Solve) -> Found:
-    """Where the gap is smallest and shapes turn, the smallest gap made out exactly."""
+    """Places where the gap is smallest and shapes interchange, with the smallest gap located exactly."""
     size = np.abs(signed)
     lowest = (size[1:-1] < size[:-2]) & (size[1:-1] <= size[2:]) & (signed[1:-1] * signed[:-2] > 0)
     for i in (np.flatnonzero(lowest & (signed[1:-1] * signed[2:] > 0)) + 1).tolist():
@@ -95,14 +95,14 @@ def _veerings(points: Sequence[Point], signed: Floats, pair: Pair, solve: Solve)
 
 
 def _between(before: Point, here: Point, after: Point, pair: Pair) -> bool:
-    """Whether a third mode stands between the two and takes part, as one that crosses both does not."""
+    """Whether a third mode lies between the two and interacts, unlike one that crosses both."""
     low, high = sorted(here.omega[list(pair)])
     others = np.flatnonzero((here.omega > low) & (here.omega < high))
     return any(_exchange(before, after, (track, int(other))) >= APART for other in others for track in pair)
 
 
 def _nearest(three: Sequence[Point], pair: Pair, solve: Solve) -> Point:
-    """The smallest gap near the middle one of three points, by golden sections of the interval between the others."""
+    """The smallest gap near the middle one of three points, by golden section of the interval between the others."""
     low, best, high = three[0].value, three[1], three[2].value
     least = SHARPNESS * (high - low)
     while high - low > least:

@@ -2,7 +2,7 @@
 
 Modes are followed by shape (`modal.loci.tracking`).  An interval over which a shape changes too much is halved.  Where
 two loci exchange their order, the interval is refined until the gap is below the error bounds, or until the shapes are
-seen to interchange (`modal.loci.crossings`).
+found to interchange (`modal.loci.crossings`).
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Report = Callable[[float], object]
 
 @dataclass(frozen=True, eq=False)
 class Loci:
-    """K loci over P values of a parameter, refined where shapes turn fast: `omega` (P, K) in rad/s, `values` (P,).
+    """K loci over P values of a parameter, refined where shapes change fast: `omega` (P, K) in rad/s, `values` (P,).
 
     `names` (K,) are the numbers of their modes in the table at the value `numbered_at`: the scene's own, or the first
-    where that lies elsewhere; what shares a row there is 2, 2b, 2c, …  `multiplicity` (K,) says how many modes go
-    together all along, `encounters` where loci meet, in the order of the parameter.
+    where that lies elsewhere; loci that share a row there are 2, 2b, 2c, …  `multiplicity` (K,) is the number of modes
+    that coincide throughout, `encounters` where loci meet, in the order of the parameter.
     """
 
     scene: Scene
@@ -47,7 +47,7 @@ class Loci:
 
 
 def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:
-    """The loci of an undamped scene, `report` hearing how many of the variation's values are done.
+    """The loci of an undamped scene; `report` is called with the number of the variation's values done.
 
     >>> from modal import load
     >>> from modal.scene.parameters import parse_variations
@@ -72,7 +72,7 @@ def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done
 
 
 def _own_value(scene: Scene, variation: Variation) -> float:
-    """That of the scene as it is given, if it lies among the others, else the first of them."""
+    """The scene's own value, if it lies within the range, else the first one."""
     own = {number_at(scene, place) for place in find_places(scene, variation.path)}
     value = own.pop()
     first, last = variation.values[0], variation.values[-1]
@@ -80,20 +80,20 @@ def _own_value(scene: Scene, variation: Variation) -> float:
 
 
 def _distinct(groups: Ints) -> tuple[Ints, Ints]:
-    """Of the groups (P, R) of all tracks the first track of those that go together all along, and how many they are."""
+    """The first track of each set that coincides throughout, by the groups (P, R) of all tracks, and the set's size."""
     _, first, fold = np.unique(groups, axis=1, return_index=True, return_counts=True)
     order = np.argsort(first)
     return first[order], fold[order]
 
 
 class _Walk:
-    """From the first value to the last, with as many values between as shapes need."""
+    """From the first value to the last, with as many values in between as shapes require."""
 
     def __init__(self, scene: Scene, variation: Variation) -> None:
         self.scene, self.variation, self.solved = scene, variation, 0
 
     def at(self, value: float) -> Point:
-        """The modes there, in ascending order."""
+        """The modes at a value, in ascending order."""
         self.solved += 1
         if self.solved > MOST_SOLVED + len(self.variation.values):
             raise ComputationError(
@@ -102,7 +102,7 @@ class _Walk:
         return solve_at(self.scene, self.variation.path, value)
 
     def whole(self, own: float, report: Report) -> list[Point]:
-        """All points, that at `own` among them, each in the order of the first."""
+        """All points, including that at `own`, each in the order of the first."""
         values = sorted({*self.variation.values, own})
         points = [self.at(values[0])]
         for done, value in enumerate(values[1:], start=2):
@@ -111,7 +111,7 @@ class _Walk:
         return points
 
     def between(self, before: Point, after: Point, depth: int) -> list[Point]:
-        """What follows a point up to the next, that included."""
+        """The points after one up to and including the next."""
         found, sure = follow(before, after)
         exchanged = _swapped(before, found) if sure else None
         if sure and exchanged is None:
@@ -127,7 +127,7 @@ class _Walk:
         return half + self.between(half[-1], after, depth - 1)
 
     def _middle(self, before: Point, after: Point, pair: tuple[int, int] | None) -> float:
-        """Where the gap of a pair closes by the straight line, or the middle of the interval."""
+        """Where the gap of a pair closes by linear interpolation, or the middle of the interval."""
         a, b = before.value, after.value
         if pair:
             left, right = (point.omega[pair[0]] - point.omega[pair[1]] for point in (before, after))
@@ -136,7 +136,7 @@ class _Walk:
 
 
 def _swapped(before: Point, after: Point) -> tuple[int, int] | None:
-    """The first pair of modes that are in another order, apart at both ends."""
+    """The first pair of modes whose order differs, distinct at both ends."""
     order = np.argsort(before.omega, kind="stable")
     later = after.omega[order]
     highest = np.maximum.accumulate(later)

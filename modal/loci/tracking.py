@@ -5,7 +5,7 @@ Shapes φ at one value and χ at the next are compared by the modal assurance cr
     MAC = (φᵀ M χ)² / ((φᵀ M φ)(χᵀ M χ)),        M the mean of the two mass matrices
 
 (Allemang & Brown, Proc. 1st IMAC, 110 (1982)): 1 for one shape, 0 for different modes.  Where frequencies are equal to
-within their error bounds only the space that their shapes span means anything; followed shapes are projected on it.
+within their error bounds only the space spanned by their shapes is meaningful; followed shapes are projected on it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from modal.types import Floats, Ints
 
 MOST_MODES = 400
 SURE = 0.97
-"""The MAC above which a mode is taken for the one before: its shape has turned by less than 10°."""
+"""The MAC above which a mode is identified with the previous one: its shape has turned by less than 10°."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,8 @@ class Point:
     """All R modes at one value of the parameter, one for each independent shape.
 
     `omega` (R,) in rad/s; `shapes` (planes, n, R) with φᵀMφ = 1 over the coordinates of `M` (n, n), along the rail and,
-    in space, across it; `group` (R,): modes of one number have frequencies that error bounds do not tell apart; `row`
-    (R,) of each in the table there, from 0.
+    in space, across it; `group` (R,): modes of one number have frequencies that error bounds cannot separate; `row`
+    (R,) is the row of each in the table there, from 0.
     """
 
     value: float
@@ -69,14 +69,14 @@ def solve_at(scene: Scene, path: str, value: float) -> Point:
 
 
 def _groups(modes: Modes) -> Ints:
-    """A number for every distinct frequency (R,), the same where the next is no further away than error bounds."""
+    """A number for every distinct frequency (R,), equal where the next is no further away than the error bounds."""
     bound = modes.error * modes.omega
     apart = np.diff(modes.omega) > bound[1:] + bound[:-1]
     return np.concatenate(([0], np.cumsum(apart)))
 
 
 def _shapes(modes: Modes) -> Floats:
-    """Φ (planes, n, R), of every shape the part along the rail and, in space, the part across it."""
+    """Φ (planes, n, R): the part of every shape along the rail and, in space, the part across it."""
     phi, planes = modes.matrix.real, 2 if modes.rig.spatial else 1
     return np.array([phi.shapes * (phi.across == plane) for plane in range(planes)])
 
@@ -91,7 +91,7 @@ def overlaps(before: Point, after: Point) -> Floats:
 
 
 def follow(before: Point, after: Point) -> tuple[Point, bool]:
-    """The modes of `after` in the order of `before` and with signs and bases turned to its own; and whether surely so.
+    """The modes of `after` in the order of `before`, with signs and bases aligned to it; and whether this is certain.
 
     Raises ComputationError where the number of modes has changed.
     """
@@ -113,7 +113,7 @@ def follow(before: Point, after: Point) -> tuple[Point, bool]:
 
 
 def _turn(before: Point, after: Point, rows: Ints, tracks: Ints) -> Floats:
-    """The turn (G, G) of a group's shapes that brings them next to the followed ones, projected on what they span."""
+    """The rotation (G, G) of a group's shapes that aligns them with the followed ones, projected on their span."""
     M, basis = (before.M + after.M) / 2, after.shapes[..., rows]
     products = (np.sum(basis.swapaxes(1, 2) @ M @ s, axis=0) for s in (basis, before.shapes[..., tracks]))
     left, _, right = np.linalg.svd(np.linalg.solve(*products))

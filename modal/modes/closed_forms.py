@@ -1,7 +1,7 @@
 """Frequencies and mode shapes in closed form, with which numerical results are compared.
 
 Squares of frequencies are given as ω²l/g, without units, if there is only one length.  For n equal bobs, counted
-j = 0, 1, … from the free end, tension (j+1) m g in the rod above bob j makes the displacements obey
+j = 0, 1, … from the free end, the tension (j+1) m g in the rod above bob j makes the displacements obey
 
     (j+1) y_{j+1} = (2j+1 − x) y_j − j y_{j−1},    x = ω²l/g,    y_0 = 1,    y_n = 0 at the support,
 
@@ -31,7 +31,7 @@ TWO_EQUAL_RODS = (3 - 6 / sqrt(7), 3 + 6 / sqrt(7))
 def equal_bobs(n: int) -> Floats:
     """ω²l/g (n,), ascending, of n equal bobs: the zeros x_r of L_n, to a few units in the last place.
 
-    Their Jacobi matrix, k+1 + k on the diagonal and −k beside it (Golub & Welsch, Math. Comp. 23, 221 (1969)), is
+    Their Jacobi matrix, k+1 + k on the diagonal and −k next to it (Golub & Welsch, Math. Comp. 23, 221 (1969)), is
     BᵀB with B bidiagonal, √1, …, √n on the diagonal and −√1, …, −√(n−1) above it.  Such a matrix determines its
     singular values √x_r to high relative accuracy (Demmel & Kahan, SIAM J. Sci. Stat. Comput. 11, 873 (1990)).
     """
@@ -57,7 +57,7 @@ def equal_bob_effective_masses(n: int) -> Floats:
 
     By definition (m Σ y_j)²/(m Σ y_j²) with y_j = L_j(x_r), j < n.  Here Σ L_j = −L_n', and at a zero of L_n, where
     x L_n' = −n L_{n−1} (Abramowitz & Stegun, 22.8.6), Christoffel and Darboux (22.12.1) give Σ L_j² = −n L_{n−1} L_n'
-    = x_r L_n'².  All together hold all the mass: Σ 1/x_r = n.
+    = x_r L_n'².  Their sum is the total mass: Σ 1/x_r = n.
     """
     return 1 / equal_bobs(n)
 
@@ -82,7 +82,7 @@ def simple_pendula_on_cart(
 
 
 def beat_period(slow: float, fast: float) -> float:
-    """2π/(ω_fast − ω_slow) (s): how long two modes take to exchange their energy and give it back.
+    """2π/(ω_fast − ω_slow) (s): the time in which two modes exchange their energy and return it.
 
     For light simple pendula on a heavy cart about 4π/(ω N m/m_c), ω² = g/l.
     """
@@ -108,7 +108,7 @@ def hanging_rope(count: int) -> Floats:
 
 
 def rope_error_of_bobs(n: int) -> float:
-    """What n equal bobs a distance L/n apart leave: ω/ω_rope − 1 → −1/(4n), the same for every mode.
+    """The error of n equal bobs a distance L/n apart: ω/ω_rope − 1 → −1/(4n), the same for every mode.
 
     From x_r = j²/(4n+2) (1 + O(j²/n²)) (Abramowitz & Stegun, 22.16.8): ω/ω_rope → √(n/(n+½)), as if the rope were
     half a spacing longer.
@@ -117,10 +117,10 @@ def rope_error_of_bobs(n: int) -> float:
 
 
 def rope_error_of_rods(n: int, count: int) -> Floats:
-    """What n equal rods of length L/n leave: ω_k/ω_rope − 1 → (j²/J_1(j)² − 2j² − 4)/(192 n²), (count,), j = j_{0,k}.
+    """The error of n equal rods of length L/n: ω_k/ω_rope − 1 → (j²/J_1(j)² − 2j² − 4)/(192 n²), (count,), j = j_{0,k}.
 
-    Rods are linear finite elements of the rope, kinetic and potential energy alike exact, so frequencies come from
-    above by the energy of the interpolation error: ω²_n − ω² → (L²/12n²) ∫ g s y''² ds/∫ y² ds (Strang & Fix, An
+    Rods are linear finite elements of the rope with exact kinetic and potential energies, so frequencies converge from
+    above with the energy of the interpolation error: ω²_n − ω² → (L²/12n²) ∫ g s y''² ds/∫ y² ds (Strang & Fix, An
     Analysis of the Finite Element Method, chapter 6).  With s from the free end, L = g = 1 and z = 2ω√s:
     y'' = (j⁴/4) J_2(z)/z², so ∫ s y''² ds = (j⁴/8) ∫_0^j J_2²/z dz = (j⁴/32)(1 − 2J_1² − J_2²), as the derivative
     J_2²/z of ¼(1 − J_0² − 2J_1² − J_2²) shows; ∫ y² ds = J_1², and J_2 = 2J_1/j at j.

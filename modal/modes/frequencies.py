@@ -1,4 +1,4 @@
-"""Natural frequencies of many scenes at once: of one form all together, of others one by one."""
+"""Natural frequencies of many scenes at once: together where they have one form, else one by one."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from modal.scene import Scene
 from modal.types import Booleans, Floats
 
 TOGETHER = 2000
-"""Scenes whose arrays are made at once."""
+"""Number of scenes stacked at once."""
 
 
 def natural_frequencies(scenes: Sequence[Scene], accuracy: float | None = None) -> Floats:
-    """ω = |λ| (S, R) of S scenes in rad/s, each row ascending, each frequency as often as its multiplicity.
+    """ω = |λ| (S, R) of S scenes in rad/s, each row ascending, each frequency repeated by its multiplicity.
 
     A free cart's rigid translation is 0.  Scenes of one form, the same kinds of links in the same pendula on the same
     kind of support without dampers and joint springs, are found together, many times faster than one by one; the
@@ -30,7 +30,7 @@ def natural_frequencies(scenes: Sequence[Scene], accuracy: float | None = None) 
     >>> natural_frequencies(scenes).round(4).tolist()
     [[2.3972, 5.7874], [0.9742, 2.3518]]
 
-    Raises ValueError where scenes have unlike numbers of modes, and what `natural_modes` raises.
+    Raises ValueError where scenes have different numbers of modes, and the errors of `natural_modes`.
     """
     limit = validate_accuracy(accuracy)
     rows: list[Floats] = []
@@ -53,7 +53,7 @@ def _alone(scene: Scene, accuracy: float) -> Floats:
 
 
 def _together(stack: Stack, accuracy: float) -> Floats:
-    """ω (S, R); NaN in the rows of scenes that have to be looked at more closely."""
+    """ω (S, R); NaN in the rows of scenes that need individual treatment."""
     supports = len(stack.rate)
     try:
         with np.errstate(all="ignore"):
@@ -100,6 +100,6 @@ def _own_squares(group: Group, accuracy: float) -> Floats:
 
 
 def _meet(own: Sequence[Floats]) -> Booleans:
-    """Whether two frequencies of a scene's own pendula are too near to be told apart without a closer look, (S,)."""
+    """Whether two fixed-base frequencies of a scene are too close for a common treatment, (S,)."""
     every = np.sort(np.concatenate([squares.reshape(-1, squares.shape[-1]) for squares in own]), axis=0)
     return np.asarray((np.diff(every, axis=0) <= CLOSE * every[1:]).any(0))

@@ -10,10 +10,10 @@ FIXED, CART_STILL, CART_MOVES = "fixed support", "cart still", "cart moves"
 
 
 def family(*, where: str, folds: dict[str, int], motion: str, ratio: float) -> str:
-    """Words for one distinct frequency.
+    """The description of one distinct frequency.
 
-    `where` is what the support does; `folds` how many shapes are of which sort ("" needs no word), `motion` comes from
-    `motion_words`, `ratio` is −Re λ/|λ|.
+    `where` describes the motion of the support; `folds` counts the shapes of each sort ("" needs no word), `motion`
+    comes from `motion_words`, `ratio` is −Re λ/|λ|.
     """
     total = sum(folds.values())
     named = [(sort, count) for sort, count in folds.items() if count and sort]
@@ -33,7 +33,7 @@ def _decay(ratio: float) -> str:
 def motion_words(
     angles: tuple[NDArray[np.inexact], ...], shares: tuple[NDArray[np.float64], ...], at: int, agreement: str
 ) -> str:
-    """How pendula agree, as told, and how the links of the busiest do, in mode `at` of angles and shares (n, P, R)."""
+    """The given `agreement` of pendula, and the order of the most energetic one's links, in mode `at`."""
     energy = energies(shares, at)
     busiest = int(energy.argmax())
     sizes = np.cumsum([share.shape[1] for share in shares])
@@ -57,9 +57,9 @@ def agreement(
     several: bool,
     still: bool,
 ) -> str:
-    """In phase or not, by the top links of all pendula that hold a fair share of the energy in mode `at`.
+    """The phase agreement of the top links of all pendula with a fair share of the energy in mode `at`.
 
-    `names` are those of all P kinds; `several` says that one column stands for several pendula moving alike, `still`
+    `names` are those of all P kinds; `several` tells that one column represents several pendula moving alike, `still`
     that the cart does not move.
     """
     top, energy = np.concatenate([angle[0, :, at] for angle in angles]), energies(shares, at)
@@ -75,7 +75,7 @@ def agreement(
 
 
 def _order(chain: NDArray[np.float64]) -> str:
-    """Slow and fast for two links; else how many neighbours, among the links that move, swing against each other."""
+    """Slow and fast for two links; else the number of neighbouring links that move in opposite directions."""
     if len(chain) == 1:
         return ""
     signs = np.sign(chain[chain != 0])

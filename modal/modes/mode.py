@@ -1,8 +1,8 @@
-"""One row of the table of modes, and the resonances it names.
+"""One row of the table of modes, and its resonances.
 
-A small nonlinearity can move energy between modes whose frequencies stand near 1:1 or 1:3.  Near is what stands within
-WIDTH of the ratio, whatever the amplitude; farther away, what answers a swing at the angle of 1 % so much that this
-angle is another (`modal.eigen.amplitude.distortion`, which follows the drift of both frequencies).
+A small nonlinearity can move energy between modes whose frequencies are near 1:1 or 1:3.  Modes within WIDTH of the
+ratio are near, whatever the amplitude; others if their response at the angle of 1 % is so large that it changes this
+angle (`modal.eigen.amplitude.distortion`, which follows the drift of both frequencies).
 """
 
 from __future__ import annotations
@@ -16,43 +16,43 @@ from modal.types import Floats, Ints
 
 UNCERTAIN = 0.1
 WIDTH = 0.02
-"""How far from the exact ratio, relative to the frequency."""
+"""Distance from the exact ratio, relative to the frequency."""
 WIDEST = 0.25
-"""Within which another mode's answer is worked out, that of the nearest on either side of the ratio."""
+"""Range in which the response of another mode is computed, for the nearest on either side of the ratio."""
 MOST_DISTORTED = 0.03
-"""How far from the printed angle of 1 % the true one may lie by that answer before a mode is named for it."""
+"""Relative change of the angle of 1 % by that response above which the mode is named."""
 MOST_NAMED = 4
 RATIOS = (("1:1", 1.0), ("1:3", 3.0), ("3:1", 1 / 3))
 DRIVEN = (1, 3)
-"""The harmonics in which a swing drives other modes."""
+"""The harmonics in which a mode drives other modes."""
 
 
 @dataclass(frozen=True)
 class Mode:
-    """One distinct natural frequency of a scene, and what is known of the modes that share it.
+    """One distinct natural frequency of a scene, with the properties of the modes that share it.
 
     number              from 1, in ascending order
     omega               natural frequency |λ| of the eigenvalue λ (rad/s)
     damping_ratio       −Re λ/|λ|: 0 undamped, 1 overdamped, below 0 unstable
-    multiplicity        how many independent modes share this frequency; a scene in space counts both directions
-    family              what moves, in words
+    multiplicity        number of independent modes with this frequency; a scene in space counts both directions
+    family              description of the motion
     cart_participation  share of the cart's velocity just after a sudden push, φ_x²/Σφ_x² with φᵀMφ = 1; over all
                         modes it sums to 1.  With dampers it is the residue 2 Re[λφ_x²/(φᵀ(2λM + D)φ)] (Tisseur &
                         Meerbergen, SIAM Rev. 43, 235 (2001), §3.5), which may be negative
     effective_mass      modal effective mass Γ²φᵀMφ (kg) of the support's motion along the rail, Γ the participation
                         factor φᵀMe/φᵀMφ (Clough & Penzien, Dynamics of Structures, §26-4)
-    effective_mass_share   the same over all mass of the scene, the cart included
+    effective_mass_share   the same over the total mass of the scene, the cart included
     effective_mass_across  across the rail (kg), in space
     kappa               κ in ω(a) = ω(1 + κa²), a the largest angle (1/rad²), see `modal.eigen.amplitude`
     linear_to_1_percent_deg  the largest angle (deg) of any link over the period at which ω is 1 % off: |κ|a² = 1 %
     resonances          modes near 1:1 or 1:3 that make this angle a guide, in words, see `resonances`
-    residual            how badly frequency and shape fit: on the structured routes |1 − ρ/ω²| of the shape's Rayleigh
+    residual            misfit of frequency and shape: on the structured routes |1 − ρ/ω²| of the shape's Rayleigh
                         quotient ρ; on the dense route the largest unbalanced force among (λ²M + λD + K)φ over the
                         sum of its terms' sizes
-    relative_error_bound  of omega
-    indistinct          whether a neighbour is closer than both bounds together
+    relative_error_bound  bound on the relative error of omega
+    indistinct          whether a neighbour is closer than the sum of both bounds
 
-    NaN where a quantity has no meaning: effective mass of a damped mode, κ above a damping ratio of 0.1 or where the
+    NaN where a quantity is undefined: effective mass of a damped mode, κ above a damping ratio of 0.1 or where the
     parts of a shape are far out of phase, everything but `omega` and `residual` in a row that is uncertain.
     """
 
@@ -119,7 +119,7 @@ def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tu
 
 
 def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int]]:
-    """(harmonic, partner) of what may answer a swing in this mode; indices as in `resonances`."""
+    """(harmonic, partner) of modes that may respond to this mode; indices as in `resonances`."""
     found, others = [], partners[partners != number]
     for harmonic in DRIVEN if omega[number] else ():
         at = int(np.searchsorted(omega[others], harmonic * omega[number]))

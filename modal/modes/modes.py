@@ -1,4 +1,4 @@
-"""The modes of a scene, and what a table says about each."""
+"""The modes of a scene, and the properties of each for a table."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ class _Piece(NamedTuple):
     at: int
 
     def effective_mass(self, on_cart: bool) -> float:
-        """Along the rail; what holds a cart still or moves across the rail adds nothing."""
+        """Effective mass along the rail; shapes that hold a cart still or move across the rail contribute nothing."""
         balanced = self.part.still and on_cart
         return 0.0 if balanced or not self.part.along else self._effective_mass() * self.part.along
 
     def effective_mass_across(self) -> float:
-        """Across the rail."""
+        """Effective mass across the rail."""
         return self._effective_mass() * self.part.across if self.part.across else 0.0
 
     def _effective_mass(self) -> float:
@@ -59,7 +59,7 @@ class _Piece(NamedTuple):
 
 
 def _head(pieces: list[_Piece]) -> _Piece:
-    """The one that moves most of the scene."""
+    """The piece that moves most of the scene."""
     return next((piece for piece in pieces if not piece.part.still), pieces[0])
 
 
@@ -67,8 +67,8 @@ def _head(pieces: list[_Piece]) -> _Piece:
 class ModalMatrix:
     """Φ (n, C): every shape as a column with φᵀMφ = 1, the cart (if there is one) first, then all links.
 
-    `row` and `copy` (C,), both from 0, say where a shape stands in the table, `across` (C,) whether it moves across the
-    rail, where M is another.
+    `row` and `copy` (C,), both from 0, give the position of a shape in the table, `across` (C,) whether it moves across
+    the rail, where M is different.
     """
 
     shapes: NDArray[Any]
@@ -79,16 +79,16 @@ class ModalMatrix:
 
     @cached_property
     def dual(self) -> NDArray[Any]:
-        """MΦ (n, C): of shapes without dampers (MΦ)ᵀq are the modal coordinates of a motion q."""
+        """MΦ (n, C): for shapes without dampers (MΦ)ᵀq are the modal coordinates of a motion q."""
         return np.asarray(self.M @ self.shapes)
 
     @property
     def real(self) -> ModalMatrix:
-        """Of an undamped scene, whose shapes are real."""
+        """The matrix of an undamped scene, whose shapes are real."""
         return replace(self, shapes=self.shapes.real)
 
     def take(self, columns: NDArray[Any]) -> ModalMatrix:
-        """Some of the columns, by their places or by a mask."""
+        """Some of the columns, by index or by a mask."""
         row, copy, across = (part[columns] for part in (self.row, self.copy, self.across))
         return ModalMatrix(self.shapes.T[columns].T, row, copy, across, self.M)
 
@@ -97,17 +97,17 @@ class ModalMatrix:
 class Modes(Sequence[Mode]):
     """All modes of a scene in ascending order of natural frequency, one entry for each distinct one.
 
-    `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,) and read-only, are at hand for all of them; an item
-    computes its `Mode`.  `rig` holds the scene as arrays, `spectrum` where each mode comes from in natural `units`;
-    `notes` say what was left out and why, `first` is the index of the first of them among all modes of the scene.
+    `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,) and read-only, are available for all of them; indexing
+    computes a `Mode`.  `rig` is the scene as arrays, `spectrum` the source of each mode in natural `units`;
+    `first` is the index of the first of them among all modes of the scene, of which only some were `selected`.
     """
 
     scene: Scene
     rig: Rig
     units: Units
     spectrum: Spectrum
-    notes: tuple[str, ...]
     first: int = 0
+    selected: bool = False
 
     def __len__(self) -> int:
         return len(self.spectrum.eigenvalue)
@@ -142,7 +142,7 @@ class Modes(Sequence[Mode]):
 
     @property
     def multiplicity(self) -> Ints:
-        """How many independent modes share each frequency, (R,)."""
+        """The number of independent modes with each frequency, (R,)."""
         return _kept(self.spectrum.multiplicity.view())
 
     @property
@@ -152,7 +152,7 @@ class Modes(Sequence[Mode]):
 
     @cached_property
     def matrices(self) -> Matrices:
-        """M, K and D of the scene along the rail; ComputationError where it is too large for them."""
+        """M, K and D of the scene along the rail; ComputationError where it is too large for dense matrices."""
         return matrices_of(self.rig)
 
     @cached_property
@@ -168,8 +168,15 @@ class Modes(Sequence[Mode]):
         return np.concatenate(([shape.cart], shape.angles)) if self.on_cart else shape.angles
 
     @cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What was omitted or approximated, and why."""
+        with np.errstate(all="ignore"):
+            found = notes(self._natural, self.spectrum.sources)
+        return *found, *[UNDRIVEN] * self.scene.is_driven, *[SELECTED] * self.selected
+
+    @cached_property
     def route(self) -> str:
-        """The routes that were taken, for people."""
+        """The routes taken, in words."""
         used = {part.source for parts in self.spectrum.groups for part in parts}
         return ", ".join(dict.fromkeys(self.spectrum.sources[source].route for source in sorted(used)))
 
@@ -189,8 +196,8 @@ class Modes(Sequence[Mode]):
         (φᵀMφ = 1).  The vectors of one row are orthogonal in M: equal pendula in antiphase are spanned by
         (1, −1, 0, …), (1, 1, −2, 0, …), … along the rail, then one pendulum at a time across it; different pendula
         of equal frequency as in `modal.eigen.degenerate`.  The sign makes the first of the largest angles positive.
-        Where no digit of the frequency is certain the shape says so, `Shape.uncertain`. Raises IndexError for a mode or
-        copy that is not there, ValueError for another normalisation.
+        Where no digit of the frequency is certain, `Shape.uncertain` is set. Raises IndexError for a mode or
+        copy that does not exist, ValueError for another normalisation.
         """
         how, left = validate_normalisation(normalise), copy
         for part in self.spectrum.groups[number]:
@@ -284,14 +291,14 @@ class Modes(Sequence[Mode]):
         )
 
     def _whose(self, number: int, part: Part) -> str:
-        """Which pendula move while the others stand still, where there are different ones."""
+        """The pendula that move while the others are at rest, where there are different ones."""
         kinds = {other.kind for other in self.spectrum.groups[number]}
         if self.rig.n_kinds == 1 or part.kind is None or len(kinds) > 1:
             return ""
         return self.rig.names[part.kind]
 
     def _resonances(self, number: int) -> tuple[str, ...]:
-        """With other modes that it can exchange energy with: on a cart all, on a fixed support the same pendulum's."""
+        """Resonances with modes that can exchange energy: on a cart all, on a fixed support the same pendulum's."""
         parts = self.spectrum.groups[number]
         fold = self.multiplicity[number] if self.on_cart else 1 + any(part.along and part.across for part in parts)
         own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
@@ -305,9 +312,10 @@ class Modes(Sequence[Mode]):
         return np.asarray(partners[self._swings[partners]])
 
     def _distortion(self, harmonic: int, own: tuple[int, list[_Piece]], other: tuple[int, list[_Piece]]) -> float:
-        """How much another mode's answer changes a mode's angle of 1 %, relative: between shapes that move alike.
+        """The relative change of a mode's angle of 1 % by another mode's response: between shapes that move alike.
 
-        Shapes of other symmetry are not driven: equal pendula in antiphase do not push what moves them alike.
+        Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move
+        alike.
         """
         (number, pieces), (partner, others) = own, other
         head = _head(pieces)
@@ -344,7 +352,7 @@ class Modes(Sequence[Mode]):
 
     @cached_property
     def _swings(self) -> Booleans:
-        """The modes that oscillate for long, ζ < 0.1."""
+        """The modes that are at most lightly damped, ζ < 0.1."""
         return np.asarray(np.abs(self.eigenvalue.real) < LIGHT * np.abs(self.eigenvalue))
 
     def _indistinct(self, number: int) -> bool:
@@ -356,43 +364,40 @@ class Modes(Sequence[Mode]):
 
 
 def natural_modes(scene: Scene, *, accuracy: float | None = None, modes: slice | None = None) -> Modes:
-    """All modes of a scene about its rest: hanging, or as `equilibrium` says.
+    """All modes of a scene about its equilibrium: hanging, or as `equilibrium` specifies.
 
-    With an `accuracy`, relative in ω, the eigenvalues of a dense matrix are taken where they are known to be within it,
-    at less cost for chains of more than ten links; without, every digit is right.  `modes` are those to be found,
-    counted from 0: of a long chain `slice(0, 3)` costs little.
+    With an `accuracy`, relative in ω, the eigenvalues of a dense matrix are used where they are known to be within it,
+    at less cost for chains of more than ten links; without, every digit is right.  `modes` selects the modes to
+    compute, counted from 0: `slice(0, 3)` of a long chain costs little.
 
     >>> from modal import load
     >>> [round(mode.frequency, 4) for mode in natural_modes(load("rope"), modes=slice(1, 4))]
     [1.3758, 2.1569, 2.939]
 
-    Raises ComputationError where double precision or memory cannot give them, ValueError for an accuracy that is not
-    positive or a slice with a step.  Methods and their sources stand in the modules that `modal.eigen.spectrum` chooses
-    from.
+    Raises ComputationError where double precision or memory does not suffice, ValueError for an accuracy that is not
+    positive or a slice with a step.  Methods and their sources are given in the modules that `modal.eigen.spectrum`
+    chooses from.
     """
     limits = Limits(validate_accuracy(accuracy), _lowest(modes))
     rig = rig_of(scene)
     with np.errstate(all="ignore"):
         natural, units = rig.natural()
         found = find_spectrum(natural, limits)
-        left_out = [*notes(natural, found.sources), *[UNDRIVEN] * scene.is_driven]
-        first = 0
-        if modes is not None:
-            first, last, _ = modes.indices(len(found.eigenvalue))
-            found = found.take(slice(first, last))
-            left_out.append(SELECTED)
-        return Modes(scene, rig, units, found, tuple(left_out), first)
+    if modes is None:
+        return Modes(scene, rig, units, found)
+    first, last, _ = modes.indices(len(found.eigenvalue))
+    return Modes(scene, rig, units, found.take(slice(first, last)), first, selected=True)
 
 
 def validate_accuracy(accuracy: float | None) -> float:
-    """The same, 0 for every digit; ValueError for what is none."""
+    """The accuracy, 0 for every digit; ValueError for an invalid one."""
     if accuracy is not None and not 0 < accuracy < 1:
         raise ValueError(f"accuracy = {accuracy}: must be above 0 and below 1, or None for every digit")
     return accuracy or 0.0
 
 
 def _lowest(modes: slice | None) -> int | None:
-    """How many of the lowest modes a slice needs, None for all."""
+    """The number of lowest modes that a slice needs, None for all."""
     if modes is None:
         return None
     if modes.step not in {None, 1}:
@@ -417,7 +422,7 @@ def all_shapes(modes: Modes) -> list[list[Shape]]:
 
 
 def _rows(modes: Modes) -> dict[int, dict[int, int]]:
-    """For every source the rows that are needed, and their places among these."""
+    """The required rows of every source, with their positions among these."""
     found: dict[int, dict[int, int]] = {}
     for part in (part for parts in modes.spectrum.groups for part in parts):
         own = found.setdefault(part.source, {})
@@ -427,7 +432,7 @@ def _rows(modes: Modes) -> dict[int, dict[int, int]]:
 
 
 def _row(details: Details, at: int) -> Details:
-    """One row of them, the last axis of every array."""
+    """One row of the details, the last axis of every array."""
     one: dict[str, Any] = {}
     for field in fields(details):
         value = getattr(details, field.name)
@@ -436,6 +441,6 @@ def _row(details: Details, at: int) -> Details:
 
 
 def _kept(values: A) -> A:
-    """An array that cannot be written to."""
+    """A read-only array."""
     values.flags.writeable = False
     return values

@@ -1,11 +1,11 @@
 """One number for every mode: its number in the table of the scene with dampers.
 
-A scene without its dampers, or with its cart fixed, has other modes.  Each of them gets the number of the most similar
-mode of the table.  The similarity of rows r and s, of shapes φ and ψ, is
+A scene without its dampers, or with its cart fixed, has different modes.  Each of them gets the number of the most
+similar mode of the table.  The similarity of rows r and s, of shapes φ and ψ, is
 
     w_rs = Σ |φᴴMψ|² / ((φᴴMφ)(ψᴴMψ))        over all pairs of their shapes along the rail,
 
-and pairs are formed one to one, the most similar first.
+and rows are paired one to one, the most similar first.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
 
 DIGITS = 9
-"""Decimals to which what two rows share is compared; of those that share alike the earlier is taken."""
+"""Decimals to which similarities are compared; the earlier of two equally similar rows is taken."""
 MOST_COMPARED = 1000
-"""Links of a scene up to which its shapes are compared where the numbers are only a courtesy."""
+"""Links of a scene up to which its shapes are compared where the numbers are optional."""
 
 
 @lru_cache(maxsize=4)
@@ -41,7 +41,7 @@ def table_numbers(scene: Scene, still: Modes | None = None) -> Ints:
 
 
 def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None) -> Ints:
-    """For every row (R,) of `modes` the index of the row of `others` (one of `among`) that it is most like."""
+    """For every row (R,) of `modes` the index of the most similar row of `others` (one of `among`)."""
     chosen = np.arange(len(others)) if among is None else np.asarray(among, dtype=np.intp)
     alike = np.round(_alike(modes, others)[:, chosen], DIGITS)
     found = paired(alike, np.ones(len(chosen), dtype=np.int64))
@@ -49,7 +49,7 @@ def counterparts(modes: Modes, others: Modes, among: Sequence[int] | None = None
 
 
 def paired(alike: Floats, room: Ints) -> Ints:
-    """A column for every row, the largest entries first, none for more rows than it has `room` for; −1 without one."""
+    """A column for every row, the largest entries first, each column for at most `room` rows; −1 without one."""
     found, left = np.full(len(alike), -1), room.copy()
     missing = min(len(alike), int(room.sum()))
     for place in np.argsort(-alike, axis=None, kind="stable").tolist():
@@ -62,7 +62,7 @@ def paired(alike: Floats, room: Ints) -> Ints:
 
 
 def labelled(numbers: Iterable[int]) -> tuple[str, ...]:
-    """A name for each of these numbers of the table: the number, and behind it b, c, … where it comes again.
+    """A name for each of these numbers of the table: the number, followed by b, c, … where it is repeated.
 
     >>> labelled([2, 2, 3, 2])
     ('2', '2b', '3', '2c')

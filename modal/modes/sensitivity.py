@@ -33,7 +33,7 @@ from modal.types import Floats
 class Sensitivities:
     """∂ω/∂p of one mode; arrays (n_links,) in the order of `Shape.angles`, each entry for one link of one copy.
 
-    mass            rad/s per kg; what is a rod stays one, so I = m l²/12 follows, the inertia of a body does not
+    mass            rad/s per kg; a rod remains a rod, so I = m l²/12 follows; the inertia of a body does not
     length          rad/s per m; a bob's c = l, a rod's c = l/2 and I = m l²/12 follow, a body's c and I do not
     centre          rad/s per m, of a centre of mass along its link, all else held
     inertia         rad/s per kg m², all else held
@@ -56,13 +56,13 @@ class Sensitivities:
 def sensitivities(modes: Modes, number: int) -> Sensitivities:
     """The derivatives of the natural frequency of the mode with index `number`, from 0.
 
-    All are 0 where ω = 0.  Raises ComputationError for a damped mode, for one that double precision does not give and
-    for a frequency that several modes share: it splits, into one branch for each, along shapes that depend on what is
-    changed.  Next to another frequency the derivative holds for changes much smaller than the gap.  Raises IndexError
-    for a mode that is not there.
+    All are 0 where ω = 0.  Raises ComputationError for a damped mode, for one beyond double precision and for a
+    frequency that several modes share: it splits into branches, along shapes that depend on the parameter changed.
+    Close to another frequency the derivative holds for changes much smaller than the gap.  Raises IndexError for a mode
+    that does not exist.
 
     Ordinary scenes keep 12 digits of the largest p ∂ω/∂p; z_i is a running sum, which cancels where a centre hardly
-    moves in a very fast mode (nearly no inertia, masses and lengths apart by 1e±16): up to 7 of them are lost there.
+    moves in a very fast mode (almost no inertia, masses and lengths differing by 1e±16): up to 7 digits are lost there.
     """
     _refuse(modes, number)
     omega, shape = float(modes.omega[number]), modes.shape(number, 0, "mass")
@@ -98,7 +98,7 @@ def _nothing(n_links: int) -> Sensitivities:
 
 
 class _Chain(NamedTuple):
-    """The links of one pendulum, each (n,), and σ = ±1 for down or up, and what follows mass and length."""
+    """The links of one pendulum, each (n,), with σ = ±1 for down or up, and a mask of proportional c and I."""
 
     mass: Floats
     length: Floats
@@ -109,7 +109,7 @@ class _Chain(NamedTuple):
 
 
 def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Floats]]:
-    """Every pendulum as the scene writes it, with the angles (copies, n) of its copies."""
+    """Every pendulum as specified in the scene, with the angles (copies, n) of its copies."""
     angles, at = shape.angles.real, 0
     for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
         own = modes.rig.blocks[block]
@@ -125,7 +125,7 @@ def _follows(pendulum: Pendulum) -> Floats:
 
 
 def _of_chains(chain: _Chain, phi: Floats, omega: float, cart: float, g: float) -> tuple[Floats, ...]:
-    """∂(2V − ω² 2T)/∂p of the copies of a chain, each (copies, n): what follows is added by the chain rule."""
+    """∂(2V − ω² 2T)/∂p of the copies of a chain, each (copies, n), including dependent quantities by the chain rule."""
     m, l, c, I, sigma, follows = chain
     square, turn = omega**2, phi**2
     z = cart + _above(sigma * l * phi) + sigma * c * phi

@@ -25,7 +25,7 @@ class Shape:
     kinetic energy, `modal_mass` φᵀMφ (kg m²), `participation_factor` φᵀMe/φᵀMφ (1/m) for the unit translation e of
     everything along the rail, or across it where `across` says that the shape moves that way (scenes in space); their
     product Γ²φᵀMφ is the modal effective mass (Clough & Penzien, Dynamics of Structures, §26-4).  NaN for damped modes.
-    `uncertain` says that no digit of the mode's frequency is certain; then the shape may be any other mode's in part.
+    `uncertain` tells that no digit of the mode's frequency is certain; the shape may then contain any other mode.
     """
 
     cart: complex
@@ -39,7 +39,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class _Vector:
-    """A shape as its source scales it, in natural units, with its φᵀMφ and φᵀMe."""
+    """A shape in the scale of its source, in natural units, with its φᵀMφ and φᵀMe."""
 
     cart: complex
     angles: NDArray[np.inexact]
@@ -58,7 +58,7 @@ def validate_normalisation(name: str) -> Normalisation:
 def expand(
     rig: Rig, units: Units, part: Part, copy: int, details: Details, normalise: Normalisation, *, uncertain: bool
 ) -> Shape:
-    """The copy-th vector of a part, `details` holding its one row."""
+    """The copy-th vector of a part, with `details` of its one row."""
     vector = _of_copies(rig, part, part.kind, copy, details) if part.kind else _of_all(rig, details)
     if not np.all(np.isfinite(vector.angles)):
         raise ComputationError("a mode shape of this scene is beyond double precision")
@@ -92,7 +92,7 @@ def _of_copies(rig: Rig, part: Part, kind: tuple[int, int], copy: int, details: 
 
 
 def _weights(rig: Rig, part: Part, kind: tuple[int, int], copy: int) -> Floats:
-    """How much each copy of a kind moves, of Euclidean length 1: one of them alone, or in antiphase on a cart."""
+    """The amplitude of each copy of a kind, of Euclidean length 1: one of them alone, or in antiphase on a cart."""
     weights = np.zeros(sum(count for block, column, count in rig.members if (block, column) == kind))
     if copy >= part.along or not rig.cart:
         weights[copy - part.along if copy >= part.along else copy] = 1.0
@@ -103,7 +103,7 @@ def _weights(rig: Rig, part: Part, kind: tuple[int, int], copy: int) -> Floats:
 
 
 def _scale(vector: _Vector, units: Units, how: Normalisation) -> complex:
-    """What turns the vector's angles into those asked for: the first of the largest real and positive.
+    """The factor from the vector's angles to normalised ones: the first of the largest becomes real and positive.
 
     A rigid translation has no angles: there the cart moves by 1 m instead of the largest angle's 1 rad.
     """

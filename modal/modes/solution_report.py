@@ -1,7 +1,7 @@
 """A record of how the modes of a scene were computed: problem sizes, what was avoided, and packages loaded.
 
-The sources of the modes tell what they were built from, the process which packages it has loaded; nothing here is a
-forecast.  An audit is a snapshot, and packages loaded for something else count as well.
+The sizes are reported by the sources of the modes, the packages are those that the process has loaded; nothing here is
+a forecast.  The report is a snapshot: packages loaded for other purposes count as well.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ MOST_SHOWN = 6
 
 @dataclass(frozen=True)
 class Part:
-    """Problems alike: `unknowns` in each of so many `problems`, and how many modes of the scene come from them."""
+    """Problems of one form: their number, `unknowns` in each, and the number of modes of the scene from them."""
 
     what: str
     route: str
@@ -33,7 +33,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Matrix:
-    """So many dense square matrices of one name and order."""
+    """A number of dense square matrices of one name and order."""
 
     name: str
     order: int
@@ -42,7 +42,7 @@ class Matrix:
 
 @dataclass(frozen=True)
 class SolutionReport:
-    """A record of what was computed for the modes of a scene.
+    """A record of the computation of a scene's modes.
 
     `coordinates` counts those of the whole scene: every copy, both directions in space, the cart.  `left_out` are
     sentences, `modules` the larger packages that this process has loaded.
@@ -57,11 +57,11 @@ class SolutionReport:
 
     @property
     def unknowns(self) -> int:
-        """How many were solved for, in all parts together."""
+        """The number of unknowns in all parts together."""
         return sum(part.problems * part.unknowns for part in self.parts)
 
     def text(self) -> str:
-        """For a terminal, in at most 25 lines."""
+        """The report for a terminal, in at most 25 lines."""
         unknowns, coordinates = counted(self.unknowns, "unknown"), counted(self.coordinates, "coordinate")
         return "\n".join(
             [
@@ -77,7 +77,7 @@ class SolutionReport:
         )
 
     def record(self) -> dict[str, Any]:
-        """For JSON; all numbers are counts."""
+        """The report for JSON; all numbers are counts."""
         return {
             "coordinates": self.coordinates,
             "unknowns": self.unknowns,
@@ -90,7 +90,7 @@ class SolutionReport:
 
 
 def report_solution(modes: Modes) -> SolutionReport:
-    """The record of what was computed for these modes."""
+    """The record of the computation of these modes."""
     return SolutionReport(
         coordinates=coordinates(modes.rig),
         parts=_parts(modes.spectrum),
@@ -102,7 +102,7 @@ def report_solution(modes: Modes) -> SolutionReport:
 
 
 def _parts(spectrum: Spectrum) -> tuple[Part, ...]:
-    """One for each source, alike ones together."""
+    """One part for each source, equal ones merged."""
     taken = Counter[int]()
     for part in (part for parts in spectrum.groups for part in parts):
         taken[part.source] += part.along + part.across
@@ -118,7 +118,7 @@ def _parts(spectrum: Spectrum) -> tuple[Part, ...]:
 
 
 def _matrices(spectrum: Spectrum) -> tuple[Matrix, ...]:
-    """The largest first, alike ones together."""
+    """The matrices, the largest first, equal ones merged."""
     found = Counter[tuple[str, int]]()
     for name, order, number in (matrix for source in spectrum.sources for matrix in source.built.matrices):
         found[name, order] += number
@@ -126,7 +126,7 @@ def _matrices(spectrum: Spectrum) -> tuple[Matrix, ...]:
 
 
 def coordinates(rig: Rig) -> int:
-    """Of the whole scene: every copy, both directions in space, the cart along its rail."""
+    """Number of coordinates of the whole scene: every copy, both directions in space, the cart along its rail."""
     links = sum(int(block.count.sum()) * block.n for block in rig.blocks)
     return links * (2 if rig.spatial else 1) + (1 if rig.cart else 0)
 
@@ -172,7 +172,7 @@ def loaded() -> tuple[str, ...]:
 
 
 def not_loaded() -> Iterator[str]:
-    """The others, in a sentence."""
+    """A sentence on the packages not loaded."""
     missing = [name for name in PACKAGES if name not in loaded()]
     if missing:
         yield f"not imported: {', '.join(missing)}"

@@ -37,7 +37,7 @@ class Column:
 
 
 def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
-    """At most so many significant digits, and no more than the bound on ω leaves certain."""
+    """At most `most` significant digits, and no more than the bound on ω allows."""
 
     def shown(mode: Mode) -> str:
         number, bound = value(mode), mode.relative_error_bound
@@ -108,7 +108,7 @@ COLUMNS = (
 
 
 def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False) -> str:
-    """These rows of `modes` as text, markdown, latex, csv, html or json, the `form`.
+    """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
     `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.
     """
@@ -118,7 +118,7 @@ def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False
         return _csv(rows)
     columns = [column for column in COLUMNS if column.shown and column.only_if(modes)]
     cells = [[column.shown(row) for column in columns if column.shown] for row in rows]
-    return _DRESSES[form](modes, columns, cells, _footnotes(modes, rows))
+    return _WRITERS[form](modes, columns, cells, _footnotes(modes, rows))
 
 
 def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
@@ -127,7 +127,7 @@ def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
 
 
 def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
-    """JSON: the scene, its modes, the route that was taken and notes."""
+    """JSON: the scene, its modes, the routes taken and notes."""
     found = [{**record, "resonances": list(row.resonances)} for record, row in zip(_records(rows), rows, strict=True)]
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
@@ -171,7 +171,7 @@ def _csv(rows: Sequence[Mode]) -> str:
     return csv_rows([[column.key for column in COLUMNS], *(record.values() for record in _records(rows))])
 
 
-def _dressed(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:
+def _formatted(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:
     from tabulate import tabulate
 
     align = ["left" if column.key == "family" else "right" for column in columns]
@@ -200,7 +200,7 @@ def _aligned(columns: Sequence[Column], widths: list[int], cells: list[str]) -> 
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    body = _dressed("github", columns, cells, [column.heading for column in columns])
+    body = _formatted("github", columns, cells, [column.heading for column in columns])
     return "\n".join([f"**{markdown(_title(modes))}**", "", body, *(f"\n{note}" for note in notes)]) + "\n"
 
 
@@ -209,17 +209,17 @@ def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], note
         [cell.replace(NOTHING, "--").replace(">", "$>$").replace("~", r"\textasciitilde{}") for cell in row]
         for row in cells
     ]
-    body = _dressed("latex_raw", columns, plain, [column.headed for column in columns])
+    body = _formatted("latex_raw", columns, plain, [column.headed for column in columns])
     return "\n".join([f"% {line}" for line in (one_line(_title(modes)), *notes)] + [body]) + "\n"
 
 
 def _html(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
-    body = _dressed("html", columns, cells, [column.heading for column in columns])
+    body = _formatted("html", columns, cells, [column.heading for column in columns])
     caption = f"<table>\n<caption>{html(_title(modes))}</caption>"
     return "\n".join([body.replace("<table>", caption, 1), *(f"<p>{html(note)}</p>" for note in notes)]) + "\n"
 
 
-_DRESSES = {"text": _text, "markdown": _markdown, "latex": _latex, "html": _html}
+_WRITERS = {"text": _text, "markdown": _markdown, "latex": _latex, "html": _html}
 
 
 def matrices_table(scene: Scene, found: Matrices, form: str) -> str:

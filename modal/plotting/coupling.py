@@ -1,4 +1,4 @@
-"""The coupling in one picture: the dynamic mass with its poles and zeros, each family close up, and the cart's mass."""
+"""The coupling in one picture: dynamic mass with poles and zeros, each family enlarged, and the effect of cart mass."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from modal.types import Floats, Ints
 
 MOST_CLOSE, MANY, POINTS = 3, 24, 1200
 CLOSEST = 0.02
-"""Share of an axis that a pole's line needs."""
+"""Fraction of an axis that a pole's line needs."""
 TOP = 2.2
-"""How much of all mass the axis of masses shows."""
+"""Range of the mass axis over the total mass."""
 LOGARITHMIC = 30.0
-"""Ratio of frequencies from which they stand on a logarithmic axis."""
+"""Ratio of frequencies from which their axis is logarithmic."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
 MOST_LINES, MASSES = 12, 81
 CART_MASS = r"mass of the cart $m_c$ (kg)"
@@ -60,7 +60,7 @@ def _finish(figure: Figure, coupling: Coupling) -> None:
 
 
 def pole() -> str:
-    """The colour of a mode in which the cart stands still."""
+    """The colour of a mode in which the cart is still."""
     return colour(0)
 
 
@@ -75,7 +75,7 @@ def zero() -> str:
 
 
 def plain() -> dict[str, Any]:
-    """Paper behind words."""
+    """Background-coloured boxes behind words."""
     return {"facecolor": paper(), "edgecolor": "none", "pad": 1.5, "alpha": 0.85}
 
 
@@ -85,7 +85,7 @@ def name(index: int) -> str:
 
 
 def crowded(coupling: Coupling) -> bool:
-    """Whether poles lie too close to be drawn one by one: more than MANY, or a band with no room for their lines."""
+    """Whether poles are too close to be drawn one by one: more than MANY, or a band without room for their lines."""
     poles = coupling.dynamic.omega
     low, high, wide = span(np.append(poles, [mode.omega for mode in coupling.cart_modes]))
     share = np.ptp(np.log(poles)) / np.log(high / low) if wide else np.ptp(poles) / (high - low)
@@ -125,7 +125,7 @@ def draw_mass(axis: Axes, coupling: Coupling) -> None:
 
 
 def span(omega: Floats) -> tuple[float, float, bool]:
-    """Both ends of the axis of frequencies and whether it is logarithmic."""
+    """Both ends of the frequency axis and whether it is logarithmic."""
     smallest, largest = float(omega.min()), float(omega.max())
     wide = largest > LOGARITHMIC * smallest
     if wide:
@@ -135,7 +135,7 @@ def span(omega: Floats) -> tuple[float, float, bool]:
 
 
 def _grid(poles: Floats, zeros: Floats, low: float, high: float, wide: bool) -> Floats:
-    """Even along the axis and closer about poles and zeros."""
+    """Points evenly spaced along the axis and closer near poles and zeros."""
     even = np.geomspace(low, high, POINTS) if wide else np.linspace(low, high, POINTS)
     marked = np.concatenate([poles, zeros])
     aside = np.geomspace(1e-7, 0.05, 120)
@@ -144,7 +144,7 @@ def _grid(poles: Floats, zeros: Floats, low: float, high: float, wide: bool) -> 
 
 
 def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above: bool) -> None:
-    """Words above the axis or beside the points on its zero line, those left out that would touch the last."""
+    """Words above the axis or next to the points on its zero line, omitting any that would touch the previous one."""
     last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
     for place, word in zip(places.tolist(), words, strict=True):
         at = float(to_share.transform((place, 0.0))[0])
@@ -167,20 +167,20 @@ def _labels(axis: Axes, places: Floats, words: Sequence[str], hue: str, *, above
 
 
 def close_families(coupling: Coupling) -> list[int]:
-    """The families that are drawn close up, ascending: those that the cart couples most and that stand alone."""
+    """The families shown enlarged, ascending: the most strongly coupled ones that are isolated."""
     families = () if crowded(coupling) else coupling.families
     alone = [number for number, family in enumerate(families) if family.splitting and _is_alone(coupling, family)]
     return sorted(sorted(alone, key=lambda number: -abs(families[number].strength))[:MOST_CLOSE])
 
 
 def _window(family: Family) -> tuple[float, float]:
-    """How far below and above the pole a close-up goes (rad/s)."""
+    """The range of an enlargement below and above the pole (rad/s)."""
     split = family.splitting or 0.0
     return (-0.8 * split, 2.6 * split) if split > 0 else (2.6 * split, -0.8 * split)
 
 
 def _is_alone(coupling: Coupling, family: Family) -> bool:
-    """Whether no other pole lies in the close-up."""
+    """Whether no other pole lies in the enlargement."""
     apart = coupling.dynamic.omega - family.omega
     low, high = _window(family)
     return not np.any((apart != 0) & (apart > low) & (apart < high))
@@ -246,7 +246,7 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
 
 
 def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset: tuple[int, int]) -> None:
-    """Words where the lines end, those left out that would touch the last."""
+    """Words at the ends of the lines, omitting any that would touch the previous one."""
     last, to_share = -np.inf, axis.transData + axis.transAxes.inverted()
     for y, word in marks:
         at = float(to_share.transform((x, y))[1])
@@ -265,7 +265,7 @@ def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset
 
 
 def _masses(coupling: Coupling, here: float) -> tuple[float, float]:
-    """Carts (kg) from far lighter to far heavier than what hangs, the scene's own among them."""
+    """Cart masses (kg) from far below to far above that of the pendula, the scene's own included."""
     hanging = coupling.dynamic.with_cart(0.0).at_rest
     low, high = hanging * 1e-3, hanging * 1e3
     return (min(low, here / 10), max(high, here * 10)) if 0 < here < np.inf else (low, high)

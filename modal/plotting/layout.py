@@ -1,6 +1,6 @@
-"""What stands around the curves of every figure: title, caption, key, labels, plain logarithmic ticks, mode numbers.
+"""Common elements of every figure: title, caption, key, labels, plain logarithmic ticks, mode numbers.
 
-And where pendula stand that are drawn side by side.
+Also the positions of pendula that are drawn side by side.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from modal.types import Floats, Ints
 SMALL = "small"
 """The size of words inside axes, relative to the style's."""
 NUMBER = "–"
-"""The unit of what has none."""
+"""The unit of dimensionless quantities."""
 BREADTH = 0.96
-"""Share of a figure's width that titles, captions and keys may take."""
+"""Largest width of titles, captions and keys as a fraction of the figure's."""
 ROOM, ROW = 0.08, 0.12
-"""Share of an axis's height that a legend takes, and each of its rows."""
+"""Heights of a legend and of each of its rows, as fractions of the axis."""
 FEW_DECADES = 300.0
 CLOSEST = 0.022
-"""Share of the axis that the number of a mode needs."""
+"""Fraction of the axis that the number of a mode needs."""
 
 
 def headline(figure: Figure, title: str, words: str) -> None:
-    """The scene's title and what is shown of it, over the whole figure; nothing in it is read as mathematics."""
+    """The scene's title and a description, over the whole figure; nothing in it is read as mathematics."""
     whole = f"{visible(title)}: {words}" if title else words[:1].upper() + words[1:]
     _fold(figure, figure.suptitle(whole, parse_math=False))
 
 
 def caption(figure: Figure, words: str) -> None:
-    """What there is to know about a figure, below it."""
+    """Notes about a figure, below it."""
     _fold(figure, figure.supxlabel(words, fontsize=SMALL, fontweight="normal", color=muted(), parse_math=False))
 
 
 def _fold(figure: Figure, text: Text) -> None:
-    """Break a text into lines no wider than titles may be."""
+    """Wrap a text to the width allowed for titles."""
     words = text.get_text()
     letters = len(words)
     with any_letters():
@@ -55,7 +55,7 @@ def _fold(figure: Figure, text: Text) -> None:
 
 
 def key(figure: Figure, handles: Sequence[Artist], names: Sequence[str] | None = None, columns: int = 4) -> None:
-    """What every curve is, below the figure, in at most so many columns and as there is room for."""
+    """A legend below the figure, in at most `columns` columns and as room permits."""
     labels = names or [str(handle.get_label()) for handle in handles]
     for rows in range(-(-len(labels) // columns), len(labels) + 1):
         count = -(-len(labels) // rows)
@@ -68,13 +68,13 @@ def key(figure: Figure, handles: Sequence[Artist], names: Sequence[str] | None =
 
 
 def framed(axis: Axes, across: str, up: str, title: str = "") -> None:
-    """The words around one of several axes."""
+    """Axis labels and title of one of several axes."""
     axis.set(xlabel=across, ylabel=up)
     axis.set_title(title, loc="left")
 
 
 def legend(axis: Axes, columns: int = 6, title: str | None = None) -> None:
-    """What the curves of an axis are, in room made above them; nothing where there is but one."""
+    """A legend in room made above the curves of an axis; none for a single curve."""
     entries = len(axis.get_legend_handles_labels()[1])
     if entries < 2:
         return
@@ -111,11 +111,11 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, numbered: bool
 
 
 def evenly(count: int, most: int) -> Ints:
-    """Which of so many pendula, from 0, are drawn: all, or `most` of them spread evenly."""
+    """The indices, from 0, of the pendula drawn: all, or `most` of them evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, most)).astype(np.int64))
 
 
 def side_by_side(count: int, depth: float) -> Floats:
-    """Where so many drawn pivots stand along the rail (m), of pendula that reach down by `depth` (m)."""
+    """Positions along the rail (m) of the drawn pivots of pendula of length `depth` (m)."""
     spacing = depth * (0.95 if count <= 4 else 0.5)
     return np.asarray(spacing * (np.arange(count) - (count - 1) / 2), dtype=np.float64)

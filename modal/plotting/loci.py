@@ -18,7 +18,7 @@ from modal.scene.parameters import Variation
 
 MARKS = {"crossing": "X", "veering": "o"}
 MOST_NAMED = 6
-"""Encounters that the legend tells one by one."""
+"""Most encounters that the legend lists individually."""
 
 
 def draw_loci(found: Loci, stream: IO[bytes], form: str = "png") -> None:
@@ -27,10 +27,10 @@ def draw_loci(found: Loci, stream: IO[bytes], form: str = "png") -> None:
 
 
 def loci_figure(found: Loci) -> Figure:
-    """ω (rad/s) of every locus against the parameter, a colour each, crosses at crossings, gaps ringed at veerings.
+    """ω (rad/s) of every locus against the parameter, one colour each, crosses at crossings, gaps ringed at veerings.
 
-    A rigid translation, ω = 0 all along, is left out.  Raises ComputationError for more loci than one picture holds and
-    where none swings.
+    A rigid translation, ω = 0 throughout, is omitted.  Raises ComputationError for more loci than one picture holds and
+    where none oscillates.
     """
     shown = np.flatnonzero(found.omega.any(axis=0)).tolist()
     if not 1 <= len(shown) <= MOST_CURVES:
@@ -67,7 +67,7 @@ def _sign(kind: str, x: Sequence[float], y: Sequence[float], label: str = "") ->
 
 
 def _named(found: Loci) -> list[Line2D]:
-    """Encounters one by one where they are few, else how many of each kind."""
+    """Encounters individually where they are few, else the number of each kind."""
     meetings = found.encounters
     if len(meetings) <= MOST_NAMED:
         return [_sign(meeting.kind, [], [], encounter_words(meeting, found)) for meeting in meetings]
@@ -88,7 +88,7 @@ def axis_words(variation: Variation) -> str:
 
 
 def scale(axis: Axes, which: Literal["x", "y"], variation: Variation) -> None:
-    """An axis over a variation, logarithmic where its values go by equal ratios."""
+    """An axis over a variation, logarithmic where its values are."""
     if not variation.log:
         return
     (axis.set_xscale if which == "x" else axis.set_yscale)("log")

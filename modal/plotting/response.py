@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import ceil, floor
 from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MultipleLocator
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
@@ -19,8 +20,8 @@ from modal.statespace import ModalForm, Signal, frequency_response, impulse_resp
 from modal.types import Complexes, Floats
 
 POINTS, LONGEST = 2000, 20_000
-DEEPEST = 1e-5
-"""How far below the middle of a curve an antiresonance is drawn, and a peak above it, the other way up."""
+FAR = 70.0
+"""Decibels from the median of all curves that a picture goes up and down."""
 
 
 def draw_bode(
@@ -39,10 +40,10 @@ def draw_bode(
 def bode_figure(
     form: ModalForm, *, source: int = 0, outputs: Sequence[int] = (), band: tuple[float, float] | None = None
 ) -> Figure:
-    """Magnitude and phase of G(iω) from input `source` to these outputs (indices; left out, all) over a band (rad/s).
+    """Magnitude and phase of G(iω) from input `source` to these outputs (indices; by default all) over a band (rad/s).
 
-    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; of an undamped
-    peak, which is infinite, the picture shows the foot.  Raises ComputationError for more curves than a picture holds.
+    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; an undamped
+    peak, which is infinite, is cut off.  Raises ComputationError for more curves than a picture holds.
     """
     shown = _shown(form, outputs)
     low, high = band or _band(form)
@@ -52,9 +53,10 @@ def bode_figure(
     top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     for k, response in enumerate(G):
         size = np.abs(response)
-        _draw(top, omega, np.where((size > 0) & np.isfinite(size), size, np.nan), k)
+        _draw(top, omega, _decibel(size), k)
         _draw(bottom, omega, _phase(response), k)
-    top.set(xscale="log", yscale="log", ylabel=f"magnitude ({_units(form, shown, source)})", ylim=_limits(np.abs(G)))
+    top.set(xscale="log", ylabel=f"magnitude (dB, {_units(form, shown, source)})", ylim=_limits(_decibel(np.abs(G))))
+    top.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
     bottom.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
     bottom.yaxis.set_major_locator(MultipleLocator(90))
     log_ticks(bottom.xaxis, high / low)
@@ -82,9 +84,9 @@ def draw_impulse(
 def impulse_figure(
     form: ModalForm, *, source: int = 0, outputs: Sequence[int] = (), duration: float | None = None
 ) -> Figure:
-    """h(t) from input `source` to these outputs (indices; left out, all), one panel for each unit.
+    """h(t) from input `source` to these outputs (indices; by default all), one panel for each unit.
 
-    `duration` in s; left out, four periods of the slowest mode that swings.  Raises ComputationError for more curves
+    `duration` in s; by default four periods of the slowest oscillating mode.  Raises ComputationError for more curves
     than one picture holds.
     """
     shown = _shown(form, outputs)
@@ -129,26 +131,33 @@ def _band(form: ModalForm) -> tuple[float, float]:
 
 
 def _grid(form: ModalForm, low: float, high: float) -> Floats:
-    """Even in log ω, and closer about every mode."""
+    """Points evenly spaced in log ω, and closer near every mode."""
     aside = np.geomspace(1e-5, 0.03, 60)
     near = np.outer(_moving(form), np.concatenate([1 - aside, 1 + aside])).ravel()
     return np.unique(np.concatenate([np.geomspace(low, high, POINTS), near[(near > low) & (near < high)]]))
 
 
 def _phase(G: Complexes) -> Floats:
-    """Degrees in [−180, 180), interrupted where they wrap and where there is nothing to have one."""
+    """Degrees in [−180, 180), interrupted where they wrap and where G vanishes."""
     phase = (np.degrees(np.angle(G)) + 180 + 1e-6) % 360 - 180 - 1e-6
     phase[1:][np.abs(np.diff(phase)) > 270] = np.nan
     phase[G == 0] = np.nan
     return np.asarray(phase, dtype=np.float64)
 
 
-def _limits(size: Floats) -> tuple[float, float]:
-    seen = size[(size > 0) & np.isfinite(size)]
+def _decibel(size: Floats) -> Floats:
+    """20 log₁₀ of magnitudes, NaN for those that are 0 or infinite."""
+    return np.asarray(20 * np.log10(np.where((size > 0) & np.isfinite(size), size, np.nan)))
+
+
+def _limits(decibel: Floats) -> tuple[float, float]:
+    """Multiples of 20 dB around all curves, up to FAR from their median: an undamped peak has no height."""
+    seen = decibel[np.isfinite(decibel)]
     if not seen.size:
-        return 0.1, 10.0
+        return -20.0, 20.0
     middle = float(np.median(seen))
-    return max(float(seen.min()), middle * DEEPEST) / 2, min(float(seen.max()), middle / DEEPEST) * 2
+    low, high = max(float(seen.min()), middle - FAR), min(float(seen.max()), middle + FAR)
+    return 20 * floor(low / 20), 20 * ceil(high / 20)
 
 
 # ------------------------------------------------------------------------------------------------------- drawing

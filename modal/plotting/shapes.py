@@ -1,4 +1,4 @@
-"""Pictures of mode shapes: hanging pendula and their cart, at rest in grey and at both ends of the swing."""
+"""Pictures of mode shapes: pendula and their cart, at equilibrium in grey and at both extremes of the oscillation."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ from modal.plotting.style import QUIET, WIDE, colour, ink, muted, paper, rest, s
 from modal.scene import AnyLink, Bob, Rod
 from modal.types import Floats
 
-FARTHEST = 0.3  # of the picture's depth
-LINE, LETTER = 0.2, 0.08  # inches that a line of a panel's title takes, and a letter
+FARTHEST = 0.3  # largest displacement of the cart over the picture's depth
+LINE, LETTER = 0.2, 0.08  # height of a title line and width of a letter (inches)
 MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
-LEAST, WIDEST = 4.6, 1.4  # inches across a picture; width over height of a panel of which four stand in a row
+LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height of panels, four in a row
 
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """The pendula that are drawn and which way their links point, the first link of each among all, and their pivots.
+    """The pendula drawn, the directions of their links, the index of the first link of each, and their pivots.
 
-    In metres: the longest chain, how far any reaches below and above the rail, and half the width.
+    In metres: the longest chain, the extent below and above the rail, and half the width.
     """
 
     links: tuple[tuple[AnyLink, ...], ...]
@@ -105,7 +105,7 @@ def _layout(modes: Modes) -> _Layout:
 
 
 def _levels(links: tuple[AnyLink, ...], way: Floats) -> Floats:
-    """How far the joints and the centres of mass of a chain at rest are below the rail."""
+    """Depths below the rail of the joints and the centres of mass of a chain at equilibrium."""
     joints = np.cumsum([0.0, *(way * [link.length for link in links])])
     return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
 
@@ -139,7 +139,7 @@ def _words(row: Mode, letters: int) -> str:
 
 
 def _fitting(layout: _Layout, shape: Shape, amplitude: float) -> float:
-    """Smaller where the cart would leave the picture; long chains are drawn linearly, by their displacement."""
+    """A reduced amplitude where the cart would leave the picture; long chains are drawn linearly, by displacement."""
     if max(map(len, layout.links)) > MOST_MARKS:
         reach = [
             np.abs(np.cumsum([link.length for link in links] * shape.angles[first : first + len(links)])).max()

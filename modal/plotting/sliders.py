@@ -1,4 +1,4 @@
-"""A figure for each value of one quantity, behind a slider: pages and notebooks show it without a program behind."""
+"""A figure for each value of one quantity, with a slider: pages and notebooks show it without a running program."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ PICTURE = '<img src="data:image/png;base64,{data}" data-value="{value}" alt="{la
 
 @dataclass(frozen=True)
 class Slider:
-    """Pictures as PNG, what distinguishes them, and which is seen first.
+    """Pictures as PNG, their values, and which is shown first.
 
-    Notebooks and pages show the slider; where only a picture can be shown (print, a preview) it is the first seen.
+    Notebooks and pages show the slider; where only a picture can be shown (print, a preview) it is the first.
     """
 
     label: str
@@ -38,7 +38,7 @@ class Slider:
     at: int
 
     def html(self) -> str:
-        """A piece of a page that needs nothing else."""
+        """A self-contained fragment of a page."""
         label = html(self.label)
         pictures = (
             PICTURE.format(
@@ -64,8 +64,8 @@ class Slider:
 def slide(draw: Callable[[float], Figure], values: Sequence[float], label: str, *, at: int | None = None) -> Slider:
     """Draw a figure for each value and put them behind a slider.
 
-    `label` names the quantity with its unit, such as "cart (kg)"; `at` is the index of the value seen first, the
-    middle one unless told.  Raises ValueError where there are no values.
+    `label` names the quantity with its unit, such as "cart (kg)"; `at` is the index of the value shown first, by
+    default the middle one.  Raises ValueError where there are no values.
     """
     if len(values) == 0:
         raise ValueError("a slider needs at least one value")

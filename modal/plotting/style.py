@@ -1,6 +1,6 @@
-"""Figures that keep the style they were made in, how they are written, and colours by what they mean.
+"""Figures that keep the style in which they were made, output of figures, and colours by their meaning.
 
-Colours come from the matplotlib style in force: its cycle, and its ink thinned with its paper.
+Colours come from the matplotlib style in force: its cycle, and mixtures of its ink and paper.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
 
 WIDTH, WIDE = 8.0, 10.5
-"""Inches across a figure of one column, and of several."""
+"""Width in inches of a figure of one column, and of several."""
 KEPT = ("axes", "figure", "font", "grid", "hatch", "lines", "mathtext", "patch", "savefig", "text", "xtick", "ytick")
-"""Groups of settings that a picture keeps: matplotlib makes ticks only when a figure is drawn."""
+"""Groups of settings that a picture keeps: matplotlib creates ticks only when a figure is drawn."""
 HUES, DASHES = 6, ("-", "--", ":")
 MOST_CURVES = HUES * len(DASHES)
-"""Curves that are told apart on one axis."""
+"""Most curves that can be distinguished on one axis."""
 QUIET = "quiet"
-"""The gid of what stands back on purpose: a rest position, a broad band."""
+"""The gid of deliberately faint elements: an equilibrium position, a broad band."""
 
 
 class Picture(Figure):
-    """A figure that is always drawn in the style it was made in; notebooks show it as the last line of a cell."""
+    """A figure that is always drawn in the style in which it was made; notebooks show it as the last line of a cell."""
 
     def __init__(self, width: float, height: float) -> None:
         super().__init__(figsize=(width, height), layout="constrained")
@@ -55,7 +55,7 @@ def sheet(width: float, height: float) -> Picture:
 
 
 def theme(name: str) -> AbstractContextManager[None]:
-    """One of the package's own styles, "light" or "dark", and nothing of any other."""
+    """One of the package's own styles, "light" or "dark", independent of any other settings."""
     return style.context(f"modal.plotting.{name}", after_reset=True)
 
 
@@ -66,7 +66,7 @@ def save(figure: Figure, stream: IO[bytes], form: str) -> None:
 
 
 def in_both_themes(draw: Callable[[], Figure], path: Path) -> None:
-    """Write what `draw` returns in light, and in dark beside it: NAME.png and NAME-dark.png."""
+    """Write what `draw` returns in light and dark versions: NAME.png and NAME-dark.png."""
     for name, file in (("light", path), ("dark", path.with_stem(f"{path.stem}-dark"))):
         with theme(name), file.open("wb") as stream:
             save(draw(), stream, file.suffix.removeprefix("."))
@@ -74,7 +74,7 @@ def in_both_themes(draw: Callable[[], Figure], path: Path) -> None:
 
 @contextmanager
 def any_letters() -> Iterator[None]:
-    """Letters that the font has not are drawn as boxes, without a warning."""
+    """Letters missing from the font are drawn as boxes, without a warning."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph .* missing from ")
         yield
@@ -87,36 +87,36 @@ def colour(k: int) -> str:
 
 
 def dash(k: int) -> str:
-    """The dashes of curve k: another kind each time that the colours repeat."""
+    """The dashes of curve k: a different kind each time the colours repeat."""
     return DASHES[k // HUES % len(DASHES)]
 
 
 def thickness(k: int, first: float = 2.4) -> float:
-    """The width of curve k in points, each thinner than the one before, so that of two that coincide both show."""
+    """The width of curve k in points, each thinner than the previous one, so that coinciding curves both show."""
     return first * (1 - 0.12 * min(k, HUES - 1))
 
 
 def shade(part: float) -> str:
-    """Ink thinned with paper: 1 is ink, 0 is paper."""
+    """A mixture of ink and paper: 1 is ink, 0 is paper."""
     inked, plain = (np.array(to_rgb(rcParams[name])) for name in ("text.color", "axes.facecolor"))
     return to_hex(tuple((part * inked + (1 - part) * plain).tolist()))
 
 
 def ink() -> str:
-    """What words and axes are drawn in."""
+    """The colour of words and axes."""
     return shade(1.0)
 
 
 def paper() -> str:
-    """What all is drawn on."""
+    """The background colour."""
     return shade(0.0)
 
 
 def muted() -> str:
-    """Marks and captions beside what counts, still easy to read."""
+    """The colour of secondary marks and captions, still easy to read."""
     return shade(0.68)
 
 
 def rest() -> str:
-    """What stands back: rest positions, bands, hatching."""
+    """The colour of background elements: equilibrium positions, bands, hatching."""
     return shade(0.27)

@@ -6,8 +6,6 @@ points) are shown as escapes, `\x1b` or `\u202e`, in every format.
 
 from __future__ import annotations
 
-import csv
-import html as _html
 import io
 import json
 import re
@@ -49,7 +47,9 @@ def html(text: str) -> str:
     >>> html("<b title='a'>")
     '&lt;b title=&#x27;a&#x27;&gt;'
     """
-    return _html.escape(visible(text))
+    from html import escape
+
+    return escape(visible(text))
 
 
 def markdown(text: str) -> str:
@@ -89,8 +89,10 @@ def csv_cell(value: Any) -> Any:
 
 def csv_rows(rows: Iterable[Iterable[Any]]) -> str:
     """Rows of such cells as the text of a CSV file."""
+    from csv import writer
+
     stream = io.StringIO()
-    csv.writer(stream, lineterminator="\n").writerows(map(csv_cell, row) for row in rows)
+    writer(stream, lineterminator="\n").writerows(map(csv_cell, row) for row in rows)
     return stream.getvalue()
 
 

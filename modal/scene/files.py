@@ -1,4 +1,4 @@
-"""Scenes on disk: TOML in and out, the shipped scenes by name, and files written whole or not at all."""
+"""Scenes on disk: TOML in and out, the shipped scenes by name, and atomic writing of files."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ import sys
 import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from importlib.resources import files
 from io import BytesIO
 from pathlib import Path
-from secrets import token_hex
 from threading import Timer
 from typing import IO, Any
 
@@ -22,23 +20,23 @@ LARGEST_FILE = 256_000_000
 STANDARD = "-"
 """The name of standard input where a file is read, of standard output where one is written."""
 DEEPEST = 50
-"""Parts of a dotted key; a scene has three, and time and memory go with their square."""
+"""Most parts of a dotted key; a scene has three, and time and memory grow with their square."""
 PATIENCE = 1.0
-"""Seconds of silence before a terminal is told what is waited for."""
+"""Seconds without input before a terminal is told what is expected."""
 _PART = r"""(?:[\w-]++ | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+')"""
 _DEEP = re.compile(
     rf"""(?P<deep> (?<![\w-]) {_PART} (?:[ \t]*+ \. [ \t]*+ {_PART}){{{DEEPEST}}})"""
     r"""| (?s:\"{3}.*?\"{3}) | (?s:'{3}.*?'{3}) | "(?:\\.|[^"\\\n])*+" | '[^'\n]*+' | \#[^\n]*+""",
     re.VERBOSE,
 )
-"""A key too deep, or else a text or a comment, which may look like one."""
-SHIPPED = files("modal.scene") / "shipped"
+"""A key that is too deep, or a string or comment that may look like one."""
+SHIPPED = Path(__file__).parent / "shipped"
 
 
 def load(source: str | os.PathLike[str]) -> Scene:
-    """The scene at a path, of a shipped name, or on standard input for "-".
+    """The scene at a path, of a shipped name, or from standard input for "-".
 
-    Raises SceneError, every line of it beginning with the name of the source.
+    Raises SceneError, every line of which begins with the name of the source.
     """
     name = os.fspath(source)
     try:
@@ -76,7 +74,7 @@ def dumps(scene: Scene) -> str:
 
 
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene file, whole or not at all; OSError names `path` where it cannot be written."""
+    """Write a scene file atomically; OSError names `path` where it cannot be written."""
     with whole_file(path) as stream:
         stream.write(dumps(scene).encode())
 
@@ -103,9 +101,9 @@ def _near(name: str) -> str:
 
 
 def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = "") -> str:
-    """The ending of a file's name, one of `kinds`, the first of them for standard output.
+    """The suffix of a file's name, one of `kinds`, the first of them for standard output.
 
-    Raises SceneError for any other, with words that stand `before` the name.
+    Raises SceneError for any other, with the words `before` preceding the name.
     """
     name = os.fspath(path)
     kind = kinds[0] if name == STANDARD else os.path.splitext(name)[1].removeprefix(".").lower()
@@ -118,11 +116,11 @@ def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = ""
 
 @contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
-    """A binary stream that becomes `path` when the block ends well and leaves nothing behind when it does not.
+    """A binary stream that becomes `path` when the block succeeds and leaves nothing behind when it fails.
 
-    A link is followed; what is no file (a pipe, a device) is written to as it comes; "-" is standard output, written
-    to at the end.  Raises OSError, naming `path`, where it cannot be written, SceneError where a terminal would get
-    what is no text.
+    A link is followed; anything but a regular file (a pipe, a device) is written directly; "-" is standard output,
+    written at the end.  Raises OSError, naming `path`, where it cannot be written, SceneError where binary content
+    would go to a terminal.
     """
     if os.fspath(path) == STANDARD:
         held = BytesIO()
@@ -153,7 +151,7 @@ def _print(content: bytes) -> None:
 
 @contextmanager
 def _temporary(target: Path) -> Iterator[IO[bytes]]:
-    temporary = target.parent / f".multipendula-{token_hex(8)}"
+    temporary = target.parent / f".multipendula-{os.urandom(8).hex()}"
     try:
         with open(temporary, "xb") as stream:
             yield stream

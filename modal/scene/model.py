@@ -12,66 +12,76 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from os import PathLike, fspath
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Any, ClassVar, Literal, Self
 from unicodedata import category
-
-from pydantic import BaseModel, Field, ValidationError, field_validator, model_validator
 
 from modal import pair
 from modal.errors import SceneError
-from modal.scene.validation import Checked, Count, NonNegative, Positive, Real, Several, problems_of, validate
+from modal.scene.validation import (
+    COUNT,
+    NON_NEGATIVE,
+    POSITIVE,
+    REAL,
+    Part,
+    after,
+    any_kind,
+    field,
+    list_of,
+    number,
+    one_of,
+    optional,
+    parts,
+)
 
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 Way = Literal["down", "up"]
 Scalar = Callable[[float], Any]
-Acute = Annotated[float, Field(strict=True, ge=0, lt=180)]
-Turn = Annotated[float, Field(strict=True, ge=1e-6, le=180)]
 
 
-class VanDerPol(Checked):
+class VanDerPol(Part):
     """The torque e (1 − (γ/γ₀)²) γ': supplies energy within γ₀ and dissipates it beyond.
 
     `strength` e (N m s/rad), `angle_deg` γ₀ (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).  Alone on a
-    lightly driven pendulum it keeps the amplitude 2 γ₀, beside a damper d at the same joint 2 γ₀ √(1 − d/e).
+    lightly driven pendulum it keeps the amplitude 2 γ₀, with a damper d at the same joint 2 γ₀ √(1 − d/e).
     """
 
-    kind: Literal["van-der-pol"] = "van-der-pol"
-    strength: Positive
-    angle_deg: Turn
+    kind: Literal["van-der-pol"] = field(one_of("van-der-pol"), default="van-der-pol")
+    strength: float = field(POSITIVE)
+    angle_deg: float = field(number(ge=1e-6, le=180))
 
 
-class Escapement(Checked):
+class Escapement(Part):
     """A kick `impulse` (N m s) in the direction of motion each time that |γ| passes `angle_deg` outwards.
 
     Kicks alternate between the two sides, as the pallets of an anchor do; a swing that stays within the angle gets
     none (Bennett, Schatz, Rockwood & Wiesenfeld, Proc. R. Soc. A 458, 563 (2002), §4).
     """
 
-    kind: Literal["escapement"] = "escapement"
-    impulse: Positive
-    angle_deg: Acute = 0.0
+    kind: Literal["escapement"] = field(one_of("escapement"), default="escapement")
+    impulse: float = field(POSITIVE)
+    angle_deg: float = field(number(ge=0, lt=180), default=0.0)
 
 
-Drive = Annotated[VanDerPol | Escapement, Field(discriminator="kind")]
+Drive = VanDerPol | Escapement
 
 
-class Link(Checked):
+class Link(Part):
     """Mass (kg) and length (m) of a link, and the damper (N m s/rad), spring (N m/rad) and drive at its upper joint."""
 
-    mass: Positive
-    length: Positive
-    damping: NonNegative = 0.0
-    stiffness: NonNegative = 0.0
-    drive: Drive | None = None
-    count: Count = 1
+    mass: float = field(POSITIVE)
+    length: float = field(POSITIVE)
+    damping: float = field(NON_NEGATIVE, default=0.0)
+    stiffness: float = field(NON_NEGATIVE, default=0.0)
+    drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
+    count: int = field(COUNT, default=1)
 
     is_uniform: ClassVar[bool] = True
-    """Whether the centre goes as the length and the inertia as mass times length²."""
+    """Whether the centre scales with the length and the inertia with mass times length²."""
     extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness")
 
     def heavier(self, factor: int) -> Self:
-        """So many of it as one."""
+        """That many copies as one."""
         return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
 
 
@@ -81,7 +91,7 @@ class _Simple(Link):
     kind: str
 
     def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Centre and inertia for a mass and a length in numbers of any kind, which `scalar` makes of floats."""
+        """Centre and inertia for a mass and a length in numbers of any type, made from floats by `scalar`."""
         return pair.proportions(self.kind, m, l)
 
     @property
@@ -98,60 +108,59 @@ class _Simple(Link):
 class Bob(_Simple):
     """A point mass at the end of a massless rod: c = l, I = 0."""
 
-    kind: Literal["bob"] = "bob"
+    kind: Literal["bob"] = field(one_of("bob"), default="bob")
 
 
 class Rod(_Simple):
     """A uniform rod: c = l/2, I = m l²/12."""
 
-    kind: Literal["rod"] = "rod"
+    kind: Literal["rod"] = field(one_of("rod"), default="rod")
 
 
 class Body(Link):
     """A rigid body: any centre of mass c ≥ 0 (m), on the link or beyond it, and any inertia I ≥ 0 (kg m²)."""
 
-    kind: Literal["body"] = "body"
-    centre: NonNegative
-    inertia: NonNegative
+    kind: Literal["body"] = field(one_of("body"), default="body")
+    centre: float = field(NON_NEGATIVE)
+    inertia: float = field(NON_NEGATIVE)
 
     is_uniform: ClassVar[bool] = False
     extensive: ClassVar[tuple[str, ...]] = (*Link.extensive, "inertia")
 
     def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Its own centre and inertia, which `scalar` makes numbers of the kind of mass and length."""
+        """Its own centre and inertia, converted by `scalar` to the type of mass and length."""
         return scalar(self.centre), scalar(self.inertia)
 
-    @model_validator(mode="after")
-    def _turns(self) -> Body:
+    def problems(self) -> Iterator[str]:
+        """A body without moment of inertia about its pivot."""
         if self.centre == 0 and self.inertia == 0:
-            raise ValueError(".inertia = 0.0: must be positive if the centre is at the pivot")
-        return self
+            yield ".inertia = 0.0: must be positive if the centre is at the pivot"
 
 
 AnyLink = Bob | Rod | Body
 
 
-class InitialCondition(Checked):
+class InitialCondition(Part):
     """The initial condition of a simulation: one angle (deg) and one rate (deg/s) per link, top to bottom.
 
     `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
     """
 
-    angles_deg: tuple[Real, ...]
-    rates_deg: tuple[Real, ...] | None = None
-    azimuths_deg: tuple[Real, ...] | None = None
+    angles_deg: tuple[float, ...] = field(list_of(REAL))
+    rates_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
+    azimuths_deg: tuple[float, ...] | None = field(optional(list_of(REAL)), default=None)
 
 
-class Pendulum(Checked):
+class Pendulum(Part):
     """A chain of links, top to bottom, in `count` copies.
 
-    `equilibrium` says for each link whether it points down or up; the scene is linearized about that equilibrium.
+    `equilibrium` gives for each link whether it points down or up; the scene is linearized about that equilibrium.
     """
 
-    links: Annotated[tuple[Annotated[AnyLink, Field(discriminator="kind")], ...], Field(min_length=1), Several]
-    count: Count = 1
-    equilibrium: tuple[Way, ...] | None = None
-    start: InitialCondition | None = None
+    links: tuple[AnyLink, ...] = field(parts(any_kind(Bob, Rod, Body)))
+    count: int = field(COUNT, default=1)
+    equilibrium: tuple[Way, ...] | None = field(optional(list_of(one_of("down", "up"))), default=None)
+    start: InitialCondition | None = field(optional(InitialCondition.schema()), default=None)
 
     @property
     def n_links(self) -> int:
@@ -160,15 +169,12 @@ class Pendulum(Checked):
 
     @property
     def ways(self) -> tuple[Way, ...]:
-        """Which way every link of one copy points at rest."""
+        """The direction of every link of one copy at equilibrium."""
         hanging: tuple[Way, ...] = ("down",)
         return self.equilibrium or hanging * self.n_links
 
-    @model_validator(mode="after")
-    def _consistent(self) -> Pendulum:
-        return validate(self, self._problems())
-
-    def _problems(self) -> Iterator[str]:
+    def problems(self) -> Iterator[str]:
+        """Lists that do not fit the links, and a last link on which gravity does not act."""
         if self.n_links > MAX_CHAIN:
             yield f".links: has {self.n_links} links, counting repeats: at most {MAX_CHAIN}"
             return
@@ -181,29 +187,35 @@ class Pendulum(Checked):
                 yield f".{name}: has {len(values)} values for {self.n_links} links"
 
 
-class Fixed(Checked):
+class Fixed(Part):
     """A support that does not move."""
 
-    kind: Literal["fixed"] = "fixed"
+    kind: Literal["fixed"] = field(one_of("fixed"), default="fixed")
 
 
-class Cart(Checked):
+class Cart(Part):
     """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground."""
 
-    kind: Literal["cart"] = "cart"
-    mass: NonNegative
-    damping: NonNegative = 0.0
-    stiffness: NonNegative = 0.0
+    kind: Literal["cart"] = field(one_of("cart"), default="cart")
+    mass: float = field(NON_NEGATIVE)
+    damping: float = field(NON_NEGATIVE, default=0.0)
+    stiffness: float = field(NON_NEGATIVE, default=0.0)
 
 
-class Scene(Checked):
+def _one_line(title: str) -> str:
+    if any(category(letter) in {"Cc", "Zl", "Zp"} for letter in title):
+        raise ValueError("must be one line without control characters")
+    return title
+
+
+class Scene(Part):
     """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space."""
 
-    title: Annotated[str, Field(max_length=200)] = ""
-    gravity: Positive
-    space: Literal["plane", "space"] = "plane"
-    support: Annotated[Fixed | Cart, Field(discriminator="kind")] = Fixed()
-    pendulum: Annotated[tuple[Pendulum, ...], Field(min_length=1), Several]
+    title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
+    gravity: float = field(POSITIVE)
+    space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
+    support: Fixed | Cart = field(any_kind(Fixed, Cart), default=Fixed())
+    pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
 
     @property
     def n_pendula(self) -> int:
@@ -241,12 +253,12 @@ class Scene(Checked):
 
     @property
     def in_plane(self) -> Scene:
-        """The same in the plane of the rail, without azimuths of its starts."""
+        """The same scene in the plane of the rail, without azimuths in its starts."""
         pendula = (one.replace(start=one.start and one.start.replace(azimuths_deg=None)) for one in self.pendulum)
         return self.replace(space="plane", pendulum=tuple(pendula))
 
     def _with(self, **joint: Any) -> Scene:
-        """The same with these numbers at every joint."""
+        """The same scene with these numbers at every joint."""
         links = (tuple(link.replace(**joint) for link in one.links) for one in self.pendulum)
         pendula = (one.replace(links=own) for one, own in zip(self.pendulum, links, strict=True))
         return self.replace(pendulum=tuple(pendula))
@@ -257,29 +269,19 @@ class Scene(Checked):
         return any("up" in pendulum.ways for pendulum in self.pendulum)
 
     def links(self) -> Iterator[Bob | Rod | Body]:
-        """Every link as written: copies and runs of equal links once each."""
+        """Every link as specified: copies and runs of equal links once each."""
         return (link for pendulum in self.pendulum for link in pendulum.links)
 
-    @field_validator("title")
-    @classmethod
-    def _one_line(cls, title: str) -> str:
-        if any(category(letter) in {"Cc", "Zl", "Zp"} for letter in title):
-            raise ValueError("must be one line without control characters")
-        return title
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Scene:
-        return validate(self, self._problems())
-
-    def _problems(self) -> Iterator[str]:
+    def problems(self) -> Iterator[str]:
+        """Too many links, and features that this space does not allow."""
         if self.n_links > MAX_LINKS:
             yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
         for index, pendulum in enumerate(self.pendulum):
             if self.space == "plane" and pendulum.start and pendulum.start.azimuths_deg:
                 yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'
-            for number, link in enumerate(pendulum.links if self.space == "space" else ()):
+            for at, link in enumerate(pendulum.links if self.space == "space" else ()):
                 if link.drive:
-                    yield f'.pendulum[{index}].links[{number}].drive: needs space = "plane"'
+                    yield f'.pendulum[{index}].links[{at}].drive: needs space = "plane"'
 
 
 def validate_scene(given: object) -> Scene:
@@ -291,24 +293,21 @@ def validate_scene(given: object) -> Scene:
 
 
 def scene_from(data: object) -> Scene:
-    """The scene that nested mappings describe, as a scene file does; SceneError names every mistake."""
-    try:
-        return Scene.model_validate(data)
-    except ValidationError as error:
-        raise SceneError(tuple(problems_of(error))) from None
+    """The scene described by nested mappings, as in a scene file; SceneError lists every mistake."""
+    return Scene.model_validate(data)
 
 
-def describe(part: BaseModel) -> dict[str, Any]:
+def describe(part: Part) -> dict[str, Any]:
     """The mapping that `scene_from` reads back as an equal object: kinds first, without defaults."""
     found: dict[str, Any] = {"kind": part.kind} if hasattr(part, "kind") else {}
-    for name, field in type(part).model_fields.items():
+    for name, own in part.fields.items():
         value = getattr(part, name)
-        if name != "kind" and value is not None and (field.is_required() or value != field.default):
+        if name != "kind" and value is not None and (own.is_required or value != own.default):
             found[name] = _plain(value)
     return found
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, BaseModel):
+    if isinstance(value, Part):
         return describe(value)
     return [_plain(item) for item in value] if isinstance(value, tuple) else value

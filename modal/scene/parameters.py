@@ -14,19 +14,18 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from pydantic import BaseModel
 
 from modal.errors import SceneError, meant
 from modal.scene.model import Scene, describe, scene_from
-from modal.scene.validation import LARGEST
+from modal.scene.validation import LARGEST, Part
 
 STEP = r"[a-z_]+(\[([0-9]{1,9}|\*)\])*"
 WRITTEN = re.compile(rf"{STEP}(\.{STEP})*", re.ASCII)
-NEAR = 0.8  # how much of a misspelt place must be right to be guessed
+NEAR = 0.8  # similarity of a misspelt place required for a suggestion
 Step = str | int
 Place = tuple[Step, ...]
 MOST_VALUES = 100_000
-LONGEST = 60  # letters of a message's quotation
+LONGEST = 60  # letters of a quotation in a message
 RANGE = re.compile(r"([^:]*):([^:]*):\s*([0-9]{1,9})\s*(log)?\s*", re.ASCII)
 NUMBER = re.compile(r"\s*[+-]?(([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE)
 UNITS = {
@@ -46,7 +45,7 @@ SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2"}
 
 
 def find_places(scene: Scene, path: str) -> list[Place]:
-    """Every number of a scene that a path means; SceneError where it means none or something else."""
+    """Every number of a scene that a path denotes; SceneError where there is none or it is something else."""
     if not WRITTEN.fullmatch(path):
         raise SceneError([f"{path}: is not a place such as support.mass or pendulum[0].links[1].length"])
     found: list[Place] = [()]
@@ -64,7 +63,7 @@ def number_at(scene: Scene, place: Place) -> float:
 
 
 def with_numbers(place: Place) -> str:
-    """A place as messages write it."""
+    """A place as written in messages."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place).removeprefix(".")
 
 
@@ -79,7 +78,7 @@ def vary(scene: Scene, values: Mapping[str, float]) -> Scene:
 
 
 class Variable:
-    """A scene whose numbers at these paths are varied again and again; SceneError for what is none of its places."""
+    """A scene whose numbers at these paths are varied repeatedly; SceneError for an invalid place."""
 
     def __init__(self, scene: Scene, paths: Iterable[str]) -> None:
         self._data = describe(scene)
@@ -101,7 +100,7 @@ def _put(data: Any, place: Place, value: float) -> None:
 
 
 def _steps(scene: Scene, place: Place, word: str) -> list[Step]:
-    """The step that a word means there, or for "*" all that can be taken."""
+    """The steps that a word denotes there, for "*" all possible ones."""
     if word != "*":
         return [int(word) if word.isdigit() else word]
     entries = _at(scene, place)
@@ -109,13 +108,13 @@ def _steps(scene: Scene, place: Place, word: str) -> list[Step]:
 
 
 def _at(scene: Scene, place: Place) -> Any:
-    """What stands at a place, None where there is none."""
+    """The value at a place, None where there is none."""
     at: Any = scene
     for step in place:
         if isinstance(at, tuple) and isinstance(step, int):
             at = at[step] if step < len(at) else None
         else:
-            at = getattr(at, str(step)) if isinstance(at, BaseModel) and step in type(at).model_fields else None
+            at = getattr(at, str(step)) if isinstance(at, Part) and step in at.fields else None
     return at
 
 
@@ -129,9 +128,9 @@ def _unknown(scene: Scene, name: str, path: str) -> str:
 
 
 def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
-    """Every place that holds a number, whether the file writes it or leaves it to its default."""
-    if isinstance(part, BaseModel):
-        for name in type(part).model_fields:
+    """Every place of a number, whether it is written in the file or left at its default."""
+    if isinstance(part, Part):
+        for name in part.fields:
             yield from _numbers(getattr(part, name), (*at, name))
     elif isinstance(part, tuple):
         for index, item in enumerate(part):
@@ -162,7 +161,7 @@ class Variation:
 
     @property
     def column(self) -> str:
-        """Its name in a file: the place and the unit, `support.mass_kg`, where the place has none in it."""
+        """Its name in a file: the place and the unit, `support.mass_kg`, unless the place already includes it."""
         unit = SPELT.get(self.unit) or self.unit.replace("/", "_per_").replace(" ", "_")
         return f"{self.path}_{unit}" if unit and "_deg" not in self.path else self.path
 
@@ -233,9 +232,9 @@ def _quoted(text: str) -> str:
 
 
 def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
-    """SceneError that names every place and every value that the scene cannot have.
+    """SceneError that lists every place and every value that the scene cannot have.
 
-    Values that fail only beside those of another variation are left to the point where they meet.
+    Values that fail only in combination with those of another variation are reported at that point.
     """
     problems: dict[str, None] = {}
     taken: set[Place] = set()
@@ -253,7 +252,7 @@ def validate_variations(scene: Scene, variations: Sequence[Variation]) -> None:
 
 
 def _refused(scene: Scene, variation: Variation, own: Sequence[Place]) -> Iterator[str]:
-    """What the scene says of the values themselves: of the two ends, and of all where they must be whole."""
+    """The scene's objections to the values themselves: to both ends, and to all where they must be whole."""
     starts = tuple(f"{with_numbers(place)} =" for place in own)
     ends = dict.fromkeys((variation.values[0], variation.values[-1]))
     for value in variation.values if own[0][-1] == "count" else ends:

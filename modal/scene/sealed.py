@@ -24,7 +24,7 @@ from modal.errors import SceneError
 from modal.types import Floats
 
 LARGEST = 1_500_000_000
-"""Bytes of a file, and of all that it unpacks to."""
+"""Largest size in bytes of a file, and of its unpacked contents."""
 KEY = b'"sha256": "'
 DIGITS = 64
 NPY = re.compile(
@@ -32,7 +32,7 @@ NPY = re.compile(
     rb"'shape': \(([\d, ]*)\), \} *\n",
     re.DOTALL,
 )
-"""The head of an array as NumPy writes it; no other is read."""
+"""The header of an array as written by NumPy; no other is read."""
 LONGEST_HEAD = 1024
 Source = bytes | str | os.PathLike[str]
 """A file: its bytes, or the path at which it is."""
@@ -44,7 +44,7 @@ UNREADABLE = (
 
 @contextmanager
 def reading(source: Source, what: str) -> Iterator[None]:
-    """Whatever goes wrong within becomes a SceneError about the file, which should be `what` multipendula has saved."""
+    """Any failure within the block becomes a SceneError about the file, expected to be a `what` of multipendula."""
     name = f"the {what}" if isinstance(source, bytes) else os.fspath(source)
     try:
         yield
@@ -57,7 +57,7 @@ def reading(source: Source, what: str) -> Iterator[None]:
 
 
 def content(source: Source) -> bytes:
-    """The bytes of a file of at most LARGEST; SceneError for a larger one and for what is no file."""
+    """The bytes of a file of at most LARGEST; SceneError for a larger one and for anything that is not a file."""
     if isinstance(source, bytes):
         return source
     with open(source, "rb") as stream:
@@ -81,7 +81,7 @@ def sealed(before: bytes, after: bytes = b"") -> bytes:
 
 
 def verify_whole(found: bytes, before: int) -> None:
-    """ValueError where no checksum stands after so many bytes, SceneError where it does not hold."""
+    """ValueError where no checksum follows these bytes, SceneError where it does not match."""
     own, others = found[before : before + DIGITS], memoryview(found)
     if not re.fullmatch(rb"[0-9a-f]{%d}" % DIGITS, own):
         raise ValueError
@@ -95,7 +95,7 @@ def verify_whole(found: bytes, before: int) -> None:
 
 
 def sealed_text(before: str, after: str) -> bytes:
-    """A text in which JSON begins with `before` and goes on with `after`, which is another key."""
+    """A text in which JSON begins with `before` and continues with `after`, which is another key."""
     return sealed(before.encode() + KEY, b'",' + after.encode())
 
 
@@ -111,7 +111,7 @@ def verify_sealed_text(found: bytes, before: str) -> None:
 
 
 def archive(arrays: Mapping[str, Any]) -> bytes:
-    """An .npz file; SceneError where it would be larger than what is read."""
+    """An .npz file; SceneError if it would be too large to be read."""
     _limit_size(sum(np.asarray(values).nbytes for values in arrays.values()))
     stream = BytesIO()
     np.savez_compressed(stream, **arrays)
@@ -123,7 +123,7 @@ def archive(arrays: Mapping[str, Any]) -> bytes:
 def unpacked(found: bytes, names: Collection[str] | None = None) -> dict[str, Any]:
     """The arrays of an .npz file that `archive` made, these and no others where `names` are given.
 
-    Nothing is unpacked before the checksum, all sizes and all names have been looked at.
+    Nothing is unpacked before the checksum, all sizes and all names have been checked.
     """
     verify_whole(found, len(found) - DIGITS)
     with ZipFile(BytesIO(found)) as zipped:
@@ -147,7 +147,7 @@ def _array(zipped: ZipFile, member: ZipInfo) -> Any:
 
 
 def _head(stream: IO[bytes]) -> bytes:
-    """The length of an array's head stands in its bytes 8 and 9."""
+    """The length of an array's header is in its bytes 8 and 9."""
     start = stream.read(10)
     return start + stream.read(min(int.from_bytes(start[8:], "little"), LONGEST_HEAD))
 
@@ -162,7 +162,7 @@ def require_keys(found: dict[str, Any], *known: str) -> None:
 
 
 def finite_array(found: object, *shape: int) -> Floats:
-    """Numbers of this shape; ValueError for others, for what is not finite and for what is not a number."""
+    """Numbers of this shape; ValueError for others, for non-finite ones and for anything that is not a number."""
     values = np.asarray(found)
     if values.dtype.kind not in "fi" or values.shape != shape or not np.all(np.isfinite(values)):
         raise ValueError

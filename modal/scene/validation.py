@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from datetime import date, time
 from operator import index
-from typing import TYPE_CHECKING, Annotated, Any, Self, TypeVar, get_args
+from typing import Any, ClassVar, Self, cast, dataclass_transform
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic_core import SchemaValidator, ValidationError
 
 from modal.errors import SceneError, first_of, meant
 
@@ -39,7 +40,9 @@ WORDS = {
     "string_too_long": "is too long",
 }
 LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "links": "links = [{ … }, …]"}
-Positive = Annotated[float, Field(strict=True, ge=SMALLEST, le=LARGEST)]
+Schema = dict[str, Any]
+"""A schema of pydantic's validator for a value."""
+REQUIRED = object()
 
 
 def _zero_or_sizeable(value: float) -> float:
@@ -48,12 +51,8 @@ def _zero_or_sizeable(value: float) -> float:
     return value
 
 
-NonNegative = Annotated[float, Field(strict=True, ge=0, le=LARGEST), AfterValidator(_zero_or_sizeable)]
-Real = Annotated[float, Field(strict=True, ge=-LARGEST, le=LARGEST)]
-
-
 def _whole(value: object) -> object:
-    """NumPy's whole numbers as Python's; True and False are none."""
+    """NumPy's whole numbers as Python's; True and False are rejected."""
     try:
         return value if isinstance(value, bool) else index(value)  # type: ignore[arg-type]
     except TypeError:
@@ -61,45 +60,148 @@ def _whole(value: object) -> object:
 
 
 def _several(value: object) -> object:
-    """What is to be a list; a part by itself is none, though its fields could be gone through."""
-    if isinstance(value, BaseModel):
+    """A value that must be a list; a single part is rejected, although its fields could be iterated."""
+    if isinstance(value, Part):
         raise ValueError(f"must be a list: write [{type(value).__name__}(…)]")
     return value
 
 
-Several = BeforeValidator(_several)
-"""Marks a list of parts."""
-Count = Annotated[int, Field(strict=True, ge=1, le=MAX_COPIES), BeforeValidator(_whole)]
+def before(function: Callable[[Any], Any], schema: Schema) -> Schema:
+    """The schema applied to the function's result for a value."""
+    return {"type": "function-before", "function": {"type": "no-info", "function": function}, "schema": schema}
 
 
-if TYPE_CHECKING:
-    from pydantic._internal._model_construction import ModelMetaclass
-else:
-    ModelMetaclass = type(BaseModel)
+def after(function: Callable[[Any], Any], schema: Schema) -> Schema:
+    """The function applied to a value that the schema has checked."""
+    return {"type": "function-after", "function": {"type": "no-info", "function": function}, "schema": schema}
 
 
-class _Raising(ModelMetaclass):
-    """Makes a direct call, `Bob(mass=-1, ...)`, raise the project's own error."""
+def number(**bounds: float) -> Schema:
+    """A finite number within bounds: ge, gt, le, lt."""
+    return {"type": "float", "strict": True, "allow_inf_nan": False, **bounds}
 
-    def __call__(cls, /, *args: Any, **data: Any) -> Any:  # noqa: N805
+
+POSITIVE = number(ge=SMALLEST, le=LARGEST)
+NON_NEGATIVE = after(_zero_or_sizeable, number(ge=0, le=LARGEST))
+REAL = number(ge=-LARGEST, le=LARGEST)
+COUNT = before(_whole, {"type": "int", "strict": True, "ge": 1, "le": MAX_COPIES})
+
+
+def one_of(*words: str) -> Schema:
+    """One of these words."""
+    return {"type": "literal", "expected": list(words)}
+
+
+def optional(schema: Schema) -> Schema:
+    """The same, or None."""
+    return {"type": "nullable", "schema": schema}
+
+
+def list_of(schema: Schema) -> Schema:
+    """Values in a list."""
+    return {"type": "tuple", "items_schema": [schema], "variadic_item_index": 0}
+
+
+def parts(schema: Schema) -> Schema:
+    """At least one part in a list."""
+    return before(_several, list_of(schema) | {"min_length": 1})
+
+
+def any_kind(*kinds: type[Part]) -> Schema:
+    """A part of one of these kinds."""
+    choices = {kind: part.schema() for part in kinds for kind in part.fields["kind"].schema["expected"]}
+    return {"type": "tagged-union", "choices": choices, "discriminator": "kind", "from_attributes": True}
+
+
+@dataclass(frozen=True)
+class Field:
+    """The schema of a field, and its default value."""
+
+    schema: Schema
+    default: Any = REQUIRED
+
+    @property
+    def is_required(self) -> bool:
+        """Whether it must be given."""
+        return self.default is REQUIRED
+
+    @property
+    def full_schema(self) -> Schema:
+        """The schema with the default."""
+        own = self.schema if self.is_required else {"type": "default", "schema": self.schema, "default": self.default}
+        return {"type": "model-field", "schema": own}
+
+
+def field(schema: Schema, *, default: Any = REQUIRED) -> Any:
+    """A field of a part, for use in a class body."""
+    return Field(schema, default)
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(field,))
+class Part:
+    """An immutable part of a scene, checked when it is made; `replace` returns a changed copy.
+
+    SceneError names every mistake and its place.
+    """
+
+    __slots__ = ("__dict__", "__pydantic_extra__", "__pydantic_fields_set__", "__pydantic_private__")
+    fields: ClassVar[dict[str, Field]] = {}
+    _made: ClassVar[SchemaValidator]
+    model_config: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+    def __init_subclass__(cls) -> None:
+        """Take the fields out of the class; register the keys and kinds of a new part."""
+        own = {name: value for name, value in vars(cls).items() if isinstance(value, Field)}
+        for name in own:
+            delattr(cls, name)
+        cls.fields = cls.fields | own
+        KEYS.update(cls.fields)
+        TAGS.update(_kinds_of(cls))
+        kinds = {key: list(_kinds(one.schema)) for key, one in cls.fields.items() if key != "kind"}
+        KINDS.update({key: ", ".join(f'"{kind}"' for kind in found) for key, found in kinds.items() if found})
+
+    def __init__(self, /, **data: Any) -> None:
+        """Raises SceneError."""
         try:
-            return super().__call__(*args, **data)
+            self._validator().validate_python(data, self_instance=self)
         except ValidationError as error:
             raise SceneError(tuple(problems_of(error))) from None
 
-
-class Checked(BaseModel, metaclass=_Raising):
-    """An immutable part of a scene; `replace` returns a changed copy."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    def problems(self) -> Iterator[str]:
+        """Problems of fields that are valid individually, each beginning with its place."""
+        return iter(())
 
     @classmethod
-    def __pydantic_init_subclass__(cls, **options: Any) -> None:
-        """Register the keys and kinds of a new part."""
-        KEYS.update(cls.model_fields)
-        TAGS.update(_kinds(cls))
-        kinds = {key: list(_kinds(field.annotation)) for key, field in cls.model_fields.items()}
-        KINDS.update({key: ", ".join(f'"{kind}"' for kind in found) for key, found in kinds.items() if found})
+    def model_validate(cls, data: object) -> Self:
+        """The part described by a mapping or given as a part; SceneError lists every mistake."""
+        try:
+            return cast("Self", cls._validator().validate_python(data))
+        except ValidationError as error:
+            raise SceneError(tuple(problems_of(error))) from None
+
+    @classmethod
+    def schema(cls) -> Schema:
+        """The schema by which it is checked."""
+        fields = {name: one.full_schema for name, one in cls.fields.items()}
+        inner = {"type": "model-fields", "fields": fields, "extra_behavior": "forbid"}
+        return after(_consistent, {"type": "model", "cls": cls, "schema": inner})
+
+    @classmethod
+    def _validator(cls) -> SchemaValidator:
+        if "_made" not in vars(cls):
+            cls._made = SchemaValidator(cls.schema(), {"title": cls.__name__})
+        return cls._made
+
+    @classmethod
+    def model_json_schema(cls) -> dict[str, Any]:
+        """The JSON Schema of the mappings that `model_validate` accepts."""
+        from pydantic.json_schema import GenerateJsonSchema
+
+        return GenerateJsonSchema().generate(_named(cls.schema()))
+
+    def model_dump(self) -> dict[str, Any]:
+        """All fields as nested mappings, which `model_validate` reads back."""
+        return {name: _dumped(value) for name, value in self}
 
     def replace(self, **changes: Any) -> Self:
         """A copy with other values under these keys, checked again; SceneError names every mistake and its place.
@@ -109,46 +211,96 @@ class Checked(BaseModel, metaclass=_Raising):
         >>> scene.replace(gravity=1.62, support=scene.support.replace(mass=7.0)).support.mass
         7.0
         """
-        return type(self)(**{name: getattr(self, name) for name in type(self).model_fields} | changes)
+        return type(self)(**{**self.__dict__, **changes})
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Pydantic's way to the same: `update` is checked as in `replace`."""
-        return self.replace(**update) if update else super().model_copy(deep=deep)
+        """Another name of `replace`."""
+        return self.replace(**update or {})
 
     def copy(self, **options: Any) -> Self:
-        """The older name of `model_copy`."""
+        """Another name of `model_copy`."""
         return self.model_copy(**options)
 
+    def __copy__(self) -> Self:
+        return self
 
-def _kinds(annotation: Any) -> Iterator[str]:
-    """The kinds of the parts in an annotation, in its order."""
-    if isinstance(annotation, type) and issubclass(annotation, Checked):
-        if "kind" in annotation.model_fields:
-            yield from get_args(annotation.model_fields["kind"].annotation)
-    else:
-        for part in get_args(annotation):
-            yield from _kinds(part)
+    def __deepcopy__(self, memo: object) -> Self:
+        return self
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (type(self), self.__dict__)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        raise SceneError([f"{name}: is frozen: replace({name}=…) gives a changed copy"])
+
+    __delattr__ = __setattr__  # type: ignore[assignment]
+
+    def __iter__(self) -> Iterator[tuple[str, Any]]:
+        return iter(self.__dict__.items())
+
+    def __eq__(self, other: object) -> bool:
+        return self.__dict__ == other.__dict__ if type(other) is type(self) else NotImplemented
+
+    def __hash__(self) -> int:
+        return hash((type(self), *self.__dict__.values()))
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self)})"
 
 
-P = TypeVar("P", bound=BaseModel)
+def _dumped(value: Any) -> Any:
+    if isinstance(value, Part):
+        return value.model_dump()
+    return tuple(map(_dumped, value)) if isinstance(value, tuple) else value
 
 
-def validate(part: P, problems: Iterable[str]) -> P:
-    """The part itself; ValueError with one line a problem."""
-    if found := list(problems):
+def _restored(cls: type[Part], values: dict[str, Any]) -> Part:
+    """A part that has already been checked."""
+    found = cls.__new__(cls)
+    found.__dict__.update(values)
+    return found
+
+
+def _consistent(part: Part) -> Part:
+    """The part itself; ValueError with one line per problem."""
+    if found := list(part.problems()):
         raise ValueError("\n".join(found))
     return part
 
 
+def _named(schema: Any) -> Any:
+    """A schema whose parts have names to refer to, and defaults that JSON can write."""
+    if isinstance(schema, list):
+        return [_named(one) for one in schema]
+    if not isinstance(schema, dict):
+        return schema.__dict__ if isinstance(schema, Part) else schema
+    found = {key: _named(value) for key, value in schema.items()}
+    return found | {"ref": f"scene.{schema['cls'].__name__}:0"} if schema.get("type") == "model" else found
+
+
+def _kinds_of(cls: type[Part]) -> list[str]:
+    return cls.fields["kind"].schema["expected"] if "kind" in cls.fields else []
+
+
+def _kinds(schema: Schema) -> Iterator[str]:
+    """The kinds of the parts that a schema allows."""
+    if schema["type"] == "tagged-union":
+        yield from schema["choices"]
+    else:
+        for inner in [schema.get("schema"), *schema.get("items_schema", ())]:
+            if inner and schema["type"] != "model":
+                yield from _kinds(inner)
+
+
 def problems_of(error: ValidationError) -> Iterator[str]:
-    """One line a mistake, in the order of the file, and how many more there are where they are many."""
+    """One line per mistake, in the order of the file, and the number omitted where there are many."""
     found = [one for one in error.errors(include_url=False) if one["type"] != "too_short" or not one["input"]]
     lines = (_problem(one, words) for one in found for words in _words(one).splitlines())
     yield from first_of(lines, sum(map(_size, found)))
 
 
 def _size(finding: Mapping[str, Any]) -> int:
-    """How many mistakes are found in one."""
+    """The number of mistakes in one finding."""
     return str(finding["ctx"]["error"]).count("\n") + 1 if finding["type"] == "value_error" else 1
 
 
@@ -165,7 +317,7 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
 
 
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:
-    """The location as the file has it, without the kinds that the validator adds behind a support or a link."""
+    """The location as written in the file, without the kinds that the validator adds after a support or a link."""
     parts = []
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]

@@ -5,7 +5,8 @@ frequency and impulse responses, reduced models, sampled models, input shapers.
 
     z' = A z + B u,    y = C z + D u,    z = (q, q')
 
-Start with `model` and `signals`.  `sampling` needs SciPy and is imported by its own path.
+Start with `model` and `signals`.  `sampling` and `transfer` need SciPy and are imported by their
+own paths.
 """
 
 from typing import TYPE_CHECKING
@@ -15,7 +16,7 @@ from modal.statespace.gains import modal_gains, unreached, unseen
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace, state_space
 from modal.statespace.reduction import minimal, truncate
-from modal.statespace.response import frequency_response, impulse_response
+from modal.statespace.response import frequency_response, impulse_response, response_table
 from modal.statespace.shapers import over_length, residual_vibration, robustness, shaper_for, swing_words, swings_of
 from modal.statespace.signals import Signal
 
@@ -29,6 +30,7 @@ __all__ = [
     "modal_gains",
     "over_length",
     "residual_vibration",
+    "response_table",
     "robustness",
     "shaper_for",
     "state_space",

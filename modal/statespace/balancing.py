@@ -1,11 +1,11 @@
-"""Balanced truncation of a stable model, its gramians in closed form from its eigenvectors.
+"""Balanced truncation of a stable model, with gramians in closed form from its eigenvectors.
 
 With A V = V diag λ the gramians A P + P Aᵀ = −B Bᵀ and AᵀQ + Q A = −CᵀC are
 
     P = V X Vᴴ,   X_ij = −(V⁻¹B)_i (V⁻¹B)_j^H/(λ_i + λ̄_j),      Q likewise with the left vectors,
 
 and the Hankel singular values σ are the square roots of the eigenvalues of P Q.  Keeping the states of the largest K
-leaves max_ω ‖G − G_K‖ ≤ 2 Σ_{k>K} σ_k.  (Moore, IEEE Trans. Autom. Control 26, 17 (1981); square-root form: Tombs &
+gives max_ω ‖G − G_K‖ ≤ 2 Σ_{k>K} σ_k.  (Moore, IEEE Trans. Autom. Control 26, 17 (1981); square-root form: Tombs &
 Postlethwaite, Int. J. Control 46, 1319 (1987); bound: Enns (1984), Glover, Int. J. Control 39, 1115 (1984).)
 """
 
@@ -21,18 +21,18 @@ from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats
 
 UNDAMPED = 1e-11
-"""Damping ratio below which an eigenvalue computed from A is as good as undamped."""
+"""Damping ratio below which an eigenvalue computed from A counts as undamped."""
 CERTAIN = 1e-6
-"""Relative residual of the Lyapunov equations up to which the gramians are believed."""
+"""Largest relative residual of the Lyapunov equations for which the gramians are accepted."""
 NEGLIGIBLE = 1e-8
-"""Relative size of Hankel singular values that the square roots of rounded gramians leave uncertain."""
+"""Relative size below which Hankel singular values are uncertain, from square roots of rounded gramians."""
 
 
 @dataclass(frozen=True, eq=False)
 class Balanced:
-    """A reduced model, all n Hankel singular values of the original in descending order, and what the rest amount to.
+    """A reduced model, all n Hankel singular values of the original in descending order, and the error bound.
 
-    `error_bound` is twice the sum of those left out: no largest singular value of G(iω) is off by more.
+    `error_bound` is twice the sum of those omitted: no largest singular value of G(iω) is off by more.
     """
 
     model: StateSpace
@@ -41,11 +41,12 @@ class Balanced:
 
 
 def balance(model: StateSpace, count: int) -> Balanced:
-    """The model reduced to `count` states, inputs and outputs as they were.
+    """The model reduced to `count` states, with the same inputs and outputs.
 
-    Its states are sums of all old ones and the choice depends on the units of inputs and outputs.  Raises ValueError
-    for a count outside 1 … n; ComputationError for a model in discrete time, for one that is not stable and damped in
-    every mode, for which gramians do not exist, and for a count beyond the states that are reached and seen.
+    Its states are combinations of all old ones, and the choice depends on the units of inputs and outputs.  Raises
+    ValueError for a count outside 1 … n; ComputationError for a model in discrete time, for one that is not stable and
+    damped in every mode, for which gramians do not exist, and for a count beyond the controllable and observable
+    states.
     """
     if not 1 <= count <= len(model.A):
         raise ValueError(f"count = {count}: must be between 1 and the {len(model.A)} states of the model")
@@ -68,7 +69,7 @@ def balance(model: StateSpace, count: int) -> Balanced:
     states = tuple(
         Signal(f"balanced_{k}", "", f"state of Hankel singular value {hankel[k - 1]:.3g}") for k in range(1, count + 1)
     )
-    reduced = replace(model, A=left @ model.A @ right, B=left @ model.B, C=model.C @ right, states=states)
+    reduced = replace(model, scene=None, A=left @ model.A @ right, B=left @ model.B, C=model.C @ right, states=states)
     return Balanced(reduced, hankel, float(2 * hankel[count:].sum()))
 
 
@@ -93,7 +94,7 @@ def _require_damping(values: Complexes) -> None:
 
 
 def _duals(values: Complexes, V: Complexes) -> tuple[Complexes, Complexes]:
-    """The same of Aᵀ."""
+    """Eigenvalues and eigenvectors of Aᵀ."""
     return values, np.asarray(np.linalg.inv(V).T, dtype=np.complex128)
 
 
@@ -108,7 +109,7 @@ def _gramian(A: Floats, values: Complexes, V: Complexes, B: Floats) -> Floats:
 
 
 def _root(X: Floats) -> Floats:
-    """L with L Lᵀ = X, what rounding makes negative left out."""
+    """L with L Lᵀ = X, omitting eigenvalues made negative by rounding."""
     values, vectors = np.linalg.eigh(X)
     root: Floats = vectors * np.sqrt(np.clip(values, 0.0, None))
     return root

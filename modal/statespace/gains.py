@@ -1,11 +1,11 @@
-"""How strongly each input reaches each mode and each output sees it, as gains instead of ranks.
+"""How strongly each input excites each mode and each output observes it, as gains instead of ranks.
 
     undamped   |φᵀF_j| and |c_i φ| with φᵀMφ = 1: their product is the coefficient of 1/(s² + ω²) in G_ij(s)
-    damped     |ℓᵀB_j| and |C_i r|, left and right vectors scaled so that the product is the size of the residue there,
-               of 1/(s² + 2ζωs + ω²) or, for a mode that does not swing, of 1/(s − λ)
+    damped     |ℓᵀB_j| and |C_i r|, left and right vectors scaled so that the product is the size of the residue,
+               of 1/(s² + 2ζωs + ω²) or, for a mode that does not oscillate, of 1/(s − λ)
 
 Modes of equal frequency span a space; an input reaches one direction in it, with the norm of its gains over the basis
-vectors, and as many copies are reached by all inputs together as the matrix of gains has singular values that count.
+vectors, and all inputs together reach as many copies as the matrix of gains has significant singular values.
 (Modal gains as measures of controllability: Hamdan & Nayfeh, J. Guid. Control Dyn. 12, 421 (1989).)
 """
 
@@ -27,14 +27,14 @@ from modal.types import Complexes, Floats, Ints
 
 Number = TypeVar("Number", np.float64, np.complex128)
 NOISE = 2.0**-40
-"""Gains this small beside the sum of their terms' sizes are rounding and count as 0."""
+"""Gains below this fraction of the sum of their absolute terms are rounding and count as 0."""
 BARELY = 1e-3
 """Relative gain below which a mode is only barely reached or seen."""
 
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The gains of all inputs, or of all outputs: `parts` holds for every mode the (d, m) of its d copies."""
+    """The gains of all inputs, or of all outputs: `parts` has for every mode the (d, m) array of its d copies."""
 
     signals: tuple[Signal, ...]
     verb: str
@@ -47,12 +47,12 @@ class Side:
 
     @cached_property
     def relative(self) -> Floats:
-        """(R, m): the gain over the largest of its column, 1 for the mode that this signal knows best."""
+        """(R, m): the gain over the largest of its column, 1 for the mode with the largest gain for this signal."""
         return self.gain / self._largest
 
     @cached_property
     def copies(self) -> Ints:
-        """(R,): how many independent copies of each mode these signals reach or see together, however weakly."""
+        """(R,): the number of independent copies of each mode that these signals together reach or see at all."""
         return self._above(0.0)
 
     @property
@@ -64,7 +64,7 @@ class Side:
         ]
 
     def missed(self, threshold: float = BARELY) -> tuple[int, ...]:
-        """Indices, from 0, of the modes of which a copy lies below this relative gain for all signals together."""
+        """Indices, from 0, of modes with a copy below this relative gain for all signals together."""
         present = np.array([len(part) for part in self.parts])
         return tuple(np.flatnonzero(self._above(threshold) < present).tolist())
 
@@ -88,8 +88,7 @@ class Side:
 class Gains:
     """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
 
-    Where the model prescribes the cart's motion they are `held`: `modes` are the fixed-base modes, those of a support
-    that stands still, and not the table's.
+    Where the model prescribes the cart's motion `held` is true: `modes` are then the fixed-base modes, not the table's.
     """
 
     modes: Modes
@@ -98,7 +97,7 @@ class Gains:
     outputs: Side
 
     def records(self) -> Iterator[dict[str, Any]]:
-        """One mapping for each mode and signal: mode, omega_rad_per_s, signal, gain, relative, word."""
+        """One mapping per mode and signal: mode, omega_rad_per_s, signal, gain, relative, word."""
         for side in (self.inputs, self.outputs):
             for number, words in enumerate(side.words):
                 for j, signal in enumerate(side.signals):
@@ -112,14 +111,14 @@ class Gains:
                     }
 
     def text(self) -> str:
-        """Two grids, inputs above outputs: words, and gains relative to the mode that each signal knows best.
+        """Two grids, inputs above outputs: words, and gains relative to the largest for each signal.
 
-        `fold` counts the copies that the model holds: in space those along the rail.
+        `fold` counts the copies in the model: in space those along the rail.
         """
         return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
 
     def _rate(self, number: int) -> str:
-        """ω, or how fast a mode that does not swing grows or decays (1/s); nothing where no digit is certain."""
+        """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty where no digit is certain."""
         value = self.modes.eigenvalue[number]
         if self.modes.error[number] >= UNCERTAIN:
             return "–"
@@ -149,8 +148,8 @@ class Gains:
 def modal_gains(modes: Modes, model: StateSpace) -> Gains:
     """The gains of a model of `modes.scene` from `modal.statespace.model.state_space`.
 
-    A rigid translation that no output sees by its position is given the gains of its velocity.  Raises what
-    `modal.statespace.modal_form.modal_form` does.
+    A rigid translation whose position no output sees gets the gains of its velocity.  Raises the errors of
+    `modal.statespace.modal_form.modal_form`.
     """
     form = to_modal_form(modes, model)
     left = np.array([block.pushed @ block.left for block in form.blocks])
@@ -168,17 +167,17 @@ def modal_gains(modes: Modes, model: StateSpace) -> Gains:
 
 
 def unseen(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
-    """Indices, from 0, of the modes that the outputs do not see above a relative gain, or not in all copies."""
+    """Indices, from 0, of the modes not seen by the outputs above a relative gain, or not in all copies."""
     return gains.outputs.missed(threshold)
 
 
 def unreached(gains: Gains, threshold: float = BARELY) -> tuple[int, ...]:
-    """Indices, from 0, of the modes that the inputs do not reach above a relative gain, or not in all copies."""
+    """Indices, from 0, of the modes not reached by the inputs above a relative gain, or not in all copies."""
     return gains.inputs.missed(threshold)
 
 
 def without_noise(rows: NDArray[Number], matrix: Floats) -> NDArray[Number]:
-    """Gains rows · matrix, 0 where rounding could have made it."""
+    """Gains rows · matrix, set to 0 where they may be rounding."""
     product: NDArray[Number] = rows @ matrix
     return product * (np.abs(product) > NOISE * (np.abs(rows) @ np.abs(matrix)))
 

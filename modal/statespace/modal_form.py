@@ -1,6 +1,6 @@
 """A scene's model in modal form: one block of one or two states for each mode.
 
-With φ as in `Modes.shape` (so that equal and zero frequencies are as well separated as any) and z = (q, q'),
+With φ as in `Modes.shape` (which separates equal and zero frequencies as well as any) and z = (q, q'),
 
     undamped   η'' + ω²η = φᵀF u,           z = (φη, φη'),               φᵀMφ = 1
     damped     α' = λα + ℓᵀB u,             z = 2 Re(rα),                r = (φ, λφ),  ℓ = ((λM + D)φ, Mφ)/s
@@ -30,13 +30,13 @@ from modal.types import Complexes, Floats
 
 Numbers = NDArray[Any]
 DEFECTIVE = 1e-7
-"""|φᵀ(2λM + D)φ| over the sum of its terms' sizes, below which two damped modes are about to become one."""
+"""|φᵀ(2λM + D)φ| over the sum of its absolute terms, below which two damped modes nearly coincide."""
 
 
 class Block(NamedTuple):
-    """One mode: its states are left z, and z = right w of them; A (k, k), right (n, k), left (k, n), k = 1 or 2.
+    """One mode: its states are left z, and z = right w for states w; A (k, k), right (n, k), left (k, n), k = 1 or 2.
 
-    `mode` is its index in `ModalForm.modes`, None for a cart that moves as prescribed, `copy` that of its shape;
+    `mode` is its index in `ModalForm.modes`, None for a cart with prescribed motion, `copy` that of its shape;
     right `seen` is its eigenvector r and `pushed` left the matching ℓ, scaled so that (C r)(ℓᵀB) is the coefficient of
     1/(s² + 2ζωs + ω²) where a mode oscillates, of 1/(s − λ) where it does not.
     """
@@ -53,13 +53,13 @@ class Block(NamedTuple):
 
     @property
     def is_rigid(self) -> bool:
-        """Whether nothing brings it back."""
+        """Whether there is no restoring force."""
         return self.eigenvalue == 0
 
 
 @dataclass(frozen=True, eq=False)
 class ModalForm:
-    """A model and its blocks; `modes` are those that its inputs meet: with the cart's motion prescribed, the fixed."""
+    """A model and its blocks; `modes` are those of its inputs: fixed-base ones if the cart's motion is prescribed."""
 
     modes: Modes
     model: StateSpace
@@ -77,7 +77,7 @@ class ModalForm:
         return [part.T for part in self._split(found.T)]
 
     def residual(self) -> float:
-        """How far left · right is from 1 and left · A · right from the blocks, relative to A's largest entry."""
+        """Deviation of left · right from 1 and of left · A · right from the blocks, relative to A's largest entry."""
         left, right = np.vstack([b.left for b in self.blocks]), np.hstack([b.right for b in self.blocks])
         A = block_diagonal([block.A for block in self.blocks])
         size = max(1.0, float(np.abs(A).max()))
@@ -89,7 +89,7 @@ class ModalForm:
 
 
 def block_diagonal(blocks: Sequence[Floats]) -> Floats:
-    """Square matrices along the diagonal of one."""
+    """A block-diagonal matrix."""
     ends = np.cumsum([0, *(len(block) for block in blocks)])
     whole = np.zeros((ends[-1], ends[-1]))
     for block, first, last in zip(blocks, ends, ends[1:], strict=False):
@@ -98,10 +98,10 @@ def block_diagonal(blocks: Sequence[Floats]) -> Floats:
 
 
 def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
-    """The model of `modes.scene`, taken apart.
+    """The model of `modes.scene` decomposed into modes.
 
     Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
-    two modes one.
+    two modes coincide.
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
@@ -118,12 +118,12 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
 
 
 def held(modes: Modes) -> Modes:
-    """The modes with the support standing still: those that a prescribed motion of the cart excites."""
+    """The modes with a fixed support: those excited by a prescribed motion of the cart."""
     return natural_modes(fixed(modes.scene)) if modes.on_cart else modes
 
 
 def fixed(scene: Scene) -> Scene:
-    """The same pendula on a support that does not move."""
+    """The same pendula on a fixed support."""
     return scene.replace(support=Fixed())
 
 
@@ -166,7 +166,7 @@ class _Made(NamedTuple):
 
 
 def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats, Dphi: Floats) -> _Made:
-    """Undamped: η and η', also for a rigid translation and, with λ = ±√−ω², for a mode that grows."""
+    """Undamped: η and η', also for a rigid translation and, with λ = ±√−ω², for a growing mode."""
     states = (
         Signal(f"eta_{name}", "kg^(1/2) m", meaning),
         Signal(f"eta_dot_{name}", "kg^(1/2) m/s", f"rate of the {meaning}"),
@@ -183,7 +183,7 @@ def _swing(name: str, meaning: str, value: complex, phi: Floats, Mphi: Floats, D
 
 
 def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
-    """Damped and swinging: 2 Re α and −2 Im α, scaled so that φᵀ(2λM + D)φ = 2i Im λ."""
+    """Damped oscillation: 2 Re α and −2 Im α, scaled so that φᵀ(2λM + D)φ = 2i Im λ."""
     states = tuple(Signal(f"eta_{name}_{part}", "", meaning) for part in ("re", "im"))
     slope, wanted = _slope(value, phi, Mphi, Dphi), 2j * value.imag
     phi, Mphi, Dphi = (part * np.sqrt(wanted / slope) for part in (phi, Mphi, Dphi))
@@ -201,7 +201,7 @@ def _pair(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complex
 
 
 def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Complexes, Dphi: Complexes) -> _Made:
-    """Damped, without a swing: one state, scaled so that φᵀ(2λM + D)φ = ±1."""
+    """Damped without oscillation: one state, scaled so that φᵀ(2λM + D)φ = ±1."""
     turn = np.conj(phi[np.argmax(np.abs(phi))])
     own, Mown, Down = ((part * turn).real for part in (phi, Mphi, Dphi))
     slope, rate = _slope(value.real, own, Mown, Down).real, value.real
@@ -218,7 +218,7 @@ def _single(name: str, meaning: str, value: complex, phi: Complexes, Mphi: Compl
 
 
 def _slope(value: complex, phi: Numbers, Mphi: Numbers, Dphi: Numbers) -> complex:
-    """φᵀ(2λM + D)φ, which vanishes where two modes become one."""
+    """φᵀ(2λM + D)φ, which vanishes where two modes coincide."""
     terms = phi * (2 * value * Mphi), phi * Dphi
     slope = complex(np.sum(terms))
     if abs(slope) <= DEFECTIVE * np.abs(terms).sum():

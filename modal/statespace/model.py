@@ -49,7 +49,8 @@ class StateSpace:
     """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
-    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad).
+    the sample time in seconds, 0 for continuous time; `operating_point` the values that angles deviate from (rad);
+    `scene` the one whose whole model this is, None for sampled and reduced ones and those from files.
     """
 
     A: Floats
@@ -62,10 +63,11 @@ class StateSpace:
     dt: float = 0.0
     title: str = ""
     operating_point: tuple[tuple[str, float], ...] = ()
+    scene: Scene | None = None
 
 
 class _Motion(NamedTuple):
-    """A and B with the maps from (z, u) to q, q' and q'', each a pair; q'' is None where it holds impulses."""
+    """A and B with the maps from (z, u) to q, q' and q'', each a pair; q'' is None where it contains impulses."""
 
     A: Floats
     B: Floats
@@ -78,9 +80,9 @@ class _Motion(NamedTuple):
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model of a scene with these groups of inputs and outputs (`modal.statespace.signals.INPUTS` and `OUTPUTS`).
 
-    Left out, the input is the force on a cart or else the joint torques, the outputs are the cart's position and the
-    absolute angles.  Raises SceneError for groups that the scene has not, ComputationError where M is singular or the
-    model has more than LARGEST_STATE states.
+    By default the input is the force on a cart or else the joint torques, the outputs are the cart's position and the
+    absolute angles.  Raises SceneError for groups that the scene does not have, ComputationError where M is singular or
+    the model has more than LARGEST_STATE states.
     """
     if 2 * validate_scene(scene).n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
@@ -110,6 +112,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
         tuple(signals),
         title=scene.title,
         operating_point=tuple(resting),
+        scene=scene,
     )
 
 
@@ -121,7 +124,7 @@ def _drive(wanted: tuple[str, ...]) -> str | None:
 
 
 def _pushes(geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
-    """All generalized forces side by side, in the order asked for."""
+    """All generalized forces side by side, in the requested order."""
     found = [PUSHES[name](geometry) for name in wanted if name in PUSHES]
     none = np.zeros((geometry.size, 0)), np.zeros((len(geometry.tips), 0))
     return InputGroup(
@@ -178,7 +181,7 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
 
 
 def _solved(M: Floats, right: Floats) -> Floats:
-    """M⁻¹ right, M with its diagonal brought near 1; ComputationError where it is singular."""
+    """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
     if is_singular(M):
         raise ComputationError(
             "the mass matrix is singular to double precision (as with a massless cart over bobs): a force gives no "

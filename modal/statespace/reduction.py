@@ -1,10 +1,11 @@
 """Reduced models: without uncontrollable or unobservable states, or with the most important modes.
 
-Equal pendula on a cart that is pushed or driven move alike: N of them are replaced by one, N times as heavy, and their
-antiphase modes drop out.  Of different pendula with a common frequency only the controllable combination stays.
-The static gain −C A⁻¹ B of the modes that a truncation removes is added to D (residualisation, the
-mode-acceleration method of Craig & Kurdila, Fundamentals of Structural Dynamics), so that G(0) of all that swings is
-unchanged.
+Equal pendula on a cart that is pushed or driven move alike: N of them are replaced by one, N times as heavy, without
+their antiphase modes.  Of different pendula with a common frequency only the controllable combination remains.
+
+The static gain −C A⁻¹ B of the modes that a truncation removes is added to D (residualization, the
+mode-acceleration method of Craig & Kurdila, Fundamentals of Structural Dynamics), so that G(0) of all oscillating modes
+is unchanged.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ Choice = Literal["contribution", "lowest"]
 
 
 class Folded(NamedTuple):
-    """A scene with equal pendula folded into one, the number (from 1) of each kind's first, and its copies."""
+    """A scene with equal pendula merged into one, the number (from 1) of each kind's first, and its copies."""
 
     scene: Scene
     first: tuple[int, ...]
@@ -43,7 +44,7 @@ class Folded(NamedTuple):
 
 
 def fold_equals(scene: Scene) -> Folded:
-    """One pendulum for each kind, as heavy as all of it together, in the order of the file."""
+    """One pendulum for each kind, as heavy as all of its copies, in the order of the file."""
     kinds: dict[tuple[int, int], tuple[int, Pendulum, int]] = {}
     passed = 1
     for pendulum, (block, column, copies) in zip(scene.pendulum, rig_of(scene).members, strict=True):
@@ -58,10 +59,10 @@ def fold_equals(scene: Scene) -> Folded:
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
     """The model with the same transfer functions without the modes that do not contribute to them.
 
-    Equal pendula are read off the first of them, under its own name.  If every mode that is left is reached and seen,
+    Equal pendula are represented by the first of them, under its name.  If every remaining mode is reached and seen,
     the states are angles and rates; else the modal coordinates of those that are.  Inputs and outputs are the groups of
-    `modal.statespace.model.state_space`, which raises; SceneError too for forces on pendula that have equals: they
-    would tell these apart.
+    `modal.statespace.model.state_space`, whose errors are raised; SceneError also for forces on pendula that have
+    equals, which they would distinguish.
     """
     fold = fold_equals(scene)
     model = state_space(fold.scene, inputs, outputs)
@@ -78,22 +79,22 @@ def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...]
 
 
 def essential(form: ModalForm) -> list[Block]:
-    """The blocks that an input reaches and an output sees, those of equal modes turned so that the others are none."""
+    """The blocks that an input reaches and an output sees; equal modes are rotated to minimize their number."""
     reached = _turned(form.blocks, [block.left for block in form.blocks], form.model.B)
     return _turned(reached, [block.right.T for block in reached], form.model.C.T)
 
 
 def assembled(form: ModalForm, blocks: Sequence[Block], D: Floats) -> StateSpace:
-    """The model of these blocks alone, in modal coordinates, with its inputs and outputs as they were."""
+    """The model of these blocks alone, in modal coordinates, with the same inputs and outputs."""
     left = np.vstack([np.zeros((0, len(form.model.A))), *(block.left for block in blocks)])
     right = np.hstack([np.zeros((len(form.model.A), 0)), *(block.right for block in blocks)])
     A = block_diagonal([block.A for block in blocks])
     states = tuple(state for block in blocks for state in block.states)
-    return replace(form.model, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
+    return replace(form.model, scene=None, A=A, B=left @ form.model.B, C=form.model.C @ right, D=D, states=states)
 
 
 def _rate_alone(form: ModalForm, block: Block) -> Block:
-    """Of a translation at constant speed whose position no output sees, the speed."""
+    """The speed alone, for a translation whose position no output sees."""
     translation = np.array_equal(block.A, [[0.0, 1.0], [0.0, 0.0]])
     if not translation or without_noise(block.right.T, form.model.C.T)[0].any():
         return block
@@ -101,12 +102,12 @@ def _rate_alone(form: ModalForm, block: Block) -> Block:
 
 
 def _heavier(pendulum: Pendulum, count: int) -> Pendulum:
-    """As many of it as one."""
+    """That many copies as one."""
     return pendulum.replace(links=tuple(link.heavier(count) for link in pendulum.links), count=1, start=None)
 
 
 def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
-    """Names of the whole scene; a force on a pivot is shared by all whose pendula were folded."""
+    """Names of the whole scene; a force on a pivot is divided among all pendula that were merged."""
     number = {str(place): first for place, first in enumerate(fold.first, 1)}
 
     def renamed(name: str) -> str:
@@ -129,7 +130,7 @@ def _read_off_the_first(fold: Folded, model: StateSpace) -> StateSpace:
 
 
 def _turned(blocks: Sequence[Block], rows: list[Floats], matrix: Floats) -> list[Block]:
-    """Those for which rows · matrix is not 0, modes of one frequency turned among each other until few enough are."""
+    """The blocks for which rows · matrix is not 0, modes of one frequency rotated to minimize their number."""
     ends = np.cumsum([len(row) for row in rows])
     gains = np.split(without_noise(np.vstack(rows), matrix), ends[:-1]) if rows else []
     fresh = [not _equal(*pair) for pair in pairwise(blocks)]
@@ -141,7 +142,7 @@ def _turned(blocks: Sequence[Block], rows: list[Floats], matrix: Floats) -> list
 
 
 def _equal(one: Block, other: Block) -> bool:
-    """Whether two modes have the same frequency, or as good as: rounding can part those of different pendula."""
+    """Whether two modes have the same frequency within rounding, as modes of different pendula may."""
     return one.A.shape == other.A.shape and bool(
         abs(one.eigenvalue - other.eigenvalue) <= TOLERANCE * abs(one.eigenvalue)
     )
@@ -166,8 +167,8 @@ def truncate(modes: Modes, model: StateSpace, count: int, by: Choice = "contribu
     """The model of `modes.scene` with `count` modes, copies counted, in modal coordinates.
 
     `by` "contribution" keeps those that contribute most to any one transfer function, "lowest" those of lowest
-    frequency.  A rigid translation, a prescribed cart and modes that grow are kept beside them, modes that no input
-    reaches or no output sees are not; of all others D takes over the static gain, so that G(0) less the rigid part
+    frequency.  A rigid translation, a prescribed cart and growing modes are always kept, modes that no input
+    reaches or no output sees are not; the static gain of all others is added to D, so that G(0) without the rigid part
     is that of the whole model.  Raises ValueError for a count below 0 and another `by`, SceneError for more modes
     than the model has.
     """
@@ -189,7 +190,7 @@ def _settles(block: Block) -> bool:
 
 
 def _contributions(form: ModalForm, blocks: list[Block]) -> Floats:
-    """(K,): the largest share that each has in any channel of Σ |C r| |ℓᵀB|/|λ|ᵏ, k its number of states."""
+    """(K,): the largest share of each block in any channel of Σ |C r| |ℓᵀB|/|λ|ᵏ, k its number of states."""
     total = sum((_size(form, block) for block in blocks), start=np.zeros_like(form.model.D))
     whole = np.where(total > 0, total, 1.0)
     return np.array([(_size(form, block) / whole).max(initial=0.0) for block in blocks])

@@ -4,7 +4,7 @@ A block of two states with matrix A has (s − A)⁻¹ = (s + A − tr A)/(s² �
 
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²),      N1 = C B,   N0 = C (A − tr A) B,
 
-a rigid translation (ω = 0) among them; a mode without a swing, of one state, adds C B/(s − λ).  In time, with
+a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ).  In time, with
 a = tr A/2 and ν² = det A − a²,
 
     h(t) = D δ(t) + Σ_k e^{at} C [cos νt + (A − a) sin(νt)/ν] B,
@@ -14,18 +14,19 @@ where sin(νt)/ν is t for ν = 0 and a hyperbolic sine for ν² < 0.  (Ewins, M
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from modal.report import as_csv, as_json, finite, grid, titled
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
 
 
 class Term(NamedTuple):
-    """What one mode adds to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1 and N0 of shape (p, m); `mode` as in `Block`."""
+    """The contribution of one mode to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1 and N0 (p, m); `mode` as in `Block`."""
 
     mode: int | None
     N1: Floats
@@ -39,7 +40,7 @@ class Term(NamedTuple):
 
 
 def terms(form: ModalForm) -> Iterator[Term]:
-    """What each mode adds to G, one for each copy; one for a prescribed cart."""
+    """The contribution of each mode to G, one for each copy; one for a prescribed cart."""
     for block, B, C in zip(form.blocks, form.inputs, form.outputs, strict=True):
         A, trace = block.A, float(np.trace(block.A))
         if len(A) == 1:
@@ -52,7 +53,7 @@ def terms(form: ModalForm) -> Iterator[Term]:
 def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
 
-    Infinite exactly at an undamped mode that the input reaches and the output sees, 0 included.
+    Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0.
     """
     s = np.atleast_1d(1j * np.asarray(omega, dtype=np.complex128))
     model = form.model
@@ -65,10 +66,53 @@ def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
     return response
 
 
+def response_table(form: ModalForm, frequencies: Sequence[float], source: int, outputs: Sequence[int], to: str) -> str:
+    """Magnitude and phase of some outputs for one input at these frequencies (Hz), as "text", "csv" or "json".
+
+    An undamped mode that is hit exactly has no finite magnitude: NaN, in JSON null.
+    """
+    G = frequency_response(form, 2 * np.pi * np.asarray(frequencies))[:, source]
+    size = np.where(np.isfinite(G), np.abs(G), np.nan)
+    phase = np.where(np.isfinite(G) & (G != 0), np.degrees(np.angle(G)), np.nan)
+    with np.errstate(divide="ignore"):
+        decibel = 20 * np.log10(size)
+    signals, given = form.model.outputs, form.model.inputs[source]
+    if to == "json":
+        rows = {
+            "input": given.name,
+            "unit": {signals[k].name: f"{signals[k].unit} per {given.unit}" for k in outputs},
+            "frequency_hz": list(frequencies),
+            "magnitude": {signals[k].name: list(map(finite, size[k].tolist())) for k in outputs},
+            "phase_deg": {signals[k].name: list(map(finite, phase[k].tolist())) for k in outputs},
+        }
+        return as_json(rows)
+    records = [
+        {
+            "frequency_hz": frequency,
+            "output": signals[k].name,
+            "unit": f"{signals[k].unit} per {given.unit}",
+            "magnitude": size[k, at],
+            "magnitude_db": decibel[k, at],
+            "phase_deg": phase[k, at],
+        }
+        for k in outputs
+        for at, frequency in enumerate(frequencies)
+    ]
+    if to == "csv":
+        return as_csv(records)
+    headings = ("f (Hz)", "output", "unit", "magnitude", "dB", "phase (°)")
+    cells = [[_shown(value) for value in record.values()] for record in records]
+    return titled(form.model.title, f"response to {given.name} ({given.unit})", [grid(cells, headings)], "text")
+
+
+def _shown(value: str | float) -> str:
+    return value if isinstance(value, str) else f"{value:.6g}" if np.isfinite(value) else "–"
+
+
 def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:
     """h(t) (p, m, T) just after and at times t ≥ 0 (T,) in s: output's unit over that of the input times a second.
 
-    The impulse D δ(t) itself, of an output that the input moves at once, is left out.
+    The impulse D δ(t) itself, for an output with direct feedthrough, is omitted.
     """
     t = np.atleast_1d(np.asarray(times, dtype=np.float64))
     response = np.zeros((*form.model.D.shape, len(t)))

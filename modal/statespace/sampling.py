@@ -4,7 +4,7 @@ With the input held between samples (zoh), from one exponential, exactly,
 
     exp([[A, B], [0, 0]] T) = [[Φ, Γ], [0, 1]],    z[k+1] = Φ z[k] + Γ u[k];
 
-with the input a line between samples (foh), with  exp([[A, B, 0], [0, 0, 1/T], [0, 0, 0]] T) = [[Φ, Γ, Γ₁], …],
+with the input linear between samples (foh), with  exp([[A, B, 0], [0, 0, 1/T], [0, 0, 0]] T) = [[Φ, Γ, Γ₁], …],
 
     w = z − Γ₁ u,    w[k+1] = Φ w[k] + (Γ + Φ Γ₁ − Γ₁) u[k],    y = C w + (D + C Γ₁) u;
 
@@ -31,7 +31,7 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
 
     `method` is one of METHODS.  Under "zoh" the states are the continuous ones at the samples; under "foh" and
     "tustin" they are shifted by a multiple of the input, as in the equations above.  Raises SceneError for a time that
-    is not positive, an unknown method, and a model that is discrete already; ComputationError where a fast instability
+    is not positive, an unknown method, and a model that is already discrete; ComputationError where a fast instability
     overflows.
     """
     if model.dt:
@@ -44,11 +44,11 @@ def sample(model: StateSpace, dt: float, method: str = "zoh") -> StateSpace:
         A, B, C, D = METHODS[method](model, dt)
     if not all(np.isfinite(matrix).all() for matrix in (A, B, C, D)):
         raise ComputationError(f"step {dt} s: the model overflows within a step")
-    return replace(model, A=A, B=B, C=C, D=D, dt=float(dt))
+    return replace(model, scene=None, A=A, B=B, C=C, D=D, dt=float(dt))
 
 
 def reach(A: Floats) -> float:
-    """A bound on how fast the model moves, 1/s: a norm of A with its states scaled alike."""
+    """A bound on the fastest rate of the model, 1/s: a norm of A with its states rescaled."""
     return float(np.linalg.norm(matrix_balance(A, permute=False)[0], 1)) if A.size else 0.0
 
 
@@ -82,7 +82,7 @@ def _solved(matrix: Floats, right: Floats) -> Floats:
 
 
 def _exponential(matrix: Floats) -> Floats:
-    """Of the matrix with its rows and columns scaled alike by powers of two: seconds and metres cost no digits."""
+    """The exponential of a matrix, with rows and columns scaled by powers of two so that units cost no digits."""
     if not matrix.size:
         return matrix
     balanced, (scale, _) = matrix_balance(matrix, permute=False, separate=True)

@@ -2,19 +2,26 @@
 
 With T_d = 2π/(ω√(1−ζ²)) and K = exp(−ζπ/√(1−ζ²))
 
-    ZV     amplitudes (1, K)/(1+K)         at 0, T_d/2
-    ZVD    amplitudes (1, 2K, K²)/(1+K)²   at 0, T_d/2, T_d      (also insensitive to ω, to first order)
+    ZV     amplitudes (1, K)/(1+K)                       at 0, T_d/2
+    ZVD    amplitudes (1, 2K, K²)/(1+K)²                 at 0, T_d/2, T_d   (insensitive to ω to first order)
+    EI     amplitudes ∝ (1+v, 2(1−v)K, (1+v)K²)          at 0, T_d/2, T_d   (V ≤ a tolerance about ω)
+    UM     amplitudes (1, −1, 1)                         at 0, ≈ T_d/6, ≈ T_d/3
 
 and for several modes the convolution of one shaper for each.  After the last of the impulses A_i at t_i, the residual
 vibration of a mode, relative to a single impulse of the same sum at the start, is
 
-    V(ω, ζ) = e^{−ζωt_n} |Σ A_i e^{(ζω + iω√(1−ζ²)) t_i}|.
+    V(ω, ζ) = e^{−ζωt_n} |Σ A_i e^{s t_i}|,     s = ζω + iω√(1−ζ²).
 
-(Singer & Seering, J. Dyn. Syst. Meas. Control 112, 76 (1990); robustness as the range of V ≤ 5 %: Singhose, Seering &
-Singer, J. Mech. Des. 116, 654 (1994).)
+A controller that samples every h can only act at multiples of h.  There the impulse K at T_d/2, for which K e^{s T_d/2}
+= −1, becomes two at the multiples around it, with Σ a e^{s t} = −1 as before: the sampled command of a ZV or ZVD shaper
+leaves nothing in the mode.  Those of UM are shared likewise between neighbouring samples.
 
-Which frequencies: if a drive makes its trolley follow an acceleration or a velocity whatever hangs from it, the load
-swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies.
+(Singer & Seering, J. Dyn. Syst. Meas. Control 112, 76 (1990); robustness as the range of V ≤ 5 %, and EI: Singhose,
+Seering & Singer, J. Mech. Des. 116, 654 (1994); UM: Singhose, Singer & Seering, ASME J. Dyn. Syst. 119, 198 (1997);
+on a grid: Murphy & Watanabe, IEEE Trans. Robot. Autom. 8, 285 (1992).)
+
+The relevant frequencies depend on the drive: if the trolley follows an acceleration or a velocity whatever hangs from
+it, the load swings as on a fixed support.  A trolley driven by a force moves with its load, at the free frequencies.
 """
 
 from __future__ import annotations
@@ -22,7 +29,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import reduce
-from math import exp, pi, sqrt
+from itertools import product
+from math import exp, floor, pi, sqrt
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
@@ -33,18 +41,23 @@ from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.scene import Scene
 from modal.statespace.modal_form import fixed
-from modal.types import Booleans, Floats
+from modal.types import Booleans, Complexes, Floats
 
 TOLERANCE = 0.05
 """Residual vibration up to which a shaper counts as working."""
 REACH, RUNGS = 4, 1000
-"""How many times ω a range may reach, and in what fraction of ω its edge is looked for."""
-BEATS = {"zv": (1, 1), "zvd": (1, 2, 1)}
-Kind = Literal["zv", "zvd"]
+"""Largest ω of a range over its centre, and the relative step of the search for its edges."""
+NEWTON_STEPS, HUMP_STEPS, HUMP = 30, 12, 2001
+"""Steps to the times of a UM shaper and to the weight of an EI shaper; frequencies among which its hump is found."""
+Kind = Literal["zv", "zvd", "ei", "um"]
+Train = tuple[Floats, Floats]
+"""Times (n,) in s and amplitudes (n,) of impulses."""
+ON_GRID = 1e-9
+"""Of a step: how near a multiple of it a time is taken for one."""
 Drive = Literal["cart_force", "cart_acceleration", "cart_velocity"]
 ASSUMED = {
-    "cart_acceleration": "trolley motion prescribed: the load swings as on a support that stands still",
-    "cart_velocity": "trolley motion prescribed: the load swings as on a support that stands still",
+    "cart_acceleration": "trolley motion prescribed: the load swings as on a fixed support",
+    "cart_velocity": "trolley motion prescribed: the load swings as on a fixed support",
     "cart_force": "trolley pushed by a force: it swings with its load, as in the table",
 }
 
@@ -58,14 +71,18 @@ class Swing(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Shaper:
-    """Impulses at `times` (n,) in s, ascending from 0, of `amplitudes` (n,) that add to 1."""
+    """Impulses at `times` (n,) in s, ascending from 0, of `amplitudes` (n,) that add to 1.
+
+    The times are multiples of `step` (s) where that is not 0.
+    """
 
     times: Floats
     amplitudes: Floats
+    step: float = 0.0
 
     @property
     def duration(self) -> float:
-        """By how many seconds a shaped command lasts longer."""
+        """The delay (s) of the end of a shaped command."""
         return float(self.times[-1])
 
     def shaped(self, times: ArrayLike, command: ArrayLike) -> Floats:
@@ -75,44 +92,54 @@ class Shaper:
         return np.asarray(sum(parts), dtype=np.float64)
 
     def __mul__(self, other: Shaper) -> Shaper:
-        """The convolution of two: what either silences, both do."""
-        times = np.add.outer(self.times, other.times).ravel()
-        order = np.argsort(times, kind="stable")
-        return Shaper(times[order], np.outer(self.amplitudes, other.amplitudes).ravel()[order])
+        """The convolution of two shapers of one step, which suppresses the modes of both."""
+        return Shaper(*_convolved((self.times, self.amplitudes), (other.times, other.amplitudes), self.step), self.step)
 
 
-def shaper(swings: Sequence[Swing], kind: Kind = "zv") -> Shaper:
-    """The ZV or ZVD shaper of one mode, for several the convolution of one each.
+def shaper(swings: Sequence[Swing], kind: Kind = "zv", step: float = 0.0, tolerance: float = TOLERANCE) -> Shaper:
+    """The shaper of one mode, for several the convolution of one each, on the grid of a `step` (s) if that is not 0.
 
-    Raises ValueError for another kind and for no modes, ComputationError for a mode that does not swing.
+    `tolerance` is what an EI shaper may leave about ω.  Raises ValueError for another kind, for no modes, for a
+    negative step and a tolerance outside of 0 to 1, ComputationError for a mode that does not oscillate and for too
+    long a step.
     """
-    if kind not in BEATS or not swings:
-        raise ValueError(f'kind = {kind!r} for {len(swings)} modes: must be "zv" or "zvd", for at least one mode')
-    return reduce(Shaper.__mul__, (_single(swing, BEATS[kind]) for swing in swings))
+    if kind not in get_args(Kind) or not swings:
+        words = ", ".join(f'"{one}"' for one in get_args(Kind))
+        raise ValueError(f"kind = {kind!r} for {len(swings)} modes: must be one of {words}, for at least one mode")
+    if not (0 <= step < np.inf and 0 < tolerance < 1):
+        raise ValueError(f"step = {step} s, tolerance = {tolerance}: must be at least 0 s, and between 0 and 1")
+    return reduce(Shaper.__mul__, (_single(swing, kind, step, tolerance) for swing in swings))
 
 
 def shaper_for(
-    scene: Scene, count: int = 1, kind: Kind = "zv", drive: Drive = "cart_acceleration", first: int = 0
+    scene: Scene,
+    count: int = 1,
+    kind: Kind = "zv",
+    drive: Drive = "cart_acceleration",
+    first: int = 0,
+    *,
+    step: float = 0.0,
+    tolerance: float = TOLERANCE,
 ) -> Shaper:
-    """The shaper of `count` of the modes that `swings_of` finds, from index `first` on."""
+    """The `shaper` for `count` of the modes found by `swings_of`, from index `first` on."""
     found = swings_of(scene, drive)
     if not 0 <= first < first + count <= len(found):
         raise ComputationError(f"{count} modes from index {first}: this drive excites {len(found)} modes")
-    return shaper(found[first : first + count], kind)
+    return shaper(found[first : first + count], kind, step, tolerance)
 
 
 def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
-    """The modes that a drive makes swing, in ascending order: with a prescribed motion those of a held support.
+    """The modes that a drive excites, in ascending order: fixed-base modes under a prescribed motion.
 
-    Under "cart_force" they are the free ones that move the cart.  Raises SceneError for another drive and for a fixed
-    support, ComputationError for an unstable rest.
+    Under "cart_force" they are the free modes that move the cart.  Raises SceneError for another drive and for a fixed
+    support, ComputationError for an unstable equilibrium.
     """
     modes, rows = _swinging(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
 
 def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
-    """The modes that a drive meets, and the indices of those that it makes swing."""
+    """The modes of the scene with this drive, and the indices of those that it excites."""
     drives = get_args(Drive)
     problems = (
         [] if drive in drives else [f"drive = {drive!r}: must be one of {', '.join(drives)}{meant(drive, drives)}"]
@@ -133,7 +160,7 @@ def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
 
 
 def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
-    """What a shaper for the `count` slowest modes assumes, then a line for each, the table's mode beside it."""
+    """The assumptions of a shaper for the `count` slowest modes, then a line for each, with the table's mode."""
     modes, rows = _swinging(scene, drive)
     pushed, told = drive == "cart_force", scene.n_links <= MOST_COMPARED
     beside = [""] * len(modes) if pushed or not told else _beside(modes, natural_modes(scene))
@@ -144,7 +171,7 @@ def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration"
 
 
 def _beside(modes: Modes, table: Modes) -> list[str]:
-    """For every mode of a held support the table's, with the cart free, that is most like it."""
+    """For every fixed-base mode the most similar mode of the table, with a free cart."""
     moving = {mode.number - 1: mode for mode in table if mode.oscillates and mode.cart_participation}
     if not moving:
         return [""] * len(modes)
@@ -163,7 +190,7 @@ def residual_vibration(shaper: Shaper, omega: ArrayLike, zeta: ArrayLike = 0.0) 
 def insensitivity(shaper: Shaper, swing: Swing, tolerance: float = TOLERANCE) -> tuple[float, float]:
     """The range of ω (rad/s) about that of `swing` in which the residual vibration stays below `tolerance`.
 
-    Raises ComputationError if it does not at `swing` itself.
+    Raises ComputationError if it exceeds it at `swing` itself.
     """
 
     def works(omega: Floats) -> Booleans:
@@ -176,7 +203,7 @@ def insensitivity(shaper: Shaper, swing: Swing, tolerance: float = TOLERANCE) ->
 
 
 def _edge(works: Callable[[Floats], Booleans], ladder: Floats) -> float:
-    """Where, from the first rung on, it stops to work; the last rung if it never does."""
+    """The first grid value at which it fails, or the last one if it never does."""
     fails = np.flatnonzero(~works(ladder))
     if not fails.size:
         return float(ladder[-1])
@@ -188,13 +215,13 @@ def _edge(works: Callable[[Floats], Booleans], ladder: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Robustness:
-    """What a shaper leaves of each mode, `residual` (L, R) in percent, over a parameter's `values` (L,)."""
+    """The residual vibration of each mode with a shaper, `residual` (L, R) in percent, over `values` (L,)."""
 
     values: Floats
     residual: Floats
 
     def within(self, tolerance: float = TOLERANCE) -> Booleans:
-        """Where (L,) no mode keeps more than `tolerance`, 1 being all of it."""
+        """Where (L,) no mode retains more than `tolerance`, as a fraction."""
         return np.asarray((self.residual <= 100 * tolerance).all(1), dtype=np.bool_)
 
 
@@ -209,7 +236,7 @@ def robustness(
 
 
 def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int = 0) -> list[Scene]:
-    """The scene with these lengths (m) of one link as written, pendulum and link counted from 0."""
+    """The scene with these lengths (m) of one link as specified, pendulum and link counted from 0."""
     entry = scene.pendulum[pendulum]
     found = []
     for length in np.asarray(lengths, dtype=np.float64).tolist():
@@ -221,14 +248,97 @@ def over_length(scene: Scene, lengths: ArrayLike, pendulum: int = 0, link: int =
     return found
 
 
-def _single(swing: Swing, beats: tuple[int, ...]) -> Shaper:
-    """Impulses half a period apart of amplitudes like those of (1 + K)ⁿ."""
+def _single(swing: Swing, kind: Kind, step: float, tolerance: float) -> Shaper:
     omega, zeta = swing
     if not (omega > 0 and 0 <= zeta < 1):
         raise ComputationError(
             f"a mode of ω = {omega:g} rad/s and ζ = {zeta:g} does not oscillate: a shaper cannot suppress it"
         )
-    root = sqrt((1 - zeta) * (1 + zeta))
-    beat = np.arange(len(beats), dtype=np.float64)
-    amplitudes: Floats = np.array(beats) * exp(-zeta * pi / root) ** beat
-    return Shaper(beat * (pi / (omega * root)), amplitudes / amplitudes.sum())
+    s = complex(zeta, sqrt((1 - zeta) * (1 + zeta))) * omega
+    if step > pi / s.imag:
+        raise ComputationError(f"a step of {step:g} s is longer than half the period of a mode, {pi / s.imag:g} s")
+    if kind == "um":
+        return Shaper(*_unity_magnitude(s, step), step)
+    half = _half_period(s, step)
+    if kind == "ei":
+        return _tolerant(swing, half, step, tolerance)
+    return _weighted((1.0, 1.0) if kind == "zv" else (1.0, 2.0, 1.0), half, step)
+
+
+def _weighted(weights: Sequence[float], half: Train, step: float) -> Shaper:
+    """Σ w_k of the k-fold convolution of what stands for half a period, divided by the sum of all amplitudes."""
+    power, trains = (np.zeros(1), np.ones(1)), []
+    for weight in weights:
+        trains.append((power[0], weight * power[1]))
+        power = _convolved(power, half, step)
+    times, amplitudes = (np.concatenate(parts) for parts in zip(*trains, strict=True))
+    times, amplitudes = _merged((times, amplitudes), step)
+    return Shaper(times, amplitudes / amplitudes.sum(), step)
+
+
+def _tolerant(swing: Swing, half: Train, step: float, tolerance: float) -> Shaper:
+    """Weights (1 + v, 2(1 − v), 1 + v) with the v that makes the hump of V between its two zeros `tolerance`."""
+    v, omega = tolerance, swing.omega * np.linspace(0.5, 1.5, HUMP)
+    for _ in range(HUMP_STEPS):
+        made = _weighted((1 + v, 2 * (1 - v), 1 + v), half, step)
+        left = residual_vibration(made, omega, swing.zeta)
+        humps = 1 + np.flatnonzero((left[1:-1] >= left[:-2]) & (left[1:-1] > left[2:]))
+        if not humps.size:
+            raise ComputationError("a mode so strongly damped has no EI shaper")
+        at = humps[np.abs(omega[humps] - swing.omega).argmin()]
+        below, top, above = left[at - 1 : at + 2]
+        v *= tolerance / (top + (above - below) ** 2 / (8 * (2 * top - above - below)))
+    return made
+
+
+def _half_period(s: complex, step: float) -> Train:
+    """Impulses with Σ a e^{st} = −1: one of K half a period later, or two at the samples around."""
+    half = pi / s.imag
+    if not step or abs(half / step - round(half / step)) < ON_GRID:
+        return np.array([half]), np.array([exp(-s.real * half)])
+    times = step * (floor(half / step) + np.arange(2.0))
+    return times, _real_weights(np.exp(s * times), -1.0)
+
+
+def _unity_magnitude(s: complex, step: float) -> Train:
+    """Impulses 1, −1, 1 with 1 − e^{st₂} + e^{st₃} = 0, the last two between samples shared by them."""
+    second, third = pi / (3 * s.imag), 2 * pi / (3 * s.imag)
+    for _ in range(NEWTON_STEPS):
+        two, three = np.exp(s * second), np.exp(s * third)
+        change = _real_weights(np.array([s * two, -s * three]), 1 - two + three)
+        second, third = second + change[0], third + change[1]
+    if not 0 < second < third:
+        raise ComputationError("a mode so strongly damped has no UM shaper")
+    if not step:
+        return np.array([0.0, second, third]), np.array([1.0, -1.0, 1.0])
+    for before, after in product((0, -1, 1), repeat=2):
+        ticks = np.array([floor(second / step) + before, floor(third / step) + after])
+        if not 0 < ticks[0] < ticks[1]:
+            continue
+        one, two = np.exp(s * step * ticks), np.exp(s * step * (ticks + 1))
+        shares = _real_weights(np.array([-1.0, 1.0]) * (two - one), one[0] - one[1] - 1)
+        if (shares >= 0).all() and (shares <= 1).all():
+            a, b = shares
+            times = step * np.array([0, ticks[0], ticks[0] + 1, ticks[1], ticks[1] + 1])
+            return _merged((times, np.array([1.0, a - 1, -a, 1 - b, b])), step)
+    raise ComputationError(f"a step of {step:g} s is too long for a UM shaper of a mode of {s.imag:g} rad/s")
+
+
+def _real_weights(vectors: Complexes, target: complex) -> Floats:
+    """The real weights (2,) of two complex numbers that add up to a third."""
+    return np.linalg.solve(np.array([vectors.real, vectors.imag]), [np.real(target), np.imag(target)])
+
+
+def _convolved(one: Train, other: Train, step: float) -> Train:
+    return _merged((np.add.outer(one[0], other[0]).ravel(), np.outer(one[1], other[1]).ravel()), step)
+
+
+def _merged(train: Train, step: float) -> Train:
+    """In ascending order, those at one sample together, without empty ones."""
+    times, amplitudes = train
+    if step:
+        ticks, at = np.unique(np.rint(times / step), return_inverse=True)
+        times, amplitudes = ticks * step, np.bincount(at, amplitudes).astype(np.float64)
+    order = np.argsort(times, kind="stable")
+    order = order[amplitudes[order] != 0]
+    return times[order], amplitudes[order]

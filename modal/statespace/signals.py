@@ -2,7 +2,7 @@
 
 A horizontal displacement, to first order, is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
 of a lower joint e_x + Σ σ l.  A horizontal force at that point acts on q with hᵀ; the force of pendulum p on its pivot
-is −Σ m h q'' plus whatever is pushed at its links.
+is −Σ m h q'' plus the external forces on its links.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from modal.types import Floats
 
 
 class Signal(NamedTuple):
-    """The ASCII name of a state, an input or an output, its unit, and what it is."""
+    """The ASCII name of a state, an input or an output, its unit, and its meaning."""
 
     name: str
     unit: str
@@ -32,7 +32,7 @@ class Geometry:
     """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
 
     `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), `pendulum` (links,) from 0; `sigma`
-    (links,) which way they point; `on_cart` whether q begins with x.
+    (links,) their directions; `on_cart` tells whether q begins with x.
     """
 
     centres: Floats
@@ -91,7 +91,7 @@ def geometry_of(scene: Scene) -> Geometry:
 
 
 class InputGroup(NamedTuple):
-    """Inputs as generalized forces F (q, m), and how much of each acts from outside on each pendulum (p, m)."""
+    """Inputs as generalized forces F (q, m), and the external force of each on each pendulum (p, m)."""
 
     signals: list[Signal]
     F: Floats

@@ -1,7 +1,7 @@
 """A derivation on paper: from the Lagrangian of a system to its eigen-polynomial and modes, section by section.
 
-It is asked for by `chain:3`, `cart:2`, `cart:3x2` (three chains of two links) or a scene.
-Each section is a title and lines of (what it is, formula); `modal.symbolic.typesetting` prints them.
+The target is `chain:3`, `cart:2`, `cart:3x2` (three chains of two links) or a scene.
+Each section is a title and lines of (description, formula); `modal.symbolic.typesetting` prints them.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ KINDS = ("bob", "rod")
 
 
 def derive(system: SymbolicSystem, show: tuple[str, ...] = SECTIONS, scene: Scene | None = None) -> Iterator[Section]:
-    """The sections of SECTIONS that `show` names, in their order.
+    """The sections of SECTIONS named in `show`, in their order.
 
-    `scene` is the one that `system` writes in numbers, if any: its polynomial is then exact and integer.  Raises
-    SceneError for more links than equations can be read of.
+    `scene` is the scene of which `system` is the exact form, if any: its polynomial is then exact and integer.  Raises
+    SceneError for more links than readable equations allow.
     """
     if len(system.links) > MOST_WRITTEN and set(show) & {"lagrangian", "equations", "matrices"}:
         shorter = "choose polynomial and modes alone"
@@ -96,7 +96,7 @@ def _spatial_equations(system: SymbolicSystem) -> list[Line]:
         Line(f"{u} · F = 0 with" if str(u) == "e_x" else f"{u} × F = 0 with", equal(sp.Symbol("F"), F))
         for u, F in system.vector_equations()
     ]
-    lines.append(Line("u_i points along link i and e_z down: no angle, nothing singular at rest"))
+    lines.append(Line("u_i points along link i and e_z down: no angles, no singularity at equilibrium"))
     if len(system.links) <= WRITTEN_IN_ANGLES:
         energy = replace(derive_lagrangian(system), T=in_angles(system))
         for c, form in zip(energy.coordinates, energy.equations, strict=True):
@@ -109,7 +109,10 @@ def _matrices(system: SymbolicSystem) -> Section:
     q = sp.Matrix([c.q for c in system.coordinates])
     standing = any(sign < 0 for sign in system.sigma)
     lines = [
-        Line("deviations from the rest with " + _ways(system) if standing else "small deviations from the rest", q),
+        Line(
+            "deviations from equilibrium with " + _ways(system) if standing else "small deviations from equilibrium",
+            q,
+        ),
         Line("mass matrix", equal(sp.Symbol("M"), M)),
         Line("stiffness matrix", equal(sp.Symbol("K"), K)),
     ]
@@ -133,10 +136,10 @@ def _require(holds: bool) -> None:
 def target(
     name: str, kind: str = "bob", chosen: tuple[str, ...] = (), ways: tuple[str, ...] = ()
 ) -> tuple[SymbolicSystem, Scene | None]:
-    """The system that `name` asks for, and its scene where it is one.
+    """The system specified by `name`, and its scene if it is one.
 
-    `kind` and `ways` (down or up, top to bottom) are for chain: and cart: alone, a scene has its own.  Raises
-    SceneError for whatever cannot be.
+    `kind` and `ways` (down or up, top to bottom) apply to chain: and cart: only, as a scene has its own.  Raises
+    SceneError for anything invalid.
     """
     unknown = [word for word in chosen if word not in SYMBOLIC]
     if unknown:

@@ -1,9 +1,9 @@
-"""The eigen-polynomials and the modes of a system in print: closed forms where there are any, else proved digits.
+"""The eigen-polynomials and the modes of a system in print: closed forms where they exist, else proved digits.
 
 There is one polynomial for each set of modes that move together:
 
     numbers             primitive integer factors in x = ω² (rad²/s²)
-    one m, l and g      the same of one chain in x = ω² l/g
+    one m, l and g      the same for one chain in x = ω² l/g
     symbols             by the recursion along each chain, in x = ω²
     springs, dampers    det(K − x M) or det(s² M + s D + K)
 """
@@ -26,19 +26,19 @@ from modal.symbolic.system import Chain, SymbolicSystem
 from modal.symbolic.typesetting import Line, Section
 
 MOST_LINKS = 60
-"""Links in numbers whose polynomial can still be read."""
+"""Most links in numbers for a readable polynomial."""
 MOST_SYMBOLIC_LINKS = 5
-"""Links with masses or lengths of their own whose polynomial can still be read."""
+"""Most links with different masses or lengths for a readable polynomial."""
 MOST_IN_DETERMINANT = 12
 MOST_ISOLATED = 60
 MOST_SOLVED = 24
 WIDTH = Fraction(1, 10**21)
 CLOSED = 3
-"""The highest degree in symbols whose roots are written in closed form."""
+"""The highest degree in symbols for roots in closed form."""
 
 
 class Eigen(NamedTuple):
-    """A polynomial in x or s, how often it occurs and what it moves; exact integers or an expression in symbols."""
+    """A polynomial in x or s, its multiplicity and what moves; exact integers or an expression in symbols."""
 
     label: str
     multiplicity: int
@@ -52,7 +52,7 @@ class Eigen(NamedTuple):
 
 @cache
 def eigen_polynomials(system: SymbolicSystem, scene: Scene | None) -> list[Eigen] | str:
-    """All of a system, `scene` being what it writes in numbers if anything; or in words why they are not written."""
+    """All polynomials of a system, `scene` its exact numbers if any; or the reason why they are omitted."""
     numbers = not _symbols(system)
     links = len(system.links)
     if n := _equal_bobs(system):
@@ -85,7 +85,7 @@ def _own_symbols(system: SymbolicSystem) -> set[Any]:
 
 
 def _equal_bobs(system: SymbolicSystem) -> int:
-    """How many equal bobs hang in the one chain of a system in symbols m, l and g; 0 for any other system."""
+    """The number of equal bobs in the only chain of a system in symbols m, l and g; 0 for any other system."""
     if system.cart or len(system.chains) != 1 or not _is_plain(system) or len(_symbols(system)) != 3:
         return 0
     only: Chain = system.chains[0]
@@ -136,7 +136,7 @@ def _chain_of(system: SymbolicSystem, kind: Kind) -> Chain:
 
 
 def _determinant(system: SymbolicSystem) -> list[Eigen] | str:
-    """Of the motion along the rail; across it, of every pendulum on a fixed support."""
+    """Polynomials of the motion along the rail; across it, of every pendulum on a fixed support."""
     if len(system.coordinates) > MOST_IN_DETERMINANT or (_symbols(system) and len(system.coordinates) > 5):
         return f"{len(system.coordinates)} coordinates with springs or dampers: too long to write out"
     found = [Eigen("along the rail" if system.spatial else "", 1, _expanded(system))]
@@ -180,7 +180,7 @@ def _polynomial_lines(eigen: Eigen) -> Iterator[Line]:
 
 
 def _turned(polynomial: Any) -> Any:
-    """λ^n p(−1/λ), its highest coefficient without a sign, every coefficient factored."""
+    """λ^n p(−1/λ) with a positive highest coefficient, every coefficient factored."""
     coefficients = sp.Poly(polynomial, sp.Symbol("x")).all_coeffs()
     n = len(coefficients) - 1
     turned = ((-1) ** k * sp.factor(c) * sp.Symbol("lambda") ** (n - k) for k, c in enumerate(reversed(coefficients)))
@@ -222,13 +222,13 @@ def _root(root: Root, eigen: Eigen) -> Line:
 
 
 def _in_symbols(eigen: Eigen) -> Iterator[Line]:
-    """Closed forms, irreducible factor by factor, where the degree allows."""
+    """Closed forms of each irreducible factor, where the degree allows."""
     x, omega = sp.Symbol("x"), sp.Symbol("omega")
     for factor, count in sp.factor_list(eigen.polynomial, x)[1]:
         polynomial = sp.Poly(factor, x)
         times = f"{count} times; " if count > 1 else ""
         if polynomial.degree() >= CLOSED:
-            yield Line(f"{_named(eigen)}degree {polynomial.degree()}: no closed form that helps, give numbers")
+            yield Line(f"{_named(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
             continue
         for square in sp.roots(polynomial):
             simple = sp.simplify(square)
@@ -239,10 +239,10 @@ def _in_symbols(eigen: Eigen) -> Iterator[Line]:
 
 
 def _damped(eigen: Eigen) -> Iterator[Line]:
-    """Roots s of a polynomial in numbers, one of each conjugate pair, by its simple factors."""
+    """Roots s of a polynomial in numbers, one of each conjugate pair, from its simple factors."""
     s = sp.Symbol("s")
     if sp.sympify(eigen.polynomial).free_symbols != {s} or sp.degree(eigen.polynomial, s) > MOST_SOLVED:
-        yield Line(f"{_named(eigen)}damped, in symbols: no closed form that helps, give numbers")
+        yield Line(f"{_named(eigen)}damped, in symbols: no useful closed form; use numbers")
         return
     for factor, count in sp.factor_list(eigen.polynomial, s)[1]:
         for root in sp.Poly(factor, s).nroots(n=20, maxsteps=500):
@@ -261,13 +261,13 @@ def _damped_words(root: Any) -> str:
 
 
 def _remarks(system: SymbolicSystem, found: list[Eigen]) -> list[Line]:
-    """The shapes and masses of equal bobs; the mode that a massless cart over bobs has lost."""
+    """The shapes and masses of equal bobs; the mode lost with a massless cart over bobs."""
     first = found[0].polynomial
     bobs = len(found) == 1 and isinstance(first, Polynomial) and first.unit == "g/l" and _all_bobs(system)
     lines = []
     if bobs:
         shape = sp.Function("L_j")(sp.Symbol("x_r"))
-        words = "mode shape r: bob j = 0, 1, … from the free end swings aside by Laguerre's polynomial"
+        words = "mode shape r: bob j = 0, 1, … from the free end is displaced by Laguerre's polynomial"
         lines.append(Line(words, equal(sp.Symbol("y_j"), shape)))
         lines.append(Line("modal effective mass", equal(sp.Symbol("m_eff"), sp.Symbol("m") / sp.Symbol("x_r"))))
     degree = sum(sp.degree(*_with_symbol(eigen)) * eigen.multiplicity for eigen in found)

@@ -1,4 +1,4 @@
-"""The kinetic energy of a system as a formula to read, from the pair: in the plane, in unit vectors, in θ and φ.
+"""The kinetic energy of a system as a readable formula, from the pair: in the plane, in unit vectors, in θ and φ.
 
     T = ½ M x'² + x' Σ b_i u_i'·e_x + ½ Σ_ij A_ij u_i'·u_j'
 

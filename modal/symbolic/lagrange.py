@@ -4,7 +4,7 @@ Time derivatives follow the chain rule,
 
     df/dt = Σ (∂f/∂q) q' + (∂f/∂q') q'',      Lagrange: d/dt ∂L/∂q' − ∂L/∂q + ∂R/∂q' = 0,
 
-R the dissipation function.
+with the dissipation function R.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""T, V and L from Cartesian positions, and what follows from them, without the pair.
+"""T, V and L from Cartesian positions, and their consequences, without the pair.
 
 A link with upper joint at P and direction u (e_z down) has its centre at P + c u and its lower joint at P + l u:
 
@@ -41,7 +41,7 @@ class Lagrangian:
         return lagrange_equations(self.L, self.coordinates, self.R)
 
     def linearized(self) -> tuple[Any, Any, Any]:
-        """M, K and D: second derivatives of T, V and R at the system's rest, plane systems only."""
+        """M, K and D: second derivatives of T, V and R at the system's equilibrium, plane systems only."""
         angles = {
             angle.q: 0 if sign > 0 else sp.pi for angle, sign in zip(self.system.angles, self.system.sigma, strict=True)
         }
@@ -111,7 +111,7 @@ def _on_cart(system: SymbolicSystem, name: str, part: str) -> Any:
 
 
 def _at_joints(system: SymbolicSystem, name: str, part: str) -> Any:
-    """½ Σ s (θ_i − θ_{i−1} − their difference at rest)², or of the rates."""
+    """½ Σ s (θ_i − θ_{i−1} − their difference at equilibrium)², or of the rates."""
     energy, angle = sp.S.Zero, iter(system.angles)
     for chain in system.chains:
         above = sp.S.Zero
@@ -122,7 +122,7 @@ def _at_joints(system: SymbolicSystem, name: str, part: str) -> Any:
 
 
 def vanishes(expression: Any) -> bool:
-    """Whether a polynomial in sines, cosines and symbols is zero, by expanding it and sin² = 1 − cos²."""
+    """Whether a polynomial in sines, cosines and symbols is zero, by expansion and sin² = 1 − cos²."""
     spread = sp.expand(sp.expand_trig(expression))
     squares = {sp.sin(a.args[0]) ** 2: 1 - sp.cos(a.args[0]) ** 2 for a in spread.atoms(sp.sin)}
     return bool(sp.expand(spread.subs(squares)) == 0)

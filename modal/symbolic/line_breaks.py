@@ -1,6 +1,6 @@
 """LaTeX formulas broken into lines that fit a page.
 
-A formula of SymPy's may be broken before a sign and, where it must, between factors, at any depth of parentheses and
+A formula of SymPy's may be broken before a sign and, if necessary, between factors, at any depth of parentheses and
 outside of everything that LaTeX keeps together: fractions, roots, matrices.  Widths are estimated in letters.
 """
 
@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 LINE = 54.0
-"""Letters on a line of the article class, 345 pt, with room for what the estimate misses."""
+"""Letters on a line of the article class, 345 pt, with a margin for the error of the estimate."""
 SHORTEST = 0.55
-"""Share of a line that is filled before a break at a greater depth is taken for one at a smaller."""
+"""Fraction of a line that must be filled for a break at smaller depth to be preferred."""
 _TOKEN = re.compile(r"\\(?:begin|end)\{[a-z*]+\}|\\[a-zA-Z]+|\\.|.", re.DOTALL)
 _SIGNS = {"=": 3.2, "+": 2.4, "-": 2.4, r"\cdot": 1.6, ",": 0.8, "(": 0.8, ")": 0.8, "[": 0.6, "]": 0.6, "m": 1.7}
 _NAMES = {rf"\{name}": 3.2 for name in ("sin", "cos", "cot", "tan", "log")}
@@ -21,9 +21,9 @@ _SILENT = {r"\left", r"\right", r"\bigl", r"\bigr", r"\,", r"\displaystyle", " "
 _ACCENTS = {r"\dot", r"\ddot", r"\hat", r"\bar"}
 _SCRIPT = 0.75
 UNPARTED = (r"\right", "}", "^", "_", " ", ",")
-"""Tokens before which no line ends."""
+"""Tokens before which a line must not end."""
 FACTOR = 1.5
-"""What a break between factors costs, in depths of parentheses."""
+"""The cost of a break between factors, in depths of parentheses."""
 
 
 def fits(latex: str) -> bool:
@@ -52,7 +52,7 @@ def width(latex: str) -> float:
 
 @dataclass(frozen=True)
 class _Piece:
-    """What stands between two places for a break: its text and width, and what a break before it costs."""
+    """A part between two possible breaks: its text and width, and the cost of a break before it."""
 
     text: str
     width: float

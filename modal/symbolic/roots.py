@@ -19,12 +19,12 @@ from modal import pair
 from modal.exact import Polynomial, Variable, eliminated, isolate, product, scaled, total
 
 FACTORED_UP_TO = 12
-"""Polynomials of a higher degree are not searched for rational factors."""
+"""Highest degree of polynomials that are searched for rational factors."""
 
 
 @dataclass(frozen=True)
 class Root:
-    """low < root ≤ high, its multiplicity, and the root itself in closed form (None: it has none of degree ≤ 3)."""
+    """low < root ≤ high, its multiplicity, and the root itself in closed form (None without one of degree ≤ 3)."""
 
     exact: sp.Expr | None
     low: Fraction
@@ -35,7 +35,7 @@ class Root:
 def polynomial_roots(polynomial: Polynomial, width: Fraction | float = 1e-15) -> list[Root]:
     """Ascending roots, each in closed form where there is one and in any case in an interval.
 
-    None is wider than `width` times its smaller end; the root 0 is exact.
+    No interval is wider than `width` times its smaller end; the root 0 is exact.
     """
     found = [root for factor, count in _factors(polynomial) for root in _of_factor(factor, count, Fraction(width))]
     return sorted(found, key=lambda root: root.low + root.high)
@@ -65,8 +65,8 @@ def symbolic(
 ) -> sp.Expr:
     """The polynomial of n unequal bobs or rods in symbols m_i, l_i, g, powers collected and coefficients factored.
 
-    On a free cart of mass m_c, `count` equal pendula (a number or a symbol): the factor of the modes that move the
-    cart.  In x = ω² (rad²/s²), or in λ = −g/ω² (m), from which g drops out: det(A + λ diag b), with equal lengths
+    On a free cart of mass m_c, for `count` equal pendula (a number or a symbol): the factor of the modes that move the
+    cart.  In x = ω² (rad²/s²), or in λ = −g/ω² (m), where g cancels: det(A + λ diag b), with equal lengths
     (12) to (14) of paper 001.
     """
     m, l = ([sp.Symbol(f"{name}_{i + 1}", positive=True) for i in range(n)] for name in "ml")
@@ -85,9 +85,9 @@ class Kind(NamedTuple):
 
 
 def of_kinds(kinds: Sequence[Kind], gravity: Any, *, cart: Any = None, variable: Variable = "x") -> sp.Expr:
-    """The same for chains in any symbols and exact numbers: of one alone, or of those that move a free cart.
+    """The polynomial for chains in any symbols and exact numbers: of one alone, or of those that move a free cart.
 
-    `cart` is its mass; None takes the first kind on a fixed support.
+    `cart` is its mass; None means the first kind on a fixed support.
     """
     g, m_c = sp.sympify(gravity), sp.sympify(cart or 0)
     values = [v for kind in kinds for row in (*kind.geometry, [kind.count]) for v in row]
@@ -111,7 +111,7 @@ def _recursion(kind: Kind, field: FracField, gravity: Any) -> tuple[list[Any], l
 
 
 def _cleared(values: list[Any]) -> list[Any]:
-    """Rational functions times their least common denominator, over what then is common to all."""
+    """Rational functions times their least common denominator, divided by their common content."""
     unit = reduce(lambda a, b: a.lcm(b), (value.denom for value in values))
     return _without_content([value.numer * unit.exquo(value.denom) for value in values])
 
@@ -133,7 +133,7 @@ def _collected(ascending: list[Any], g: sp.Expr, variable: Variable) -> sp.Expr:
 
 
 def _factors(polynomial: Polynomial) -> Iterator[tuple[list[int], int]]:
-    """Irreducible factors over the rationals and how often they occur, where the degree is modest."""
+    """Irreducible factors over the rationals and their multiplicities, where the degree is modest."""
     c = list(polynomial.coefficients)
     if polynomial.degree > FACTORED_UP_TO:
         return iter([(c, 1)])

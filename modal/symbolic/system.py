@@ -1,10 +1,10 @@
-"""Systems in symbols: M, K and D at any rest and the equations of motion, all read from the pair (A, b).
+"""Systems in symbols: M, K and D about any equilibrium and the equations of motion, all from the pair (A, b).
 
-About a rest with every link down (σ_i = 1) or up (σ_i = −1), in deviations of the absolute angles,
+About an equilibrium with every link down (σ_i = 1) or up (σ_i = −1), in deviations of the absolute angles,
 
     M = [[M_tot, σ_i b_i], [σ_i b_i, σ_i σ_j A_ij]],    K = diag(k_c, g σ_i b_i) + torsion springs,
 
-the springs being relaxed at that rest.  In the plane, exactly,
+the springs being relaxed at that equilibrium.  In the plane, exactly,
 
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i + joints = 0
     M_tot x'' + Σ b_i (cos θ_i θ_i'' − sin θ_i θ_i'²) + c_c x' + k_c x = 0
@@ -45,7 +45,7 @@ class Chain(NamedTuple):
 
     @property
     def geometry(self) -> tuple[tuple[Any, ...], ...]:
-        """What the pair is made of."""
+        """Mass, length, centre and inertia, from which the pair follows."""
         return self.mass, self.length, self.centre, self.inertia
 
 
@@ -97,17 +97,17 @@ class SymbolicSystem:
 
     @cached_property
     def sigma(self) -> list[int]:
-        """Which way every link points at rest."""
+        """The direction of every link at equilibrium."""
         return [sign for chain in self.chains for sign in chain.sigma]
 
     @property
     def total_mass(self) -> Any:
-        """Everything that hangs, and the cart."""
+        """Total mass of all links and the cart."""
         hanging = sum(sum(chain.mass) for chain in self.chains)
         return hanging + (self.cart.mass if self.cart else 0)
 
     def matrices(self) -> tuple[Any, Any, Any]:
-        """M, K and D about the rest, over `coordinates`."""
+        """M, K and D about equilibrium, over `coordinates`."""
         turned = sp.diag(*self.sigma)
         M, K = turned * self.A * turned, turned * sp.diag(*(self.gravity * b for b in self.b))
         K, D = K + self._on_joints("stiffness"), self._on_joints("damping")
@@ -126,7 +126,7 @@ class SymbolicSystem:
         return sp.diag(*blocks)
 
     def equations(self) -> list[Any]:
-        """What vanishes in a plane motion: one expression for each of `coordinates`."""
+        """Expressions that vanish in a plane motion, one for each of `coordinates`."""
         x = self.coordinates[0] if self.cart else Coordinate(0, 0, 0)
         joints = self._joint_moments()
         found = [
@@ -154,7 +154,7 @@ class SymbolicSystem:
     def vector_equations(self) -> list[tuple[Any, Any]]:
         """(u_i, F_i) of a spatial motion, u_i × F_i = 0; on a cart (e_x, F) comes first, e_x·F = 0.
 
-        Raises SceneError for joint springs and dampers, which are not written in unit vectors.
+        Raises SceneError for joint springs and dampers, which are not implemented in unit vectors.
         """
         if any(any(chain.stiffness) or any(chain.damping) for chain in self.chains):
             raise SceneError(["joint springs and dampers in space: not implemented in unit vectors"])
@@ -197,7 +197,7 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
 
 
 def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
-    """A scene with its decimals as exact fractions, or as symbols where `symbolic` (of SYMBOLIC) says so.
+    """A scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic` (of SYMBOLIC).
 
     Raises SceneError above MOST_LINKS links.
     """

@@ -1,4 +1,4 @@
-"""A derivation as titled sections of formulas, and these as plain text, LaTeX or Markdown that can be pasted."""
+"""A derivation as titled sections of formulas, printed as plain text, LaTeX or Markdown that can be pasted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _INDEXED = re.compile(r"(?<![\w$])([A-Za-zθφλωσΔ])_(\w)\b(?!\w)")
 
 
 class Line(NamedTuple):
-    """What a formula is, and the formula; a remark has no formula."""
+    """A description and a formula; a remark has no formula."""
 
     words: str
     formula: Any = None
@@ -32,11 +32,11 @@ class Section(NamedTuple):
 
 def typeset(title: str, sections: Iterable[Section], form: str) -> str:
     """The document; `form` is text, latex or markdown."""
-    return _DRESSES[form](title, list(sections))
+    return _WRITERS[form](title, list(sections))
 
 
 def plain(formula: Any) -> str:
-    """One line as people write it: θ1'' for thetaddot_1, ^ for a power, a space for a product."""
+    """One line in ordinary notation: θ1'' for thetaddot_1, ^ for a power, a space for a product."""
     if isinstance(formula, sp.Equality):
         return f"{plain(formula.lhs)} = {plain(formula.rhs)}"
     if isinstance(formula, sp.MatrixBase):
@@ -96,7 +96,7 @@ def _markdown(title: str, sections: list[Section]) -> str:
 
 
 def _display(formula: Any) -> str:
-    """A displayed formula, one that is too long for it broken into lines."""
+    """A displayed formula, broken into lines if it is too long for one."""
     whole = _tex(formula)
     if line_breaks.fits(whole):
         return f"\\begin{{equation*}}\n{whole}\n\\end{{equation*}}"
@@ -133,4 +133,4 @@ def _escaped(words: str) -> str:
     return "".join(part if part.startswith("$") else latex(part) for part in parts)
 
 
-_DRESSES: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}
+_WRITERS: dict[str, Callable[[str, list[Section]], str]] = {"text": _text, "latex": _latex, "markdown": _markdown}

@@ -43,7 +43,7 @@ def _basins_arguments(page: Page) -> None:
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", action="append", help=words), places)
     words = f"{', '.join(RHYTHMS)} (default: configuration of a scene with drives, else first_turn)"
     add_words(page.asked, "--measure", RHYTHMS, comma="", choices=RHYTHMS, metavar="NAME", help=words)
-    add_duration(page, "default 30 sqrt(l/g)")
+    add_duration(page, "default 30 sqrt(l/g), for a rhythm as long as sync needs")
     _add_engine(page)
     words = "keep finished chunks in this folder, and go on there after an interruption"
     page.written.add_argument("--folder", metavar="FOLDER", help=words)

@@ -10,7 +10,7 @@ from modal.exports import FORMATS
 from multipendula.command import Command
 from multipendula.commands.shared import drawn, listed, picture, small_swings
 from multipendula.completion import files
-from multipendula.options import add_picture, add_scene, add_words, number, offer, whole
+from multipendula.options import add_format, add_picture, add_scene, add_words, number, offer, whole
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -71,13 +71,14 @@ def _gains_arguments(page: Page) -> None:
 
 
 def response(options: argparse.Namespace) -> None:
-    """Draw a Bode plot or an impulse response, with the modes marked."""
+    """Draw a Bode plot or an impulse response, or print the response at given frequencies."""
     from modal.errors import SceneError
     from modal.modes import natural_modes
-    from modal.plotting import draw_bode, draw_impulse
-    from modal.statespace import to_modal_form
+    from modal.statespace import response_table, to_modal_form
 
-    kind, scene = picture(options.file), _scene(options)
+    if not (options.file or options.at):
+        raise SceneError(["give a picture to write, -o FILE, or frequencies to print, --at HERTZ"])
+    kind, scene = picture(options.file) if options.file else "", _scene(options)
     model = _model(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
     source, shown = options.source or inputs[0], listed(options.of)
@@ -85,21 +86,35 @@ def response(options: argparse.Namespace) -> None:
     problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
     if problems:
         raise SceneError(problems)
-    form = to_modal_form(natural_modes(scene), model)
-    draw = draw_impulse if options.impulse else draw_bode
-    with drawn(options.file, options.theme) as stream:
-        draw(form, stream, source=inputs.index(source), outputs=[outputs.index(name) for name in shown], kind=kind)
+    form, at = to_modal_form(natural_modes(scene), model), inputs.index(source)
+    chosen = [outputs.index(name) for name in shown]
+    if options.at:
+        every = chosen or list(range(len(outputs)))
+        sys.stdout.write(response_table(form, options.at, at, every, options.format))
+    if options.file:
+        from modal.plotting import draw_bode, draw_impulse
+
+        draw = draw_impulse if options.impulse else draw_bode
+        with drawn(options.file, options.theme) as stream:
+            draw(form, stream, source=at, outputs=chosen, kind=kind)
 
 
 def _response_arguments(page: Page) -> None:
     add_scene(page)
     _add_signals(page)
-    add_picture(page, "-o", dest="file", required=True)
+    add_picture(page, "-o", dest="file")
+    words = "print magnitude and phase at these frequencies in Hz, separated by commas"
+    page.asked.add_argument("--at", metavar="HERTZ", type=_frequencies, help=words)
+    add_format(page, ("text", "csv", "json"), help="of what --at prints")
     page.asked.add_argument("--from", dest="source", metavar="NAME", help="one input (default: the first)")
     page.asked.add_argument("--of", metavar="NAMES", help="outputs, one or more (default: all)")
     page.rephrase(r"choose at most \d+ outputs$", r"\g<0> with --of")
     words = "the impulse response instead of the Bode plot"
     page.asked.add_argument("--impulse", action="store_true", help=words)
+
+
+def _frequencies(text: str) -> list[float]:
+    return [number("hertz above 0")(part) for part in text.split(",")]
 
 
 def shaper(options: argparse.Namespace) -> None:
@@ -109,7 +124,8 @@ def shaper(options: argparse.Namespace) -> None:
     from modal.statespace import shaper_for, swing_words
 
     scene = small_swings(load(options.scene))
-    found = shaper_for(scene, options.count, options.kind, options.drive)
+    step, tolerance = options.discrete or 0.0, options.tolerance / 100
+    found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)
     for words in swing_words(scene, options.count, options.drive):
         print(f"# {words}")
     impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
@@ -118,8 +134,14 @@ def shaper(options: argparse.Namespace) -> None:
 
 def _shaper_arguments(page: Page) -> None:
     add_scene(page)
-    words = "zvd tolerates more error in the frequencies"
-    page.asked.add_argument("--kind", choices=("zv", "zvd"), default="zv", help=words)
+    words = "zvd and ei tolerate more error in the frequencies; um is the shortest, with impulses of both signs"
+    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), default="zv", help=words)
+    words = "impulses at multiples of this time step, the sample time of the controller"
+    page.asked.add_argument("--discrete", metavar="SECONDS", type=number("seconds above 0"), help=words)
+    page.rephrase(r"^a step of (\S+) s", r"--discrete \1")
+    words = "percent of residual swing that ei allows (default 5)"
+    percent = number("percent above 0 and at most 50", most=50.0)
+    page.asked.add_argument("--tolerance", metavar="PERCENT", type=percent, default=5.0, help=words)
     words = "for the K slowest modes (default 1)"
     page.asked.add_argument("--count", metavar="K", type=whole(99999), default=1, help=words)
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
@@ -222,6 +244,7 @@ COMMANDS = (
                 "one output, with prescribed trolley motion",
             ),
             ("response crane-hook --impulse -o impulse.svg", "after an impulse on the trolley"),
+            ("response crane-hook --at 0.1,0.3,1 --format json", "numbers instead of a picture"),
         ),
     ),
     Command(
@@ -236,6 +259,7 @@ COMMANDS = (
         examples=(
             ("shaper crane-hook", "for the slowest mode"),
             ("shaper crane-hook --kind zvd --count 2", "for both modes, tolerant of errors in cable length"),
+            ("shaper crane-hook --kind ei --discrete 0.02", "for a controller that samples at 50 Hz"),
         ),
     ),
 )

@@ -181,7 +181,7 @@ def tradeoff(options: argparse.Namespace) -> None:
 
     kind, scene = _kind(options), load(_scene(options))
     start = start_of(scene, options.start)
-    with bar(len(list_candidates(scene)) + 1, "rung") as report:
+    with bar(len(list_candidates(scene)) + 1, "candidate") as report:
         found = compared(scene, options.duration, start=start, report=report)
     sys.stdout.write(tradeoff_table(found, options.format))
     if found.interrupted:

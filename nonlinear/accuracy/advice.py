@@ -2,23 +2,24 @@
 
 The error is the largest deviation of any link's angle (rad) at any time so far.  Methods are tried in order of cost:
 
-    modes in closed form     their error from what they leave of the equations (`nonlinear.reduction.defect`)
-    a few modes              of long chains, their error from more modes (`nonlinear.reduction.truncation`)
+    modes in closed form     error from their residual in the equations of motion (`nonlinear.reduction.defect`)
+    a few modes              for long chains, error from more modes (`nonlinear.reduction.truncation`)
     integration, twice       at tolerances Rτ and τ, then at tighter ones
 
-Two runs that differ by d say that the tighter one is off by no more than SAFETY d: errors are lucky or unlucky by
-factors of ten, wherever steps are few or held down by something else than the tolerance, as by stiff joints, and both
-may share one.  Where a third has shown how errors follow the tolerance, e ∝ τ^p with p at most 1, that is credited,
+Two runs that differ by d indicate that the tighter one is off by no more than SAFETY d: errors scatter by
+factors of ten, wherever steps are few or limited by something other than the tolerance, as by stiff joints, and both
+runs may share an error.  Where a third run has shown how errors depend on the tolerance, e ∝ τ^p with p at most 1,
+that is used,
 
     e(τ) ≤ min(SAFETY / R^p, JUDGED) d
 
-for a tolerance R times tighter.  Where that is too much the next tolerance follows from C in e ≈ Cτ: a few times the
-motion's size where little grows, more over many periods and at large angles, and millions where small errors grow.
+for a tolerance R times tighter.  Where that is too large the next tolerance follows from C in e ≈ Cτ: a few times the
+size of the motion where little grows, more over many periods and at large angles, and millions where small errors grow.
 Where even the finest tolerance is too coarse the motion is known up to a horizon and no further.
 
-Two runs that share a symmetry agree longer than they are right.  Where the start has one that holds digit by digit, or
-is an unstable rest, a twin in the same way from a start that differs in its last digits (`nonlinear.integration.twins`)
-judges as well, and a promise ends where that one is PARTED⁻¹ of it away.
+Two runs that share a symmetry agree for longer than they are right.  Where the start has a symmetry that rounding
+preserves, or is an unstable equilibrium, a run by the same method from a start perturbed in its last digits
+(`nonlinear.integration.twins`) is compared as well: each error is at least PARTED times the distance to it.
 """
 
 from __future__ import annotations
@@ -36,23 +37,23 @@ from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal, in_closed_for
 from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
 from nonlinear.system import apart
 
-RATIO, CLIMB = 10.0, 16.0  # of the first two tolerances, and of the next ones at least
-JUDGED, SAFETY = 2.0, 16.0  # what is promised at most over what two runs differ by, with a third run and without
-SHORTER = 0.7  # share by which steps are shorter from run to run where not the tolerance holds them down
-NEAREST = 4.0  # ratio of tolerances below which two runs may be one
-FARTHEST = 100.0  # ratio beyond which none is trusted to be better still
-ROUNDING = 4 * float(np.finfo(float).eps)  # a tolerance below which errors do not follow it
-LOST, LEAP = 0.3, 1e-4  # a difference (rad) that says nothing of C; the next tolerance over this one then
-PARTED = 2.0  # what is promised at least, over the distance of a twin
-TOGETHER = 2  # instants by which an event may end two runs apart
+RATIO, CLIMB = 10.0, 16.0  # ratio of the first two tolerances, and least ratio of later ones
+JUDGED, SAFETY = 2.0, 16.0  # largest bound over the difference of two runs, with a third run and without
+SHORTER = 0.7  # ratio of steps from run to run where the tolerance does not limit them
+NEAREST = 4.0  # ratio of tolerances below which two runs may be identical
+FARTHEST = 100.0  # ratio beyond which no further gain is credited
+ROUNDING = 4 * float(np.finfo(float).eps)  # tolerance below which errors no longer depend on it
+LOST, LEAP = 0.3, 1e-4  # difference (rad) too large to estimate C; ratio of the next tolerance to this one then
+PARTED = 2.0  # least bound over the distance of a twin
+TOGETHER = 2  # samples by which the ends of two runs at the same event may differ
 
 
 @dataclass(frozen=True, eq=False)
 class Advice:
-    """The trajectory for a wished accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
+    """The trajectory for a requested accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
 
-    `horizon` is the time (s) up to which the accuracy is met, and one of the trajectory's; `parted` says whether a
-    twin ends it.
+    `horizon` is the time (s) up to which the accuracy is met, one of the trajectory's; `parted` tells whether the
+    departure of a twin ends it.
     """
 
     accuracy: float
@@ -64,15 +65,15 @@ class Advice:
 
     @property
     def met(self) -> bool:
-        """Whether the accuracy is met wherever the trajectory goes."""
+        """Whether the accuracy is met over the whole trajectory."""
         return bool(self.errors[-1] <= self.accuracy)
 
     @property
     def limit(self) -> str:
-        """What is to be said where it is not met."""
+        """The message where the accuracy is not met throughout."""
         told = f"{self.accuracy:g} rad can be shown to be met up to {self.horizon:.4g} s and no further"
         if self.parted or self.attempts[-1].tolerance <= FARTHEST * SMALLEST:
-            told += ": beyond it the digits of double precision do not tell where the links are"
+            told += ": beyond it double precision cannot determine where the links are"
         return told + (", since starts that differ in their last digits alone part" if self.parted else "")
 
     @property
@@ -90,8 +91,8 @@ class Advice:
 def seek_accuracy(goal: Goal) -> Advice:
     """The cheapest method that meets the accuracy, or the finest method if none does.
 
-    After Ctrl-C what was being computed is returned, judged where a looser run has been.  Raises SimulationError where
-    the integrator gives up at the finest tolerance too: a loose run may end in nonsense that a tighter one never meets.
+    After Ctrl-C the run in progress is returned, with errors where a looser run has been.  Raises SimulationError where
+    the integrator fails at the finest tolerance too: a loose run may fail where a tighter one does not.
     """
     attempts: list[Attempt] = []
     for found in chain(in_closed_form(goal), in_few_modes(goal), _integrated(goal)):
@@ -114,7 +115,7 @@ def seek_accuracy(goal: Goal) -> Advice:
 
 
 def _integrated(goal: Goal) -> Iterator[Found]:
-    """Runs at tighter and tighter tolerances, each judged by those before."""
+    """Runs at tighter and tighter tolerances, each compared with those before."""
     asked = goal.looked_at
     choice = asked.choice(min(max(goal.tolerance, SMALLEST), LOOSEST / RATIO))
     runs = [_run(asked, replace(choice, tolerance=RATIO * choice.tolerance))]
@@ -142,7 +143,7 @@ def _run(asked: Request, choice: Choice) -> Found:
 
 
 def _with_twin(found: Found, beside: Request) -> Found:
-    """A run that a twin in the same way judges as well."""
+    """A run that is compared with its twin as well."""
     begun = perf_counter()
     trajectory, twin = found.trajectory, found.again(beside)
     errors = np.maximum(found.errors, PARTED * _difference(trajectory, twin))
@@ -155,7 +156,7 @@ def _with_twin(found: Found, beside: Request) -> Found:
 
 
 def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
-    """A run with its errors, as looser ones tell them, and what rounding (rad) adds where they differ at all."""
+    """A run with its errors, estimated from looser runs, plus what rounding (rad) adds where they differ at all."""
     before = runs[-1]
     if found.gave_up:
         return found
@@ -171,9 +172,9 @@ def _beside(found: Found, runs: Sequence[Found], rounding: float) -> Found:
 
 
 def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
-    """The p of e ∝ τ^p so far, (T,), from 0 to 1, of two runs whose tolerances have this ratio, from their errors.
+    """The p of e ∝ τ^p so far, (T,), from 0 to 1, from the errors of two runs whose tolerances have this ratio.
 
-    Where one of them has parted, it is what it was before.
+    Where one of them has parted, the last value before is kept.
     """
     with np.errstate(divide="ignore", invalid="ignore"):
         order = np.log(looser / tighter) / np.log(ratio)
@@ -185,8 +186,8 @@ def _order(looser: Floats, tighter: Floats, ratio: float) -> Floats:
 def _difference(one: Trajectory, other: Trajectory) -> Floats:
     """The largest angle (rad) so far between two runs at the times of the first, (T,), as far as both go.
 
-    It is inf where it says nothing: where the runs have parted, or are one, or the other has ended long before.  Where
-    an event ends both, a little sooner or later, the last instants take the difference before them.
+    It is inf where it is meaningless: where the runs have parted or are identical, or the other ended long before.
+    Where an event ends both at slightly different times, the last samples take the difference before them.
     """
     both = min(len(one.times), len(other.times))
     both = int(np.sum(one.times[:both] == other.times[:both]))
@@ -200,7 +201,7 @@ def _difference(one: Trajectory, other: Trajectory) -> Floats:
 
 
 def _next(goal: Goal, found: Found, before: Found) -> float:
-    """The tolerance that should meet the accuracy; the finest of all only after one that is near enough to judge it."""
+    """The tolerance expected to meet the accuracy; the finest only after one close enough to be compared with it."""
     tolerance = found.attempt.tolerance
     difference = float(_difference(found.trajectory, before.trajectory)[-1])
     if difference == inf:

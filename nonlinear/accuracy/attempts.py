@@ -1,4 +1,4 @@
-"""What is asked for to an accuracy, and ways to it that need not integrate the whole scene: modes, all or a few."""
+"""A requested accuracy, and methods that need not integrate the whole scene: modes, all or a few."""
 
 from __future__ import annotations
 
@@ -33,19 +33,19 @@ from nonlinear.reduction import (
     survey_modes,
 )
 
-AIM = 200.0  # accuracy wished for over the error that is aimed at
-SOME, A_PERIOD = 3.0, 0.15  # of C over the motion's size: always, and for every period of the fastest swing
-PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # instants at which errors are looked for
+AIM = 200.0  # requested accuracy over the error aimed at
+SOME, A_PERIOD = 3.0, 0.15  # C over the motion's size: a constant, plus so much per period of the fastest oscillation
+PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # times at which errors are evaluated
 MODAL = "the motion is small enough"
-CURVED = 1 / 200  # least error of any closed form, times the cube of the motion's size
-LONG, SHARE = 200, 1 / 8  # links of a scene, and the share of its shapes, that make a few modes worth their while
+CURVED = 1 / 200  # least error of any closed form over the cube of the motion's size
+LONG, SHARE = 200, 1 / 8  # least links of a scene, and largest share of its shapes, for which a few modes pay off
 
 
 @dataclass(frozen=True)
 class Attempt:
-    """A way that was tried: its tolerance (NaN for a closed form), what it cost (s; derivatives), its error (rad).
+    """One method that was tried: its tolerance (NaN for a closed form), its cost (s; derivatives), its error (rad).
 
-    The error is an upper estimate, inf where nothing is known of it.
+    The error is an upper estimate, inf where it is unknown.
     """
 
     way: str
@@ -57,10 +57,10 @@ class Attempt:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A trajectory, what its angles may be off by until every of its times (T,) in rad, and what it cost.
+    """A trajectory, the error bound of its angles up to each of its times (T,) in rad, and its cost.
 
-    `again` goes the same way from another start; `gave_up` is the reason of an integrator that did,
-    of whose run nothing is known.
+    `again` repeats the method from another start; `gave_up` is the error of an integrator that failed, of whose run
+    nothing is known.
     """
 
     trajectory: Trajectory
@@ -72,47 +72,47 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """A motion that is asked for to an accuracy (rad)."""
+    """A requested motion and its accuracy (rad)."""
 
     request: Request
     accuracy: float
 
     @property
     def swing(self) -> float:
-        """The fastest (rad/s)."""
+        """The fastest oscillation (rad/s)."""
         return estimate_timescales(self.request.scene).swing
 
     @property
     def periods(self) -> float:
-        """Of the fastest swing in all that time."""
+        """Periods of the fastest oscillation in the whole duration."""
         return self.request.duration * self.swing / (2 * pi)
 
     @cached_property
     def looked_at(self) -> Request:
-        """The request at the times when errors are looked for: the kept ones, and as often as the scene swings."""
+        """The request at the times where errors are evaluated: the output times, and others as the scene oscillates."""
         times, duration = self.request.times, self.request.duration
         count = sample_count(duration, self.swing, PER_PERIOD, FEWEST, MOST)
         return replace(self.request, times=np.union1d(times, np.linspace(times[0], times[-1], count + 1)))
 
     @property
     def constant(self) -> float:
-        """A guess at C (rad)."""
+        """An estimate of C (rad)."""
         return self.request.size * (SOME + (A_PERIOD + self.request.size**2) * self.periods)
 
     @property
     def tolerance(self) -> float:
-        """Of an integrator, that should meet the accuracy."""
+        """The integrator's tolerance expected to meet the accuracy."""
         return self.accuracy / (AIM * self.constant)
 
     @property
     def free(self) -> bool:
-        """Whether anything may stand in for the integration of the whole scene."""
+        """Whether the whole scene need not be integrated."""
         asked = self.request
         return asked.method == asked.form == "auto" and not (asked.load or asked.events or asked.system.excites)
 
 
 def in_closed_form(goal: Goal) -> Iterator[Found]:
-    """Linear and corrected modes, where these can be judged."""
+    """Linear and corrected modes, where their error can be estimated."""
     if not goal.free or CURVED * goal.request.size**3 > goal.accuracy or goal.request.system.n_links > LARGEST:
         return
     begun = perf_counter()

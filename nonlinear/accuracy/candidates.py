@@ -1,11 +1,11 @@
-"""Levels of fidelity as data: every method of this project for the motion of a scene, from coarse to fine.
+"""Levels of fidelity as data: every method for the motion of a scene, from coarse to fine.
 
     (0) linear modes            superposed in closed form (`nonlinear.reduction.superposition`)
     (1) corrected modes         the same with each mode's frequency at its own amplitude
     (2) minimal coordinates     integrators × tolerances, plain and compiled; in space unit vectors
     (3) maximal coordinates     the DAE with every pivot force
 
-A candidate prepares what it needs for a question (modes, series, compiled code) and returns a task that finds the
+A candidate prepares what it needs for a question (modes, series, compiled code) and returns a task that computes the
 motion.
 """
 
@@ -29,7 +29,7 @@ from nonlinear.system import State, system_of
 TOLERANCES = (1e-3, 1e-6, 1e-9, 1e-12)
 IN_PLANE = ("RK23", "RK45", "DOP853", "Radau", "LSODA")
 IN_SPACE = ("RK23", "RK45", "DOP853")
-SOON, PLAINLY = 0.2, 1.25  # share of the patience after which a run is given up that would take so many times it
+SOON, PLAINLY = 0.2, 1.25  # after SOON of the time limit a run expected to exceed PLAINLY of it is given up
 
 Task = Callable[[], Trajectory]
 
@@ -40,7 +40,7 @@ class GivenUpError(ComputationError):
 
 @dataclass(frozen=True, eq=False)
 class Question:
-    """Where a scene is at `times` (T,) in s from 0 on after this start; a run has `patience` seconds to answer."""
+    """The motion of a scene at `times` (T,) in s from 0 on after this start; a run may take `patience` seconds."""
 
     scene: Scene
     start: State
@@ -50,7 +50,7 @@ class Question:
 
 @dataclass(frozen=True)
 class Candidate:
-    """One way to the motion: a `kind`, and for what is integrated a method, its tolerance and whether it is compiled.
+    """One method: a `kind`, and for an integration the integrator, its tolerance and whether it is compiled.
 
     `kind` is "linear modes", "corrected modes" or a form of the equations.
     """
@@ -67,16 +67,16 @@ class Candidate:
 
     @property
     def family(self) -> str:
-        """The candidate without its tolerance, in words."""
+        """The name of the candidate without its tolerance."""
         return " ".join(part for part in (self.kind, self.method, "compiled" * self.compiled) if part)
 
     @property
     def name(self) -> str:
-        """All of it in words."""
+        """The full name."""
         return self.family if self.modal else f"{self.family} {self.tolerance:g}"
 
     def prepare(self, question: Question) -> Task:
-        """A task that finds the motion, once; ComputationError or SceneError where this cannot be.
+        """A task that computes the motion, once; ComputationError or SceneError where this is impossible.
 
         The task raises ComputationError where the run fails, GivenUpError where it takes too long, KeyboardInterrupt on
         Ctrl-C.
@@ -91,7 +91,7 @@ class Candidate:
         def task() -> Trajectory:
             found = motion(times)
             if not np.all(np.isfinite(found.links)):
-                raise ComputationError("the modes leave the finite numbers")
+                raise ComputationError("the modes overflow")
             return Trajectory(scene, system, times, found, run)
 
         return task
@@ -114,7 +114,7 @@ class Candidate:
 
 
 def _impatient(question: Question) -> Callable[[float], None]:
-    """A listener that ends a run which takes longer than it is waited for, or by how far it has come plainly will."""
+    """A report that ends a run which exceeds its time limit, or clearly will at its present pace."""
     begun, patience, duration = perf_counter(), question.patience, question.times[-1]
 
     def report(elapsed: float) -> None:
@@ -127,7 +127,7 @@ def _impatient(question: Question) -> Callable[[float], None]:
 
 
 def list_candidates(scene: Scene) -> tuple[Candidate, ...]:
-    """Every candidate for a scene, families together, each from loose to tight; only what is installed."""
+    """Every candidate for a scene, by family, each from loose to tight; only what is installed."""
     if scene.space == "space":
         families = [("spatial", method, False) for method in IN_SPACE]
     else:

@@ -6,10 +6,11 @@ difference of angles so far, an error e can be measured where d < e/100.  A run 
 (`nonlinear.integration.twins`) also gives the factor G(t) by which an error grows: a reference of relative accuracy ε
 has an error of ε G(t), which for G = exp λt becomes intolerable at ln(tolerable/ε)/λ.  So both
 
-    d(t) < 1e-8   and   ε G(t) < 1e-8     (rad; for small motions of the motion's own size)
+    d(t) < 1e-8   and   ε G(t) < 1e-8     (rad; for small motions relative to the motion's size)
 
-hold up to the horizon: until then errors from 1e-6 on are certain, and smaller ones where d and ε G leave it.
-The twin has no symmetry, as the start may have: two runs that share a symmetry agree longer than they are right.
+hold up to the horizon: until then errors from 1e-6 on are certain, and smaller ones where d and ε G permit.
+The perturbed start has no symmetry, as the start may have: two runs that share a symmetry agree for longer than they
+are right.
 """
 
 from __future__ import annotations
@@ -28,18 +29,18 @@ from nonlinear.accuracy.candidates import Candidate, Question
 from nonlinear.integration import SMALLEST, Trajectory, aside, extent, slightly, taylor
 from nonlinear.system import apart, system_of
 
-SHARE = 1e-2  # of an error, what the references may differ by
-JUDGED = 1e-6  # error (rad at angles of order 1) that must still be certain at the horizon
+SHARE = 1e-2  # largest difference of the references over an error that they can measure
+JUDGED = 1e-6  # error (rad at angles of order 1) that must still be measurable at the horizon
 TWIN = Candidate("minimal", "DOP853", 1e-12)
 FEWEST = 10  # samples before the horizon
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A trajectory up to the horizon, found by `candidate` and held against `check`.
+    """A trajectory up to the horizon, computed by `candidate` and checked by `check`.
 
-    `difference` (T,) is the largest difference of the two so far (rad), `growth` (T,) the factor by which a small
-    disturbance of the start has grown at most, `duration` (s) what was asked for.
+    `difference` (T,) is the largest difference of the two so far (rad), `growth` (T,) the largest factor so far by
+    which a small perturbation of the start has grown, `duration` (s) the requested duration.
     """
 
     candidate: Candidate
@@ -63,13 +64,13 @@ class Reference:
 
     @property
     def floor(self) -> float:
-        """Error (rad) below which none is certain at the horizon."""
+        """The smallest error (rad) that can be measured up to the horizon."""
         size = extent(self.trajectory.motion[0], self.trajectory.system)
         return float(max(self.difference[-1], self.candidate.tolerance * self.growth[-1] * size) / SHARE)
 
     @property
     def exponent(self) -> float:
-        """Mean rate (1/s) at which a disturbance grew up to the horizon."""
+        """Mean rate (1/s) at which a perturbation grew up to the horizon."""
         return log(max(float(self.growth[-1]), 1.0)) / self.horizon
 
 
@@ -101,7 +102,7 @@ def choose_references(scene: Scene) -> tuple[Candidate, Candidate]:
 
 
 def _growth(question: Question) -> Floats:
-    """G (T,): how far a twin is from the run, over the disturbance of its start, at most so far."""
+    """G (T,): the largest distance so far of the perturbed run from the run, over the perturbation of its start."""
     candidate = TWIN if question.scene.space == "plane" else replace(TWIN, kind="spatial")
     system = system_of(question.scene)
     twin = replace(question, start=aside(system, question.start, slightly(system, question.start)))
@@ -111,7 +112,7 @@ def _growth(question: Question) -> Floats:
 
 
 def _cut(question: Question, trusted: Any) -> Question:
-    """The question up to the last time before which all is trusted."""
+    """The question up to the last time before which everything is trusted."""
     count = len(trusted) if np.all(trusted) else int(np.argmin(trusted))
     if count < FEWEST:
         raise ComputationError(

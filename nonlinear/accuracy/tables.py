@@ -27,7 +27,7 @@ TRIED = ("way", "tolerance", "time (ms)", "derivatives", "error (rad)")
 
 
 def tradeoff_table(found: WorkPrecision, form: str) -> str:
-    """Every candidate as text, markdown, csv (one line a candidate) or json, the `form`."""
+    """Every candidate as text, markdown, csv (one line per candidate) or json, as `form` says."""
     records = [_record(found, row) for row in found.rows]
     if form == "json":
         return as_json(_whole(found, records))
@@ -59,15 +59,15 @@ def _signed(value: float) -> str:
 def _notes(found: WorkPrecision) -> list[str]:
     reference = found.reference
     notes = [
-        f"reference: {reference.candidate.name}, held against {reference.check.name}: they differ by "
+        f"reference: {reference.candidate.name}, checked against {reference.check.name}: they differ by "
         f"{reference.difference[-1]:.1e} rad, and a small error grows {reference.growth[-1]:.2g} times, so no error "
-        f"below {reference.floor:.1e} rad is told apart.",
+        f"below {reference.floor:.1e} rad can be resolved.",
         f"all {reference.horizon:g} s are compared." if reference.whole else _cut_short(reference),
     ]
     notes += [f"{name} was left out: {reason}." for name, reason in found.skipped]
     notes.append(
-        "*: on the Pareto front, with no other both faster and closer. time: a run, once prepared; derivatives: "
-        "right-hand sides, of Taylor methods series. error: the largest of any link, whole turns left out, so never "
+        "*: on the Pareto front: no other is both faster and more accurate. time: a run, once prepared; derivatives: "
+        "right-hand sides, or series of Taylor methods. error: the largest of any link, modulo whole turns, so never "
         f"above 3.14 rad. late: shift in time in the last {100 * LAST:.0f} %. energy: drift, relative."
     )
     return notes
@@ -120,7 +120,7 @@ def _whole(found: WorkPrecision, records: list[dict[str, Any]]) -> dict[str, Any
 
 
 def advice_table(advice: Advice, form: str) -> str:
-    """Every attempt as text, markdown, csv (one line an attempt) or json, the `form`."""
+    """Every attempt as text, markdown, csv (one line per attempt) or json, as `form` says."""
     records = [_attempt_record(attempt) for attempt in advice.attempts]
     if form == "json":
         return as_json(_advice_whole(advice, records))
@@ -146,15 +146,15 @@ def _tried_cells(attempt: Attempt) -> list[str]:
 def _advice_notes(advice: Advice) -> list[str]:
     last, times, run = advice.attempts[-1], advice.trajectory.times, advice.trajectory.run
     if run.interrupted:
-        verdict = f"{run.stopped}: nothing is promised."
+        verdict = f"{run.stopped}: no accuracy is guaranteed."
     elif advice.met:
         verdict = f"{last.way}: no angle is off by more than {last.error:.1e} rad until {times[-1]:.9g} s."
     else:
         verdict = f"{advice.limit}."
     return [
         verdict,
-        "error: of modes, what they leave of the equations of motion, propagated; of a run, from its difference to "
-        "the one before it, whose own error is unknown.",
+        "error: for modes, from their residual in the equations of motion; for a run, from its difference from "
+        "the previous run, whose own error is unknown.",
     ]
 
 

@@ -1,14 +1,14 @@
 """Time against accuracy: every candidate on one scene and start, compared with a reference.
 
 All candidates run up to the reference's horizon and no further (`nonlinear.accuracy.references`).  An error is the
-largest angle by which any link is off at any sample, whole turns left out: it never exceeds π.  The error in phase is
-the shift τ (s) in time that explains most of what is off in the last fifth, by least squares on the coordinates q
-(lengths in the longest link),
+largest deviation of any link's angle at any sample, modulo whole turns: it never exceeds π.  The phase error is
+the time shift τ (s) that explains most of the deviation in the last fifth, by least squares on the coordinates q
+(lengths in units of the longest link),
 
     q(t) ≈ q_ref(t − τ),   τ = −Σ q_ref'·(q − q_ref) / Σ q_ref'·q_ref',
 
-positive for a motion that is late.  It has no meaning where a link is then more than 1 rad off, where it is longer
-than that fifth, as of motion that has died away, and where the error itself is too small to be certain.
+positive for a motion that lags.  It is undefined where a link then deviates by more than 1 rad, where τ is longer
+than that fifth, as in motion that has died away, and where the error itself is too small to be measured.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from nonlinear.accuracy.references import Reference, reference_of
 from nonlinear.integration import Trajectory, estimate_timescales, sample_count, validate_numbers
 from nonlinear.system import Motion, State, System, apart, initial_state, system_of, validate_state
 
-PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples that are compared
-REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after so many seconds
-PATIENCE, PATIENT = 5.0, 120.0  # seconds that a run of a candidate may take, and one of the reference
-FIRST, LONGER = 32, 4  # fastest periods that the reference is asked for first, and by what it then goes on
+PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples compared
+REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after LONG seconds
+PATIENCE, PATIENT = 5.0, 120.0  # time limits (s) of a candidate's run and of the reference
+FIRST, LONGER = 32, 4  # initial length of the reference in fastest periods, and the factor of each extension
 MOST_LINKS = 400
-LAST = 0.2  # share of the time, at its end, that the phase is taken from
-LOST = 1.0  # error (rad) that no shift explains
+LAST = 0.2  # final fraction of the time from which the phase is estimated
+LOST = 1.0  # deviation (rad) that no time shift explains
 INTERRUPTED = "interrupted"
 
 
 @dataclass(frozen=True)
 class Row:
-    """One candidate up to the horizon: seconds to prepare at first, median seconds of a run, right-hand sides.
+    """One candidate up to the horizon: seconds of preparation, median seconds of a run, right-hand sides.
 
-    `error` (rad), `shift` in time (s, NaN where it has no meaning), `drift` of energy (relative, NaN for modes with
-    dampers, whose losses nobody counts).  A Taylor method counts its series.
+    `error` (rad), `shift` in time (s, NaN where undefined), `drift` of energy (relative, NaN for modes with dampers,
+    whose losses are not computed).  For a Taylor method `calls` counts its series.
     """
 
     candidate: Candidate
@@ -62,7 +62,7 @@ class Row:
 
 @dataclass(frozen=True, eq=False)
 class WorkPrecision:
-    """The reference and the candidates in their order of fidelity, and (family or candidate, why) of those left out."""
+    """The reference, the candidates in order of fidelity, and (family or candidate, reason) of those left out."""
 
     scene: Scene
     reference: Reference
@@ -75,12 +75,12 @@ class WorkPrecision:
         return any(reason == INTERRUPTED for _, reason in self.skipped)
 
     def judged(self, row: Row) -> float:
-        """The error (rad) as far as it is certain: none is told apart below the reference's floor."""
+        """The error (rad) as far as it can be measured: not below the reference's floor."""
         return max(row.error, self.reference.floor)
 
     @property
     def pareto(self) -> tuple[Row, ...]:
-        """The candidates, without the reference, that no other beats in both time and error, from fast to accurate."""
+        """The candidates, without the reference, that no other beats in both time and error, fastest first."""
         front: list[Row] = []
         candidates = [row for row in self.rows if row.candidate != self.reference.candidate]
         for row in sorted(candidates, key=lambda row: (row.seconds, self.judged(row))):
@@ -101,10 +101,9 @@ def measure_work_precision(
 ) -> WorkPrecision:
     """Run every candidate, or these, on a scene from its own start or another for `duration` seconds.
 
-    A family of candidates is left at the first that takes longer than `patience` seconds or plainly will.  `report`
-    hears how many are done, the reference counted in.  After Ctrl-C those that are done are returned, once there is a
-    reference.
-    Raises SceneError for arguments that cannot be, ComputationError where there is no reference to judge by.
+    A family of candidates ends with the first that exceeds `patience` seconds or clearly will.  `report` is called with
+    the number of candidates done, the reference included.  After Ctrl-C those done are returned, once there is a
+    reference. Raises SceneError for invalid arguments, ComputationError where there is no reference to compare with.
     """
     validate_numbers(duration, 1e-9, 0.0)
     if scene.n_links > MOST_LINKS:
@@ -122,7 +121,7 @@ def measure_work_precision(
 
 
 def _reference(scene: Scene, state: State, duration: float) -> Reference:
-    """The reference of longer and longer parts: what lies far beyond its horizon is never computed."""
+    """A reference of longer and longer duration, so that nothing far beyond its horizon is computed."""
     part = FIRST * 2 * pi / estimate_timescales(scene).swing
     while True:
         asked = min(part, duration)
@@ -160,7 +159,7 @@ def _climbed(
 
 
 def measure(candidate: Candidate, question: Question, reference: Reference) -> Row:
-    """One candidate, a few times over; ComputationError where it fails or takes too long."""
+    """One candidate, run several times; ComputationError where it fails or takes too long."""
     prepared: list[float] = []
     seconds: list[float] = []
     while len(seconds) < REPEATS and sum(prepared) + sum(seconds) < LONG:
@@ -184,7 +183,7 @@ def measure(candidate: Candidate, question: Question, reference: Reference) -> R
 
 
 def late(motion: Motion, reference: Trajectory) -> float:
-    """By how much (s) a motion is behind the reference at the end; NaN where no shift explains how it is off."""
+    """The lag (s) of a motion behind the reference at the end; NaN where no time shift explains the deviation."""
     last = reference.times >= (1 - LAST) * reference.times[-1]
     if apart(motion, reference.motion)[last].max() > LOST:
         return nan
@@ -194,7 +193,7 @@ def late(motion: Motion, reference: Trajectory) -> float:
 
 
 def _flat(motion: Motion, system: System, rows: Any) -> tuple[Floats, Floats]:
-    """Q and q' at these samples, (T, n): the cart in lengths of the longest link, then every link."""
+    """The q and q' at these samples, (T, n): the cart in lengths of the longest link, then every link."""
     count = int(np.sum(rows))
     links = (part[rows].reshape(count, -1) for part in (motion.links, motion.link_rates))
     carts = (part[rows] / system.length for part in (motion.cart, motion.cart_rate))

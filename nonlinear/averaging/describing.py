@@ -1,17 +1,17 @@
-"""Kicks of escapements as torques in step with the swing: describing functions.
+"""Describing functions of escapements: their kicks as torques synchronous with the oscillation.
 
 A kick P at the angle a of a joint that swings with the complex amplitude Γ at the rate Ω, |Γ| > a, has the harmonics
 
     T_h = (2 P Ω/π) (e^{iα} Γ/|Γ|)^h,     cos α = (a + P κ/2πΩ)/|Γ|,     h = 1, 3, 5, …
 
-of two kicks a period (Gelb & Vander Velde, Multiple-Input Describing Functions, 1968, ch. 2 and 5).  A kick leaves a
-corner in the swing.  With κ = Σ γ_r², one over the mass that the joint feels, the harmonics from the third on add up to
-−2 P κ/πΩ · Σ 1/(h² − 1) = −P κ/2πΩ where the kick comes, if modes swing at about Ω: the first has to reach so much
-beyond a.  Of several bands of frequencies the one that swings the joint most has this Γ; the others shift a, and with
-it α, and add their speed to Ω|Γ| sin α.
+of two kicks per period (Gelb & Vander Velde, Multiple-Input Describing Functions, 1968, ch. 2 and 5).  A kick leaves a
+corner in the oscillation.  With κ = Σ γ_r², the inverse of the inertia that the joint feels, the harmonics from the
+third on add up to −2 P κ/πΩ · Σ 1/(h² − 1) = −P κ/2πΩ at the kick, if all modes oscillate at about Ω: the first
+harmonic has to reach that far beyond a.  Among several frequency bands Γ is that of the band that swings the joint
+most; the others shift a, and with it α, and add their speed to Ω|Γ| sin α.
 
-Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse`
-and `angle` (J,), the `corner` Pκ/2π (J, S).
+Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse` and
+`angle` (J,), the `corner` Pκ/2π (J, S).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from modal.types import Booleans, Complexes, Floats
 
 GRAZING = 0.1  # least sin α
-BLUNT = 0.2  # of |Γ|: the largest corner that a kick may leave
+BLUNT = 0.2  # largest corner of a kick over |Γ|
 NONE = 1e-100
 
 
@@ -46,9 +46,9 @@ def pulls(
 
 
 def mixed(angle: Floats, swing: Complexes, turning: Floats) -> float:
-    """The largest speed of the other bands beside the leading one's where it kicks.
+    """The largest speed of the other bands over the leading band's when that kicks.
 
-    From 1 on a joint may come by twice on one side, and is kicked but once.
+    From 1 on a joint may pass the angle twice on one side, and is kicked only once.
     """
     first, size = _leading(swing), np.abs(swing).max(axis=0)
     fast = turning[:, None] * np.abs(swing)

@@ -6,8 +6,8 @@ amplitudes z_r, w_r = z_r e^{iχ_b} = η_r − iη_r'/Ω_b of η_r = φ_rᵀMq, 
 
     q = Re Σ φ_r z_r e^{iχ_b},     q' = Re Σ iΩ_b φ_r z_r e^{iχ_b},     q'' = −Re Σ Ω_b² φ_r z_r e^{iχ_b}
 
-is put into the full nonlinear equations (`nonlinear.reduction.residual`), drives and dampers included.  What it leaves
-of them, the forces ρ, moves the z_r slowly (averaging: Krylov and Bogoliubov; Sanders, Verhulst & Murdock, Averaging
+is substituted into the full nonlinear equations (`nonlinear.reduction.residual`), with drives and dampers.  The
+residual forces ρ drive the z_r slowly (averaging: Krylov and Bogoliubov; Sanders, Verhulst & Murdock, Averaging
 Methods in Nonlinear Dynamical Systems, 2007, ch. 2):
 
     z_r' = (i/Ω_b) ⟨φ_rᵀρ e^{−iχ_b}⟩.
@@ -52,10 +52,10 @@ ORDER = 6
 MOST, MOST_BANDS = 400, 4
 CHUNK = 2_000_000
 STEP = 1e-6
-TURNS, FAR = 3, 4.0  # steps to the turning rate of a band, and how far from its mean frequency that may be
-NEAR = 0.05  # of 9Ω²: a resonance nearer than this is rounded off
+TURNS, FAR = 3, 4.0  # iterations for the rate of a band, and its largest ratio to the mean frequency
+NEAR = 0.05  # detuning over 9Ω² below which a resonance is smoothed
 TINY = np.finfo(float).tiny
-SMALL = 0.2  # of the first harmonic: a third that would be larger is none that follows, and is held to this
+SMALL = 0.2  # largest third harmonic over the first; a larger one is not slaved, and is limited to this
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,14 +86,14 @@ class AveragedEquations:
         return np.asarray(np.bincount(self.band, weights=self.omega) / np.bincount(self.band))
 
     def amplitudes(self, state: State) -> Complexes:
-        """The z (C,) of an instant."""
+        """The amplitudes z (C,) of a state."""
         q, v = state.links - self.system.rest, state.link_rates
         if self.system.cart:
             q, v = np.append(state.cart, q), np.append(state.cart_rate, v)
         return np.asarray(q @ self.dual - 1j * (v @ self.dual) / self.omega)
 
     def energies(self, z: Complexes) -> Floats:
-        """Modal energy (J) by rows of the table, (R, ...)."""
+        """Modal energy (J) by rows of the mode table, (R, ...)."""
         found: Floats = np.zeros((len(self.modes), *z.shape[1:]))
         np.add.at(found, self.row, (self.omega**2 * np.abs(z.T) ** 2).T / 2)
         return found
@@ -105,14 +105,14 @@ class AveragedEquations:
         return float(np.sum([np.abs(links[:, own] @ z[own]) for own in bands], axis=0).max())
 
     def turning(self, z: Complexes) -> Floats:
-        """The rates Ω_b (B, ...) at which bands with amplitudes (C, ...) turn by themselves, in the mean of |z|²."""
+        """The rates Ω_b (B, ...) at which bands with amplitudes (C, ...) rotate freely, weighted by |z|²."""
         found = self.centre.reshape(-1, *[1] * (z.ndim - 1)) * np.ones((1, *z.shape[1:]))
         for _ in range(TURNS):
             found = self.turned(found, z, self.flow(z, found))
         return np.asarray(found)
 
     def turned(self, turning: Floats, z: Complexes, flow: Complexes) -> Floats:
-        """A better Ω_b (B, ...), by these rates z' (C, ...) in bands that turn at another."""
+        """An improved Ω_b (B, ...) from the rates z' (C, ...) found with another one."""
         largest = np.maximum(np.abs(z).max(axis=0), TINY)
         unit = z / largest
         spin, sizes = self._by_band(np.imag(flow / largest * unit.conj())), self._by_band(np.abs(unit) ** 2)
@@ -121,24 +121,24 @@ class AveragedEquations:
         return np.clip(found, middle / FAR, middle * FAR)
 
     def _by_band(self, values: Floats) -> Floats:
-        """Sums (B, ...) of what modes (C, ...) have."""
+        """Sums (B, ...) over the modes of each band of values (C, ...)."""
         return np.asarray((self._member @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:]))
 
     def detuning(self, turning: Floats) -> Floats:
-        """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude turns in its band."""
+        """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude rotates in its band."""
         own = turning[self.band]
         return np.asarray((self.omega.reshape(-1, *[1] * (turning.ndim - 1)) ** 2 - own**2) / (2 * own))
 
     def flow(self, z: Complexes, turning: Floats) -> Complexes:
-        """The rates z' (C, ...) of amplitudes (C, ...) in bands that turn at Ω (B, ...)."""
+        """The rates z' (C, ...) of amplitudes (C, ...) in bands that rotate at Ω (B, ...)."""
         return self.forced(z, turning) + 1j * self.detuning(turning) * z
 
     def forced(self, z: Complexes, turning: Floats, kept: Booleans | None = None) -> Complexes:
-        """The same rates without the detuning, as if `only` the modes kept (C, ...) of each motion were there."""
+        """The same rates without the detuning, as if each motion had `only` the modes kept (C, ...)."""
         return self._moved(z, turning, kept)
 
     def smooth(self, z: Complexes, turning: Floats) -> Complexes:
-        """Those without the kicks of escapements as well."""
+        """The rates of `forced` without the kicks of escapements."""
         return self._moved(z, turning, kicked=False)
 
     def only(self, own: Booleans) -> AveragedEquations:
@@ -155,7 +155,7 @@ class AveragedEquations:
         return np.asarray(np.hstack(parts).reshape(z.shape))
 
     def _rates(self, z: Complexes, turning: Floats, kept: Booleans, kicked: bool) -> Complexes:
-        """What all forces but those of the detuning do to z (C, S)."""
+        """The effect on z (C, S) of all forces but the detuning."""
         first = self._split(z)
         waves = self._waves(first, turning, 1)
         pull, third = self._kicks(first, turning, kept) if kicked and self._joints else (0.0, 0.0)
@@ -173,7 +173,7 @@ class AveragedEquations:
         return np.where(self._member[..., None], z, 0j)
 
     def _waves(self, amplitudes: Complexes, turning: Floats, harmonic: int) -> Floats:
-        """Of amplitudes (B, C, S) in this harmonic of every band: q, q' and q'', (3, half, S K)."""
+        """q, q' and q'' (3, half, S K) of amplitudes (B, C, S) in this harmonic of every band."""
         rate = 1j * harmonic * turning.T
         moving = (self.shapes @ amplitudes).transpose(1, 2, 0)
         if self._brake:
@@ -193,7 +193,7 @@ class AveragedEquations:
         return np.asarray(self.shapes.T @ found)
 
     def _kicks(self, first: Complexes, turning: Floats, kept: Booleans) -> tuple[Complexes, Complexes]:
-        """What escapements pull in the first and the third harmonic of every band (B, C, S)."""
+        """The first and third harmonics of the escapements' torques in every band (B, C, S)."""
         joints = self._joints
         assert joints is not None
         felt = self._turns.T**2 @ kept
@@ -203,7 +203,7 @@ class AveragedEquations:
         return one, three
 
     def mixed(self, z: Complexes, turning: Floats) -> float:
-        """How much several bands swing an escapement at once in z (C, S), `describing`; 0 without."""
+        """How strongly several bands drive one escapement in z (C, S), as in `describing`; 0 without any."""
         return mixed(self._joints.angle, self._turns.T @ self._split(z), turning) if self._joints else 0.0
 
     @cached_property
@@ -225,7 +225,7 @@ class AveragedEquations:
 
     @cached_property
     def _member(self) -> Booleans:
-        """Which modes a band has, (B, C)."""
+        """Which modes belong to each band, (B, C)."""
         return np.asarray(self.band == np.arange(len(self.centre))[:, None])
 
     @cached_property
@@ -234,13 +234,13 @@ class AveragedEquations:
 
     @cached_property
     def _turns(self) -> Floats:
-        """How far the joints with escapements turn in every shape, (C, J)."""
+        """Relative rotation in every shape at the joints with escapements, (C, J)."""
         assert self._joints is not None
         return self._joints.gamma(self.link_shapes.T)
 
 
 def derivative(rate: Callable[[Complexes, Floats], Complexes], z: Complexes, turning: Floats) -> Floats:
-    """Of a rate by the real and the imaginary parts of z (C,), (2C, 2C), by central differences."""
+    """The derivative of a rate by the real and imaginary parts of z (C,), (2C, 2C), by central differences."""
     width = STEP * (float(np.abs(z).max()) or 1.0)
     ways = width * np.hstack((np.eye(len(z)), 1j * np.eye(len(z))))
     above, below = np.hsplit(rate(z[:, None] + np.hstack((ways, -ways)), turning[:, None]), 2)

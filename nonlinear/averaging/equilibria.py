@@ -4,9 +4,9 @@ If every band rotates at its own constant rate Ω_b, shapes and amplitudes are c
 
     F(z, Ω) = 0.
 
-In phase, in antiphase and whatever lies between are such states: harmonic balance, z and Ω its unknowns.  Neighbouring
-motions grow like exp(μt), μ the eigenvalues of ∂F/∂z; one of them is 0 for every band that swings, for nobody sets its
-clock.  A state is stable if all others lie to the left.
+In-phase, antiphase and intermediate oscillations are such states: harmonic balance with the unknowns z and Ω.
+Perturbations grow like exp(μt), μ the eigenvalues of ∂F/∂z; one of them is 0 for every oscillating band, whose phase is
+arbitrary.  A state is stable if all others have negative real parts.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations
 from nonlinear.averaging.slow_flow import settle_apart
 
-FAINT = 1e-3  # of the largest amplitude: a band below it does not swing
-LEAP = 0.1  # of the largest amplitude, in one of Newton's steps: families that hardly move throw it far
-NEWTON, DONE, FREE = 40, 1e-10, 1e-8  # FREE: of ω, rates below it are those of a family that stays beside itself
-GONE = 1e-9  # of the amplitudes of a start: what falls below it dies out
-FLAT = 1e-4  # of the recovery: an eigenvalue below it is taken for 0
-WITHIN = 1e-2  # share of the energy of a motion that stays in its row, all but for rounding
+FAINT = 1e-3  # fraction of the largest amplitude below which a band counts as at rest
+LEAP = 0.1  # largest Newton step over the largest amplitude: nearly neutral families would cause long ones
+NEWTON, DONE, FREE = 40, 1e-10, 1e-8  # FREE: of ω; slower rates belong to a continuous family of states
+GONE = 1e-9  # fraction of the initial amplitudes below which a motion has died out
+FLAT = 1e-4  # fraction of the recovery rate below which an eigenvalue is taken as 0
+WITHIN = 1e-2  # energy outside its row, as a fraction, up to which a motion stays in that row
 SAME = 1e-3
 FIRST = 0.1  # largest angle (rad) of a start
-HANGING = np.pi / 2  # rad: what swings wider is none of averaged equations
+HANGING = np.pi / 2  # rad, the largest angle for which averaged equations are used
 SEED = 5
 ASIDE = 1e-9
-"""The share of its amplitude by which a start misses a pattern, which it leaves where that is unstable."""
-EFFORT = 1_500  # steps after which a start that has not settled is left to Newton's method
+"""Relative deviation of a start from a pattern, so that it leaves an unstable one."""
+EFFORT = 1_500  # steps after which Newton's method takes over from a start that has not settled
 
 
 @dataclass(frozen=True, eq=False)
 class RelativeEquilibrium:
-    """A motion that keeps its shape: amplitudes z (C,), turning rates Ω (B,) in rad/s, growth rates (1/s).
+    """A motion of constant shape: amplitudes z (C,), rotation rates Ω (B,) in rad/s, growth rates (1/s).
 
-    `rates` are the eigenvalues μ but the neutral ones, the slowest first, and `leaving` the share of the energy of
-    each eigenvector that is not in the row that holds most: many pendula in antiphase may share it in many ways.
-    `recovery` is the size of Re z*ᵀJz/|z|² (1/s), the pace at which the size of the whole swing changes by itself.
+    `rates` are the eigenvalues μ except the neutral ones, the slowest first, and `leaving` the fraction of the energy
+    of each eigenvector outside the row that holds most: many pendula in antiphase may share it in many ways. `recovery`
+    is the size of Re z*ᵀJz/|z|² (1/s), the rate at which the overall amplitude changes by itself.
     """
 
     averaged: AveragedEquations
@@ -62,7 +62,7 @@ class RelativeEquilibrium:
 
     @property
     def row(self) -> int:
-        """The row of the table without dampers that holds most, from 0."""
+        """The row of the mode table without dampers that holds most energy, from 0."""
         return int(self.share.argmax())
 
     @property
@@ -72,7 +72,7 @@ class RelativeEquilibrium:
 
     @property
     def growth(self) -> float:
-        """The growth rate (1/s) of disturbances; negative if neighbouring motions converge."""
+        """The growth rate (1/s) of perturbations; negative if neighbouring motions converge."""
         return float(self.rates.real.max(initial=-np.inf))
 
     @property
@@ -84,30 +84,30 @@ class RelativeEquilibrium:
 
     @property
     def hold(self) -> float:
-        """The rate (1/s) at which what other rows hold falls, negative where it grows; infinite without other rows."""
+        """The rate (1/s) at which energy in other rows decays, negative where it grows; infinite without any."""
         others = self.rates.real[self.leaving > WITHIN]
         return -float(others.max(initial=-np.inf))
 
     @property
     def relaxation(self) -> float:
-        """1/|growth| (s): in which a disturbance falls, or grows, by e."""
+        """The e-folding time 1/|growth| (s) of perturbations."""
         return 1 / abs(self.growth) if self.growth else np.inf
 
     @property
     def band(self) -> int:
-        """The band that holds most."""
+        """The band that holds most energy."""
         return int(self.averaged.band[int((self.averaged.omega * np.abs(self.z)).argmax())])
 
     @property
     def omega(self) -> float:
-        """Frequency (rad/s) of the band that holds most, at this amplitude."""
+        """Frequency (rad/s) of the band that holds most energy, at this amplitude."""
         return float(self.turning[self.band])
 
 
 def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibrium, ...]:
-    """Those that are reached from every row of the table by itself and from pendula in phase and in antiphase.
+    """The relative equilibria reached from each row of the mode table alone and from pendula in phase and in antiphase.
 
-    Not all there are: none is found that swings wider than HANGING or that Newton's method misses.
+    Not necessarily all: any wider than HANGING, or missed by Newton's method, are not found.
     """
     found: list[RelativeEquilibrium] = []
     for start in _starts(averaged):
@@ -119,7 +119,7 @@ def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibriu
 
 @np.errstate(all="ignore")
 def relative_equilibrium(averaged: AveragedEquations, z: Complexes) -> RelativeEquilibrium | None:
-    """The relative equilibrium next to these amplitudes, None where Newton's method finds no motion."""
+    """The relative equilibrium closest to these amplitudes, None where Newton's method finds none."""
     bands = swinging(averaged, z)
     if not len(bands):
         return None
@@ -144,7 +144,7 @@ def relative_equilibrium(averaged: AveragedEquations, z: Complexes) -> RelativeE
 
 
 def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
-    """Amplitudes at the end of the slow motion that begins in a row, and keeps to it, or in a pattern of pendula."""
+    """Final amplitudes of the slow flow from each row, restricted to it, and from each pattern of pendula."""
     every = [*_rows(averaged), *_patterns(averaged)]
     starts = np.array([FIRST * z / averaged.largest(z) for z, _ in every]).T
     for motion in settle_apart(averaged, starts, np.array([kept for _, kept in every]).T, EFFORT):
@@ -152,7 +152,7 @@ def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
 
 
 def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
-    """Any swing in the modes of one row, and these modes."""
+    """An arbitrary motion in the modes of one row, and these modes."""
     random = np.random.default_rng(SEED)
     for row in np.unique(averaged.row):
         own = averaged.row == row
@@ -160,7 +160,7 @@ def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
 
 
 def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
-    """All pendula in phase and every other one in antiphase, very nearly, in every band by itself, and all modes."""
+    """All pendula nearly in phase, and alternate ones nearly in antiphase, in every band separately, and all modes."""
     random = np.random.default_rng(SEED)
     pendulum = averaged.system.pendulum
     first = int(averaged.system.cart is not None)
@@ -175,7 +175,7 @@ def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans
 
 
 def swinging(averaged: AveragedEquations, z: Complexes) -> Ints:
-    """The bands that swing."""
+    """The bands that oscillate."""
     return np.flatnonzero(_sizes(averaged, z) > FAINT * np.abs(z).max())
 
 
@@ -189,7 +189,7 @@ def _sizes(averaged: AveragedEquations, z: Complexes) -> Floats:
 def _step(
     averaged: AveragedEquations, z: Complexes, left: Complexes, slope: Floats, bands: Ints
 ) -> tuple[Complexes, Floats]:
-    """Newton's step of z and Ω, the shortest one that leaves the phase of every band where it is."""
+    """Newton's step of z and Ω, the shortest one that keeps the phase of every band."""
     count, size, scale = len(z), np.abs(z).max(), averaged.omega.max()
     turns = np.array([np.where(averaged.band == band, 1j * z, 0.0) for band in bands]).T
     turns /= np.linalg.norm(turns, axis=0)
@@ -206,7 +206,7 @@ def _step(
 
 
 def _expanded(averaged: AveragedEquations, z: Complexes, turning: Floats, bands: Ints) -> tuple[Complexes, Floats]:
-    """F (C,), and by central differences ∂F by the parts of z and the Ω of these bands, (2C, 2C + len(bands))."""
+    """F (C,), and ∂F by the parts of z and the Ω of these bands by central differences, (2C, 2C + len(bands))."""
     unit, none = np.eye(len(z)), np.zeros((len(turning), 2 * len(z)))
     h = STEP * np.concatenate((np.full(2 * len(z), np.abs(z).max()), turning[bands]))
     ways = h * np.hstack((unit, 1j * unit, np.zeros((len(z), len(bands)))))
@@ -220,7 +220,7 @@ def _expanded(averaged: AveragedEquations, z: Complexes, turning: Floats, bands:
 def _rates(
     averaged: AveragedEquations, z: Complexes, jacobian: Floats, neutral: int
 ) -> tuple[Complexes, Floats, float]:
-    """All μ but the `neutral` ones next to 0, the slowest first, how much of each leaves the row of z, the recovery."""
+    """All μ but the `neutral` ones closest to 0, the slowest first, how far each leaves the row of z, the recovery."""
     parts = np.concatenate((z.real, z.imag))
     values, vectors = np.linalg.eig(jacobian)
     energy = np.sum([averaged.energies(np.abs(part) + 0j) for part in np.split(vectors, 2)], axis=0)
@@ -231,7 +231,7 @@ def _rates(
 
 
 def same(one: RelativeEquilibrium, other: RelativeEquilibrium, within: float = SAME) -> bool:
-    """Whether two have the same energies and the same fate, within this share of them; turned copies of one do."""
+    """Whether two have the same energies and stability within this relative tolerance; rotated copies do."""
     energies = [state.averaged.energies(state.z) for state in (one, other)]
     near = np.abs(energies[0] - energies[1]).max() <= within * energies[0].sum()
     scale = max(np.abs(one.rates.real).max(initial=0.0), np.abs(other.rates.real).max(initial=0.0))

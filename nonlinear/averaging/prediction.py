@@ -22,20 +22,20 @@ from nonlinear.system import State, initial_state, system_of, validate_state
 WEAK = 0.2  # largest rate of growth or decay over the frequency
 WIDE = 0.7  # largest angle (rad)
 MIXED = 0.5  # largest speed of other frequencies at an escapement, over the leading one's
-CLEAR = 0.9  # least share of the energy that a survivor holds
+CLEAR = 0.9  # least fraction of the energy in a survivor
 NEAR, FORCED = 0.1, 0.3  # largest sum of resonant frequencies over the lowest: for the survivor, for its time
-MARGIN, SLOW = 2.0, 5.0  # least rate at which other modes are driven out, over its error: the same two
-SWINGS, TIMED = 10, 0.2  # the shortest locking time in periods; how far those of neighbours may lie off
-OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, and how far from the start they are
-PATIENCE = 10  # relaxation times that a motion is given to leave where neighbours leave
+MARGIN, SLOW = 2.0, 5.0  # least decay rate of other modes over its error: for the survivor, for its time
+SWINGS, TIMED = 10, 0.2  # shortest locking time in periods; largest relative difference of neighbours' times
+OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, their relative distance, and the seed
+PATIENCE = 10  # relaxation times allowed for leaving an unstable state
 
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The slow `motion` from a `start`, those of its neighbours, and the configuration it ends in, if it does.
+    """The slow `motion` from a `start`, those of its neighbours, and the configuration in which it ends, if any.
 
-    A symmetric start may end in an `unstable` configuration that no real pendula keep to.  Then `start` is a start
-    beside it, ASIDE in amplitude, and all else is of that one.
+    A symmetric start may end in an `unstable` configuration that real pendula would leave.  Then `start` is a perturbed
+    start, ASIDE in relative amplitude, to which everything else refers.
     """
 
     averaged: AveragedEquations
@@ -47,7 +47,7 @@ class Prediction:
 
     @property
     def row(self) -> int:
-        """The row of the table without dampers that survives, from 0."""
+        """The row of the mode table without dampers that survives, from 0."""
         return self.motion.survivor
 
     @property
@@ -57,12 +57,12 @@ class Prediction:
 
     @property
     def share(self) -> float:
-        """Its share of the energy at the end."""
+        """The survivor's share of the energy at the end."""
         return float(self.motion.share[self.row, -1])
 
     @cached_property
     def doubts(self) -> tuple[str, ...]:
-        """Why the survivor is not certain; empty if it is."""
+        """Reasons why the survivor is not certain; empty if it is."""
         return tuple(self._doubts())
 
     @property
@@ -71,12 +71,12 @@ class Prediction:
         return not self.doubts
 
     def locking_time(self) -> float | None:
-        """When (s) all other rows hold less than 1 % of the energy for good; None where that does not come."""
+        """The time (s) from which all other rows hold less than 1 % of the energy; None if never."""
         return None if self.motion.dies else self.motion.locking_time()
 
     @cached_property
     def timing_doubts(self) -> tuple[str, ...]:
-        """Why the locking time is not certain to TIMED; empty if it is."""
+        """Reasons why the locking time is not certain to TIMED; empty if it is."""
         return tuple(self._timing_doubts())
 
     def _timing_doubts(self) -> Iterator[str]:
@@ -104,16 +104,16 @@ class Prediction:
         elif self.share < CLEAR:
             yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
         if self.ending is None or self.ending.hold < MARGIN * self._error:
-            yield "where it ends attracts its neighbours only weakly"
+            yield "the final state attracts its neighbours only weakly"
         if any(other.survivor != self.row or other.dies for other in self.neighbours):
-            yield f"starts {100 * ASIDE:.0f} % beside this one end elsewhere"
+            yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere"
         yield from self._limits()
 
     @cached_property
     def _error(self) -> float:
-        """How far off (1/s) the rates at the end may be, as a share of the fastest, whose differences they are.
+        """The uncertainty (1/s) of the final rates, as a fraction of the fastest, whose differences they are.
 
-        By (fastest/ω)², as damping shifts frequencies, and by a²/16, as a pendulum is slower at large angles.
+        It is (fastest/ω)², as damping shifts frequencies, plus a²/16, as a pendulum is slower at large angles.
         """
         found, ending = self.averaged, self.ending
         assert ending is not None
@@ -121,23 +121,23 @@ class Prediction:
         return fast * ((fast / lowest) ** 2 + found.largest(ending.z) ** 2 / 16)
 
     def _limits(self) -> Iterator[str]:
-        """Where averaging itself is in doubt."""
+        """Reasons to doubt averaging itself."""
         found = self.averaged
         if (fast := fastest(found)) > WEAK:
             yield f"dampers and drives act within {1 / fast:.3g} radians of a swing, too fast to be averaged"
         if (angle := found.largest(self.motion.z)) > WIDE:
             yield f"links may reach {degrees(angle):.3g} deg, beyond the range of first order"
         if found.mixed(self.motion.z, found.turning(self.motion.z)) > MIXED:
-            yield "an escapement is swung by several frequencies at once, and may kick out of turn"
+            yield "an escapement responds to several frequencies at once, and may kick out of turn"
         if resonant(found.centre, NEAR):
             yield "frequencies of different bands are in resonance"
 
 
 def predict(scene: Scene, start: State | None = None) -> Prediction:
-    """Of a scene that excites itself, from its own start or another, or from beside it where it ends unstably.
+    """The prediction for a self-excited scene from its own start or another, perturbed if it ends in an unstable state.
 
-    Raises ComputationError where nothing excites it or `nonlinear.averaging.equations` cannot take it, for a start at
-    rest, and where drives are so strong that averages grow without end.
+    Raises ComputationError where nothing excites it or it is outside the scope of `nonlinear.averaging.equations`, for
+    a start at rest, and where drives are so strong that averaged amplitudes grow without bound.
     """
     if not scene.is_driven:
         raise ComputationError("nothing excites this scene: no mode outlives the others forever")
@@ -150,7 +150,7 @@ def predict(scene: Scene, start: State | None = None) -> Prediction:
     starts, unstable = np.array([z, *_beside(z)]).T, None
     motions = settle(found, starts)
     if runs_away(found, motions[0].z):
-        raise ComputationError("drives are too strong for averaged equations: their amplitudes run away")
+        raise ComputationError("drives are too strong for averaged equations: their amplitudes diverge")
     if (ending := _ending(motions[0])) and ending.is_stable is False:
         motions = settle(found, starts, least=PATIENCE * ending.relaxation)
         if (ending := _ending(motions[0])) and ending.is_stable is False:
@@ -174,7 +174,7 @@ def _aside(found: AveragedEquations, start: State) -> State:
 
 
 def _beside(z: Complexes) -> Iterator[Complexes]:
-    """Starts next to one: every amplitude a little off, and a little of those that are not there."""
+    """Neighbouring starts: every amplitude slightly perturbed, including zero ones."""
     random = np.random.default_rng(SEED)
     for _ in range(OTHERS):
         off = random.standard_normal(len(z)) + 1j * random.standard_normal(len(z))
@@ -182,7 +182,7 @@ def _beside(z: Complexes) -> Iterator[Complexes]:
 
 
 def resonant(omega: Floats, near: float) -> bool:
-    """Whether up to four of these frequencies (B,) add up to almost nothing, as ω and three times ω do."""
+    """Whether sums of up to four of these frequencies (B,), with signs, nearly vanish, as for ω and 3ω."""
     for turns in product(range(-3, 4), repeat=len(omega)):
         if 0 < sum(map(abs, turns)) <= 4 and abs(np.dot(turns, omega)) < near * omega.min():
             return True
@@ -190,7 +190,7 @@ def resonant(omega: Floats, near: float) -> bool:
 
 
 def fastest(found: AveragedEquations) -> float:
-    """The largest rate at which a small swing grows or decays, over its frequency."""
+    """The largest growth or decay rate of small oscillations over their frequency."""
     every: Complexes = np.eye(len(found.omega), dtype=complex)
     tiny = 1e-6 / found.largest(every)
     small = (tiny * every).astype(complex)

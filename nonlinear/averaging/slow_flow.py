@@ -1,4 +1,4 @@
-"""Averaged equations integrated in time: which modes grow, which decay, and when one is left."""
+"""Averaged equations integrated in time: which modes grow, which decay, and when one remains."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from modal.errors import ComputationError
 from modal.types import Booleans, Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
 
-GAIN, TURN = 0.4, 1.0  # largest growth and turn (rad) within a step
-PERIODS = 64  # fast periods of the first part
+GAIN, TURN = 0.4, 1.0  # largest growth and rotation (rad) within a step
+PERIODS = 64  # fast periods in the first part
 MOST_STEPS = 6000
 PER_PART = 50
-TOGETHER = 16  # motions followed at once, each at its own pace
-ALIKE, HASTE = 0.1, 1.5  # change of sizes that leaves the pace, and of the pace that leaves the steps
-FAR = 20.0  # rad: amplitudes beyond it come of steps that are too long
-CALM = 1e-3  # share of the energy that changes rows within half of the time where the motion has settled
-ALONE = 3e-4  # share of the energy of all rows but one where that one has won
-DEAD = 1e-4  # of the first amplitude, where swinging dies out
-LOCKED = 0.01  # share of the energy that all modes but one may hold
-AWAY = 100.0  # rad: what swings wider runs away
+TOGETHER = 16  # motions followed at once, each with its own steps
+ALIKE, HASTE = 0.1, 1.5  # change of amplitudes that keeps the pace, and of the pace that keeps the step size
+FAR = 20.0  # rad, an amplitude beyond which the steps were too long
+CALM = 1e-3  # fraction of the energy that may change rows in half of the time of a settled motion
+ALONE = 3e-4  # fraction of the energy in all other rows once one has won
+DEAD = 1e-4  # fraction of the initial amplitude below which the motion has died out
+LOCKED = 0.01  # largest fraction of the energy outside the locked mode
+AWAY = 100.0  # rad, an amplitude beyond which the motion diverges
 
 
 @dataclass(frozen=True, eq=False)
 class SlowFlow:
-    """Amplitudes z (C, T) at `times` (T,) in s, and whether nothing changes any more."""
+    """Amplitudes z (C, T) at `times` (T,) in s, and whether they have settled."""
 
     averaged: AveragedEquations
     times: Floats
@@ -38,30 +38,30 @@ class SlowFlow:
 
     @cached_property
     def share(self) -> Floats:
-        """Share of the energy in every row of the table, (R, T); all 0 where nothing moves."""
+        """Fraction of the energy in every row of the table, (R, T); all 0 where nothing moves."""
         energy = self.averaged.energies(self.z)
         whole = energy.sum(axis=0)
         return np.asarray(np.divide(energy, whole, out=np.zeros_like(energy), where=whole > 0))
 
     @property
     def dies(self) -> bool:
-        """Whether no swing is left."""
+        """Whether the motion has died out."""
         return bool(np.abs(self.z[:, -1]).max() <= DEAD * np.abs(self.z[:, 0]).max())
 
     @property
     def survivor(self) -> int:
-        """The row that holds most at the end, from 0."""
+        """The row that holds most energy at the end, from 0."""
         return int(self.share[:, -1].argmax())
 
     def locking_time(self, threshold: float = LOCKED) -> float | None:
-        """When (s) all rows but the survivor fall below this share of the energy for good, None where they do not."""
+        """The time (s) from which all rows but the survivor stay below this fraction of the energy; None if never."""
         return below_for_good(self.times, 1 - self.share[self.survivor], threshold)
 
 
 def below_for_good(times: Floats, values: Floats, threshold: float) -> float | None:
-    """The last passage of values (T,) below the threshold, on the line between samples; None where they end above.
+    """The time from which values (T,) stay below the threshold, interpolated linearly; None where they end above it.
 
-    What is not a number counts as above, up to the next sample.
+    A NaN counts as above the threshold, up to the next sample.
     """
     above = np.flatnonzero(~(values <= threshold))
     if not len(above):
@@ -77,7 +77,7 @@ def below_for_good(times: Floats, values: Floats, threshold: float) -> float | N
 
 @dataclass
 class _Stretch:
-    """Amplitudes z (C, S) with some steps of h (s) to go, and the rates (B, S) at which their bands turn."""
+    """Amplitudes z (C, S) with a number of steps of h (s) to take, and the rotation rates (B, S) of their bands."""
 
     z: Complexes
     turning: Floats
@@ -85,16 +85,16 @@ class _Stretch:
     steps: int
 
 
-Settling = Generator[_Stretch, None, tuple[SlowFlow, ...]]  # hands over a stretch, and goes on from its end
+Settling = Generator[_Stretch, None, tuple[SlowFlow, ...]]  # yields a stretch, and continues from its end
 
 
 def settle(
     averaged: AveragedEquations, starts: Complexes, most: int = MOST_STEPS, least: float = 0.0
 ) -> tuple[SlowFlow, ...]:
-    """From each of these amplitudes (C, S) until nothing changes anywhere, or for so many steps.
+    """The slow flow from each of these amplitudes (C, S) until all have settled, or for `most` steps.
 
-    Each is followed for `least` seconds, however little changes: motions leave an unstable one slowly.  Pendula that
-    drift past each other never settle; what drives make wider than AWAY is not followed any further.
+    Each is followed for at least `least` seconds, however little changes, because motions leave an unstable state
+    slowly. Pendula that drift past each other never settle; motions that grow beyond AWAY are not followed any further.
     """
     return _followed(averaged, [_settling(averaged, starts, most, least)])[0]
 
@@ -102,7 +102,7 @@ def settle(
 def settle_apart(
     averaged: AveragedEquations, starts: Complexes, kept: Booleans, most: int = MOST_STEPS
 ) -> tuple[SlowFlow, ...]:
-    """The same from each start at its own pace, as if there were no other modes than those kept of it (C, S)."""
+    """The same from each start with its own steps, restricted to the modes kept of it (C, S)."""
     found: list[SlowFlow] = []
     for part in (slice(start, start + TOGETHER) for start in range(0, starts.shape[1], TOGETHER)):
         every = [averaged if own.all() else averaged.only(own) for own in kept[:, part].T]
@@ -116,7 +116,7 @@ def settle_apart(
 def _followed(
     averaged: AveragedEquations, motions: Sequence[Settling], kept: Booleans | None = None
 ) -> list[tuple[SlowFlow, ...]]:
-    """What becomes of each, all of them moved at once: equations of a few pendula cost no less than of many."""
+    """The results of all motions, advanced together: evaluating few pendula costs as much as many."""
     found: dict[int, tuple[SlowFlow, ...]] = {}
     going = dict(enumerate(map(next, motions)))
     while going:
@@ -146,14 +146,14 @@ def _settling(averaged: AveragedEquations, starts: Complexes, most: int, least: 
 
 
 def runs_away(averaged: AveragedEquations, z: Complexes) -> bool:
-    """Whether any of these amplitudes (C, ...) is beyond all that averaged equations could mean."""
+    """Whether any of these amplitudes (C, ...) is beyond the range of averaged equations."""
     return not averaged.largest(z) <= AWAY
 
 
 def _part(
     averaged: AveragedEquations, starts: Complexes, begin: float, duration: float
 ) -> Generator[_Stretch, None, tuple[Floats, Complexes]]:
-    """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every stretch between."""
+    """Amplitudes at PER_PART + 1 times, in steps that fit both ends of every interval."""
     span, pace, found = duration / PER_PART, _pace(averaged, starts), [starts]
     turning = averaged.turning(starts)
     while len(found) <= PER_PART:
@@ -174,12 +174,12 @@ def _part(
 
 
 def _alike(one: Complexes, other: Complexes) -> bool:
-    """Whether sizes are the same within ALIKE of the largest, so that their pace need not be found anew."""
+    """Whether amplitudes agree within ALIKE of the largest, so that the pace can be kept."""
     return bool(np.abs(np.abs(one) - np.abs(other)).max() <= ALIKE * np.abs(one).max())
 
 
 def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: Booleans | None) -> None:
-    """To where the first of them ends, by Lawson's form of the Runge–Kutta method."""
+    """Advance to the first end of a stretch, by Lawson's form of the Runge–Kutta method."""
     z, turning = (np.hstack(parts) for parts in zip(*((one.z, one.turning) for one in stretches), strict=True))
     h = np.concatenate([np.full(one.z.shape[1], one.h) for one in stretches])
     steps = min(one.steps for one in stretches)
@@ -201,7 +201,7 @@ def _advance(averaged: AveragedEquations, stretches: Sequence[_Stretch], kept: B
 
 
 def _pace(averaged: AveragedEquations, z: Complexes) -> float:
-    """Steps a second from these amplitudes (C, S) on."""
+    """Steps per second from these amplitudes (C, S) on."""
     turning = averaged.turning(z)
     slopes = (derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True))
     fast = max(np.linalg.norm(slope, 2) for slope in slopes)
@@ -209,7 +209,7 @@ def _pace(averaged: AveragedEquations, z: Complexes) -> float:
 
 
 def _going(averaged: AveragedEquations, z: Complexes, starts: Complexes) -> Booleans:
-    """Which of the motions (C, S, T) are still open, (S,): neither calm nor dead nor one row's that grows."""
+    """Which of the motions (C, S, T) are still undecided, (S,): neither settled nor dead nor one growing row."""
     energy = averaged.energies(z[..., z.shape[-1] // 2 :])
     whole = energy.sum(axis=0)
     changing = np.ptp(energy, axis=-1).max(axis=0) > CALM * whole.max(axis=-1)

@@ -26,7 +26,7 @@ GRAVITY, PAPER_CART = 9.81, 100.0
 
 
 def study(paper: str, *, quick: bool = False) -> Study:
-    """The study of paper 000 or 001, or a short form of it; SceneError for any other paper."""
+    """The study of paper 000 or 001, or a short version of it; SceneError for any other paper."""
     if paper not in _STUDIES:
         raise SceneError([f"paper:{paper}: must be one of {', '.join(f'paper:{known}' for known in _STUDIES)}"])
     return _STUDIES[paper](quick)

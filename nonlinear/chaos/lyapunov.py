@@ -1,10 +1,10 @@
-"""The largest Lyapunov exponent λ of motions in the plane: the mean rate at which ln |v| of a small disturbance grows.
+"""The largest Lyapunov exponent λ of motions in the plane: the mean growth rate of ln |v| for a small perturbation v.
 
     λ = lim ln(|v(t)| / |v(0)|) / t
 
-v is carried by the tangent equations and brought back to length 1 again and again, what it had gained being added up
-(Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15, 9 and 21, 1980).  A run of finite length cannot tell every λ
-from zero: where the motion is regular |v| grows like t, in natural units from 1 to about sqrt(g/l) t, which over T
+v obeys the tangent equations and is rescaled to length 1 again and again, its gains being added up
+(Benettin, Galgani, Giorgilli and Strelcyn, Meccanica 15, 9 and 21, 1980).  A run of finite length cannot distinguish
+every λ from zero: in regular motion |v| grows like t, in natural units from 1 to about sqrt(g/l) t, which over T
 seconds looks like λ = ln(sqrt(g/l) t)/T.
 """
 
@@ -30,27 +30,27 @@ from nonlinear.integration.watches import Gains
 from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
 
 TRANSIENT = 0.5
-"""Share of the duration that is run beforehand, for v to turn into the direction that grows fastest."""
+"""Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
 THIRDS = 3
 """Parts of the whole time, of which the transient is the first."""
 SHORTEST, USUAL = 20.0, 200.0
-"""The shortest duration and the one where nobody says how long, in sqrt(l/g) of the longest link."""
+"""The shortest and the default duration, in sqrt(l/g) of the longest link."""
 TOLERANCE = 1e-7
-"""Of the integrator: one trajectory soon leaves the true one, but their growth is the same on average."""
+"""Integrator's tolerance: a trajectory soon leaves the true one, but both have the same mean growth."""
 BLOCKS, FEWEST = 10, 4
-"""Blocks of time that give an uncertainty; starts that give one by what they differ."""
+"""Blocks of time for an uncertainty; least number of starts for one from their spread."""
 STICKY = 1.4
-"""How much too sure blocks of time are by themselves: chaotic motion sticks to regular islands for longer than a block.
+"""Underestimation of the uncertainty by blocks of time: chaotic motion sticks to islands for longer than a block.
 
-Measured on 700 single runs: 2 standard uncertainties from the blocks hold λ in 84 to 92 of 100, not in 95.
+Measured on 700 single runs: 2 standard uncertainties from the blocks contain λ in 84 to 92 of 100, not in 95.
 """
 CONFIDENCE = 0.95
-"""Share of the intervals that hold λ."""
+"""Coverage probability of the intervals."""
 
 
 @dataclass(frozen=True, eq=False)
 class Exponent:
-    """λ of E starts: `growth` (K, E) is what ln |v| gained between the `times` (K + 1,) in s, the transient included.
+    """λ of E starts: `growth` (K, E) is the gain of ln |v| between the `times` (K + 1,) in s, the transient included.
 
     `energy_drift` is the largest change of energy over a run, relative to g Σ b; NaN in a scene with dampers.
     """
@@ -63,7 +63,7 @@ class Exponent:
 
     @property
     def interrupted(self) -> bool:
-        """Whether Ctrl-C ended it before its time."""
+        """Whether Ctrl-C ended the measurement early."""
         return float(self.times[-1]) < (1 + TRANSIENT) / TRANSIENT * self.transient * (1 - 1e-9)
 
     @property
@@ -77,7 +77,7 @@ class Exponent:
 
     @property
     def duration(self) -> float:
-        """Time (s) over which each start was measured, the transient left out."""
+        """Time (s) over which each start was measured, without the transient."""
         return float(self.times[-1] - self.times[self._first])
 
     @property
@@ -110,7 +110,7 @@ class Exponent:
     def error(self) -> float:
         """Standard uncertainty (1/s): from the blocks of time or from the starts, whichever is larger.
 
-        Of fewer than four starts the blocks count STICKY times.
+        With fewer than four starts the uncertainty from the blocks is multiplied by STICKY.
         """
         in_time = float(self.blocks.std(ddof=1)) / sqrt(BLOCKS)
         return max(in_time if self.by_starts else STICKY * in_time, self.spread / sqrt(self.ensemble))
@@ -126,13 +126,13 @@ class Exponent:
         return self.coverage * self.error
 
     def regular(self, since: Any) -> Any:
-        """What regular motion can look like (1/s), `since` seconds after the transient: |v| grows to e sqrt(g/l) t."""
+        """The apparent λ of regular motion (1/s), `since` seconds after the transient: |v| grows to e sqrt(g/l) t."""
         rate = sqrt(self.scene.gravity / min(link.length for link in self.scene.links()))
         return (1 + np.log(rate * (self.transient + since))) / since
 
     @property
     def floor(self) -> float:
-        """What regular motion can look like at the end (1/s)."""
+        """The apparent λ of regular motion at the end (1/s)."""
         return float(self.regular(self.duration))
 
     @property
@@ -142,7 +142,7 @@ class Exponent:
 
     @property
     def bound(self) -> float:
-        """What λ is below (1/s), where it cannot be told from zero."""
+        """An upper bound of λ (1/s), where it is indistinguishable from zero."""
         return max(1 / self.duration, self.value + self.half_width)
 
     @property
@@ -152,16 +152,16 @@ class Exponent:
 
     @property
     def of_the_chaotic(self) -> Exponent:
-        """The same of those starts alone: where islands of regular motion lie among chaos, λ of all is a mixture."""
+        """The exponent of the chaotic starts alone: with regular islands, λ of all starts is a mixture."""
         return replace(self, growth=self.growth[:, self.members > self.floor])
 
     def running(self) -> tuple[Floats, Floats]:
-        """Times (s) after the transient and λ as it stood then, for every start: (K,) and (K, E)."""
+        """Times (s) after the transient and the estimate of λ at each, for every start: (K,) and (K, E)."""
         times = self.times[self._first :]
         return times[1:], np.cumsum(self.growth[self._first :], axis=0) / (times[1:] - times[0])[:, None]
 
     def words(self, unit: float = 1.0) -> str:
-        """λ ± its standard uncertainty as a multiple of `unit` (1/s), or what it is below."""
+        """λ ± its standard uncertainty as a multiple of `unit` (1/s), or its upper bound."""
         if not self.is_positive:
             return f"< {self.bound / unit:.2g}"
         places = max(0, 1 - int(np.floor(np.log10(max(self.error / unit, 1e-12)))))
@@ -207,14 +207,13 @@ def lyapunov_exponent(
     seed: int = 0,
     report: Callable[[float], object] = lambda elapsed: None,
 ) -> Exponent:
-    """λ of a plane scene from `duration` seconds, after half as many more that are not counted.
+    """λ of a plane scene from `duration` seconds, after a transient of half that length that is discarded.
 
-    Left out, the duration is 200 sqrt(l/g) of the longest link, and the `starts` are the scene's own and `ensemble` − 1
-    more whose angles differ from it by up to `spread` (rad): in chaos they soon have nothing in common, and together
-    they say how certain λ is, if there are at least four.  `report` hears of the seconds gone through, of 1.5 times the
-    duration.  After Ctrl-C λ is what was measured so far, if that is enough to say anything.
-
-    Raises SceneError for a scene in space or a duration too short to say anything.
+    By default the duration is 200 sqrt(l/g) of the longest link, and the `starts` are the scene's own and `ensemble` −
+    1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become independent, and together, if
+    there are at least four, they give the uncertainty of λ.  `report` is called with the simulated time, out of 1.5
+    times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long enough. Raises SceneError
+    for a scene in space or a duration that is too short.
     """
     duration = usual_duration(scene) if duration is None else duration
     _check(scene, duration, SHORTEST / USUAL * usual_duration(scene), ensemble)
@@ -233,7 +232,7 @@ def usual_duration(scene: Scene) -> float:
 
 
 def nearby(state: State, ensemble: int, spread: float, rng: np.random.Generator) -> list[State]:
-    """The state itself and so many more, to make `ensemble`, with angles up to `spread` (rad) aside."""
+    """The state and further ones to make `ensemble`, with angles perturbed by up to `spread` (rad)."""
     asides = rng.uniform(-spread, spread, (ensemble, state.links.size))
     asides[0] = 0.0
     return [replace(state, links=state.links + aside) for aside in asides]
@@ -261,7 +260,7 @@ def _grown(
     least: float,
     report: Callable[[float], object],
 ) -> tuple[Floats, Floats, Floats]:
-    """Times (K + 1,), what ln |v| gained between them (K, E), and the last y (size, E).
+    """Times (K + 1,), the gains of ln |v| between them (K, E), and the last y (size, E).
 
     Every start goes with its own steps; after Ctrl-C the times are those that all of them have reached.
     """

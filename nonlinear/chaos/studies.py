@@ -1,7 +1,7 @@
 """Studies of chaos: scenes started with the same energy, and their Lyapunov exponents compared.
 
-Every pendulum is released at rest with the energy of level links, V = −g Σ b cos θ = 0: half of the energy that inverts
-them all, whatever the number of links.  Within that, angles and sides are random.
+Every pendulum is released at rest with the energy of horizontal links, V = −g Σ b cos θ = 0: half of the energy that
+inverts them all, whatever the number of links.  Within that, angles and sides are random.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
 from nonlinear.system import Group, State, system_of
 
 DECISIVE = 3.0
-"""Standard uncertainties that a difference must exceed: a table holds many pairs, and one in twenty exceeds two."""
+"""Standard uncertainties that a difference must exceed: a table has many pairs, and one in twenty exceeds two."""
 WIDEST, SHARE = 0.5, 0.9
-"""How far (rad) a start may be from level in any link but the last, and in all how near to what the last makes good."""
+"""Largest angle (rad) of links but the last from level, and share of the last link's range that may compensate it."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene of a study, the series it belongs to and where in that it stands (None: what the others are against)."""
+    """A scene of a study, its series and its position in it (None: the reference of the others)."""
 
     series: str
     at: float | None
@@ -34,7 +34,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Study:
-    """A claim in one sentence, the scenes that test it, seconds for each start and how many starts."""
+    """A claim in one sentence, the scenes that test it, seconds for each start and the number of starts."""
 
     paper: str
     claim: str
@@ -59,7 +59,7 @@ class Finding:
 
 
 def measure(study: Study, report: Callable[[float], object] = lambda done: None) -> Finding:
-    """The exponents of a study; `report` hears how many of its cases are done."""
+    """The exponents of a study; `report` is called with the number of cases done."""
     found = []
     for done, case in enumerate(study.cases, 1):
         starts = level_starts(case.scene, study.ensemble)
@@ -69,7 +69,7 @@ def measure(study: Study, report: Callable[[float], object] = lambda done: None)
 
 
 def level_starts(scene: Scene, ensemble: int, seed: int = 0) -> list[State]:
-    """States at rest in which every pendulum has V = −g Σ b cos θ = 0, on a side and at angles drawn at random."""
+    """States at rest in which every pendulum has V = −g Σ b cos θ = 0, with random side and angles."""
     system, rng = system_of(scene), np.random.default_rng(seed)
     starts = []
     for _ in range(ensemble):
@@ -90,7 +90,7 @@ def _level(group: Group, rng: np.random.Generator) -> Floats:
 
 
 def scaled(exponent: Exponent, factor: float) -> tuple[float, float]:
-    """λ and its standard uncertainty times a factor; of what cannot be told from zero, all that it may be."""
+    """λ and its standard uncertainty times a factor; where λ is indistinguishable from zero, its possible range."""
     value = exponent.value if exponent.is_positive else 0.0
     error = exponent.error if exponent.is_positive else exponent.bound / exponent.coverage
     return factor * value, factor * error

@@ -1,9 +1,9 @@
-"""The growth of a small disturbance of a motion in the plane: tangent (variational) equations by the complex step.
+"""The growth of a small perturbation of a motion in the plane: tangent (variational) equations by the complex step.
 
     y' = f(y),        v' = J(y) v,        J v = Im f(y + i h v) / h
 
-The equations of motion are analytic plain arithmetic, so one call of them with complex numbers
-gives y' and v' together; nothing is subtracted, so h can be so small that h² is lost beside 1, and v' is exact but for
+The equations of motion are analytic plain arithmetic, so one evaluation with complex numbers gives y' and v' together;
+nothing is subtracted, so h can be so small that h² is negligible against 1, and v' is exact but for
 rounding (Squire and Trapp, SIAM Review 40, 110, 1998).
 """
 
@@ -30,7 +30,7 @@ class Tangent:
 
     @cached_property
     def equations(self) -> Minimal:
-        """The equations of motion, without the work, which moves nothing and would make y longer where dampers act."""
+        """The equations of motion without the work, which affects nothing and would lengthen y."""
         if self.system.n_links <= WRITTEN:
             return Generated(self.system, counts_work=False)
         return Minimal(self.system, tuple(Recursion(group, tail=1) for group in self.system.groups), counts_work=False)
@@ -52,7 +52,7 @@ class Tangent:
         return found.real, found.imag / STEP
 
     def derivative(self, time: float, packed: Floats) -> Floats:
-        """(y', v') for an integrator, which wants one vector."""
+        """(y', v') for an integrator, as one vector."""
         return self.packed(*self.product(*self.parts(packed)))
 
     def packed(self, y: Floats, v: Floats) -> Floats:
@@ -60,7 +60,7 @@ class Tangent:
         return np.concatenate((y, v), axis=None)
 
     def parts(self, packed: Floats) -> Floats:
-        """Y and v out of one vector."""
+        """The y and v of one vector."""
         return packed.reshape(2, self.equations.layout.size, -1)
 
     def norm(self, v: Floats) -> Floats:

@@ -14,7 +14,7 @@ from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
-from nonlinear.dynamics.interrupts import deaf_children, undisturbed
+from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
 from nonlinear.dynamics.maximal import Maximal
@@ -42,7 +42,7 @@ __all__ = [
     "SpatialRecursion",
     "Symmetry",
     "acting",
-    "deaf_children",
+    "children_without_interrupts",
     "exactly_symmetric",
     "find_symmetries",
     "is_unstable_equilibrium",

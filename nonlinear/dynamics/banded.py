@@ -1,17 +1,17 @@
-"""Long chains in the plane: joint forces and accelerations as one symmetric band, solved by LAPACK.
+"""Long chains in the plane: joint forces and accelerations from one symmetric banded system, solved by LAPACK.
 
-With n across and u along a link (`nonlinear.dynamics.recursion`), f the force that the joint above gives it, ã the
+With n across and u along a link (`nonlinear.dynamics.recursion`), f the force on it from the joint above, ã the
 acceleration of that joint less gravity, α = l θ'', J = I + m c², and primes for the joint below,
 
     (m c/l) ã_n + (J/l²) α + f'_n = Q/l                     about the upper joint
     ã + α n − ã' = l ω² u                                   to the lower joint
     −f + m ã + (m c/l) α n + f' = m c ω² u                  the whole link
 
-for one link after the other, in the unknowns α, f', ã', each in the basis of its link: the step to the basis of the
-next link takes the sine and cosine of θ_i − θ_{i+1} alone.  Nothing is subtracted before LAPACK pivots and nothing
-divided by an inertia, so bobs (I = 0) need no care; a phantom link without mass, on which f' = 0, ends every chain.
-The matrix is symmetric, with three diagonals on either side; forces and the rows in kg are then counted in units of the
-link's mass.  The pendula of a group stand behind each other in one band.
+for one link after another, in the unknowns α, f', ã', each in the basis of its link: the change to the basis of the
+next link needs only the sine and cosine of θ_i − θ_{i+1}.  Nothing is subtracted before LAPACK pivots and nothing is
+divided by an inertia, so bobs (I = 0) need no special treatment; a massless phantom link with f' = 0 ends every chain.
+The matrix is symmetric, with three diagonals on either side, once forces and the rows in kg are scaled by the link's
+mass.  The pendula of a group follow one another in one band.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ SINES = ((FORCE_N, 3, 1.0), (FORCE_U, 1, -1.0), (END_N, -1, -1.0), (END_U, -3, 1
 
 
 class Banded:
-    """A group of chains in the plane, as arrays (P, n); one factorisation for the cart at rest and for its push."""
+    """A group of chains in the plane, as arrays (P, n); one factorization for the cart at rest and its acceleration."""
 
     def __init__(self, group: Group) -> None:
         block = group.block
@@ -45,7 +45,7 @@ class Banded:
         self.straight = self._without_bends()
 
     def _without_bends(self) -> Floats:
-        """LAPACK's columns (P, n, 5, rows): the row that is `down` below the diagonal stands at MIDDLE + down."""
+        """LAPACK's columns (P, n, 5, rows): the entry `down` rows below the diagonal is at MIDDLE + down."""
         band = np.zeros((*self.m.shape, 5, MIDDLE + REACH + 1))
         ratio = self.below / self.m
         band[..., TURN, MIDDLE] = self.spin / self.m
@@ -86,7 +86,7 @@ class Banded:
         return band
 
     def _sides(self, squared: Floats, Q: Floats, top: Floats) -> Floats:
-        """The right-hand sides (2, P, n, 5): the cart at rest, and its acceleration by 1 m/s² with nothing else."""
+        """The right-hand sides (2, P, n, 5): cart at rest, and a cart acceleration of 1 m/s² alone."""
         sides = np.zeros((2, *self.straight.shape[:3]))
         sides[0, :, :, 0] = Q / (self.l * self.m)
         sides[0, :, :, 2] = self.l * squared

@@ -1,7 +1,7 @@
 """`nonlinear.dynamics.recursion` compiled by numba (extra `fast`): one kernel for the whole derivative.
 
-Links stand as in y: pendulum by pendulum, top to bottom, so that joints, recursion and work are loops over flat arrays.
-The lines of the recursion are those of `nonlinear.dynamics.recursion._passed`, where they are explained.
+Links are ordered as in y: pendulum by pendulum, top to bottom, so that joints, recursion and work are loops over flat
+arrays.  The lines of the recursion are those of `nonlinear.dynamics.recursion._passed`, where they are explained.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _joint_law = compiled(joint_law)
 
 @compiled
 def _passed(links, i, below, s, c, w, Q):  # type: ignore[no-untyped-def]
-    """One link upward: (xx, xz, zz, px, pz) above it and (hx, hz, e, D)."""
+    """One link upwards: (xx, xz, zz, px, pz) above it and (hx, hz, e, D)."""
     m, l, mc, J = links[i, 0], links[i, 1], links[i, 2], links[i, 3]
     I, far, cross = links[i, 4], links[i, 5], links[i, 6]
     xx, xz, zz, px, pz = below
@@ -59,7 +59,7 @@ def _passed(links, i, below, s, c, w, Q):  # type: ignore[no-untyped-def]
 
 @compiled
 def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
-    """Moment (N m) of spring, damper and drive above link i on that link, and the power (W) of these two."""
+    """Moment (N m) on link i of the spring, damper and drive above it, and the power (W) of the latter two."""
     stiffness, damping, bent, strength, curb = links[i, 7], links[i, 8], links[i, 9], links[i, 10], links[i, 11]
     turned, speed = angles[i], rates[i]
     if not top:
@@ -70,7 +70,7 @@ def _joint(links, angles, rates, i, top):  # type: ignore[no-untyped-def]
 
 @compiled
 def _upward(links, start, stop, angles, rates, moments, turns):  # type: ignore[no-untyped-def]
-    """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); what its first joint feels, and the joints' power."""
+    """One pendulum: fills `turns` (hx, hz, e, D, sin, cos); the load on its first joint, and the joints' power."""
     below, carried, power = (0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 0.0
     for i in range(stop - 1, start - 1, -1):
         s, c = np.sin(angles[i]), np.cos(angles[i])
@@ -96,7 +96,7 @@ def _downward(links, start, stop, rates, turns, ax, az, turned):  # type: ignore
 
 @compiled
 def rate(y, links, first, cart, gravity, works, push, moments, turns, found):  # type: ignore[no-untyped-def]
-    """The whole of `Minimal.derivative`, into `found`; `cart` holds mass, damper and spring, or nothing."""
+    """The whole of `Minimal.derivative`, into `found`; `cart` holds mass, damper and spring, or is empty."""
     on_cart = int(cart.size > 0)
     half = on_cart + len(links)
     angles, rates, turned = y[on_cart:half], y[half + on_cart : 2 * half], found[half + on_cart : 2 * half]
@@ -120,7 +120,7 @@ def rate(y, links, first, cart, gravity, works, push, moments, turns, found):  #
 
 @dataclass(frozen=True, eq=False)
 class Compiled(Minimal):
-    """The equations of `Minimal` without its bodies, in one compiled pass; MissingExtraError without numba."""
+    """The equations of `Minimal` in one compiled pass, without bodies; MissingExtraError without numba."""
 
     bodies: tuple[()] = ()
 
@@ -130,7 +130,7 @@ class Compiled(Minimal):
 
     @cached_property
     def scene(self) -> tuple[Floats, Ints, Floats, float, bool]:
-        """For kernels: constants of links, where pendula begin, the cart, gravity, whether y counts work."""
+        """Arguments of the kernels: link constants, first links of pendula, cart, gravity, whether y has work."""
         cart = self.system.cart
         return (
             _rows(self.system),
@@ -141,7 +141,7 @@ class Compiled(Minimal):
         )
 
     def derivative(self, time: float, y: Any) -> Any:
-        """The vector y' of one y (size,)."""
+        """The derivative y' of one y (size,)."""
         push, moments = self.load(time, self.layout.state(y)) if self.load else NOTHING
         loose = LOOSE if moments is None else np.ascontiguousarray(moments, dtype=float)
         found, turns = np.empty(self.layout.size), np.empty((self.system.n_links, 6))

@@ -1,15 +1,15 @@
-"""Small scenes and short chains in the plane: dense matrices, which for a few links beat every cleverer form.
+"""Small scenes and short chains in the plane: dense matrices, which for few links beat every cleverer form.
 
 A whole scene is one matrix,
 
     M_ij = A_ij cos(θ_i − θ_j),   M_0i = b_i cos θ_i,   M_00 = m_c + Σ m
     M (x'', θ'') = (F + Σ b_i sin θ_i θ_i'²,  Q_i − g b_i sin θ_i − Σ_j A_ij sin(θ_i − θ_j) θ_j'²)
 
-or every pendulum of a group one of its own, all of them solved at once:
+or every pendulum of a group has a matrix of its own, and all are solved at once:
 
     Σ_j A_ij [cos(θ_i − θ_j) θ_j'' + sin(θ_i − θ_j) θ_j'²] + b_i cos θ_i x'' + g b_i sin θ_i = Q_i
 
-is solved for θ_i'' at rest of the cart and for its answer to x'' = 1.
+is solved for θ_i'' with the cart at rest and for the response to x'' = 1.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.minimal import NOTHING, Minimal
 from nonlinear.system import Group, System
 
-LIGHT = 1e-2  # a cart lighter than this share of what hangs from it: the dense form would lose digits
-FRAIL = 1e-3  # share of a heavier link's mass below which dense forms lose digits to a link above it
+LIGHT = 1e-2  # cart mass over suspended mass below which the dense form would lose digits
+FRAIL = 1e-3  # mass of a link over that of a heavier one below it, under which dense forms lose digits
 SINGULAR = "the mass matrix is singular in double precision"
 
 
 def loses_digits(group: Group, system: System) -> bool:
-    """Whether the cart is so light, or a link so light beside one below it, that matrices would lose digits."""
+    """Whether the cart, or a link above a heavier one, is so light that dense matrices would lose digits."""
     heaviest = np.maximum.accumulate(group.block.mass[::-1])[::-1]
     light = system.cart is not None and system.cart.mass < LIGHT * float(system.mass.sum())
     return light or bool(np.any(group.block.mass < FRAIL * heaviest))
@@ -60,7 +60,7 @@ class Small(Minimal):
 
     @cached_property
     def _acts(self) -> bool:
-        """Whether anything acts besides gravity."""
+        """Whether any force acts besides gravity."""
         cart, groups = self.system.cart, self.system.groups
         held = cart is not None and (cart.stiffness or cart.damping)
         return bool(held or self.load or any(group.hinged for group in groups))
@@ -70,7 +70,7 @@ class Small(Minimal):
         return (self.system.cart.mass if self.system.cart else 0.0) + float(self.system.mass.sum())
 
     def derivative(self, time: float, y: Any) -> Any:
-        """The rate of one y, (size,)."""
+        """The time derivative of one y, (size,)."""
         layout, (A, b) = self.layout, self._pair
         first, half = int(layout.on_cart), layout.half
         angles, squared = y[first:half], y[half + first : 2 * half] ** 2
@@ -92,7 +92,7 @@ class Small(Minimal):
         return found
 
     def _push(self, time: float, y: Floats, force: Floats, found: Floats) -> None:
-        """Add what springs, dampers and loads do."""
+        """Add the forces of springs, dampers and loads."""
         first, state = int(self.layout.on_cart), self.layout.state(y)
         push = self.load(time, state) if self.load else NOTHING
         on_cart, on_links, power = acting(self.system, state, push)
@@ -104,7 +104,7 @@ class Small(Minimal):
 
 
 class Dense:
-    """A group of short chains; the cart feels Σ b cos θ θ'' less what the swinging throws out."""
+    """A group of short chains; the cart is coupled through Σ b cos θ θ'' less the centrifugal terms."""
 
     def __init__(self, group: Group) -> None:
         block = group.block
@@ -134,7 +134,7 @@ class Dense:
 
 
 class Elimination:
-    """`Dense` by elimination from the tips up, for any numbers behind (n, P) that `sine` and `cosine` take."""
+    """`Dense` by elimination from the tips up, for arrays (n, P, ...) of any type that `sine` and `cosine` accept."""
 
     def __init__(self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos) -> None:
         block, self.sine, self.cosine = group.block, sine, cosine

@@ -1,4 +1,4 @@
-"""Whether a start is an equilibrium of the full equations, and an unstable one."""
+"""Whether a start is an unstable equilibrium of the full equations."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ TINY = float(np.finfo(float).tiny)
 
 
 def is_unstable_equilibrium(system: System, start: State) -> bool:
-    """Whether a start is an unstable rest to within rounding, or on a fixed support any pendulum of it.
+    """Whether a start is an unstable equilibrium to within rounding, or on a fixed support any one of its pendula is.
 
-    Nothing moves, the moments of gravity and of the springs are in balance, and V is no minimum there.
+    Nothing moves, the moments of gravity and springs balance, and V has no minimum there.
     """
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
     still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
@@ -37,7 +37,7 @@ def is_unstable_equilibrium(system: System, start: State) -> bool:
 
 
 def _falls(group: Group, weight: Floats) -> Any:
-    """Whether V'' of each chain, `weight` (n, P) on its diagonal and the joint springs', has a negative pivot, (P,)."""
+    """Whether V'' of each chain, with `weight` (n, P) and the joint springs, has a negative pivot, (P,)."""
     stiffness = group.block.stiffness
     pivot, found = np.inf * weight[0], np.zeros(weight.shape[1], dtype=bool)
     for at in range(group.n - 1, -1, -1):

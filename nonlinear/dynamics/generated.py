@@ -1,10 +1,9 @@
-"""Equations of motion as straight-line Python: no array, no matrix, no loop, for scenes of a few links.
+"""Equations of motion as straight-line Python: no arrays, matrices or loops, for scenes of a few links.
 
-The plain lines of `nonlinear.dynamics.minimal` run once with symbols in place of numbers.  What they do is written
-down operation by operation, each kept once, and none that touches only a 0 or that no acceleration needs.  For few
-links Python's floats are several times faster than NumPy, most of whose time would go into calls.
-
-Numbers of a scene are arguments of what is written: scenes that differ in nothing else share the compiled text.
+The plain code of `nonlinear.dynamics.minimal` is run once with symbols in place of numbers.  Its operations are
+recorded one by one, each once, without those that involve only a 0 or that no acceleration needs.  For few links
+Python's floats are several times faster than NumPy, which would spend most of its time on calls.
+The constants of a scene are arguments of the generated code: scenes that differ only in these share it.
 """
 
 from __future__ import annotations
@@ -21,30 +20,30 @@ from nonlinear.dynamics.dense import Elimination, loses_digits
 from nonlinear.dynamics.minimal import Body, Minimal, Recursion
 from nonlinear.system import Group, System
 
-SHORT = 6  # links of a chain whose matrix takes fewer operations than the recursion
-FEW = 2  # pendula of which many y side by side go one by one through what is written
-DEEPEST = 40  # brackets within brackets
+SHORT = 6  # links of a chain up to which its matrix takes fewer operations than the recursion
+FEW = 2  # pendula up to which many states side by side pass one by one through the generated code
+DEEPEST = 40  # nesting of parentheses
 UNDEFINED = (ZeroDivisionError, OverflowError, ValueError)
-"""What Python's floats raise where those of NumPy are inf or nan."""
+"""Raised by Python's floats where NumPy's give inf or nan."""
 
 Rate = Callable[[Sequence[float]], list[float]]
 
 
 class Tape:
-    """Operations as they were first done: each `known` by what it is, as a symbol."""
+    """Recorded operations in order; `known` maps each to its symbol, so that none is recorded twice."""
 
     def __init__(self) -> None:
         self.known: dict[tuple[Any, ...], Symbol] = {}
 
     def symbol(self, *operation: Any) -> Symbol:
-        """What an operation on symbols and floats gives."""
+        """The result of an operation on symbols and floats."""
         if operation not in self.known:
             self.known[operation] = Symbol(self, operation)
         return self.known[operation]
 
 
 def _scalar(operation: Any) -> Any:
-    """An operation that leaves arrays to go through their elements."""
+    """An operator that leaves arrays to apply it to their elements."""
 
     @wraps(operation)
     def done(self: Symbol, other: Any) -> Any:
@@ -54,7 +53,7 @@ def _scalar(operation: Any) -> Any:
 
 
 class Symbol:
-    """A number that is not known yet: its operation, an operator or a function before what it acts on."""
+    """An unknown number, as its operation: an operator or a function followed by its operands."""
 
     __slots__ = ("operation", "tape")
 
@@ -104,7 +103,7 @@ def _is(value: Any, number: int) -> bool:
 
 
 def called(name: str) -> Any:
-    """A function of one symbol for arrays of them."""
+    """A function of one symbol, applied to arrays elementwise."""
     return np.frompyfunc(lambda value: value.tape.symbol(name, value), 1, 1)
 
 
@@ -112,7 +111,7 @@ def called(name: str) -> Any:
 
 
 class Text:
-    """The text of a function of y from what its components are; `numbers` are what it is made with."""
+    """The source of a function of y that returns `components`; `numbers` are the constants it needs."""
 
     def __init__(self, tape: Tape, components: Sequence[Any], size: int) -> None:
         self.named: dict[float, str] = {}
@@ -132,11 +131,11 @@ class Text:
 
     @property
     def numbers(self) -> list[float]:
-        """The numbers of the scene, in the order of the arguments after sine and cosine."""
+        """The constants of the scene, in the order of the arguments after sine and cosine."""
         return list(self.named)
 
     def _lines(self, tape: Tape, uses: dict[int, int]) -> Iterator[str]:
-        """What is wanted more than once or would be too deep in brackets, each in a line of its own."""
+        """Assignments of subexpressions used more than once or nested too deeply."""
         deep: dict[int, int] = {}
         for symbol in tape.known.values():
             if not (wanted := uses.get(id(symbol), 0)):
@@ -163,7 +162,7 @@ def joined(operator: str, parts: Sequence[str]) -> str:
 
 
 def uses(components: Sequence[Any]) -> dict[int, int]:
-    """How often each symbol is wanted by what is wanted."""
+    """How often each symbol is used."""
     uses: dict[int, int] = {}
     wanted = list(components)
     while wanted:
@@ -177,27 +176,27 @@ def uses(components: Sequence[Any]) -> dict[int, int]:
 
 @lru_cache(maxsize=64)
 def function_in(text: str, name: str) -> Callable[..., Any]:
-    """The function of this name that a text defines."""
+    """The function of this name that a source text defines."""
     found: dict[str, Any] = {}
     exec(compile(text, f"<{name}>", "exec"), found)
     return found[name]  # type: ignore[no-any-return]
 
 
 def _body(group: Group, system: System, **how: Any) -> Body:
-    """Who solves one group: elimination for short chains whose dense matrix keeps its digits, else the recursion."""
+    """The solver of one group: elimination for short chains whose dense matrix keeps its digits, else the recursion."""
     written_out = group.n <= SHORT and not loses_digits(group, system)
     return Elimination(group, **how) if written_out else Recursion(group, **how)
 
 
 @dataclass(frozen=True, eq=False)
 class Generated(Minimal):
-    """The equations of `Minimal` without its bodies and loads, written out."""
+    """The equations of `Minimal` written out, without bodies and loads."""
 
     bodies: tuple[()] = ()
 
     @cached_property
     def text(self) -> Text:
-        """The rate of y as it is written."""
+        """The generated source of the time derivative of y."""
         tape, size = Tape(), self.layout.size
         plain = self._with_bodies(sine=called("sin"), cosine=called("cos"))
         y = np.array([tape.symbol("y", i) for i in range(size)], dtype=object)
@@ -209,7 +208,7 @@ class Generated(Minimal):
 
     @cached_property
     def rate(self) -> Rate:
-        """The rate of one y in floats, a list."""
+        """The time derivative of one y in floats, a list."""
         return self._function(sin, cos)
 
     @cached_property
@@ -218,7 +217,7 @@ class Generated(Minimal):
 
     @cached_property
     def many(self) -> Minimal:
-        """The same in NumPy for many y side by side, and all pendula of a group at once."""
+        """The same equations in NumPy for many states side by side, and all pendula of a group at once."""
         return self._with_bodies(tail=1)
 
     def _with_bodies(self, **how: Any) -> Minimal:
@@ -226,7 +225,7 @@ class Generated(Minimal):
         return Minimal(self.system, bodies, counts_work=self.counts_work)
 
     def derivative(self, time: float, y: Any) -> Any:
-        """The rate of one y, (size,), or of many side by side, (size, S), real or complex."""
+        """The time derivative of one y, (size,), or of many side by side, (size, S), real or complex."""
         if y.ndim > 1 and self.system.n_pendula > FEW:
             return self.many.derivative(time, y)
         found = np.empty_like(y)

@@ -1,14 +1,14 @@
-"""Hamiltonian motion in the plane, the comparison that paper 002 suggests at its close, by passes of O(links).
+"""Hamilton's equations in the plane, the comparison suggested at the end of paper 002, by O(links) passes.
 
 With n = (cos θ, −sin θ) across a link, u = (sin θ, cos θ) along it, v the velocity of its centre and P the momentum of
 all that hangs below it,
 
-    w = m c v + l P       p_θ = I θ' + n·w       p_x = m_c x' + Σ m v_x                 momenta, no matrix
-    q' = ∂H/∂p = M⁻¹ p                 the recursion of `nonlinear.dynamics.recursion` without gravity, at rest, pushed
-    by p p_θ' = −∂H/∂θ = −θ' u·w − g b sin θ + springs        p_x' = −k_c x                 H = ½ pᵀM⁻¹p + V
+    w = m c v + l P       p_θ = I θ' + n·w       p_x = m_c x' + Σ m v_x                 momenta without a matrix
+    q' = ∂H/∂p = M⁻¹ p          `nonlinear.dynamics.recursion` without gravity or rates, with p in place of the forces
+    p_θ' = −∂H/∂θ = −θ' u·w − g b sin θ + springs        p_x' = −k_c x                 H = ½ pᵀM⁻¹p + V
 
-and dampers and loads add their generalized forces to p'.  A free cart's p_x is constant, digit for digit.
-Vectors p stand as q does, (x, links); further axes of angles and momenta are so many states side by side.
+and dampers and loads add their generalized forces to p'.  The p_x of a free cart is constant to the last digit.
+Vectors p are ordered like q, (x, links); further axes of angles and momenta are independent states side by side.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Carried(NamedTuple):
 
 
 def carried(group: Group, angles: Floats, rates: Floats, cart_rate: float) -> Carried:
-    """The momentum that each link of a group swings: velocities from the top down, momenta from the tip up."""
+    """The momentum that each link of a group carries: velocities from the top down, momenta from the tip up."""
     block, sin, cos = group.block, np.sin(angles), np.cos(angles)
     n, u = np.stack((cos, -sin)), np.stack((sin, cos))
     ends = np.cumsum(block.length * rates * n, axis=1)
@@ -46,7 +46,7 @@ def carried(group: Group, angles: Floats, rates: Floats, cart_rate: float) -> Ca
 
 
 def momenta(system: System, state: State) -> Floats:
-    """P = ∂T/∂q' (half,): p_x (kg m/s) on a cart, then p_θ (kg m²/s) of every link."""
+    """The momenta ∂T/∂q' (half,): p_x (kg m/s) of a cart, then p_θ (kg m²/s) of every link."""
     on_links, rail = np.empty(system.n_links), 0.0
     for group in system.groups:
         rates = state.link_rates[group.index]
@@ -57,7 +57,7 @@ def momenta(system: System, state: State) -> Floats:
 
 
 def velocities(system: System, links: Any, p: Any) -> Any:
-    """Q' = M⁻¹ p (half, ...) at the angles (L, ...)."""
+    """The velocities q' = M⁻¹ p (half, ...) at the angles (L, ...)."""
     first, found = int(system.cart is not None), np.zeros_like(p)
     solved, mass, force = [], 0.0, 0.0
     for group in system.groups:
@@ -73,7 +73,7 @@ def velocities(system: System, links: Any, p: Any) -> Any:
 
 
 def potential(system: System, cart: Any, links: Any) -> Any:
-    """V (J) of gravity and of every spring, lowest with all links hanging where springs let them."""
+    """V (J) of gravity and of every spring: −g Σ b with all links hanging and all springs relaxed."""
     found = system.cart.stiffness * cart**2 / 2 if system.cart else 0.0
     for group in system.groups:
         angles = links[group.index]
@@ -97,12 +97,12 @@ class Hamiltonian:
 
     @cached_property
     def layout(self) -> Layout:
-        """The parts of y, momenta in the place of velocities."""
+        """The arrangement of y, with momenta in place of velocities."""
         system, works = self.system, self.system.works or self.load is not None
         return Layout(system.n_links, 1, system.cart is not None, works)
 
     def derivative(self, time: float, y: Floats) -> Floats:
-        """Y' of shape (size,): q', then p' = −∂H/∂q and what dampers and loads add."""
+        """The derivative y' (size,): q', then p' = −∂H/∂q plus the forces of dampers and loads."""
         state = self.read(y[None])[0]
         push = self.load(time, state) if self.load else AppliedForces()
         rates = self.layout.begin(state)[self.layout.half : 2 * self.layout.half]
@@ -120,7 +120,7 @@ class Hamiltonian:
         return y
 
     def read(self, rows: Floats) -> Motion:
-        """The motion in vectors (T, size), momenta turned into velocities."""
+        """The motion in vectors (T, size), momenta converted to velocities."""
         first, half = int(self.layout.on_cart), self.layout.half
         found = np.array(rows)
         found[:, half : 2 * half] = velocities(self.system, rows[:, first:half].T, rows[:, half : 2 * half].T).T
@@ -128,7 +128,7 @@ class Hamiltonian:
 
     @property
     def scale(self) -> Floats:
-        """Natural units of y, (size,): those of momenta are the largest on each diagonal of M times those of rates."""
+        """Natural units of y, (size,): for momenta the largest entry of each diagonal of M times that of rates."""
         system, layout = self.system, self.layout
         found, inertia = layout.natural(system), np.empty(system.n_links)
         for group in system.groups:

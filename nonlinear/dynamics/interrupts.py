@@ -1,4 +1,4 @@
-"""Ctrl-C put off while foreign code is loaded and compiled, and kept from processes that are started."""
+"""Ctrl-C deferred while foreign code is loaded and compiled, and blocked in child processes."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ENDING = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if h
 
 @contextmanager
 def undisturbed() -> Iterator[None]:
-    """A block that Ctrl-C, or what else has the process end in its own time, ends only when it is through."""
+    """A block that Ctrl-C, or another signal that asks the process to end, interrupts only after it completes."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -30,8 +30,8 @@ def undisturbed() -> Iterator[None]:
 
 
 @contextmanager
-def deaf_children() -> Iterator[None]:
-    """Processes that start in here never hear Ctrl-C, where the platform can; this one hears it later."""
+def children_without_interrupts() -> Iterator[None]:
+    """Processes started in this block never receive Ctrl-C, where the platform permits; this one gets it later."""
     if not hasattr(signal, "pthread_sigmask"):
         yield
         return

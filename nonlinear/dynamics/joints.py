@@ -1,11 +1,11 @@
-"""What acts on a plane scene besides gravity and the pivots: springs, dampers and drives, and a load from outside.
+"""Forces on a plane scene besides gravity and the pivot forces: springs, dampers, drives and external loads.
 
-At a joint, or between cart and rail, they answer the displacement γ from where the spring is relaxed and its rate with
+At a joint, or between cart and rail, they depend on the displacement γ from the relaxed position and on its rate:
 
     −k γ + (e − curb γ² − d) γ'
 
-where the second term does work and the first keeps it; γ of a joint is the angle between two neighbouring links less
-the one at rest.  A load is a force on the cart and a moment on every link.
+The first term is conservative, the second does work; γ of a joint is the angle between two neighbouring links less its
+equilibrium value.  A load is a force on the cart and a moment on every link.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from nonlinear.system import AppliedForces, Group, State, System
 
 
 def joint_law(gamma: Any, rate: Any, stiffness: Any, damping: Any, strength: Any = 0.0, curb: Any = 0.0) -> Any:
-    """The force that keeps energy, and the one that drains or feeds it: N at the rail, N m at a joint."""
+    """The conservative and the dissipative (or driving) part of the force: N at the rail, N m at a joint."""
     return -stiffness * gamma, (strength - damping - curb * gamma**2) * rate
 
 
@@ -30,9 +30,9 @@ def cart_force(system: System, x: Any, rate: Any) -> Any:
 
 
 def joint_torques(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
-    """Generalized forces (N m) on the absolute angles, (n, P, ...) as these are, and the power of these.
+    """Generalized forces (N m) on the absolute angles, (n, P, ...) like these, and the power of dampers and drives.
 
-    That is what dampers drain and van der Pol torques feed (W), (...).
+    The power (...) is what dampers drain and van der Pol torques supply (W).
     """
     block, drive, speed = group.block, group.excitation, relative(rates)
     curbed = (drive.strength, drive.curb) if group.excited and drive else ()
@@ -49,14 +49,14 @@ def spring_energy(group: Group, angles: Floats) -> Floats:
 
 
 def relative(values: Any) -> Any:
-    """Of every link to the one above, the support's being zero."""
+    """The value of every link relative to the one above, the support's being zero."""
     found = values.copy()
     found[1:] -= values[:-1]
     return found
 
 
 def bend(group: Group, angles: Any) -> Any:
-    """The angle (rad) of every link to the one above less that at rest, (n, P, ...)."""
+    """The angle (rad) of every link relative to the one above, less its equilibrium value, (n, P, ...)."""
     return relative(angles) - _spread(group.bent, angles)
 
 
@@ -65,9 +65,9 @@ def _spread(constant: Floats, like: Any) -> Floats:
 
 
 def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Floats, float]:
-    """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and the power (W) of all these.
+    """Force (N) along the rail, generalized forces (N m) on the absolute angles, (L,), and non-conservative power (W).
 
-    The pivots are left out, and so is what keeps energy from the power.
+    Pivot forces are excluded; conservative forces do not count in the power.
     """
     torques, power = state.links * 0.0, 0.0
     for group in system.groups:

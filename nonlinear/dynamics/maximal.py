@@ -1,10 +1,10 @@
 """Motion in the plane in maximal coordinates: paper 000's DAE of cart and double pendula for any plane scene.
 
-Coordinates q = (x, z of the cart; x, z, θ of the centre of every link) with z down, the cart's left out on a fixed
+Coordinates q = (x, z of the cart; x, z, θ of the centre of every link) with z down, the cart's omitted on a fixed
 support.  Every link moves freely under gravity, springs, dampers and loads f, held by pivot forces λ that are unknowns
 too: the ground's push up on the cart, then the force from above on every link,
 
-    M q'' + Gᵀ λ = f,   G q'' = γ      5L unknowns, 5L + 3 on a cart: 10 n + 3 for n double pendula
+    M q'' + Gᵀ λ = f,   G q'' = γ      5L unknowns, 5L + 3 with a cart: 10 n + 3 for n double pendula
 
 With u = (sin θ, cos θ) along a link, n = (cos θ, −sin θ) across it and e = l − c, link i hangs from h where
 
@@ -14,12 +14,12 @@ With u = (sin θ, cos θ) along a link, n = (cos θ, −sin θ) across it and e 
 The end of the support is the cart's centre, whose own constraint, the first, is z = 0.  The matrix is regular although
 bobs have no inertia and a cart may have no mass.
 
-The accelerations keep the constraints, round-off and integration errors do not: the system is of index 1, and positions
-drift off (linearly in the velocities' error, quadratically in the accelerations').  So between steps `project` puts q
-and q' back by the least change in the sense of the masses, min ½ δᵀM δ with G δ = −g, one linear system of the same
-matrix a Newton step (Hairer, Lubich & Wanner, Geometric Numerical Integration, 2006, §IV.4).  It leaves the centre of
-mass and the momentum along the rail as they are.  Source: paper 000, section IV, corrected
-(`modal.symbolic.papers.cart_dae`), written link to link.
+The accelerations satisfy the constraints, but round-off and integration errors do not: the system is of index 1, and
+positions drift off (linearly with the velocities' error, quadratically with the accelerations').  So between steps
+`project` restores q and q' by the smallest mass-weighted change, min ½ δᵀM δ with G δ = −g, one linear system of the
+same matrix per Newton step (Hairer, Lubich & Wanner, Geometric Numerical Integration, 2006, §IV.4).  It leaves the
+centre of mass and the momentum along the rail unchanged.  Source: paper 000, section IV, corrected
+(`modal.symbolic.papers.cart_dae`), written link by link.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ SINGULAR = "an acceleration stays open, as of a cart without mass over hanging b
 
 
 class Drift(NamedTuple):
-    """The widest pivot: open by `position` of the longest pendulum L, opening by `velocity` of sqrt(g L)."""
+    """The widest pivot: a gap of `position` times the longest pendulum L, opening at `velocity` times sqrt(g L)."""
 
     position: float
     velocity: float
@@ -56,7 +56,7 @@ class Drift(NamedTuple):
 class Maximal:
     """The equations of a plane scene with y = (q, q', work).
 
-    Without `controlled`, `project` reports the drift and leaves it, as the paper's method does.
+    With `controlled` false, `project` reports the drift and leaves it uncorrected, as the paper's method does.
     """
 
     system: System
@@ -75,7 +75,7 @@ class Maximal:
 
     @property
     def works(self) -> bool:
-        """Whether the work comes last in y."""
+        """Whether the work is the last component of y."""
         return self.system.works or self.load is not None
 
     def unknowns(self, time: float, y: Floats) -> Floats:
@@ -84,7 +84,7 @@ class Maximal:
         return self._solved(state, self._push(time, state))[0]
 
     def derivative(self, time: float, y: Floats) -> Floats:
-        """Y' of shape (size,)."""
+        """The derivative y', (size,)."""
         state, size = self._state(y), self.pivots.size
         push = self._push(time, state)
         unknowns, power = self._solved(state, push)
@@ -108,7 +108,7 @@ class Maximal:
         return self.read(y[None])[0]
 
     def begin(self, state: State) -> Floats:
-        """The vector y of a state given by its angles, all pivots closed, no work done yet."""
+        """The vector y of a state given by its angles, with closed pivots and zero work."""
         return np.concatenate((*self.pivots.placed(state), np.zeros(int(self.works))))
 
     def read(self, rows: Floats) -> Motion:
@@ -130,13 +130,13 @@ class Maximal:
         return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
 
     def drift(self, y: Floats) -> Drift:
-        """How far y is off its constraints."""
+        """By how much y violates its constraints."""
         q, v = self._halves(y)
         reach, gravity = self.pivots.reach, self.system.gravity
         return Drift(_widest(self.pivots.gaps(q)) / reach, _widest(self.pivots.opening(q, v)) / sqrt(gravity * reach))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
-        """The nearest y that keeps every constraint, and the largest violation that it mends, as `drift` scales it.
+        """The nearest y that satisfies every constraint, and the largest violation removed, scaled as in `drift`.
 
         ComputationError where Newton's method does not close the pivots.
         """
@@ -169,7 +169,7 @@ class Maximal:
         return y[: self.pivots.size], y[self.pivots.size : 2 * self.pivots.size]
 
     def reactions(self, motion: Motion, times: Floats | None = None) -> Reactions:
-        """Every force of a motion, of this system or of any other; `times` (T,) in s are what a load depends on."""
+        """Every force of a motion, of this system or of any other; a load is evaluated at `times` (T,) in s."""
         size, first = self.pivots.size, self.pivots.first
         at = np.zeros(len(motion.cart)) if times is None else times
         states = [motion[place] for place in range(len(at))]
@@ -185,13 +185,13 @@ def _widest(gaps: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Pivots:
-    """The constraints of a plane scene: 2L of them, and one more on a cart, on 3L coordinates, and two more."""
+    """The constraints of a plane scene: 2L on 3L coordinates, and with a cart one more on two more."""
 
     system: System
 
     @cached_property
     def first(self) -> int:
-        """Coordinates of the cart."""
+        """Number of coordinates of the cart."""
         return 2 if self.system.cart else 0
 
     @cached_property
@@ -209,17 +209,17 @@ class Pivots:
 
     @cached_property
     def centre(self) -> Floats:
-        """From the upper pivot to the centre of mass (m), (L,)."""
+        """Distance from the upper pivot to the centre of mass (m), (L,)."""
         return self.system.by_link("centre")
 
     @cached_property
     def rest(self) -> Floats:
-        """From the centre of mass to the lower pivot (m), (L,)."""
+        """Distance from the centre of mass to the lower pivot (m), (L,)."""
         return self.system.by_link("length") - self.centre
 
     @cached_property
     def reach(self) -> float:
-        """Length (m) of the longest pendulum, of which violations are fractions."""
+        """Length (m) of the longest pendulum, the unit of violations."""
         return max(float(group.block.length.sum(0).max()) for group in self.system.groups)
 
     def parts(self, q: Floats) -> tuple[Floats, Floats]:
@@ -228,7 +228,7 @@ class Pivots:
         return support, q[self.first :].reshape(-1, 3)
 
     def placed(self, state: State) -> tuple[Floats, Floats]:
-        """Q and q' of a state, every constraint kept."""
+        """The q and q' of a state, with every constraint satisfied."""
         u, n = _directions(state.links)
         q = self._hung(u, state.links, state.cart)
         return q, self._hung(state.link_rates[:, None] * n, state.link_rates, state.cart_rate)
@@ -243,18 +243,18 @@ class Pivots:
         return np.concatenate((support[: self.first], links.ravel()))
 
     def gaps(self, q: Floats) -> Floats:
-        """By how much the pivots stand open (m)."""
+        """The gaps of the pivots (m)."""
         support, links = self.parts(q)
         return self._apart(links[:, :2], _directions(links[:, 2])[0], support)
 
     def opening(self, q: Floats, v: Floats) -> Floats:
-        """G q', how fast the pivots open (m/s)."""
+        """The rate G q' at which the pivots open (m/s)."""
         support, rates = self.parts(v)
         n = _directions(self.parts(q)[1][:, 2])[1]
         return self._apart(rates[:, :2], rates[:, 2:] * n, support)
 
     def gamma(self, angles: Floats, rates: Floats) -> Floats:
-        """γ (m/s²), what G q'' must be for the pivots to stay closed."""
+        """The value γ (m/s²) of G q'' that keeps the pivots closed."""
         arms = rates[:, None] ** 2 * _directions(angles)[0]
         return self._apart(np.zeros_like(arms), arms, np.zeros(2))
 
@@ -265,7 +265,7 @@ class Pivots:
 
 
 def _directions(angles: Floats) -> tuple[Floats, Floats]:
-    """U along and n across every link as (along the rail, down), (L, 2) each."""
+    """The vectors u along and n across every link as (along the rail, down), (L, 2) each."""
     sin, cos = np.sin(angles), np.cos(angles)
     return np.column_stack((sin, cos)), np.column_stack((cos, -sin))
 
@@ -293,7 +293,7 @@ class Saddle:
         return self.size <= DENSE
 
     def solve(self, angles: Floats, upper: Floats | float, lower: Floats | float) -> Floats:
-        """(q'', λ), or the like, with forces `upper` and accelerations `lower` on the right.
+        """The solution (q'', λ) with forces `upper` and accelerations `lower` on the right-hand side.
 
         ComputationError where the motion is not determined.
         """
@@ -330,9 +330,9 @@ def _masses(pivots: Pivots) -> tuple[Floats, Floats]:
 
 
 def _entries(pivots: Pivots) -> tuple[Ints, Ints, Floats, Floats, Ints]:
-    """(rows, columns) of G; the entries that stay; the arms of those that turn, and the (cos, −sin) of which link.
+    """(rows, columns) of G; its constant entries; the arms of the varying ones, and the link of their (cos, −sin).
 
-    Row r is a pivot along the rail, r + 1 the same one down.
+    Row r is a pivot's equation along the rail, r + 1 the same pivot's downward one.
     """
     first, links = pivots.first, np.arange(pivots.system.n_links)
     r, x = first // 2 + 2 * links, first + 3 * links

@@ -1,8 +1,8 @@
-"""What a motion means: positions, energies, momenta and forces, for the plane and for space by the same lines.
+"""Positions, energies, momenta and forces of a motion, by the same code in the plane and in space.
 
 Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.  Potential energy is
-counted from the scene's rest, by σ − cos θ = 2 σ sin² ((θ − rest)/2) and, in space, σ − u·e_z = σ |u − σ e_z|²/2, with
-σ = 1 for a link that hangs at rest and −1 for one that stands: small motions keep their digits.
+measured from the scene's equilibrium, by σ − cos θ = 2 σ sin² ((θ − rest)/2) and, in space, σ − u·e_z =
+σ |u − σ e_z|²/2, with σ = 1 for a link that hangs there and −1 for an inverted one: small motions keep their digits.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.joints import spring_energy
 from nonlinear.system import Group, Motion, System
 
-AT_ONCE = 20_000  # links at one instant
+AT_ONCE = 20_000  # links times instants in one block
 
 
 def vectors(motion: Motion) -> tuple[Floats, Floats]:
@@ -30,10 +30,10 @@ def vectors(motion: Motion) -> tuple[Floats, Floats]:
 
 
 def chained(system: System, cart: Floats, along: Floats) -> tuple[Floats, Floats]:
-    """Lower joints and centres, each (T, L, d), of what adds up along chains: `along` (T, L, d) a metre of link.
+    """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `along` (T, L, d).
 
-    Positions from unit vectors, velocities from their rates, accelerations from theirs; `cart` (T,) is the same thing
-    of the pivots, along the rail.
+    Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
+    `cart` (T,) is the same quantity of the pivots, along the rail.
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
     for group in system.groups:
@@ -48,7 +48,7 @@ def chained(system: System, cart: Floats, along: Floats) -> tuple[Floats, Floats
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """Quantities of T states, computed when they are asked for."""
+    """Quantities of T states, computed on demand."""
 
     system: System
     motion: Motion
@@ -81,7 +81,7 @@ class Mechanics:
 
     @cached_property
     def heights(self) -> Floats:
-        """Of every centre of mass above where it is at rest (m), (T, L)."""
+        """Height of every centre of mass above its equilibrium position (m), (T, L)."""
         links, sigma = self.motion.links, self.system.by_link("sigma")
         if self.system.spatial:
             lifts = sigma * np.sum((links - np.outer(sigma, [0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
@@ -91,7 +91,7 @@ class Mechanics:
 
     @cached_property
     def potential(self) -> Floats:
-        """Potential energy (J) of every link above its rest, and of the spring at its upper joint, (T, L)."""
+        """Potential energy (J) of every link relative to equilibrium, with its upper joint's spring, (T, L)."""
         found = self.system.mass * self.system.gravity * self.heights
         for group in self.system.groups:
             if group.sprung:
@@ -126,7 +126,7 @@ class Mechanics:
 
     @cached_property
     def energies(self) -> tuple[Floats, Floats]:
-        """Kinetic and potential energy (J) of all, each (T,): of so many instants at once as a processor holds."""
+        """Kinetic and potential energy (J) of the scene, each (T,), in blocks that fit a processor's cache."""
         rows, times = max(1, AT_ONCE // self.system.n_links), len(self.motion.cart)
         if times <= rows:
             return self.kinetic.sum(1) + self.cart_kinetic, self.potential.sum(1) + self.cart_potential
@@ -135,7 +135,7 @@ class Mechanics:
         return kinetic, potential
 
     def of_pendula(self, values: Floats) -> Floats:
-        """Values (T, L) of links added up over each pendulum, (T, N)."""
+        """Sums over each pendulum of values (T, L) of links, (T, N)."""
         found = np.zeros((len(values), self.system.n_pendula))
         for group in self.system.groups:
             found[:, group.pendula] = values[:, group.index].sum(1)
@@ -156,7 +156,7 @@ class Mechanics:
         return np.asarray(orbital + own)
 
     def pivot_forces(self, accelerations: tuple[Floats, Floats]) -> Floats:
-        """Force (N) of what is above on every link at its upper joint, (T, L, d).
+        """Force (N) on every link from above at its upper joint, (T, L, d).
 
         `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d): Newton's second law for
         the link and all below it.
@@ -175,8 +175,8 @@ class Reactions:
     """Forces (N) at T times.
 
     `normal` (T,): the rail's push up on the cart, or a fixed support's on everything (R in paper 000, section IV.A).
-    `pivots` (T, L, d): what each link gets from above at its upper joint, along the rail and down (across in between,
-    in space).  `tops` (L,) says which links hang from the support.
+    `pivots` (T, L, d): the force on each link from above at its upper joint, along the rail and down (in space along,
+    across and down).  `tops` (L,) marks the links that hang from the support.
     """
 
     normal: Floats
@@ -185,10 +185,10 @@ class Reactions:
 
     @property
     def R_B(self) -> Floats:
-        """Of the support on the first link of every pendulum, as in paper 000."""
+        """Force of the support on the first link of every pendulum, as in paper 000."""
         return self.pivots[:, self.tops]
 
     @property
     def R_P(self) -> Floats:
-        """Of every further link on the one above it: paper 000 draws it on the upper link."""
+        """Force of every further link on the one above it: paper 000 draws it on the upper link."""
         return -self.pivots[:, ~self.tops]

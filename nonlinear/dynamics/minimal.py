@@ -1,10 +1,10 @@
-"""Equations of motion in minimal coordinates, solved group by group: in the plane the cart and one angle a link.
+"""Equations of motion in minimal coordinates, solved group by group: in the plane the cart and one angle per link.
 
-Each group answers the cart's acceleration x'' with a pull along the rail, mass · x'' + force; the cart's own equation
+Each group responds to the cart's acceleration x'' with a pull along the rail, mass · x'' + force; the cart's equation
 
     (m_c + Σ mass) x'' = F − c_c x' − k_c x − Σ force
 
-closes the loop (the Schur complement of the cart), and each group then turns its links under x''.
+gives x'' (the Schur complement of the cart), from which each group computes the accelerations of its links.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ NOTHING = AppliedForces()
 
 
 class Body(Protocol):
-    """One group of pendula, solved: what it pulls the cart with, then how it turns once the cart's motion is known."""
+    """Solver of one group of pendula: first its pull on the cart, then the accelerations of its links under x''."""
 
     def pull(self, links: Any, rates: Any, torques: Any, gravity: float) -> tuple[Any, Any, Any]:
-        """Mass (kg) and force (N) of its pull along the rail, and what it must remember."""
+        """Mass (kg) and force (N) of its pull along the rail, and intermediate results for `turn`."""
         ...
 
     def turn(self, memory: Any, push: Any) -> Any:
@@ -38,7 +38,7 @@ class Body(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Suspended(ABC):
-    """The equations of a scene; `bodies` solve its groups, `load` acts from outside, y may count the work or not."""
+    """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work."""
 
     system: System
     bodies: tuple[Body, ...]
@@ -49,21 +49,21 @@ class Suspended(ABC):
 
     @cached_property
     def layout(self) -> Layout:
-        """The parts of y."""
+        """The arrangement of y."""
         works = self.counts_work and (self.system.works or self.load is not None)
         return Layout(self.system.n_links, self.width, self.system.cart is not None, works)
 
     @cached_property
     @abstractmethod
     def places(self) -> tuple[Ints, ...]:
-        """Where every group's numbers stand among those of all links."""
+        """Positions of every group's numbers among those of all links."""
 
     @abstractmethod
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
-        """Generalized forces of joints and of `moments` from outside, and the power (W) of dampers and moments."""
+        """Generalized forces of joints and of external `moments`, and the power (W) of dampers and moments."""
 
     def derivative(self, time: float, y: Any) -> Any:
-        """The rate of y, (size, ...): further axes of y are so many trajectories side by side."""
+        """The time derivative of y, (size, ...): further axes of y are independent trajectories side by side."""
         layout, cart = self.layout, self.system.cart
         first, half = int(layout.on_cart), layout.half
         q, v = y[:half], y[half : 2 * half]
@@ -109,12 +109,12 @@ class Suspended(ABC):
         return self.layout.natural(self.system)
 
     def project(self, y: Floats) -> tuple[Floats, float]:
-        """Without constraints there is nothing to mend."""
+        """No constraints: y is unchanged."""
         return y, 0.0
 
 
 class Recursion:
-    """The plain body: one pass up and one down, for any numbers behind (n, P) that `sine` and `cosine` take."""
+    """One pass up and one down in NumPy, for arrays (n, P, ...) of any type that `sine` and `cosine` accept."""
 
     def __init__(self, group: Group, tail: int = 0, sine: Any = np.sin, cosine: Any = np.cos) -> None:
         self.sine, self.cosine = sine, cosine
@@ -138,7 +138,7 @@ class Minimal(Suspended):
 
     @cached_property
     def places(self) -> tuple[Ints, ...]:
-        """Where every group's angles (n, P) stand among all."""
+        """Positions of every group's angles (n, P) among those of all links."""
         return tuple(group.index for group in self.system.groups)
 
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:

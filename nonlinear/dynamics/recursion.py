@@ -1,18 +1,19 @@
 """Accelerations in the plane by one pass from the tips up and one back down, O(links), without a matrix.
 
 With u = (sin θ, cos θ) along a link, n = (cos θ, −sin θ) across it and ã = a − g e_z the acceleration of its upper
-joint as the link feels it, everything from that joint down answers with the force f = M ã + p, M symmetric.  Knowing
-M' and p' of what hangs below (zero below the last link), with J = I + m c²,
+joint as the link feels it, everything from that joint down responds with the force f = M ã + p, M symmetric.  Given M'
+and p' of all that hangs below (zero below the last link), with J = I + m c²,
 
     D = J + l² n·M'n     h = m c n + l M'n     e = l n·(p' − l ω² M'u) − Q     θ'' = −(h·ã + e)/D
     M = m + M' − h hᵀ/D         p = p' − ω² (m c u + l M'u) − h e/D
 
-In the basis (n, u) two of M's three numbers come without subtraction (as in `modal.eigen.recursion`):
+In the basis (n, u) two of M's three numbers need no subtraction (as in `modal.eigen.recursion`):
 
     M_nn = (m I + (I + m (l−c)²) M'_nn)/D,   M_nu = (I − m c (l−c)) M'_nu / D,   M_uu = m + M'_uu − l² M'_nu²/D
 
 This is the articulated-body recursion (Featherstone, Rigid Body Dynamics Algorithms, 2008, §7.2) of a planar chain.
-Every line is plain arithmetic: floats, arrays of any one shape, complex numbers, SymPy and heyoka expressions run it.
+Every line is plain arithmetic: it accepts floats, arrays of any one shape, complex numbers, SymPy and heyoka
+expressions.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Link(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """f = M ã + p of everything below a joint, along the rail (x) and down (z): M in kg, p in N."""
+    """The force f = M ã + p of everything below a joint, along the rail (x) and down (z): M in kg, p in N."""
 
     xx: Any
     xz: Any
@@ -46,7 +47,7 @@ class Answer(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """θ'' = −(hx ã_x + hz ã_z + e)/D of one link, and what carries ã to its lower joint."""
+    """The terms of θ'' = −(hx ã_x + hz ã_z + e)/D of one link, and those that transmit ã to its lower joint."""
 
     hx: Any
     hz: Any
@@ -70,7 +71,7 @@ def links_of(group: Group) -> list[Link]:
 def upward(
     links: Sequence[Link], sin: Sequence[Any], cos: Sequence[Any], rate: Sequence[Any], torque: Sequence[Any]
 ) -> tuple[Answer, list[Turn]]:
-    """From the tip up: what the first joint feels, and how every link turns, top first.
+    """The upward pass: the response at the first joint, and the `Turn` of every link, top first.
 
     `torque` (N m) is the generalized force on each absolute angle, gravity excepted.
     """

@@ -1,4 +1,4 @@
-"""Motion in space: the cart along its rail and one unit vector a link, y = (x, u, x', w, work)."""
+"""Motion in space: the cart along its rail and one unit vector per link, y = (x, u, x', w, work)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from nonlinear.system import Group
 
 
 class SpatialRecursion:
-    """The plain body: one pass up and one down; u, u' and the torques on u are (3, n, P, ...)."""
+    """One pass up and one down in NumPy; u, u' and the torques on u are (3, n, P, ...)."""
 
     def __init__(self, group: Group, tail: int = 0) -> None:
         self.links = [type(link)(*(value.reshape(-1, *[1] * tail) for value in link)) for link in links_of(group)]
@@ -25,8 +25,8 @@ class SpatialRecursion:
     def pull(self, u: Any, w: Any, torque: Any, gravity: float) -> tuple[Any, Any, Any]:
         """The effective mass (kg) and force (N) along the rail, summed over the pendula.
 
-        The stages of an integrator's step leave the sphere, where the two mirrors of `space` would give two answers and
-        y' would jump as a link passes level: so the directions are made unit vectors first.
+        The stages of an integrator's step leave the sphere, where the two reflections of `spatial_recursion` would give
+        different results and y' would jump as a link passes the horizontal: so the directions are normalized first.
         """
         u = u / np.sqrt(dot(u, u))
         answer, turns = upward(self.links, u, w, torque, facing(u))
@@ -48,7 +48,7 @@ class Spatial(Suspended):
 
     @cached_property
     def places(self) -> tuple[Ints, ...]:
-        """Where the components (3, n, P) of every group stand among those of all links."""
+        """Positions of the components (3, n, P) of every group among those of all links."""
         return tuple(3 * group.index + np.arange(3)[:, None, None] for group in self.system.groups)
 
     def acting(self, group: Group, links: Any, rates: Any, moments: Any | None) -> tuple[Any, Any]:
@@ -64,7 +64,7 @@ class Spatial(Suspended):
         return np.zeros_like(links) if moments is None else generalized(moments, links), power
 
     def project(self, y: Floats) -> tuple[Floats, float]:
-        """Unit u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) that this mends."""
+        """Normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) removed."""
         first, half = int(self.layout.on_cart), self.layout.half
         found = y.copy()
         u, w = (part[first:].reshape(-1, 3) for part in (found[:half], found[half : 2 * half]))

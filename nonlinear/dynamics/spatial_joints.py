@@ -1,15 +1,15 @@
 """Springs and dampers at the joints of chains in space: moments, energy and power.
 
-Vectors are (3, n, P, ...), components first.  A link turns at Ω = u × w and does not spin.  A damper acts on the
-turning of a link relative to the one above (the support's being zero), a spring on the angle γ between the two
-directions that coincide at rest, σ_i u_i and σ_{i−1} u_{i−1} (e_z above the first link):
+Vectors are (3, n, P, ...), components first.  A link rotates at Ω = u × w without spin about its axis.  A damper acts
+on the rotation of a link relative to the one above (the support's being zero), a spring on the angle γ between the two
+directions that coincide at equilibrium, σ_i u_i and σ_{i−1} u_{i−1} (e_z above the first link):
 
     V = ½ Σ k γ²        moment on the link below = −k (γ / sin γ) a × b − d (Ω_i − Ω_{i−1}),  a above, b below,
 
-and the opposite on the link above; τ on a link is the generalized force Q = τ × u on u.  With 4 z = |a − b|² and
-4 z̄ = |a + b|², γ = 2 arctan √(z/z̄) and γ / sin γ = arctan √(z/z̄) / √(z z̄): analytic but where the spring is bent
-right back (γ = π), where the moment has no direction and is taken as zero.  γ never exceeds π: a joint in space
-does not wind up, as one in the plane does.
+and the opposite on the link above; τ on a link is the generalized force Q = τ × u on u.  With 4 z = |a − b|² and 4 z̄ =
+|a + b|², γ = 2 arctan √(z/z̄) and γ / sin γ = arctan √(z/z̄) / √(z z̄): analytic except where the spring is bent right
+back (γ = π), where the moment has no direction and is taken as zero.  γ never exceeds π: a joint in space does not wind
+up, as one in the plane does.
 """
 
 from __future__ import annotations

@@ -1,14 +1,14 @@
 """Accelerations in space by one pass from the tips up and one back down, O(links), on unit vectors.
 
-A link is the unit vector u with rate w = u', u·w = 0, and does not spin: u'' = α − |w|² u with α across the link.
-With ã = a − g e_z the acceleration of its upper joint as it feels it, everything from that joint down answers with
-the force f = M ã + p, M symmetric.  Knowing M' and p' of what hangs below (zero below the last link), Q across the
-link the generalized force on u, J = I + m c², P = 1 − u uᵀ,
+A link is the unit vector u with rate w = u', u·w = 0, and does not spin: u'' = α − |w|² u with α across the link. With
+ã = a − g e_z the acceleration of its upper joint as it feels it, everything from that joint down answers with the force
+f = M ã + p, M symmetric.  Given M' and p' of all that hangs below (zero below the last link), Q across the link the
+generalized force on u, J = I + m c², P = 1 − u uᵀ,
 
     J α + P (m c ã + l f') = Q      f' = M'(ã + l u'') + p'      f = m (ã + c u'') + f'.
 
-The reflection 1 − β v vᵀ, v = u ± e_z, β = 1/(1 + |u_z|), lays the link along the vertical without a singular
-direction (its sign is that of u_z; where |u| = 1 no result depends on it).  In the mirror M' has the blocks N (2×2,
+The reflection 1 − β v vᵀ, v = u ± e_z, β = 1/(1 + |u_z|), maps the link onto the vertical without a singular direction
+(its sign is that of u_z; where |u| = 1 no result depends on it).  In the reflected basis M' has the blocks N (2×2,
 across), r and μ,
 
     D = J + l² N     δ = det N     τ = tr N     det D = J (J + l² τ) + l⁴ δ     y = p'_T − l |w|² r
@@ -18,11 +18,11 @@ across), r and μ,
 
 with far = I + m (l − c)², cross = I − m c (l − c).  It is `nonlinear.dynamics.recursion` with a 2×2 block for each
 number across (Featherstone, Rigid Body Dynamics Algorithms, 2008, §7.2; Householder reflections: Golub and Van Loan,
-Matrix Computations, §5.1).  The mirror keeps the plane of the rail to itself, so motion there is as exact as in the
-plane; outside it a bob right above a heavier one costs the digits of their mass ratio, as it does in dense equations.
+Matrix Computations, §5.1).  The reflection maps the plane of the rail onto itself, so motion there is as exact as in
+the plane case; outside it a bob right above a heavier one loses the digits of their mass ratio, as in dense equations.
 
-Vectors have their components on the first axis; behind it stand any axes.  Arrays of SymPy or heyoka expressions
-pass too, `sign` then being given: any choice of ±1 that keeps 1 + sign u_z from zero.
+The first axis of a vector holds its components; any further axes may follow.  Arrays of SymPy or heyoka expressions are
+accepted too, with `sign` given: any choice of ±1 that keeps 1 + sign u_z away from zero.
 """
 
 from __future__ import annotations
@@ -41,21 +41,21 @@ ADJOINT = np.array([[1.0, -1.0], [-1.0, 1.0]])
 
 
 class Answer(NamedTuple):
-    """f = M ã + p of everything below a joint: M (3, 3, ...) in kg, p (3, ...) in N."""
+    """The force f = M ã + p of everything below a joint: M (3, 3, ...) in kg, p (3, ...) in N."""
 
     M: Any
     p: Any
 
 
 class Turn(NamedTuple):
-    """What a link needs to know to turn: its mirror, and there α = −D⁻¹ ((m c + l N) ã_T + l r ã_u + e)."""
+    """The reflection of a link, and the terms of α = −D⁻¹ ((m c + l N) ã_T + l r ã_u + e) in its basis."""
 
     v: Any
     beta: Any
     inverse: Any  # D⁻¹ (2, 2, ...)
     rows: Any  # (N, r) transposed (3, 2, ...)
     e: Any  # l y − Q (2, ...)
-    inward: Any  # ∓|w|², of −|w|² u along the mirrored vertical
+    inward: Any  # ∓|w|², of −|w|² u along the reflected vertical
 
 
 def dot(a: Any, b: Any) -> Any:
@@ -69,12 +69,12 @@ def cross(a: Any, b: Any) -> Any:
 
 
 def facing(u: Any) -> Any:
-    """The sign of u_z, by which the mirror keeps away from its singular direction: 1 or −1, never 0."""
+    """The sign of u_z, chosen so that the reflection is never singular: 1 or −1, never 0."""
     return np.where(u[2].real >= 0, 1.0, -1.0)
 
 
 def upward(links: Sequence[Link], u: Any, w: Any, torque: Any, sign: Any) -> tuple[Answer, list[Turn]]:
-    """From the tip up: what the first joint feels, and how every link turns, top first.
+    """The upward pass: the response at the first joint, and the `Turn` of every link, top first.
 
     u, w and `torque` (N m; the generalized force on u, across it, gravity excepted) are (3, n, ...), `sign` (n, ...).
     """

@@ -1,18 +1,18 @@
-"""Scenes whose motion from a start is that of a smaller or a handier scene, exactly.
+"""Reductions of a scene with a given start to a smaller or better-scaled scene that moves in exactly the same way.
 
 Equal pendula (bit for bit) with equal starts move as one: a pendulum with their masses, dampers and springs added up
-pulls the cart as they do together.  A start in space in the vertical plane of the rail stays in it, so angles say
-everything; only where joints have springs this is left alone, for a joint in space does not wind up
+pulls the cart as they do together.  A start in space in the vertical plane of the rail stays in it, so angles
+suffice; this is not used where joints have springs, for a joint in space does not wind up
 (`nonlinear.dynamics.spatial_joints`).
 
-No force knows of whole turns of a joint without a spring, nor of the place of a cart without one: where these are so
-large that integrators would measure their tolerance by them, they are taken off.  Masses and lengths so far from 1 that
-double precision cannot square m l² are counted in powers of two next to the largest; gravity goes with lengths, so that
-time stays what it is.
+No force depends on whole turns of a joint without a spring, nor on the position of a cart without one: where these are
+so large that integrators would scale their tolerance by them, they are removed.  Masses and lengths so far from 1 that
+double precision cannot square m l² are rescaled by powers of two, relative to the largest; gravity scales with lengths,
+so that time is unchanged.
 
 What symmetry ties together stays together however unstable that is; real pendula would not.  The same holds of equal
-pendula that swing against each other about a cart that they leave still, where nothing is made smaller: numbers are as
-symmetric as the motion (`exactly_symmetric`).
+pendula that swing in antiphase about a cart at rest, although nothing is reduced there: rounding is as symmetric as the
+motion (`exactly_symmetric`).
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from modal.assembly import ARRAYS, CartNumbers
 from modal.types import Floats, Ints
 from nonlinear.system import Equations, Group, Load, Motion, State, System, unit_vectors, velocities
 
-FAR = 10.0  # radians, or lengths of the longest link
-WIDE = 200  # powers of two of m l² (kg m²)
+FAR = 10.0  # rad, or lengths of the longest link, beyond which whole turns and travel are removed
+WIDE = 200  # powers of two of m l² (kg m²) beyond which units are changed
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """Another `system` that moves in the same way: how to begin there, and how the whole moves, and this in words.
+    """An equivalent `system`: how to start it, how to recover the whole motion from it, and a description in `words`.
 
-    `ties` says whether it holds together what would part in a motion beside this one.
+    `ties` tells whether it holds together what would part under a small perturbation.
     """
 
     system: System
@@ -46,9 +46,9 @@ class Symmetry:
 
 
 def find_symmetries(system: System, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
-    """What makes a system smaller or handier for this start, one after the other.
+    """The reductions that apply to a system with this start, to be applied in sequence.
 
-    Without `planar` a scene in space remains one.
+    Without `planar` a scene in space remains spatial.
     """
     found: list[Symmetry] = []
     for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
@@ -59,7 +59,7 @@ def find_symmetries(system: System, start: State, *, planar: bool = True) -> tup
 
 
 def symmetrize(symmetries: Sequence[Symmetry], state: State) -> tuple[Motion, Motion]:
-    """A state as a motion of one instant, and the one nearest by that has these symmetries."""
+    """A state as a motion of one instant, and its nearest neighbour that has these symmetries."""
     like = state
     for symmetry in symmetries:
         like = symmetry.restrict(like)
@@ -75,7 +75,7 @@ def _instant(state: State) -> Motion:
 
 
 def in_one_plane(system: System, start: State) -> Symmetry | None:
-    """The planar scene of a spatial one whose start has nothing across the rail, None for any other."""
+    """The planar scene of a spatial one whose start has no component across the rail, else None."""
     if not system.spatial or any(group.sprung for group in system.groups):
         return None
     if np.any(start.links[:, 1]) or np.any(start.link_rates[:, 1]):
@@ -94,7 +94,7 @@ def _vectors(motion: Motion) -> Motion:
 
 
 def synchronous(system: System, start: State) -> Symmetry | None:
-    """One pendulum for all that are equal and start equally, None where no two do."""
+    """One pendulum for each set of equal pendula with equal starts; None where no two match."""
     groups: list[Group] = []
     kept, whole = np.zeros(0, dtype=np.int64), np.empty(system.n_links, dtype=np.int64)
     for group in system.groups:
@@ -113,7 +113,7 @@ def synchronous(system: System, start: State) -> Symmetry | None:
 
 
 def _kinds(group: Group, start: State) -> tuple[Ints, Ints, Ints]:
-    """The first pendulum (by column) of each kind, every pendulum's kind, and how many there are of each."""
+    """The first pendulum (by column) of each kind, the kind of every pendulum, and the number of each kind."""
     table = _table(group, start)
     _, first, place, count = np.unique(table, axis=0, return_index=True, return_inverse=True, return_counts=True)
     order = np.argsort(first)
@@ -121,7 +121,7 @@ def _kinds(group: Group, start: State) -> tuple[Ints, Ints, Ints]:
 
 
 def _table(group: Group, start: State) -> Floats:
-    """All that a pendulum is and how it starts, one row for each."""
+    """All parameters and initial values of each pendulum, one row each."""
     columns = [getattr(group.block, name) for name in ARRAYS]
     columns += [part[group.index].reshape(group.n, -1, part[0].size) for part in (start.links, start.link_rates)]
     if group.excitation:
@@ -138,10 +138,10 @@ def _spread(motion: Motion, whole: Ints) -> Motion:
 
 
 def exactly_symmetric(system: System, start: State) -> bool:
-    """Whether a symmetry of the start holds digit by digit, so that no run of it shows how motions beside it leave it.
+    """Whether a symmetry of the start is preserved exactly by rounding, so that no run shows that it may be unstable.
 
-    Equal pendula with equal starts; pendula on a cart that are each other's mirror images, or their own; in space also
-    a pendulum in the plane of the rail or across it.
+    True for equal pendula with equal starts; for pendula on a cart that are mirror images of each other or of
+    themselves; in space also for a pendulum in the plane of the rail or across it.
     """
     if system.spatial and _flat(system, start):
         return True
@@ -149,7 +149,7 @@ def exactly_symmetric(system: System, start: State) -> bool:
 
 
 def _flat(system: System, start: State) -> bool:
-    """Whether any pendulum has nothing along the rail, or nothing across it."""
+    """Whether any pendulum has no component along the rail, or none across it."""
     most = np.zeros((system.n_pendula, 2))
     for part in (start.links, start.link_rates):
         np.maximum.at(most, system.pendulum, np.abs(part[:, :2]))
@@ -157,7 +157,7 @@ def _flat(system: System, start: State) -> bool:
 
 
 def _mirrored(system: System, start: State) -> bool:
-    """Whether the scene and its start look the same from behind, whole turns left out."""
+    """Whether the scene and its start equal their mirror image, modulo whole turns."""
     cart = system.cart
     if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
         return False
@@ -176,7 +176,7 @@ def _mirrored(system: System, start: State) -> bool:
 
 
 def near(system: System, start: State) -> Symmetry | None:
-    """The same without whole turns, its cart where the rail begins, None where neither is far away."""
+    """The system without whole turns and with its cart at the origin; None where neither is far away."""
     turned = np.zeros_like(start.links) if system.spatial else start.links - _unwound(system, start.links)
     away = start.cart if system.cart and not system.cart.stiffness else 0.0
     if np.abs(turned).max() < FAR and abs(away) < FAR * system.length:
@@ -190,7 +190,7 @@ def near(system: System, start: State) -> Symmetry | None:
 
 
 def _unwound(system: System, links: Floats) -> Floats:
-    """Angles within half a turn of the hanging rest, but at a joint with a spring or a drive as bent as ever."""
+    """Angles within half a turn of the downward vertical; joints with a spring or a drive keep their bend."""
     found = links.copy()
     for group in system.groups:
         angles = links[group.index]
@@ -208,7 +208,7 @@ def _unwound(system: System, links: Floats) -> Floats:
 
 
 def natural(system: System, start: State) -> Symmetry | None:
-    """The same in natural units of mass and length, None where kg and m serve as well."""
+    """The system in natural units of mass and length; None where kg and m serve as well."""
     m, l = (frexp(float(system.by_link(name).max()))[1] for name in ("mass", "length"))
     if abs(m) + 2 * abs(l) < WIDE:
         return None
@@ -244,12 +244,12 @@ class Reduced:
 
     @property
     def words(self) -> str:
-        """What is integrated."""
+        """A description of what is integrated."""
         return "; ".join(symmetry.words for symmetry in self.symmetries)
 
     @property
     def load(self) -> Load | None:
-        """Nothing acts from outside: it might break the symmetry."""
+        """No external load: it might break the symmetry."""
         return None
 
     @property
@@ -258,7 +258,7 @@ class Reduced:
         return self.inner.scale
 
     def derivative(self, time: float, y: Floats) -> Floats:
-        """The rate of y, (size,)."""
+        """The time derivative of y, (size,)."""
         return self.inner.derivative(time, y)
 
     def begin(self, state: State) -> Floats:
@@ -268,12 +268,12 @@ class Reduced:
         return self.inner.begin(state)
 
     def read(self, rows: Floats) -> Motion:
-        """The motion of the whole in vectors (T, size)."""
+        """The motion of the whole system in vectors (T, size)."""
         motion = self.inner.read(rows)
         for symmetry in reversed(self.symmetries):
             motion = symmetry.extend(motion)
         return motion
 
     def project(self, y: Floats) -> tuple[Floats, float]:
-        """The nearest y that keeps every constraint, and the largest violation that it mends."""
+        """The nearest y that satisfies every constraint, and the largest violation removed."""
         return self.inner.project(y)

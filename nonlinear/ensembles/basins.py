@@ -7,13 +7,14 @@ of; of any other the time of the first turn over the top, whose map is a fractal
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from modal.errors import SceneError
+from modal.errors import ComputationError, SceneError
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import InitialCondition, Pendulum, Scene, describe
 from modal.scene.parameters import Variation, parse_variations
@@ -21,11 +22,14 @@ from modal.types import Floats
 from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.synchronization import agreement
+from nonlinear.synchronization.study import theory_of_scene
+from nonlinear.synchronization.study import usual_duration as sync_duration
 
 RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
 """Measures with one number a member, or one a link, of which the earliest is taken."""
 SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
 EARLIEST = "first_turn_s"
+SLOW = ("configuration", "order")
 PERIODS = 30.0  # of sqrt(l/g), where nobody says how long
 
 
@@ -102,7 +106,7 @@ def find_basins(
         raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])
     found = ensemble(
         own,
-        usual_duration(own) if duration is None else duration,
+        usual_duration(own, measure) if duration is None else duration,
         vary=axes,
         measures=[measure],
         report=report,
@@ -132,8 +136,11 @@ def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tup
     return axes
 
 
-def usual_duration(scene: Scene) -> float:
-    """So many times sqrt(l/g) of the longest link (s)."""
+def usual_duration(scene: Scene, measure: str) -> float:
+    """So many times sqrt(l/g) of the longest link (s); for a rhythm as long as `sync` runs until one has won."""
+    if measure in SLOW and scene.is_driven:
+        with suppress(ComputationError):
+            return sync_duration(scene, theory_of_scene(scene))
     return float(PERIODS * np.sqrt(max(link.length for link in scene.links()) / scene.gravity))
 
 

@@ -244,7 +244,7 @@ def spread_table(found: Spread, form: str) -> str:
         )
         for one in found.frequencies
     ]
-    headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "description")
+    headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "matters most")
     tolerances = ", ".join(one.text for one in found.tolerances)
     parts = [f"{found.size} members with {tolerances}", grid(rows, headings), _motion(found)]
     if found.failures:

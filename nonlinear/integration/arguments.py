@@ -1,4 +1,4 @@
-"""What is asked of a run, checked before anything is computed, all mistakes at once."""
+"""The arguments of a run, checked before anything is computed, all mistakes at once."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from nonlinear.system import AppliedForces, Load, State, System
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
-PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # samples kept where nobody says how many
-MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # kept in all, as asked for and where nobody asks
+PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # default numbers of samples
+MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # numbers kept in all: as requested, by default
 
 
 def validate(*actions: Callable[[], Any]) -> list[Any]:
-    """What the actions return; one SceneError with the problems of all of them."""
+    """The results of the actions; one SceneError with the problems of all of them."""
     found: list[Any] = []
     problems: list[str] = []
     for action in actions:
@@ -37,7 +37,7 @@ def validate(*actions: Callable[[], Any]) -> list[Any]:
 
 
 def validate_numbers(duration: float, tolerance: float, start_time: float) -> None:
-    """SceneError for a duration, a tolerance or a start time that cannot be."""
+    """SceneError for an invalid duration, tolerance or start time."""
     checks = {
         f"duration {duration!r}: must be a positive number of seconds": _real(duration) and duration > 0,
         f"tolerance {tolerance!r}: must be from {TIGHTEST:g} to {LOOSEST:g}": _real(tolerance)
@@ -49,7 +49,7 @@ def validate_numbers(duration: float, tolerance: float, start_time: float) -> No
 
 
 def validate_accuracy(accuracy: float | None) -> None:
-    """SceneError for an accuracy that cannot be."""
+    """SceneError for an invalid accuracy."""
     if accuracy is None:
         return
     if not _real(accuracy) or not FINEST <= accuracy <= COARSEST:
@@ -63,7 +63,7 @@ def _real(value: object) -> bool:
 def sample_times(
     scene: Scene, duration: float, start_time: float, output: int | Sequence[float] | Floats | None
 ) -> Floats:
-    """The times to keep, from `start_time` on: so many, these after the start, or as the scene's own swing wants."""
+    """The output times from `start_time` on: an evenly spaced number, given times, or a default for the scene."""
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
@@ -82,7 +82,10 @@ def sample_times(
 
 
 def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
-    """The pace whose steps end at these times (s), in any order, none longer than `max_step` (s); else SceneError."""
+    """The pace of a run whose steps end at the times `breaks` (s), in any order, and are no longer than `max_step` (s).
+
+    SceneError for invalid arguments.
+    """
     try:
         times = np.array([] if breaks is None else breaks, dtype=float)
     except (TypeError, ValueError):
@@ -98,7 +101,7 @@ def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pa
 
 
 def validate_observable(load: Load | None, accuracy: float | None, *told: object) -> None:
-    """SceneError for an accuracy under a load where nothing is `told` of how soon that changes."""
+    """SceneError for an accuracy under a load where none of `told` tells how soon the load changes."""
     if load is not None and accuracy is not None and all(each is None for each in told):
         what = "a short one can fall between the steps of every run, so that all agree and are wrong"
         times = "the times at which it jumps as breaks, [] where it never does"
@@ -118,7 +121,7 @@ def _listed(output: Any, duration: float) -> Floats:
 
 
 def validate_forces(load: Load | None, system: System, start: State, time: float) -> None:
-    """Ask a load once, at the start; SceneError for anything but a `Push` that fits the scene."""
+    """Evaluate a load once, at the start; SceneError for anything but `AppliedForces` that fit the scene."""
     if load is None:
         return
     push, shape = load(time, start), (system.n_links, 3) if system.spatial else (system.n_links,)
@@ -136,9 +139,9 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
 
 
 def extent(state: State, system: System) -> float:
-    """How far a start is from rest, in natural units: at most 1, and 1 for a start at rest itself.
+    """How far a start is from equilibrium, in natural units: at most 1, and 1 for a start exactly at equilibrium.
 
-    Whole turns, the place of a cart without a spring and its coasting without a damper do not count.
+    Whole turns, the position of a cart without a spring and its coasting without a damper do not count.
     """
     sigma, cart = system.by_link("sigma"), system.cart
     if system.spatial:

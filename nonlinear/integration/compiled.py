@@ -1,8 +1,8 @@
-"""DOP853 compiled by numba (extra `fast`): steps, control of the error and samples in one kernel, for any plane scene.
+"""DOP853 compiled by numba (extra `fast`): steps, error control and samples in one kernel, for any plane scene.
 
-The lines are those of SciPy's method, whose coefficients are read from it, so both take the same steps.  Scenes come as
-arrays: one kernel serves all, and is kept on disk.  numba knows what it keeps by the date of this file alone: who
-changes `nonlinear.dynamics.compiled` or `joint_law` beside it touches this file, too.
+The lines are those of SciPy's method, whose coefficients are read from it, so both take the same steps.  Scenes are
+passed as arrays: one kernel serves all, and is cached on disk.  numba's cache depends on the date of this file alone:
+whoever changes `nonlinear.dynamics.compiled` or `joint_law` must touch this file as well.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from nonlinear.integration.steppers import Derivative, DOP853Stepper
 STAGES, SMALL_STEP = DOP853.n_stages, DOP853.TOO_SMALL_STEP
 COMPILING = "Compiling the integrator, which takes some ten seconds; the result is saved for later runs."
 NOTHING_DUE = np.empty(0)
-MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it gives back
+MOST, NUMBERS = 256, 200_000  # steps in one call of the kernel, and numbers of y that it returns
 
 
 def _sparse(rows: Any) -> tuple[Ints, Ints, Floats]:
-    """Where each row begins among what is not zero, in which columns that stands, and what it is."""
+    """Sparse rows: where each begins among the non-zero entries, their columns and their values."""
     filled = [np.flatnonzero(row) for row in rows]
     begins = np.cumsum([0, *map(len, filled)])
     return begins, np.concatenate(filled), np.concatenate([row[at] for row, at in zip(rows, filled, strict=True)])
@@ -43,12 +43,12 @@ def _table() -> tuple[Any, ...]:
 
 TABLE = _table()
 WEIGHTS, EXTRA, DENSE, ERRORS = STAGES, STAGES + 1, STAGES + 4, STAGES + 8  # rows of it
-"""The weights of the end, three stages for samples, four terms of these, both errors."""
+"""Rows of the table: end of a step, three more stages and four terms for samples, both error estimates."""
 
 
 @compiled
 def _weighted(table, row, stages, found):  # type: ignore[no-untyped-def]
-    """Adds the stages of one row of the table."""
+    """Add the weighted stages of one row of the table."""
     begins, columns, shares = table
     for m in range(begins[row], begins[row + 1]):
         share, stage = shares[m], stages[columns[m]]
@@ -58,7 +58,7 @@ def _weighted(table, row, stages, found):  # type: ignore[no-untyped-def]
 
 @compiled
 def _stage(table, row, into, y, length, stages, z, scene, turns):  # type: ignore[no-untyped-def]
-    """One stage: z = y + length (its row of the table), and the rate there."""
+    """One stage: z = y + length (its row of the table), and the derivative there."""
     z[:] = 0.0
     _weighted(table, row, stages, z)
     for i in range(z.size):
@@ -68,7 +68,7 @@ def _stage(table, row, into, y, length, stages, z, scene, turns):  # type: ignor
 
 @compiled
 def _error(table, y, z, length, stages, relative, absolute, work):  # type: ignore[no-untyped-def]
-    """The error of a step over what is tolerated."""
+    """The error of a step over its tolerance."""
     fifth = third = 0.0
     for row in range(ERRORS, ERRORS + 2):
         work[:] = 0.0
@@ -101,7 +101,7 @@ def _terms(table, y, z, length, stages, terms, work, scene, turns):  # type: ign
 
 @compiled
 def _within(x, y, terms, found):  # type: ignore[no-untyped-def]
-    """The y at the part x of a step."""
+    """The y at the fraction x of a step."""
     found[:] = 0.0
     for k in range(6, -1, -1):
         part = x if k % 2 == 0 else 1 - x
@@ -116,8 +116,8 @@ def _steps(table, scene, clock, relative, absolute, y, stages, due, rows, ends, 
     """Up to len(ends) steps to the end of `clock` (time, length to try, longest, end, length of the last step).
 
     `y` and the first of the `stages` are those of the beginning, then of the end.  Fills `rows` at the times `due`, and
-    `ends` and `states` of every step; gives how many of each and how many rates were asked for.  The stages of
-    the last step stay.
+    `ends` and `states` for every step; returns how many of each and the number of derivatives.  The stages of the last
+    step are kept.
     """
     time, tried, longest, end, _ = clock
     z, work, begun = np.empty_like(y), np.empty_like(y), y.copy()
@@ -167,7 +167,7 @@ def loaded() -> bool:
 
 @contextmanager
 def announced() -> Iterator[None]:
-    """A block that may load or compile the kernel, undisturbed; a terminal hears of what takes long."""
+    """A block that may load or compile the kernel, uninterrupted; a terminal is told what takes long."""
     if loaded():
         yield
         return
@@ -192,7 +192,7 @@ class CompiledDOP853(DOP853):  # type: ignore[misc]
         self.scene, self.absolute = scene, np.array(np.broadcast_to(self.atol, self.y.shape))
 
     def advance(self, due: Floats, most: int) -> tuple[Floats, Floats, Floats]:
-        """At most so many steps, none where that cannot be: y at the times `due`, when every step ended, y there."""
+        """Up to this many steps, none if the first fails: y at the times `due`, the ends of steps, y there."""
         clock = np.array([self.t, self.h_abs, self.max_step, self.t_bound, 0.0])
         rows, ends, states = np.empty((len(due), self.n)), np.empty(most), np.empty((most, self.n))
         y, self.K_extended[0] = self.y.copy(), self.f
@@ -218,7 +218,7 @@ class CompiledStepper(DOP853Stepper[Compiled]):
         return CompiledDOP853(self.equations.scene, self.f, time, y, end, **options)
 
     def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
-        """As `Sweeper` says."""
+        """Many steps at once, as defined in `Sweeper`."""
         solver = cast("CompiledDOP853", self._on_its_way())
         rows, ends, states = solver.advance(times, max(1, min(MOST, NUMBERS // solver.n)))
         good = len(ends) if np.all(np.isfinite(states)) else int(np.argmin(np.isfinite(states).all(axis=1)))

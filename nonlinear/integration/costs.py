@@ -1,6 +1,6 @@
-"""Roughly how many seconds each way to a motion takes, as benchmarks/simulation.py finds them.
+"""Rough computing times (s) of each method, as measured by benchmarks/simulation.py.
 
-What is paid once a process, loading and compiling, counts where it is still to be paid.
+Costs paid once per process, for loading and compiling, are included while they are still to be paid.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from nonlinear.integration import taylor
 from nonlinear.integration.timescales import estimate_timescales
 from nonlinear.system import System
 
-WRITTEN = 32  # links of a scene whose equations are written out in floats
-PER_PERIOD = 14.0  # steps of DOP853 a period at tolerance 1e-6 and large angles
-SERIES_PER_PERIOD = 40.0  # those of Taylor series, at any tolerance
-PER_KICK = 2.0  # steps: one that is cut short, one to land on it
-NUMBA, LINKED, COMPILED = 0.2, 0.3, 10.0  # s to load numba, to link what is on disk, to compile what is not
+WRITTEN = 32  # links of a scene up to which equations are generated in floats
+PER_PERIOD = 14.0  # steps of DOP853 per period at tolerance 1e-6 and large angles
+SERIES_PER_PERIOD = 40.0  # steps of Taylor series per period, at any tolerance
+PER_KICK = 2.0  # steps: one cut short, one that lands on the kick
+NUMBA, LINKED, COMPILED = 0.2, 0.3, 10.0  # s to load numba, to link a cached kernel, to compile a new one
 HEYOKA = 2.0  # s to load it
 
 
 def costs(scene: Scene, system: System, duration: float, tolerance: float, size: float = 1.0) -> dict[str, float]:
-    """Seconds of DOP853 as it is, of DOP853 compiled, and of Taylor series, for `system`, which is integrated."""
+    """Seconds of plain DOP853, of compiled DOP853 and of Taylor series, for the integrated `system`."""
     links, longest = system.n_links, max(group.n for group in system.groups)
     periods = duration * estimate_timescales(scene).swing / (2 * pi)
     kicks = periods * PER_KICK * system.kicks_a_period
@@ -40,7 +40,7 @@ def costs(scene: Scene, system: System, duration: float, tolerance: float, size:
 
 
 def owed_to_numba() -> float:
-    """Seconds until the compiled integrator can go in this process; inf where numba is not installed."""
+    """Seconds until the compiled integrator is ready in this process; inf where numba is not installed."""
     integrator = sys.modules.get("nonlinear.integration.compiled")
     if integrator and integrator.loaded():
         return 0.0
@@ -50,7 +50,7 @@ def owed_to_numba() -> float:
 
 
 def owed_to_heyoka(system: System, tolerance: float) -> float:
-    """Seconds until series of this order for such a scene can go in this process; inf where heyoka is not installed."""
+    """Seconds until such series are ready in this process; inf where heyoka is not installed."""
     if not taylor.available():
         return inf
     if taylor.ready(system, tolerance):
@@ -61,7 +61,7 @@ def owed_to_heyoka(system: System, tolerance: float) -> float:
 
 
 def kept() -> bool:
-    """Whether the compiled integrator is on disk where numba keeps it, as it is now."""
+    """Whether the present version of the compiled integrator is in numba's cache on disk."""
     here = Path(__file__).parent
     folder = os.environ.get("NUMBA_CACHE_DIR")
     folders = [Path(folder)] if folder else [here / "__pycache__", Path.home() / ".cache" / "numba"]

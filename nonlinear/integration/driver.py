@@ -19,52 +19,52 @@ from nonlinear.integration.steppers import Stepper, Sweeper
 from nonlinear.system import NO_KICKS, Equations, Event, EventRecord, Kicks, State
 
 SILENT = 1e-9
-"""Share of what an event's value becomes within the first step below which it begins at zero: that is no crossing."""
+"""An event's value that starts below this fraction of its value after the first step starts at zero: no crossing."""
 
 
 def silent(time: float) -> None:
-    """A report that nobody hears."""
+    """A progress report that does nothing."""
 
 
 @dataclass
 class Record:
-    """What a run has found so far: y at the sampled times, events, and how it went."""
+    """The results of a run so far: y at the sampled times, events, and statistics."""
 
     times: Floats
     rows: Floats
     filled: int = 0
-    last: tuple[float, Sequence[float] | Floats] | None = None  # where it stopped, if between samples
+    last: tuple[float, Sequence[float] | Floats] | None = None  # time and y of a stop between samples
     happenings: list[EventRecord] = field(default_factory=list)
     drift: float = 0.0
     kicks: Kicks = NO_KICKS
     steps: int = 0
-    stopped: str = ""  # why, where it did not reach its end
+    stopped: str = ""  # the reason, if it did not reach its end
     interrupted: bool = False
     failed: bool = False
 
     @property
     def reached(self) -> float:
-        """How far it has come (s)."""
+        """The time reached (s)."""
         return float(self.last[0] if self.last else self.times[0])
 
     def close(self) -> None:
-        """Leave out what was not reached, and let the last sample be where the run stopped."""
+        """Remove samples that were not reached; the last sample is the state where the run stopped."""
         self.times, self.rows = self.times[: self.filled], self.rows[: self.filled]
         if self.stopped and self.last and self.last[0] > self.times[-1]:
             time, row = self.last
             self.times, self.rows = np.append(self.times, time), np.vstack((self.rows, row))
 
     def keep(self, rows: Floats) -> None:
-        """The next samples."""
+        """Append the next samples."""
         self.rows[self.filled : self.filled + len(rows)] = rows
         self.filled += len(rows)
 
 
 @dataclass
 class Drive:
-    """A stepper, the system it integrates, the sampled times (ascending, first where it starts) and the events.
+    """A stepper, the system it integrates, the sampled times (ascending, the first is the start) and the events.
 
-    `escapements` kick on the way, `report` hears of the seconds gone through.
+    `escapements` kick on the way; `report` is called with the simulated time.
     """
 
     stepper: Stepper
@@ -75,7 +75,7 @@ class Drive:
     escapements: Escapements | None = None
 
     def run(self) -> Record:
-        """Go to the last sampled time, or as far as can be gone."""
+        """Advance to the last sampled time, or as far as possible."""
         record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
         free = isinstance(self.stepper, Sweeper) and not (self.events or self.escapements)
@@ -93,7 +93,7 @@ class Drive:
         return record
 
     def _far(self, record: Record) -> None:
-        """Many steps in which nothing but samples is wanted."""
+        """Many steps in which nothing but samples is needed."""
         first = record.filled
         with np.errstate(all="ignore"):
             rows, ends, steps = cast("Sweeper", self.stepper).sweep(self.times[first:], self.report is not silent)
@@ -108,7 +108,7 @@ class Drive:
             self.report(end[0] - self.times[0])
 
     def _on(self, record: Record) -> None:
-        """One step and all that lies within it."""
+        """One step and everything that happens within it."""
         before = self.stepper.time
         with np.errstate(all="ignore"):
             self.stepper.step()
@@ -136,7 +136,7 @@ class Drive:
         self.report(now - self.times[0])
 
     def _sample(self, record: Record, now: float) -> None:
-        """The sampled times up to now; where the step ends on one, what the step itself found."""
+        """The sampled times up to now; where the step ends on one, the step's own result is used."""
         count = int(np.searchsorted(self.times, now, side="right")) - record.filled
         if count > 0:
             times = self.times[record.filled : record.filled + count]
@@ -158,13 +158,13 @@ class Drive:
                     yield EventRecord(event.name, time, self._state(self.stepper.exact(time))), event.stop
 
     def _jumps(self, time: float, before: Floats, after: Floats) -> Iterator[tuple[EventRecord, bool]]:
-        """The events that a kick brings about in an instant."""
+        """The events triggered by the jump of a kick."""
         for event in self.events:
             if _passes(event, *(event.value(self._state(row)) for row in (before, after))):
                 yield EventRecord(event.name, time, self._state(after)), event.stop
 
     def _refined(self, event: Event, start: float, end: float) -> float:
-        """The root on the interpolant, then one secant step with what the integrator itself gives there."""
+        """The root on the interpolant, then one secant step with the integrator's own value there."""
         within = partial(self._value, event)
         time = float(brentq(within, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))
         width = (end - start) / 1000
@@ -183,12 +183,12 @@ class Drive:
 
 
 def _passes(event: Event, low: float, high: float) -> bool:
-    """Whether an event comes about between these two values."""
+    """Whether an event occurs between these two values."""
     return (low < 0 <= high and event.direction >= 0) or (low > 0 >= high and event.direction <= 0)
 
 
 def _first_stop(record: Record, found: Iterable[tuple[EventRecord, bool]]) -> float | None:
-    """Keep what happened, up to the first event that stops the run; when that is (s)."""
+    """Keep the events up to the first one that stops the run; its time (s)."""
     for happening, stop in found:
         record.happenings.append(happening)
         if stop:

@@ -1,11 +1,11 @@
-"""Escapements at work: when the next kick comes, and what it does.
+"""Escapements: when the next kick comes, and its effect.
 
-A kick P at a joint turns the link below it by +P and the one above by −P.  No force of finite size acts in an instant,
-so with the generalized impulse J of all kicks that come together
+A kick P at a joint applies an impulse +P to the link below and −P to the one above.  No finite force acts in an
+instant, so with the generalized impulse J of all simultaneous kicks
 
-    M(q) (v₊ − v₋) = J,        energy fed = Σ P (γ'₋ + γ'₊)/2 = ½ v₊ᵀMv₊ − ½ v₋ᵀMv₋  exactly.
+    M(q) (v₊ − v₋) = J,        energy supplied = Σ P (γ'₋ + γ'₊)/2 = ½ v₊ᵀMv₊ − ½ v₋ᵀMv₋  exactly.
 
-M⁻¹J is what the recursion along the chains answers to the moments J where nothing moves, weighs or pulls.
+M⁻¹J is the response of the recursion along the chains to the moments J without velocities, gravity or other forces.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from nonlinear.dynamics import Minimal, Recursion
 from nonlinear.integration.steppers import Stepper
 from nonlinear.system import NO_KICKS, AppliedForces, Group, Kicks, Layout, System
 
-LOOKS = 6  # within every step
-TOGETHER = 1e-12  # rad by which a kick may come early to come with another
-BUMP = 0.25  # of its change of slope, by which a curve that bends one way may rise above both its ends
+LOOKS = 6  # points searched within every step
+TOGETHER = 1e-12  # rad by which a kick may come early to coincide with another
+BUMP = 0.25  # a curve of one curvature rises above its ends by at most this times its change of slope
 
 
 @dataclass(frozen=True, eq=False)
 class Escaping:
-    """The joints with escapements of a system, J of them, all (J,): which links stand below and above (−1: support).
+    """The J joints with escapements of a system, all arrays (J,): the links below and above (−1: support).
 
-    `bent` is the angle (rad) at rest, `impulse` (N m s), `angle` (rad).
+    `bent` is the equilibrium angle (rad); `impulse` (N m s) and `angle` (rad) are those of the kicks.
     """
 
     system: System
@@ -45,18 +45,18 @@ class Escaping:
     angle: Floats
 
     def gamma(self, links: Floats, rest: Floats | float = 0.0) -> Floats:
-        """Of every joint (..., J) from what its links have (..., L)."""
+        """The value at every joint (..., J) from the values of its links (..., L)."""
         padded = np.concatenate((links, np.zeros_like(links[..., :1])), axis=-1)
         return np.asarray(padded[..., self.below] - padded[..., self.above] - rest)
 
     @cached_property
     def _free(self) -> System:
-        """The masses alone."""
+        """The system with masses alone."""
         cart = self.system.cart and CartNumbers(self.system.cart.mass, 0.0, 0.0)
         return replace(self.system, gravity=0.0, cart=cart, groups=tuple(map(_loose, self.system.groups)))
 
     def jump(self, links: Floats, kicked: Floats) -> Floats:
-        """The change of the velocities (half of y) when joints are kicked by so much each (J,) in N m s."""
+        """The change of the velocities (half of y) when joints are kicked by impulses (J,) in N m s."""
         moments = np.zeros(self.system.n_links + 1)
         np.add.at(moments, self.below, kicked)
         np.add.at(moments, self.above, -kicked)
@@ -86,7 +86,7 @@ def _loose(group: Group) -> Group:
 
 
 class Due(NamedTuple):
-    """The next kick: its time (s) and which of the joints' two sides it is on (an index into both)."""
+    """The next kick: its time (s), and its side and joint as an index (side, joint)."""
 
     time: float
     place: tuple[int, int]
@@ -94,7 +94,7 @@ class Due(NamedTuple):
 
 @dataclass(eq=False)
 class Escapements:
-    """The kicks of a run as they come: `side` (J,) is where the next of each joint is, 0 where either may be."""
+    """The kicks of a run: `side` (J,) is the side of each joint's next kick, 0 where either is possible."""
 
     joints: Escaping
     layout: Layout
@@ -103,7 +103,7 @@ class Escapements:
 
     @property
     def kicks(self) -> Kicks:
-        """So far."""
+        """The kicks so far."""
         return Kicks(*map(np.concatenate, zip(*self.found, strict=True))) if self.found else NO_KICKS
 
     def next(self, stepper: Stepper, before: float) -> Due | None:
@@ -123,7 +123,7 @@ class Escapements:
         return None
 
     def kicked(self, due: Due, y: Floats) -> Floats:
-        """The y after all kicks of that time."""
+        """The y after all kicks at that time."""
         layout, joints = self.layout, self.joints
         over, speed = (values[:, 0] for values in self._out(y[None]))
         now = (over > -TOGETHER) & (speed > 0)
@@ -144,7 +144,7 @@ class Escapements:
         return slice(self.layout.half + self.layout.on_cart, 2 * self.layout.half)
 
     def _out(self, rows: Floats) -> tuple[Floats, Floats]:
-        """How far (rad) every joint is out of the angle of its next kick, −inf on a side that waits, and how fast.
+        """How far (rad) every joint is beyond the angle of its next kick, −inf on an inactive side, and its rate.
 
         Both (2, T, J): to the right and to the left.
         """
@@ -154,19 +154,19 @@ class Escapements:
         return over, sides * self.joints.gamma(rows[:, self._rates])
 
     def _at(self, stepper: Stepper, time: float) -> tuple[Floats, Floats]:
-        """Both of `_out` at one time within the last step, (2, J)."""
+        """Both results of `_out` at one time within the last step, (2, J)."""
         over, speed = self._out(stepper.inside(np.array([time])))
         return over[:, 0], speed[:, 0]
 
     def _peaks(self, stepper: Stepper, start: float, end: float, back: Booleans) -> Iterator[float]:
-        """When those joints and sides turn back that do so beyond their angle, each once between start and end."""
+        """Times at which joints that turn back beyond their angle do so, each once between start and end."""
         for s, j in zip(*np.nonzero(back), strict=True):
             time = _root(lambda time, s=s, j=j: float(self._at(stepper, time)[1][s, j]), start, end)  # type: ignore[misc]
             if self._at(stepper, time)[0][s, j] >= 0:
                 yield time
 
     def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Due:
-        """Of those joints and sides, all within their angles at the start and one beyond at the end, the first out."""
+        """The first joint and side of these to pass its angle; all are within at the start, one beyond at the end."""
 
         def over(time: float) -> Floats:
             return np.where(among, self._at(stepper, time)[0], -np.inf)
@@ -178,7 +178,7 @@ class Escapements:
 def escapements(system: System, layout: Layout, y: Floats, before: Kicks = NO_KICKS) -> Escapements:
     """The escapements of a run that begins at y, after the kicks `before`.
 
-    A joint out of its angle, and one that was kicked before, have had their kick on that side.
+    A joint that starts beyond its angle, or that was kicked before, has already had the kick on that side.
     """
     joints = escaping(system)
     gamma = joints.gamma(y[layout.on_cart : layout.half], joints.bent)

@@ -1,6 +1,6 @@
-"""DOP853 in Python's floats, for equations that are written out (`nonlinear.dynamics.generated`).
+"""DOP853 in Python's floats, for generated equations (`nonlinear.dynamics.generated`).
 
-Twelve stages, both error estimates and the control of steps are those of SciPy's method, whose coefficients are read
+Twelve stages, both error estimates and the step size control are those of SciPy's method, whose coefficients are read
 from it, so both take the same steps.  The sums over stages are written out component by component, once for each
 length of y; samples are interpolated for many steps at once, in NumPy.
 """
@@ -23,14 +23,14 @@ from nonlinear.dynamics.generated import UNDEFINED, function_in
 from nonlinear.integration.steppers import Derivative, DOP853Stepper
 
 STAGES, EXTRA = DOP853.n_stages, len(DOP853.A_EXTRA)
-SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # of a step's length, as in SciPy
+SAFETY, SHRINKS, GROWS = 0.9, 0.2, 10.0  # factors of the step size, as in SciPy
 AT_ONCE = 256  # steps
 
 Numbers = Sequence[float]
 
 
 class Passed(NamedTuple):
-    """A step: where it began and ended (s), y there, and the rate at every stage, the last at the end."""
+    """A step: its beginning and end (s), y there, and the derivative at every stage, the last at the end."""
 
     start: float
     end: float
@@ -40,7 +40,7 @@ class Passed(NamedTuple):
 
 
 class FloatDOP853(DOP853):  # type: ignore[misc]
-    """SciPy's method for a `rate` of lists of floats, which time does not change."""
+    """SciPy's method for an autonomous `rate` of lists of floats."""
 
     t: float
     y: Floats
@@ -85,7 +85,7 @@ class FloatDOP853(DOP853):  # type: ignore[misc]
 
 
 class FloatStepper(DOP853Stepper[Generated]):
-    """DOP853 in floats for equations that are written out, with the arguments of `DOP853Stepper`."""
+    """DOP853 in floats for generated equations, with the arguments of `DOP853Stepper`."""
 
     _failure: ComputationError | None = None
 
@@ -93,7 +93,7 @@ class FloatStepper(DOP853Stepper[Generated]):
         return FloatDOP853(self.equations.rate, self.f, time, y, end, **options)
 
     def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Numbers]], int]:
-        """As `Sweeper` says."""
+        """Many steps at once, as defined in `Sweeper`."""
         if self._failure:
             raise self._failure
         due, at = times.tolist(), 0
@@ -117,7 +117,7 @@ class FloatStepper(DOP853Stepper[Generated]):
 
 
 def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Floats:
-    """The y (T, size) at times within these steps, ascending as they are, by the method's own interpolation."""
+    """The y (T, size) at ascending times within these steps, by the method's own interpolation."""
     start, end = np.array([(step.start, step.end) for step in steps]).T
     before, after = (np.array([getattr(step, name) for step in steps]).T for name in ("before", "after"))
     rates = np.empty((len(DOP853.D.T), *before.shape))
@@ -140,9 +140,10 @@ def interpolated(steps: Sequence[Passed], times: Floats, derivative: Any) -> Flo
 
 @lru_cache(maxsize=32)
 def attempt_of(size: int) -> Callable[..., tuple[float, float, Numbers, Sequence[Numbers]]]:
-    """One attempt at a step, from (rate, length, y, y', relative and absolute tolerances) for y of this length.
+    """One attempted step for y of this size: a function of (rate, length, y, y', relative and absolute tolerances).
 
-    Gives the sums of squares of the errors of fifth and third order over what is tolerated, y at the end, all stages.
+    It returns the sums of squares of the fifth- and third-order errors over their tolerances, y at the end, and all
+    stages.
     """
     lines = ["def attempt(rate, h, y, k0, relative, absolute):", f"  {_all('y{i}', size)}, = y"]
     for stage, shares in enumerate([*DOP853.A[1:], DOP853.B], 1):

@@ -1,4 +1,4 @@
-"""Which equations, body and integrator a run takes, and why."""
+"""The choice of equations, body and integrator for a run, with its reason."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ from nonlinear.system import Equations, Group, Load, System, system_of
 ASKED = "as asked for"
 METHODS = ("auto", *SCIPY, "taylor")
 FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
-STIFF = 30.0  # fastest decay over the fastest swing
-SHORTEST = 1e-13  # share of the longest link, of positions in maximal coordinates
-ROOM = 1e140  # largest moment of inertia, and one over the smallest, whose square is a number
-FEWEST = 24  # links of a scene that is one dense matrix
+STIFF = 30.0  # fastest decay over the fastest oscillation
+SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
+ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
+FEWEST = 24  # links of a scene up to which it is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
-FINEST = 1e-13  # tolerance below which only Taylor series gain anything
+FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The form of the equations, who solves them, the integrator and its tolerance, and why these were taken."""
+    """The form of the equations, their solver, the integrator and its tolerance, and the reason for the choice."""
 
     form: str
     method: str
@@ -61,7 +61,7 @@ def choose(
     size: float = 1.0,
     system: System | None = None,
 ) -> Choice:
-    """Fill in what is "auto" for a motion of this size; SceneError names every word that is unknown or unfit.
+    """Choose whatever is "auto" for a motion of this size; SceneError lists every unknown or unsuitable value.
 
     `system` is what is integrated, where that is less than the whole scene.
     """
@@ -101,7 +101,7 @@ def choose(
 def _automatic(
     scene: Scene, system: System, duration: float, tolerance: float, form: str, seconds: Mapping[str, float]
 ) -> tuple[str, str]:
-    """The method and why; of `seconds` there are none where Taylor series are out of the question."""
+    """The method and the reason; `seconds` is empty where Taylor series are out of the question."""
     found = estimate_timescales(scene)
     if found.decay * duration > STIFF * max(found.swing * duration, 1.0):
         fast = f"the fastest decay, about {found.decay:.3g}/s, is far faster than the fastest oscillation"
@@ -127,7 +127,7 @@ def _takes_series(system: System) -> bool:
 
 
 def body_of(group: Group, system: System) -> Body:
-    """Who solves one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
+    """The solver of one group in NumPy: dense matrices for short chains, a band for long ones, else the recursion."""
     if loses_digits(group, system):
         return Recursion(group)
     if group.n < SHORT and group.index.size <= MANY:
@@ -140,7 +140,7 @@ def body_of(group: Group, system: System) -> Body:
 
 
 def validate_room(scene: Scene, system: System) -> None:
-    """SceneError that names the two ends of what `system`, the scene in its units of integration, cannot hold."""
+    """SceneError that names the extreme links whose moments exceed the range of `system` in its units."""
     moments = system.mass * system.by_link("length") ** 2
     if 1 / ROOM < float(moments.min()) <= float(moments.max()) < ROOM:
         return
@@ -157,7 +157,7 @@ def validate_room(scene: Scene, system: System) -> None:
 def equations_of(
     system: System, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()
 ) -> Equations:
-    """The equations of motion in the chosen form, of what symmetries leave to be integrated."""
+    """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if choice.form == "spatial":

@@ -1,4 +1,4 @@
-"""Equations, start and integrator put together: a run that is ready to go."""
+"""Equations, start and integrator combined into a run that is ready to start."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ from nonlinear.system import NO_KICKS, Equations, Event, Kicks, Load, State, Sys
 if TYPE_CHECKING:
     from nonlinear.dynamics.compiled import Compiled
 
-FIRST = 0.1  # of sqrt(l/g), no first step of SciPy's is longer
-HASTE = 1e6  # radians of the fastest swing beyond which a run that fails was asked for too much
-NEAR_ZERO = 0.1  # share of the motion's size that the tolerance is relative to where a quantity passes zero
+FIRST = 0.1  # longest first step of SciPy's methods over sqrt(l/g)
+HASTE = 1e6  # phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run
+NEAR_ZERO = 0.1  # fraction of the motion's size to which the tolerance is relative where a quantity passes zero
 
 
 class SimulationError(ComputationError):
-    """A run that could not reach its end; `trajectory` holds what was computed."""
+    """A run that could not reach its end; `trajectory` holds the part that was computed."""
 
     def __init__(self, problem: str, trajectory: Trajectory) -> None:
         self.trajectory = trajectory
@@ -41,7 +41,7 @@ class SimulationError(ComputationError):
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A run of a scene, sampled at `times` (s), which begins where its stepper stands, after the kicks `before`."""
+    """A run of a scene, sampled at `times` (s), that begins at its stepper's time, after the kicks `before`."""
 
     scene: Scene
     choice: Choice
@@ -51,7 +51,7 @@ class Prepared:
     before: Kicks = NO_KICKS
 
     def go(self, events: Sequence[Event] = (), report: Callable[[float], object] = silent) -> Trajectory:
-        """Once, to the end or as far as can be gone; SimulationError where the integrator gives up."""
+        """Run once, to the end or as far as possible; SimulationError where the integrator fails."""
         system, y = self.equations.system, self.stepper.y
         kicking = escapements(system, cast("Minimal", self.equations).layout, y, self.before) if system.kicked else None
         record = Drive(self.stepper, self.equations, self.times, events, report, kicking).run()
@@ -113,10 +113,10 @@ def prepare(
 
 @dataclass(frozen=True, eq=False)
 class Request:
-    """What is asked: the motion of a scene, `system` in arrays, from a start on, kept at these times (T,) in s.
+    """The requested motion of a scene, `system` in arrays, from a start on, sampled at these times (T,) in s.
 
-    Method and form are chosen where they are "auto".  `before` are the kicks of escapements until then.  `pace` says
-    where the integrator begins anew and how long a step may be.  `report` hears of the seconds gone through after every
+    Method and form are chosen where they are "auto".  `before` are the escapements' kicks up to the start.  `pace`
+    limits the steps and says where the integrator restarts.  `report` is called with the simulated time after every
     step.
     """
 
@@ -134,27 +134,27 @@ class Request:
 
     @cached_property
     def smaller(self) -> tuple[Symmetry, ...]:
-        """What symmetry leaves out."""
+        """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         return () if self.load or self.system.kicked else find_symmetries(self.system, self.start, planar=flat)
 
     @property
     def integrated(self) -> System:
-        """What is left of it by symmetry."""
+        """The system that remains after symmetry reductions."""
         return self.smaller[-1].system if self.smaller else self.system
 
     @cached_property
     def size(self) -> float:
-        """How large the motion is, at most 1; 1 where something drives it."""
+        """The size of the motion, at most 1; 1 where something drives it."""
         return 1.0 if self.load else extent(self.start, self.system)
 
     @property
     def duration(self) -> float:
-        """From the first of the times to the last (s)."""
+        """Time from the first sample to the last (s)."""
         return float(self.times[-1] - self.times[0])
 
     def choice(self, tolerance: float) -> Choice:
-        """How to integrate at this tolerance."""
+        """The method chosen at this tolerance."""
         return choose(
             self.scene,
             self.duration,
@@ -167,20 +167,20 @@ class Request:
         )
 
     def prepared(self, choice: Choice) -> Prepared:
-        """Ready to go in this way."""
+        """The run prepared with this choice."""
         validate_room(self.scene, self.integrated)
         equations = equations_of(self.system, choice, self.load, self.smaller)
         return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, self.pace)
 
     def run(self, choice: Choice) -> Trajectory:
-        """The motion in this way; SimulationError where the integrator gives up."""
+        """The motion computed with this choice; SimulationError where the integrator fails."""
         return self.prepared(choice).go(self.events, self.report)
 
 
 def _stepper(
     scene: Scene, equations: Equations, choice: Choice, y: Floats, slope: Floats, times: Floats, size: float, pace: Pace
 ) -> Stepper:
-    """The chosen integrator, ready at the first of the times, for a motion of this size (`extent`)."""
+    """The chosen integrator, at the first of the times, for a motion of this size (`extent`)."""
     first, last = float(times[0]), float(times[-1])
     inner = equations.inner if isinstance(equations, Reduced) else equations
     if choice.method == "taylor":
@@ -201,7 +201,7 @@ def _stepper(
 
 
 def _slope(equations: Equations, time: float, y: Floats) -> Floats:
-    """The derivative at the start, (size,): where it is not finite integrators would seek a first step for ever."""
+    """The derivative at the start, (size,), checked to be finite: else integrators would seek a first step for ever."""
     with np.errstate(all="ignore"):
         found = equations.derivative(time, y)
     if not np.all(np.isfinite(found)):
@@ -221,4 +221,4 @@ def _haste(scene: Scene, duration: float) -> str:
     if swing * duration < HASTE:
         return ""
     words = f"; the fastest swing of this scene, {swing:.3g} rad/s, cannot be followed for {duration:g} s"
-    return f"{words}: leave out what is so light or so stiff, or ask for less time"
+    return f"{words}: remove whatever is so light or so stiff, or simulate a shorter time"

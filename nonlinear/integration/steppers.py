@@ -1,4 +1,4 @@
-"""One step of an integrator at a time, with the motion inside the step at hand."""
+"""Integrators advanced one step at a time, with dense output within the step."""
 
 from __future__ import annotations
 
@@ -19,17 +19,17 @@ EXPLICIT = {"DOP853": integrate.DOP853, "RK45": integrate.RK45, "RK23": integrat
 OTHERS = {"Radau": integrate.Radau, "BDF": integrate.BDF, "LSODA": integrate.LSODA}
 SCIPY = {**EXPLICIT, **OTHERS}
 SMALLEST = 2.3e-14  # relative tolerance that SciPy accepts
-FEW = 32  # components among which resting ones hide no error worth a step
-BESIDE = 4  # units in the last place by which a time keeps clear of a break
+FEW = 32  # components up to which those at rest hide no significant error
+BESIDE = 4  # distance of a time from a break, in units in the last place
 
 
 @dataclass(frozen=True)
 class Pace:
-    """How an integrator steps: it ends a step at each of the `breaks` (s, ascending) and begins anew there.
+    """Limits on the steps of an integrator, which ends a step at each of the `breaks` (s, ascending) and restarts.
 
-    `first` (s) is the step to try where it begins, the method's own where it is None; none is longer than `longest`
-    (s).  A `share` below 1 makes every step shorter than that part of `longest` and of the stretch between two breaks,
-    so that runs with different shares step differently, whatever holds their steps down.
+    `first` (s) is the first step to try, or None for the method's own choice; no step is longer than `longest` (s).  A
+    `share` below 1 makes every step shorter than that fraction of `longest` and of the interval between two breaks, so
+    that runs with different shares step differently, whatever limits their steps.
     """
 
     first: float | None = None
@@ -38,7 +38,7 @@ class Pace:
     share: float = 1.0
 
     def stretch(self, time: float) -> tuple[float, float]:
-        """The breaks around a time, one at that time before it; infinite where there is none."""
+        """The breaks on either side of a time, a break at that time counting as before it; infinite where none."""
         at = bisect_right(self.breaks, time)
         return (self.breaks[at - 1] if at else -inf), (self.breaks[at] if at < len(self.breaks) else inf)
 
@@ -51,21 +51,23 @@ AT_EASE = Pace()
 
 
 def first_step(y: Floats, slope: Floats, scale: Floats, longest: float) -> float:
-    """A first step (s) to try, at most `longest`: in which y at this slope goes as far as it is from zero.
+    """A first step (s) to try, at most `longest`: the one in which y at this slope changes by its distance from zero.
 
-    Both are measured in `scale`, what is left of each component.  SciPy's rule (Hairer, Nørsett and Wanner, Solving
-    Ordinary Differential Equations I, 1993, §II.4) ends with a power of seconds, so other units change every step.
+    Both are measured in `scale`, the absolute tolerance of each component.  SciPy's rule (Hairer, Nørsett and Wanner,
+    Solving Ordinary Differential Equations I, 1993, §II.4) ends with a power of seconds, so its steps depend on the
+    units.
     """
     size, speed = (float(np.max(np.abs(values / scale))) for values in (y, slope))
     return min(size / speed, longest) if size and speed else longest
 
 
 def sharpened(slope: Floats, units: Floats) -> float:
-    """What to take a tolerance times where much of y rests at the start, at most 1.
+    """A factor, at most 1, for the tolerance of a run in which most of y is at rest at the start.
 
-    SciPy's methods but LSODA hold the mean square of all errors to the tolerance, so that of k among n components in
-    motion may be √(n/k) too large.  With s the slope in natural units (size,), k = (Σ s²)²/Σ s⁴; a start from rest has
-    speeds of zero and unequal pendula unequal ones, wherefore 4 k count, and a few are never told from many.
+    SciPy's methods except LSODA bound the root mean square of all errors by the tolerance, so that of k moving
+    components among n may be √(n/k) too large.  With s the slope in natural units (size,), k = (Σ s²)²/Σ s⁴; since
+    velocities are zero in a start from rest and unequal pendula move unequally, 4 k components count, and few
+    components are never sharpened.
     """
     speed = np.abs(slope / units)
     if not (most := float(speed.max())):
@@ -76,29 +78,29 @@ def sharpened(slope: Floats, units: Floats) -> float:
 
 
 class Stepper(Protocol):
-    """An integrator on its way."""
+    """An integrator in progress."""
 
     @property
     def time(self) -> float:
-        """Where it stands (s)."""
+        """Current time (s)."""
         ...
 
     @property
     def y(self) -> Floats:
-        """What it found there, (size,)."""
+        """Current y, (size,)."""
         ...
 
     @property
     def calls(self) -> int:
-        """How often it asked for a derivative."""
+        """Number of derivatives computed."""
         ...
 
     def step(self) -> None:
-        """Go one step on; ComputationError where that cannot be."""
+        """Take one step; ComputationError where that fails."""
         ...
 
     def inside(self, times: Floats) -> Floats:
-        """The y (T, size) at times within the last step, as accurate as the integrator gives them cheaply."""
+        """The y (T, size) at times within the last step, as accurate as the integrator's dense output."""
         ...
 
     def exact(self, time: float) -> Floats:
@@ -106,7 +108,7 @@ class Stepper(Protocol):
         ...
 
     def restart(self, y: Floats, time: float | None = None) -> None:
-        """Go on from another y at the present time, or at one within the last step."""
+        """Continue from another y at the present time, or at one within the last step."""
         ...
 
 
@@ -117,10 +119,10 @@ class Sweeper(Stepper, Protocol):
     def sweep(
         self, times: Floats, every: bool = True
     ) -> tuple[Floats, Sequence[tuple[float, Sequence[float] | Floats]], int]:
-        """Some steps on towards the last of these times (ascending), at least one.
+        """Take some steps, at least one, towards the last of these times (ascending).
 
-        Gives the y (T, size) at those of them that are reached, where (s, y) `every` step ended or the last, and how
-        many there were.  ComputationError where not even the first step can be.
+        Returns the y (T, size) at those times that are reached, (s, y) at the end of `every` step or of the last, and
+        the number of steps.  ComputationError where not even the first step succeeds.
         """
         ...
 
@@ -128,8 +130,8 @@ class Sweeper(Stepper, Protocol):
 class SciPyStepper:
     """A method of `scipy.integrate` (see there for the papers behind each).
 
-    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is what it leaves of components near zero.  What
-    jumps at a break is asked for just beside it, on the side of the step.
+    `tolerance` is relative, at least SMALLEST; `absolute` (size,) is the tolerance of components near zero.  At a break
+    a discontinuous derivative is evaluated just off it, on the side of the step.
     """
 
     def __init__(
@@ -166,27 +168,27 @@ class SciPyStepper:
         return SCIPY[self.method](f, time, y, end, **options)
 
     def _beside(self, time: float, y: Floats) -> Floats:
-        """The derivative, as it is between the breaks around."""
+        """The derivative, evaluated strictly between the surrounding breaks."""
         clear = BESIDE * ulp(time)
         return self.f(min(max(time, self._low + clear), self._high - clear), y)
 
     @property
     def time(self) -> float:
-        """Where it stands (s)."""
+        """Current time (s)."""
         return float(self._solver.t)
 
     @property
     def y(self) -> Floats:
-        """What it found there."""
+        """Current y, (size,)."""
         return np.asarray(self._solver.y)
 
     @property
     def calls(self) -> int:
-        """Derivatives so far."""
+        """Number of derivatives computed."""
         return self._done + int(self._solver.nfev)
 
     def step(self) -> None:
-        """Go one step on."""
+        """Take one step."""
         solver = self._on_its_way()
         self.before, self.y_before, self._within = self.time, self.y, None
         try:
@@ -209,13 +211,13 @@ class SciPyStepper:
         return ComputationError(f"{self.method} stopped at {self.before:.9g} s: {message}")
 
     def inside(self, times: Floats) -> Floats:
-        """By the method's own interpolation."""
+        """Dense output by the method's own interpolation."""
         if self._within is None:
             self._within = self._solver.dense_output()
         return np.asarray(self._within(times)).T
 
     def exact(self, time: float) -> Floats:
-        """By integrating anew from the beginning of the step."""
+        """The y at one time within the last step, integrated anew from the beginning of the step."""
         if time <= self.before:
             return self.y_before
         solver = self._made(self.before, self.y_before, time, time - self.before)
@@ -225,7 +227,7 @@ class SciPyStepper:
         return np.asarray(solver.y)
 
     def restart(self, y: Floats, time: float | None = None) -> None:
-        """Go on from another y; an explicit method that stays where it is keeps its length of step."""
+        """Continue from another y; an explicit method that stays at the same time keeps its step size."""
         if time is None and self.method in EXPLICIT:
             self._solver.y, self._solver.f = y, self._solver.fun(self.time, y)
             return
@@ -234,11 +236,11 @@ class SciPyStepper:
 
 
 class HasDerivative(Protocol):
-    """Equations of motion as a stepper asks for them."""
+    """Equations of motion as a stepper needs them."""
 
     @property
     def derivative(self) -> Derivative:
-        """The y' at a time and a y."""
+        """The derivative y' as a function of time and y."""
         ...
 
 
@@ -246,7 +248,7 @@ E = TypeVar("E", bound=HasDerivative)
 
 
 class DOP853Stepper(SciPyStepper, Generic[E]):
-    """DOP853 in another implementation, which is given the `equations` themselves; otherwise as `SciPyStepper`."""
+    """DOP853 in another implementation, given the `equations` themselves; otherwise as `SciPyStepper`."""
 
     def __init__(
         self,

@@ -1,12 +1,11 @@
-"""Taylor series of high order by heyoka (extra `taylor`): the equations as they are written out, compiled.
+"""High-order Taylor series by heyoka (extra `taylor`): the generated equations, compiled.
 
-The numbers of a scene are parameters, so that one compiled series serves all scenes that differ in these alone.
-
-heyoka takes the length of a step from the last two coefficients of the series (Jorba and Zou, Experimental Mathematics
-14, 2005).  Released from rest at ±90°, angles move in the powers 2, 6, 10, … of t and rates in 1, 5, 9, …: where the
+The constants of a scene are parameters, so one compiled series serves all scenes that differ in these alone.
+heyoka computes the step size from the last two coefficients of the series (Jorba and Zou, Experimental Mathematics
+14, 2005).  Released from rest at ±90°, angles contain the powers 2, 6, 10, … of t and rates 1, 5, 9, …: where the
 order is a multiple of four both coefficients are zero, and the first step comes out many times too long.  So the order
-is never a multiple of four, and the first step no longer than FIRST of the shortest linear period; either alone keeps
-every digit of the starts that were tried.
+is never a multiple of four, and the first step no longer than FIRST of the shortest linear period; either measure alone
+preserved every digit in all starts tried.
 """
 
 from __future__ import annotations
@@ -30,8 +29,8 @@ from nonlinear.system import System
 FIRST = 0.05
 TIGHTEST = 1e-15
 LONGEST_CHAIN, MOST_LINKS = 24, 400
-UNROLLED = 4  # links whose series is compiled as one function, faster and longer to compile
-MOST_KEPT, AT_ONCE = 32, 256  # integrators; steps
+UNROLLED = 4  # links up to which the series is compiled as one function: faster, longer to compile
+MOST_KEPT, AT_ONCE = 32, 256  # integrators kept; steps at once
 GOES_ON = {"success", "time_limit", "step_limit"}
 GIVES_UP = {"err_nf_state": "its series overflow; choose another method"}
 
@@ -42,16 +41,16 @@ def available() -> bool:
 
 
 def first_step(omega: float) -> float:
-    """The cap (s) on the first step, from the fastest natural frequency (rad/s); inf where nothing swings."""
+    """The limit (s) on the first step, from the fastest natural frequency (rad/s); inf where nothing oscillates."""
     return FIRST * 2 * pi / omega if omega else inf
 
 
 class TaylorStepper:
-    """One Taylor series after another.
+    """Integration by Taylor series, one series per step.
 
-    The first is no longer than `pace.first` (s), for which `first_step` is meant; `tolerance` sets the order.  Raises
-    MissingExtraError without heyoka, ComputationError under a load and where
-    compiling so many links would take longer than another method takes to run.
+    The first step is no longer than `pace.first` (s), meant to come from `first_step`; `tolerance` sets the order.
+    Raises MissingExtraError without heyoka, ComputationError under a load and where compiling for so many links would
+    take longer than another method takes to run.
     """
 
     def __init__(self, equations: Minimal, y: Floats, start: float, end: float, tolerance: float, pace: Pace) -> None:
@@ -64,16 +63,16 @@ class TaylorStepper:
 
     @property
     def time(self) -> float:
-        """Where it stands (s)."""
+        """Current time (s)."""
         return float(self.integrator.time)
 
     @property
     def y(self) -> Floats:
-        """What it found there, (size,)."""
+        """Current y, (size,)."""
         return np.array(self.integrator.state)
 
     def step(self) -> None:
-        """One series further, never beyond a break; ComputationError where it leaves the finite numbers."""
+        """Take one step, never beyond a break; ComputationError where the numbers overflow."""
         start = self.time
         since, until = self._stretch()
         first = self.pace.first or inf if start == since else inf
@@ -85,7 +84,7 @@ class TaylorStepper:
         self._coefficients, self._from, self.calls = np.array(self.integrator.tc).T, start, self.calls + 1
 
     def sweep(self, times: Floats, every: bool = True) -> tuple[Floats, list[tuple[float, Floats]], int]:
-        """As `Sweeper` says: heyoka goes over the times by itself, but for the first step after a break."""
+        """Many steps at once, as defined in `Sweeper`: heyoka visits the times itself, except just after a break."""
         if self._failure:
             raise self._failure
         start, (since, until) = self.time, self._stretch()
@@ -118,17 +117,17 @@ class TaylorStepper:
         return rows[1 : 1 + reached], ends[:steps] or [last], steps
 
     def _stretch(self) -> tuple[float, float]:
-        """The breaks around, or the ends of the run."""
+        """The breaks on either side, or the ends of the run."""
         low, high = self.pace.stretch(self.time)
         return max(low, self.start), min(high, self.end)
 
     def _judge(self, outcome: Any, time: float) -> None:
-        """ComputationError for a step that went wrong."""
+        """ComputationError for a failed step."""
         if outcome.name not in GOES_ON:
             raise ComputationError(f"taylor stopped at {time:.9g} s: {GIVES_UP.get(outcome.name, outcome.name)}")
 
     def inside(self, times: Floats) -> Floats:
-        """The y (T, size) at times within the last step, by its series."""
+        """The y (T, size) at times within the last step, from its series."""
         return np.asarray(np.polynomial.polynomial.polyval(times - self._from, self._coefficients)).T
 
     def exact(self, time: float) -> Floats:
@@ -136,7 +135,7 @@ class TaylorStepper:
         return np.asarray(self.inside(np.array([time]))[0])
 
     def restart(self, y: Floats, time: float | None = None) -> None:
-        """Go on from another y at the present time, or at one within the last step."""
+        """Continue from another y at the present time, or at one within the last step."""
         self.integrator.state[:] = y
         self.integrator.time = self.time if time is None else time
         self._coefficients, self._from = np.array(y)[None], self.time
@@ -157,7 +156,7 @@ def shortened(tolerance: float) -> float:
 
 
 _COMPILED: dict[tuple[str, float], Any] = {}
-"""Integrators of this process, by the text of their equations and their tolerance."""
+"""Integrators of this process, by the source of their equations and their tolerance."""
 
 
 def ready(system: System, tolerance: float) -> bool:
@@ -166,7 +165,7 @@ def ready(system: System, tolerance: float) -> bool:
 
 
 def integrator_of(equations: Generated, tolerance: float) -> Any:
-    """Heyoka's integrator for these equations, compiled once a process for all numbers of such a scene."""
+    """Heyoka's integrator for these equations, compiled once per process for all constants of such a scene."""
     text, size = equations.text, equations.layout.size
     if (kept := _COMPILED.get((text.text, tolerance))) is None:
         heyoka = _heyoka()
@@ -183,7 +182,7 @@ def integrator_of(equations: Generated, tolerance: float) -> Any:
 
 
 def expressions(equations: Generated, numbers: Sequence[Any] | None = None) -> list[tuple[Any, Any]]:
-    """Every component of y beside its derivative, as heyoka's expressions of the scene's `numbers` or of others."""
+    """Pairs of each component of y and its derivative, as heyoka expressions of the scene's `numbers` or of others."""
     heyoka, text = _heyoka(), equations.text
     rate = function_in(text.text, "made")(heyoka.sin, heyoka.cos, *(text.numbers if numbers is None else numbers))
     y = [heyoka.expression(f"y{i}") for i in range(equations.layout.size)]
@@ -191,7 +190,7 @@ def expressions(equations: Generated, numbers: Sequence[Any] | None = None) -> l
 
 
 def _admitted(equations: Minimal) -> Generated:
-    """The same equations written out, where heyoka can take them."""
+    """The same equations written out, if heyoka can integrate them."""
     longest, links = max(group.n for group in equations.system.groups), equations.system.n_links
     if equations.load is not None:
         raise ComputationError("Taylor series cannot follow a load: choose another method")

@@ -1,4 +1,4 @@
-"""What the linear modes say beforehand of how fast a scene swings and decays."""
+"""How fast a scene oscillates and decays, estimated from its linear modes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from modal.modes import natural_modes
 from modal.scene import Scene
 from nonlinear.system import system_of
 
-MOST_SURVEYED = 2000  # links of a scene whose modes are computed
+MOST_SURVEYED = 2000  # links of a scene up to which its modes are computed
 
 
 @dataclass(frozen=True)
 class Timescales:
-    """The fastest swing or growth (rad/s) and the fastest decay (1/s) about the rest; `modal` where they are of modes.
+    """The fastest oscillation or growth (rad/s) and the fastest decay (1/s) about equilibrium; `modal` if from modes.
 
-    Elsewhere they are guesses, from the shortest link and from each joint's damper and inertia by themselves.
+    Otherwise they are estimates, from the shortest link and from each joint's damper and inertia separately.
     """
 
     swing: float
@@ -29,12 +29,12 @@ class Timescales:
 
 
 modes_of = lru_cache(maxsize=4)(natural_modes)
-"""The modes of a scene, found once for a start, the times and the coordinates of a run."""
+"""The modes of a scene, computed once for the start, the times and the coordinates of a run."""
 
 
 @lru_cache(maxsize=4)
 def estimate_timescales(scene: Scene) -> Timescales:
-    """Of a scene's modes where these can be had quickly, else guessed."""
+    """The time scales of a scene's modes where these are cheap, else estimates."""
     if scene.n_links <= MOST_SURVEYED:
         try:
             found = modes_of(scene).eigenvalue
@@ -47,7 +47,7 @@ def estimate_timescales(scene: Scene) -> Timescales:
 
 
 def sample_count(duration: float, swing: float, per_period: float, fewest: int, most: int) -> int:
-    """So many samples a period of `swing` (rad/s) over `duration` (s), within bounds."""
+    """Number of samples at `per_period` per period of `swing` (rad/s) over `duration` (s), within bounds."""
     return min(max(ceil(min(duration * swing / (2 * pi) * per_period, most)), fewest), most)
 
 

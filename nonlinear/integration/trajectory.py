@@ -1,4 +1,4 @@
-"""What a run found: states at sampled times, what they mean, and the certificates that say how far to trust them."""
+"""The result of a run: states at sampled times, derived quantities, and the drifts that certify it."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from nonlinear.system import NO_KICKS, Equations, EventRecord, Kicks, Motion, St
 
 NOISE = 1e-7
 CLOSED = "closed form"  # the method where nothing is integrated
-TRUNCATED = "truncated"  # the form in a few mode shapes
+TRUNCATED = "truncated"  # the form with a few mode shapes
 
 
 @dataclass(frozen=True)
 class SolverInfo:
-    """How a trajectory was computed: the form of the equations, the method, and why these; counts; what ended it.
+    """How a trajectory was computed: the form of the equations, the method, and the reason; counts; why it ended.
 
-    `drift` is the largest violation of a constraint before it was mended, relative to the lengths of the scene;
-    `reduced` says what was integrated where that was less than the whole scene.  `error` is what any angle may be off
-    by (rad) where an accuracy was asked for, inf where nobody knows.
+    `drift` is the largest constraint violation before projection, relative to the lengths of the scene; `reduced`
+    describes what was integrated where that was less than the whole scene.  `error` is the estimated bound on the error
+    of any angle (rad) where an accuracy was requested, inf where it is unknown.
     """
 
     form: str
@@ -44,10 +44,10 @@ class SolverInfo:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A scene's motion at `times` (T,) in s, what happened on the way, and how it was computed.
+    """A scene's motion at `times` (T,) in s, the events on the way, and how it was computed.
 
-    `kicks` are those of escapements; `driven` says whether anything acted from outside, `equations` holds the equations
-    of a run made in this process.
+    `kicks` are those of escapements; `driven` tells whether anything acted from outside, `equations` holds the
+    equations of a run made in this process.
     """
 
     scene: Scene
@@ -68,12 +68,12 @@ class Trajectory:
         return Mechanics(self.system, self.motion)
 
     def at(self, rows: Any) -> Trajectory:
-        """The same at some of its times: a slice, indices or a mask."""
+        """The trajectory at some of its times: a slice, indices or a mask."""
         return replace(self, times=self.times[rows], motion=self.motion.at(rows))
 
     @property
     def final(self) -> State:
-        """The last state, from which another run can go on."""
+        """The last state, from which another run can continue."""
         return self.motion[-1]
 
     @property
@@ -83,7 +83,7 @@ class Trajectory:
 
     @cached_property
     def _steady(self) -> Mechanics:
-        """Seen from where nothing coasts: of the energy of a fast free cart the certificate would be all rounding."""
+        """The motion in a frame without coasting: rounding would dominate the energy of a fast free cart."""
         if not self.keeps_momentum:
             return self.mechanics
         coasting = self.mechanics.momentum / self.system.total_mass
@@ -91,9 +91,9 @@ class Trajectory:
 
     @cached_property
     def energy_scale(self) -> float:
-        """What an energy drift is measured against (J): what the energies of the run range over, or its work.
+        """The reference of an energy drift (J): the range of the energies over the run, or its work.
 
-        Where hardly anything happens it is NOISE of the potential energy, whose rounding would else be all there is.
+        Where hardly anything moves it is NOISE of the potential energy, so that the drift is not all rounding.
         """
         kinetic, potential = self._steady.energies
         ranges = kinetic.max(), np.ptp(potential), abs(self.motion.work).max(), NOISE * abs(potential).max()
@@ -111,7 +111,7 @@ class Trajectory:
 
     @property
     def keeps_momentum(self) -> bool:
-        """Whether momentum along the rail is conserved: a cart that nothing holds, damps or drives."""
+        """Whether momentum along the rail is conserved: a cart without spring, damper or drive."""
         cart = self.system.cart
         return cart is not None and not (cart.damping or cart.stiffness or self.driven)
 
@@ -121,7 +121,7 @@ class Trajectory:
         return self.system.spatial and self.system.cart is None and not (self.system.works or self.driven)
 
     def momentum_drift(self) -> float:
-        """The largest change of a conserved momentum over Σ m |v|, coasting left out, or Σ m r |v|; else NaN."""
+        """The largest change of a conserved momentum over Σ m |v| without coasting, or Σ m r |v|; else NaN."""
         mechanics, mass = self.mechanics, self.system.mass
         speed = np.linalg.norm(mechanics.speeds, axis=-1)
         if self.keeps_momentum:
@@ -134,5 +134,5 @@ class Trajectory:
         return float(np.max(np.abs(kept - kept[0])) / (scale or 1.0))
 
     def constraint_drift(self) -> float:
-        """The largest violation of a constraint before it was mended; 0 in minimal coordinates."""
+        """The largest constraint violation before projection; 0 in minimal coordinates."""
         return self.run.drift

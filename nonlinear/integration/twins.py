@@ -1,9 +1,9 @@
-"""Twins of a run: the same scene from a start a little aside, which has none of its symmetry.
+"""Perturbed runs ("twins"): the same scene from a slightly different start, which breaks any symmetry.
 
-Equal pendula that start equally pull the cart alike for ever, in numbers as in theory, and so do mirror images; where
-that is unstable real ones part, and two runs that share the symmetry agree longer than they are right.  A twin does
-not share it.  Of pendula that move as one only the first is put aside: how fast it leaves the others does not depend on
-their number, and the twin costs at most two pendula of each kind.
+Equal pendula with equal starts pull the cart alike for ever, in numbers as in theory, and so do mirror images; where
+such motion is unstable real pendula part, and two runs that share the symmetry agree for longer than they are right.  A
+twin does not share it.  Of pendula that move as one only the first is perturbed: how fast it departs from the others
+does not depend on their number, and the twin needs at most two pendula of each kind.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from nonlinear.integration.run import Request, SimulationError
 from nonlinear.integration.trajectory import Trajectory
 from nonlinear.system import Event, State, System, apart
 
-ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # of a twin's start; rad, far above the rounding of an angle
-LAST_DIGITS = 4 * float(np.finfo(float).eps)  # of an angle, and of the motion's size
-GONE = 1e-4  # rad, at which a twin has left and is followed no further
-SAMPLES, STEPS, TOLERANCE = 200, 3000, 1e-9  # of a twin that tells how fast it leaves, and its steps at most
+ASIDE, LEAST, SEED = 1e-9, 1e-12, 0  # perturbation of a twin's start: relative, in rad (far above rounding), seed
+LAST_DIGITS = 4 * float(np.finfo(float).eps)  # perturbation of an angle, relative and over the motion's size
+GONE = 1e-4  # distance (rad) at which a twin has departed and is followed no further
+SAMPLES, STEPS, TOLERANCE = 200, 3000, 1e-9  # of a twin that measures a departure; STEPS at most
 
 
 class Departure(NamedTuple):
-    """By which `factor` the distance of a twin from a symmetric run has grown at most within `seconds`."""
+    """The largest `factor` by which the distance of a twin from a symmetric run grew within `seconds`."""
 
     factor: float
     seconds: float
 
     @property
     def words(self) -> str:
-        """A sentence."""
-        return f"a small breach of it would grow {self.factor:.2g}-fold in {self.seconds:.3g} s"
+        """The result as a clause."""
+        return f"a small perturbation of it would grow {self.factor:.2g}-fold in {self.seconds:.3g} s"
 
 
 def aside(system: System, start: State, by: Any) -> State:
-    """A start with the angles of every pendulum (of those that are one the first) up to `by` (rad) aside.
+    """A start with the angles of every pendulum (of identical ones the first) perturbed by up to `by` (rad).
 
-    In space every component of the unit vectors is.  `by` is a number or fits `start.links`.
+    In space every component of the unit vectors is perturbed.  `by` is a number or fits `start.links`.
     """
     shift = by * np.random.default_rng(SEED).uniform(0.5, 1.0, start.links.shape)
     if one := synchronous(system, start):
@@ -55,14 +55,14 @@ def aside(system: System, start: State, by: Any) -> State:
 
 
 def slightly(system: System, start: State) -> float:
-    """What a twin is put aside by (rad) to see how a difference grows."""
+    """The perturbation (rad) of a twin that shows how a difference grows."""
     return max(ASIDE * extent(start, system), LEAST)
 
 
 def rounded(request: Request) -> Request | None:
-    """What is asked, from a start that differs in its last digits; None where the start has nothing to lose by that.
+    """The request with a start perturbed in its last digits; None where the start has no exact symmetry to break.
 
-    Where no symmetry and no unstable rest holds digit by digit, runs at two tolerances know as much.
+    Without a symmetry or an unstable equilibrium that rounding preserves, runs at two tolerances are as informative.
     """
     system, start = request.system, request.start
     if not (exactly_symmetric(system, start) or is_unstable_equilibrium(system, start)):
@@ -72,9 +72,9 @@ def rounded(request: Request) -> Request | None:
 
 
 def departure(trajectory: Trajectory) -> Departure | None:
-    """How fast a twin leaves a run that integrates fewer pendula than hang there, or in one plane what is in space.
+    """How fast a twin departs from a run that integrates fewer pendula than there are, or in a plane what is in space.
 
-    None for any other run.  The twin is followed until it is GONE, for STEPS at most.
+    None for any other run.  The twin is followed until its distance is GONE, for at most STEPS.
     """
     start, times = trajectory.motion[0], trajectory.times
     asked = Request(trajectory.scene, trajectory.system, start, np.linspace(0.0, float(times[-1] - times[0]), SAMPLES))

@@ -1,6 +1,6 @@
-"""Films of a motion: the pendula beside their energies, as an animated GIF, an MP4 or a page for the browser.
+"""Animations of a motion: the pendula next to their energies, as an animated GIF, an MP4 or an HTML page.
 
-A long run is a short film lit once in a while, so that fast swings seem slow and slow changes show.
+A long run becomes a short, stroboscopic film, in which fast oscillations appear slow and slow changes become visible.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from textwrap import fill
 from typing import IO, Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.text import Text
@@ -30,27 +31,27 @@ from modal.errors import ComputationError, SceneError
 from modal.plotting import SMALL, any_letters, colour, ink, muted, paper, sheet
 from modal.report import html, visible
 from modal.types import Floats
-from nonlinear.dynamics import deaf_children
+from nonlinear.dynamics import children_without_interrupts
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.artists import Gauges, Scenery
 from nonlinear.plotting.scene import energies_of, stage_of
 from nonlinear.synchronization import Phases
 
 TRAIL = 0.8
-"""Seconds of film that a tip's trail lasts."""
+"""Length of a tip's trail in seconds of film."""
 SIZE, DPI = (8.0, 4.5), 100
 PANEL = (0.02, 0.16, 0.585, 0.72)
-"""Left, bottom, width and height of the pendula's panel, as parts of the figure."""
+"""Left, bottom, width and height of the pendula's panel, as fractions of the figure."""
 FPS = {"gif": 20.0, "mp4": 30.0, "html": 20.0}
 SECONDS = 20.0
-APART = 24  # frames that a swing seems to take
+APART = 24  # apparent period of an oscillation in frames
 FORMS = ("gif", "mp4", "html")
 LONGEST = 20.0
-"""Seconds of film where nobody says how many."""
+"""Default length of the film in seconds."""
 COLOURS, SAMPLED = 64, 6
 """Colours of a GIF, chosen from this many of its frames."""
 NEARLY = 8
-"""How far a colour may be from the paper's, in 255 steps, to be drawn as the paper."""
+"""Largest distance of a colour from the background, of 255, at which it is drawn as background."""
 MOST_FRAMES = 20_000
 NO_FFMPEG = (
     "mp4 needs ffmpeg: install it, or the extra `video` (pip install 'multipendula[video]'); gif and html do not"
@@ -59,7 +60,7 @@ Report = Callable[[float], object]
 
 
 class Film:
-    """The figure of a trajectory at `times` (F,) in s, to be moved from frame to frame."""
+    """The figure of a trajectory at `times` (F,) in s, updated frame by frame."""
 
     def __init__(self, trajectory: Trajectory, times: Floats, rate: float, speed: float) -> None:
         self.times, self.rate = times, rate
@@ -73,6 +74,8 @@ class Film:
         bars, line = (self.figure.add_axes((0.69, bottom, 0.29, 0.27)) for bottom in (0.58, 0.18))
         self.gauges = Gauges(bars, line, energies_of(trajectory, times), times)
         self._words(_caption(trajectory, len(stage.actors), stage.follows, speed))
+        self.moving = sorted([*self.scenery.moving, *self.gauges.moving, self.clock], key=Artist.get_zorder)
+        self.still: tuple[float, Any] | None = None
         self.show(0)
 
     def _words(self, caption: str) -> None:
@@ -85,21 +88,35 @@ class Film:
         _fit(low, 0.96)
 
     def show(self, frame: int) -> None:
-        """Move everything to where it is in a frame."""
+        """Update everything to a frame."""
         self.scenery.show(frame)
         self.gauges.show(frame)
         self.clock.set_text(f"t = {self.times[frame]:.2f} s")
 
     def image(self, frame: int) -> Image.Image:
-        """One frame."""
+        """One frame: what moves, over what stands still for as long as the camera does."""
         self.show(frame)
-        self.canvas.draw()  # type: ignore[no-untyped-call]
+        camera = float(self.scenery.stage.camera[frame])
+        if not self.still or self.still[0] != camera:
+            self.still = camera, self._still()
+        self.canvas.restore_region(self.still[1])  # type: ignore[no-untyped-call]
+        for artist in self.moving:
+            self.figure.draw_artist(artist)
         pixels = np.asarray(self.canvas.buffer_rgba())  # type: ignore[no-untyped-call]
         return Image.fromarray(pixels[..., :3].copy())
 
+    def _still(self) -> Any:
+        """The pixels of all that does not move."""
+        for artist in self.moving:
+            artist.set_animated(True)
+        self.canvas.draw()  # type: ignore[no-untyped-call]
+        for artist in self.moving:
+            artist.set_animated(False)
+        return self.canvas.copy_from_bbox(self.figure.bbox)  # type: ignore[no-untyped-call]
+
 
 def _fit(text: Text, width: float) -> None:
-    """Break or shrink words until they are no wider than a part of the figure."""
+    """Wrap or shrink text until it is no wider than a fraction of the figure."""
     figure = text.get_figure()
     assert figure is not None
     room = width * figure.bbox.width
@@ -120,9 +137,9 @@ def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float) ->
 
 
 def strobe(phases: Phases, form: str) -> dict[str, Any]:
-    """The arguments of `animate` for a film of at most SECONDS, every frame some whole swings and 1/APART later.
+    """The arguments of `animate` for a film of at most SECONDS, whole periods plus 1/APART between frames.
 
-    Runs that are no longer than the film are shown at their own speed.
+    Runs that are no longer than the film are shown in real time.
     """
     period = float(2 * pi / np.median(phases.omega[:, phases.leading]))
     fps, run = FPS[form], float(phases.times[-1] - phases.times[0])
@@ -133,7 +150,7 @@ def strobe(phases: Phases, form: str) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Shown:
-    """What a film shows: frames, how many a second, the seconds of motion; `left_out` is the rest of the run (s)."""
+    """The content of a film: frames, frame rate, seconds of motion; `left_out` is the rest of the run (s)."""
 
     frames: int
     fps: float
@@ -142,7 +159,7 @@ class Shown:
 
     @property
     def seconds(self) -> float:
-        """How long the film lasts (s)."""
+        """Duration of the film (s)."""
         return self.frames / self.fps
 
 
@@ -158,10 +175,10 @@ def animate(
 ) -> Shown:
     """Write a film of a trajectory as "gif", "mp4" or "html".
 
-    `fps` frames a second (25 in a GIF, 30 else; a GIF counts hundredths of a second and gets the nearest it can),
-    `speed` seconds of motion a second of film, at most `seconds` of film (20).  `report` hears of the seconds of film
-    that are done.  Raises SceneError for arguments that cannot be, ComputationError where samples are too far apart
-    and where an MP4 is asked for without ffmpeg.
+    `fps` is the frame rate (25 in a GIF, else 30; a GIF counts hundredths of a second and takes the nearest possible
+    rate), `speed` the seconds of motion per second of film, `seconds` the maximum length of the film (20).  `report` is
+    called with the seconds of film done.  Raises SceneError for invalid arguments, ComputationError where samples are
+    too far apart and for an MP4 without ffmpeg.
     """
     _check(form, fps, speed, seconds)
     executable = _ffmpeg() if form == "mp4" else ""
@@ -220,7 +237,7 @@ def _write_gif(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]
 
 
 def _on_paper(image: Image.Image) -> Image.Image:
-    """The same palette with what is nearly paper made paper."""
+    """The same palette with colours close to the background replaced by it."""
     colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
     plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
     blank = Image.new("RGB", (1, 1), tuple(plain.tolist())).quantize(palette=image, dither=Image.Dither.NONE)
@@ -231,14 +248,14 @@ def _on_paper(image: Image.Image) -> Image.Image:
 
 
 def _write_mp4(film: Film, shot: Callable[[int], Image.Image], executable: str, stream: IO[bytes]) -> None:
-    """Frames go to ffmpeg through a pipe; it never hears Ctrl-C, which is for this process to answer."""
+    """Frames go to ffmpeg through a pipe; it never receives Ctrl-C, which this process handles."""
     width, height = film.canvas.get_width_height()
     raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-framerate", repr(film.rate)]
     coded = ["-vcodec", "h264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart"]
     with TemporaryDirectory() as folder:
         path = Path(folder) / "film.mp4"
         try:
-            with deaf_children():
+            with children_without_interrupts():
                 command = [executable, "-loglevel", "error", *raw, "-i", "pipe:", *coded, str(path)]
                 encoder = Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=PIPE)
         except OSError as error:
@@ -255,7 +272,7 @@ def _write_mp4(film: Film, shot: Callable[[int], Image.Image], executable: str, 
 
 
 def _fed(encoder: Popen[bytes], frames: Iterable[bytes]) -> str:
-    """What a program says last of all that it is given; one that has ended takes no more."""
+    """The last message of a program fed with frames; one that has ended is fed no more."""
     assert encoder.stdin
     with suppress(BrokenPipeError):
         for frame in frames:
@@ -269,7 +286,7 @@ def _failed(executable: str, words: str) -> ComputationError:
 
 
 def _ffmpeg() -> str:
-    """The program on the path, or the one that the extra brings."""
+    """The program on the path, or the one provided by the extra."""
     found = shutil.which("ffmpeg")
     if found:
         return found
@@ -282,7 +299,7 @@ def _ffmpeg() -> str:
 
 
 def _write_html(film: Film, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
-    """A page that needs nothing else: frames as PNG, a button, a slider."""
+    """A self-contained page: frames as PNG, a button, a slider."""
     words = {"RATE": f"{film.rate:g}", "INK": ink(), "PAPER": paper(), "HUE": colour(0), "TITLE": html(film.title)}
     head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
     stream.write(head.encode())

@@ -1,15 +1,17 @@
-"""The two halves of a film, drawn once and moved from frame to frame.
+"""The two halves of a film, drawn once and updated frame by frame.
 
-On the left pendula hang from their cart or support; on the right stands how much energy every pendulum and the cart
-have, and how the whole goes through time.
+On the left pendula hang from their cart or support; on the right are the energies of every pendulum and the cart, and
+the total against time.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.colors import to_rgb
@@ -22,17 +24,17 @@ from modal.scene import Bob, Rod
 from modal.types import Floats
 from nonlinear.plotting.scene import DETAIL, OBLIQUE, Actor, Energies, Stage
 
-BODY, FLOOR, SHADOW = 0.14, 0.05, 0.2  # how much of ink is in them
+BODY, FLOOR, SHADOW = 0.14, 0.05, 0.2  # fractions of ink in their colours
 MOST_MARKS = 40
 MARGIN = 0.09
-KINETIC, POTENTIAL = 0.8, 0.52  # how much of ink is in them
+KINETIC, POTENTIAL = 0.8, 0.52  # fractions of ink in their colours
 FEWEST, LETTERS = 6, 34
-"""Bars that there is room for; letters that fit side by side under them."""
+"""Largest number of bars; letters that fit side by side under them."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a panel shows around the camera (m)."""
+    """The limits of a panel relative to the camera (m)."""
 
     left: float
     right: float
@@ -41,12 +43,12 @@ class Limits:
 
     @property
     def width(self) -> float:
-        """From edge to edge (m)."""
+        """Width of the panel (m)."""
         return self.right - self.left
 
 
 def limits_of(stage: Stage, ratio: float) -> Limits:
-    """Everything that moves, with a margin, in a panel `ratio` times as wide as high."""
+    """Limits that contain everything that moves, with a margin, in a panel of aspect ratio `ratio`."""
     low, high = stage.extent
     middle, half = (low + high) / 2, (1 + 2 * MARGIN) * (high - low) / 2
     half = np.maximum(half, (half[1] * ratio, half[0] / ratio))
@@ -54,7 +56,7 @@ def limits_of(stage: Stage, ratio: float) -> Limits:
 
 
 class Scenery:
-    """A stage on an axis whose panel is `ratio` times as wide as high; `trail` is how many frames the trails last."""
+    """A stage on an axis whose panel has the aspect ratio `ratio`; `trail` is the length of the trails in frames."""
 
     def __init__(self, axis: Axes, stage: Stage, ratio: float, trail: int) -> None:
         self.axis, self.stage, self.limits = axis, stage, limits_of(stage, ratio)
@@ -70,8 +72,14 @@ class Scenery:
         if stage.floor is not None:
             _floor(axis, stage)
 
+    @property
+    def moving(self) -> list[Artist]:
+        """What a frame draws anew, and the axis' own lines over it."""
+        cart = [self.cart.box, *self.cart.circles] if self.cart else []
+        return [*cart, *chain.from_iterable(player.moving for player in self.players), *self.axis.spines.values()]
+
     def show(self, frame: int) -> None:
-        """Move everything to where it is in a frame."""
+        """Update everything to a frame."""
         camera = float(self.stage.camera[frame])
         self.axis.set_xlim(camera + self.limits.left, camera + self.limits.right)
         if self.cart:
@@ -86,7 +94,7 @@ def _points_per_metre(axis: Axes, limits: Limits) -> float:
 
 
 class _Cart:
-    """A box on two wheels, the pivots along the middle of the box."""
+    """A box on two wheels, with the pivots along its middle."""
 
     def __init__(self, axis: Axes, stage: Stage) -> None:
         depth, half = stage.depth, stage.half
@@ -116,7 +124,7 @@ class _Cart:
 
 
 def _rail(axis: Axes, height: float) -> None:
-    """A rail with ticks, metres along it at the lower edge."""
+    """A rail with ticks, with metres along it at the lower edge."""
     axis.spines[["left", "right", "bottom"]].set_visible(False)
     axis.spines["top"].set(position=("data", height), color=muted(), lw=1.6, visible=True)
     axis.set_yticks([])
@@ -138,7 +146,7 @@ def _ceiling(axis: Axes, stage: Stage) -> None:
 
 
 def _floor(axis: Axes, stage: Stage) -> None:
-    """Where shadows fall: as wide as the shadows and as deep."""
+    """The floor on which shadows fall, as wide and as deep as they are."""
     shadows = np.concatenate([actor.shadow for actor in stage.actors if actor.shadow is not None])
     shadows = shadows - np.stack((stage.camera, 0 * stage.camera), axis=-1).repeat(len(stage.actors), 0)[:, None]
     level = -(stage.floor or 0.0)
@@ -176,6 +184,12 @@ class _Player:
         size = min(2.8, 0.6 * thick) if marked else 0.0
         self.pins = axis.plot([], [], "o", ms=size, color=paper(), mec=hue, mew=0.8, zorder=7)[0]
 
+    @property
+    def moving(self) -> list[Artist]:
+        """All of it."""
+        lines = self.shadow, self.wake, self.line, self.bars, self.reach
+        return [*lines, self.discs, self.diamonds, self.pins]
+
     def _sizes(self, links: list[int], shortest: float) -> Floats:
         """Areas (pt²) of discs, volumes in proportion to masses."""
         mass = np.array([link.mass for link in self.actor.links])
@@ -197,7 +211,7 @@ class _Player:
 
 
 def _wake(axis: Axes, hue: str, length: int) -> LineCollection:
-    """Segments from the newest, which is the strongest and the widest."""
+    """Segments of a trail, the newest the strongest and widest."""
     age = np.linspace(0, 1, max(length, 1))
     colours = [(*to_rgb(hue), 0.6 * (1 - a) ** 1.5) for a in age]
     wake = LineCollection([], colors=colours, linewidths=2.4 - 1.6 * age, zorder=3)
@@ -211,21 +225,27 @@ def _dots(axis: Axes, marker: str, sizes: Floats, hue: str, zorder: int) -> Path
 
 
 def _pieces(line: Line2D, starts: Floats, ends: Floats) -> None:
-    """Separate strokes as one line with gaps."""
+    """Separate line segments as one line with gaps."""
     gaps = np.full_like(starts, np.nan)
     line.set_data(*np.stack((starts, ends, gaps), axis=1).reshape(-1, 2).T)
 
 
 class Gauges:
-    """Bars of kinetic under potential energy on one axis, the same of everything against time (s) on the other."""
+    """Bars of kinetic below potential energy on one axis, the totals against time (s) on the other."""
 
     def __init__(self, bars: Axes, line: Axes, energies: Energies, times: Floats) -> None:
-        self.energies, self.times = energies, times
+        self.energies, self.times, self.axes = energies, times, (bars, line)
         self.bars = _bars(bars, energies)
         self.lines, self.dot = _lines(line, energies, times)
 
+    @property
+    def moving(self) -> list[Artist]:
+        """What a frame draws anew, and the axes' own lines over it."""
+        spines = chain.from_iterable(axis.spines.values() for axis in self.axes)
+        return [*self.bars[0], *self.bars[1], *self.lines, self.dot, *spines]
+
     def show(self, frame: int) -> None:
-        """Move everything to what it is in a frame."""
+        """Update everything to a frame."""
         kinetic, potential = self.energies.kinetic[frame], self.energies.potential[frame]
         for lower, upper, t, v in zip(*self.bars, kinetic, potential, strict=True):
             lower.set_height(t)
@@ -236,7 +256,7 @@ class Gauges:
         self.dot.set_data(self.times[frame : frame + 1], [whole[0][frame] + whole[1][frame]])
 
 
-def _dress(axis: Axes, title: str, pad: float) -> None:
+def _decorate(axis: Axes, title: str, pad: float) -> None:
     axis.grid(visible=False, axis="x")
     axis.tick_params(labelsize=SMALL, length=0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
@@ -251,7 +271,7 @@ def _top(values: Floats) -> float:
 def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectangle]]:
     kinetic, potential = energies.kinetic, energies.potential
     count = kinetic.shape[1]
-    _dress(axis, "energy of each (J)", 5)
+    _decorate(axis, "energy of each (J)", 5)
     lower = axis.bar(range(count), kinetic[0], 0.62, color=shade(KINETIC), label="kinetic")
     upper = axis.bar(range(count), potential[0], 0.62, bottom=kinetic[0], color=shade(POTENTIAL), label="potential")
     spare = max(FEWEST - count, 0) / 2
@@ -265,7 +285,7 @@ def _bars(axis: Axes, energies: Energies) -> tuple[list[Rectangle], list[Rectang
 
 def _lines(axis: Axes, energies: Energies, times: Floats) -> tuple[list[Line2D], Line2D]:
     kinetic, potential = energies.whole
-    _dress(axis, "energy of all (J)", 17)
+    _decorate(axis, "energy of all (J)", 17)
     looks = (("kinetic", KINETIC, "--"), ("potential", POTENTIAL, "-"), ("total", 1.0, "-"))
     drawn = [axis.plot([], [], dash, color=shade(part), label=name)[0] for name, part, dash in looks]
     dot = axis.plot([], [], "o", ms=4.5, color=ink())[0]

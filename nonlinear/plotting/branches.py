@@ -1,4 +1,4 @@
-"""Branches of configurations as a picture: how far pendula swing and how fast, and where each branch is stable."""
+"""A picture of branches of configurations: their amplitudes and frequencies, and where each is stable."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STABLE, UNSTABLE = "-", (0, (3, 2))
 
 
 def draw_branches(found: Branches, stream: IO[bytes], form: str = "png") -> None:
-    """Write the picture as png, svg or pdf: full lines where a branch is stable, broken ones where it is not.
+    """Write the picture as png, svg or pdf: solid lines where a branch is stable, broken ones where it is not.
 
     Circles are critical values.  Raises ComputationError for no branch and for more than MOST_CURVES.
     """
@@ -47,7 +47,7 @@ def branches_figure(found: Branches) -> Figure:
 
 
 def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
-    """Piece by piece of one fate."""
+    """One branch, in pieces of equal stability."""
     fates = np.array(one.is_stable)
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
     for start, stop in pairwise(breaks):

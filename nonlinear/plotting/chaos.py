@@ -1,4 +1,4 @@
-"""Pictures of chaos: a Lyapunov exponent as it settles, and exponents against links or cart mass."""
+"""Pictures of chaos: the convergence of a Lyapunov exponent, and exponents against links or cart mass."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from nonlinear.chaos import Case, Exponent, Finding
 
 MARKERS = ("o", "s", "D", "^")
 MOST_LINES = 24
-"""Single starts drawn behind their mean."""
+"""Number of single starts drawn behind their mean."""
 NUDGE = 1.06
-"""Series of carts stand this factor apart, so that their error bars can be told from each other."""
+"""Factor by which series of carts are offset, to separate their error bars."""
 Rows = Sequence[tuple[Case, Exponent]]
 
 
@@ -28,7 +28,7 @@ def draw_running(exponent: Exponent, stream: IO[bytes], *, kind: str = "png") ->
 
 
 def exponent_figure(exponent: Exponent) -> Figure:
-    """λ as it stood after every time: each start, their mean with its interval, and what regular motion looks like."""
+    """λ against averaging time: each start, their mean with its interval, and the limit for regular motion."""
     figure = sheet(WIDTH, 4.6)
     axis = figure.subplots()
     times, running = exponent.running()
@@ -55,7 +55,7 @@ def draw_finding(finding: Finding, stream: IO[bytes], *, kind: str = "png") -> N
 
 
 def finding_figure(finding: Finding) -> Figure:
-    """λ with its 95 % interval for every case; a hollow triangle is what λ lies below."""
+    """λ with its 95 % interval for every case; a hollow triangle is an upper bound."""
     return _DRAWN[finding.study.paper](finding)
 
 

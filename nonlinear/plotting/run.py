@@ -18,8 +18,8 @@ from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import power_spectrum, resample
 
 MOST_LINES, MOST_PORTRAITS, MOST_MARKS, FEWEST = 6, 3, 12, 32
-MOST_SMOOTHED, POINTS = 20_000, 6000  # numbers of a run that is drawn through points between its samples
-DEEPEST = 1e-10  # of the strongest line in a spectrum
+MOST_SMOOTHED, POINTS = 20_000, 6000  # size of a run up to which it is interpolated, and points drawn
+DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 
 
 def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") -> None:
@@ -28,7 +28,7 @@ def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") ->
 
 
 def run_figure(trajectory: Trajectory) -> Figure:
-    """The picture of a run; of many links it shows the first few, its caption saying so."""
+    """The picture of a run; of many links it shows the first few, as its caption says."""
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     on_cart = trajectory.system.cart is not None
@@ -51,7 +51,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
 
 
 def _smooth(trajectory: Trajectory) -> Trajectory:
-    """The same run with points between its samples, where these are few enough to show as corners."""
+    """The run with points between its samples, where these are so few that corners would show."""
     times = trajectory.times
     if len(times) * trajectory.system.n_links > MOST_SMOOTHED:
         return trajectory
@@ -63,12 +63,12 @@ def _smooth(trajectory: Trajectory) -> Trajectory:
 
 
 def _shown(trajectory: Trajectory) -> list[int]:
-    """The links that are drawn: of the first pendula all, as long as there is room."""
+    """The links drawn: all links of the first pendula, as far as there is room."""
     return list(range(min(trajectory.system.n_links, MOST_LINES)))
 
 
 def _names(trajectory: Trajectory) -> list[str]:
-    """Every link as pendulum.link, or by its own number where there is one pendulum."""
+    """Names of the links: pendulum.link, or the link's number where there is one pendulum."""
     labels = [label for label in trajectory.system.labels if label != "x"]
     places = [label.removeprefix("theta[").removesuffix("]").split(",") for label in labels]
     alone = trajectory.system.n_pendula == 1
@@ -106,7 +106,7 @@ def _cart(axis: Axes, trajectory: Trajectory) -> None:
 
 
 def _energies(axis: Axes, trajectory: Trajectory) -> None:
-    """Of one pendulum on a fixed support kinetic and potential energy apart, else each pendulum's and the cart's."""
+    """Kinetic and potential energy of one pendulum on a fixed support, else the energies of pendula and cart."""
     mechanics, times = trajectory.mechanics, trajectory.times
     kinetic = mechanics.of_pendula(mechanics.kinetic)
     potential = mechanics.of_pendula(mechanics.potential)
@@ -137,7 +137,7 @@ def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
 
 
 def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]:
-    """Angles brought to ±180° about the rest, the curve broken where it leaves one side for the other."""
+    """Angles within ±180° of equilibrium, the curve broken where it wraps."""
     folded = (angles - rest + 180) % 360 - 180 + rest
     leaps = np.flatnonzero(np.abs(np.diff(folded)) > 180) + 1
     return np.insert(folded, leaps, np.nan), np.insert(rates, leaps, np.nan)
@@ -175,7 +175,7 @@ def _spectrum(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
 
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
-    """Of a link's angle; in space of its lean along the rail and across it, together."""
+    """The power spectrum of a link's angle; in space the sum of those along the rail and across it."""
     if not trajectory.system.spatial:
         return power_spectrum(trajectory.times, degrees(trajectory)[0][:, link])
     leans = np.rad2deg(trajectory.motion.links[:, link, :2]).T

@@ -1,7 +1,7 @@
-"""What a film shows and where: the drawn pendula over all frames in the picture's metres, the camera, the energies.
+"""The content of a film: the drawn pendula over all frames in the picture's metres, the camera, the energies.
 
-The pivots of all pendula are one point of the equations; the picture sets them apart.  Space is seen obliquely: what
-is y across the rail stands y/2 to the upper right.
+The pivots of all pendula are one point of the equations; the picture separates them.  Space is drawn in oblique
+projection: y across the rail is drawn as y/2 to the upper right.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def flat(points: Floats) -> Floats:
 class Actor:
     """One pendulum of n links: joints from the pivot down (F, n + 1, 2), centres (F, n, 2) and shadow, all in m.
 
-    `trail` (G, 2) is the way of its tip, DETAIL points a frame.  In the plane nothing casts a shadow: None.
+    `trail` (G, 2) is the path of its tip, with DETAIL points per frame.  In the plane there is no shadow: None.
     """
 
     links: tuple[AnyLink, ...]
@@ -45,7 +45,7 @@ class Actor:
 
 @dataclass(frozen=True, eq=False)
 class Energies:
-    """Kinetic energy and potential energy above rest (J) of what `names` says (F, B) and of all (F,)."""
+    """Kinetic energy and potential energy above equilibrium (J) of the named bodies (F, B) and of the whole (F,)."""
 
     names: tuple[str, ...]
     kinetic: Floats
@@ -55,9 +55,9 @@ class Energies:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """The drawn pendula, the place of the cart (F,) in m, the pivots on it and the length (m) of the longest chain.
+    """The drawn pendula, the position of the cart (F,) in m, the pivots on it and the length (m) of the longest chain.
 
-    `floor` is how far below the rail shadows fall (m), None in the plane.
+    `floor` is the depth of the floor below the rail (m), None in the plane.
     """
 
     actors: tuple[Actor, ...]
@@ -74,17 +74,17 @@ class Stage:
 
     @cached_property
     def follows(self) -> bool:
-        """Whether the cart goes so far that the camera goes with it."""
+        """Whether the cart travels so far that the camera follows it."""
         return bool(np.ptp(self.cart) > 0.75 * self.depth + 0.5 * self.half)
 
     @cached_property
     def camera(self) -> Floats:
-        """Where on the rail the middle of the picture's own coordinates is (m), (F,)."""
+        """Position on the rail of the origin of the picture (m), (F,)."""
         return self.cart if self.follows else np.zeros_like(self.cart)
 
     @cached_property
     def extent(self) -> tuple[Floats, Floats]:
-        """The least and the largest coordinates (m), seen from the camera, of everything that moves."""
+        """The smallest and largest coordinates (m), relative to the camera, of everything that moves."""
         corners = [-self.half, self.half] + (self.cart - self.camera)[:, None]
         across = [corners.ravel()]
         up = [np.array([-0.2, 0.14]) * self.depth]
@@ -98,7 +98,7 @@ class Stage:
 
 
 def chosen(system: System) -> Ints:
-    """The pendula, from 0, that are drawn: all or MOST_PENDULA of them evenly."""
+    """The pendula, from 0, that are drawn: all, or MOST_PENDULA evenly spaced."""
     return evenly(system.n_pendula, MOST_PENDULA)
 
 
@@ -159,7 +159,7 @@ def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
 
 
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
-    """Kinetic energy and potential energy above rest of every pendulum and, last, of the cart."""
+    """Kinetic energy and potential energy above equilibrium of every pendulum and, last, of the cart."""
     found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at))
     kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
     return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

@@ -1,4 +1,4 @@
-"""Sweeps as pictures: numbers along one parameter as curves, one number over two parameters as a map."""
+"""Pictures of sweeps: quantities over one parameter as curves, over two parameters as maps."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from modal.types import Floats
 from nonlinear.sweeps import Sweep
 
 MOST_MAPS = 6
-MOST_TICKS = 12  # of a map whose values are whole numbers
+MOST_TICKS = 12  # most colour bar ticks of a map with integer values
 DECADES = 30.0
-"""The ratio of largest to smallest from which colours and curves go by ratios."""
+"""The ratio of largest to smallest from which scales are logarithmic."""
 STILL, WINDOW = 1e-6, 0.01
-"""A relative change too small to be drawn, and what an axis then shows on either side."""
+"""A relative change too small to be drawn, and the margin of an axis on either side then."""
 UNITS = (
     ("_rad_per_s", "rad/s"),
     ("_deg_per_s", "°/s"),
@@ -54,10 +54,10 @@ UNITS = (
 
 
 def draw_sweep(sweep: Sweep, stream: IO[bytes], form: str = "png") -> None:
-    """Every number of a sweep: curves over one parameter, a map each over two; logarithmic where the variation was.
+    """Every quantity of a sweep: curves over one parameter, maps over two; logarithmic where the variation is.
 
     Points that failed are hatched.  Raises ComputationError where nothing is known, for three parameters, and for
-    more than a picture holds.
+    more quantities than a picture holds.
     """
     save(sweep_figure(sweep), stream, form)
 
@@ -84,7 +84,7 @@ def validate_axes(axes: Sequence[Variation]) -> None:
 
 
 def words(column: str) -> tuple[str, str]:
-    """A column's name and unit for people: ("omega 1", "rad/s")."""
+    """A column's name and unit for display: ("omega 1", "rad/s")."""
     for ending, unit in UNITS:
         if column.endswith(ending):
             return column.removesuffix(ending).replace("_", " "), unit
@@ -92,7 +92,7 @@ def words(column: str) -> tuple[str, str]:
 
 
 def label(column: str) -> str:
-    """A column as the label of an axis."""
+    """An axis label for a column."""
     name, unit = words(column)
     shown = re.sub(r"^omega (\d+[a-z]*)$", r"ω$_{\1}$", name) if name != "omega" else "ω"
     return f"{shown} ({unit or NUMBER})"
@@ -102,7 +102,7 @@ def label(column: str) -> str:
 
 
 def _curves(sweep: Sweep, known: list[str]) -> Figure:
-    """One panel for each kind of number, a kind being a name without its number."""
+    """One panel for each kind of quantity, a kind being a name without its number."""
     panels: dict[str, list[str]] = {}
     for name in known:
         panels.setdefault(re.sub(r"_\d+[a-z]*(?=_|$)", "", name), []).append(name)
@@ -128,7 +128,7 @@ def _finite(sweep: Sweep, name: str) -> Floats:
 
 
 def _range(axis: Axes, values: Floats) -> None:
-    """By ratios where values range widely; rounding of what stays the same is not blown up."""
+    """A logarithmic scale where values range widely; rounding of constant values is not magnified."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     if low > 0 and high > DECADES * low:
         axis.set_yscale("log")
@@ -180,7 +180,7 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
 
 
 def edges(variation: Variation) -> Floats:
-    """Where the cells around the values end, halfway between neighbours."""
+    """The edges of the cells around the values, halfway between neighbours."""
     values = np.log(variation.values) if variation.log else np.array(variation.values)
     middle = (values[1:] + values[:-1]) / 2
     edges = np.concatenate(([2 * values[0] - middle[0]], middle, [2 * values[-1] - middle[-1]]))

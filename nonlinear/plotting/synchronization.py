@@ -1,4 +1,4 @@
-"""Who keeps time with whom in one picture: swings, order, modes, energies and phases."""
+"""A picture of synchronization: oscillations, order, modes, energies and phases."""
 
 from __future__ import annotations
 
@@ -38,15 +38,15 @@ from nonlinear.postprocessing import picked, resample, smooth
 from nonlinear.synchronization import Phases, Survival, find_survival
 
 MOST_LINES = HUES
-PERIODS, POINTS = 4, 600  # of each window of swings, and points drawn in it
-UNSEEN = 1e-3  # share of the energy that a row must reach to be drawn by itself
+PERIODS, POINTS = 4, 600  # periods in each window, and points drawn in it
+UNSEEN = 1e-3  # fraction of the energy that a row must reach to be drawn separately
 
 
 def draw_sync(trajectory: Trajectory, phases: Phases, stream: IO[bytes], kind: str = "png") -> None:
     """Write the picture as png, svg or pdf; ComputationError for a run of a single instant.
 
-    Of many pendula some swings are drawn, their energies as a band; where energies cannot be told apart by modes the
-    picture says why.
+    Of many pendula only some are drawn, and their energies as a band; where the energy cannot be divided among modes
+    the picture gives the reason.
     """
     save(sync_figure(trajectory, phases), stream, kind)
 
@@ -70,12 +70,12 @@ def sync_figure(trajectory: Trajectory, phases: Phases) -> Figure:
 
 
 def _shown(pendula: int) -> Ints:
-    """The pendula that are drawn one by one, spread over all."""
+    """The pendula drawn individually, evenly spaced."""
     return np.unique(np.linspace(0, pendula - 1, min(pendula, MOST_LINES)).round().astype(np.int64))
 
 
 def _period(phases: Phases) -> float:
-    """A middling period of the pendula in the leading own mode (s)."""
+    """A typical period of the pendula in the leading fixed-base mode (s)."""
     return float(2 * pi / np.median(phases.omega[:, phases.leading]))
 
 
@@ -83,11 +83,11 @@ def _line(axis: Axes, x: Floats, y: Floats, k: int, **look: Any) -> None:
     axis.plot(x, y, color=colour(k), lw=thickness(k), **look)
 
 
-# ------------------------------------------------------------------------------------------------------- swings
+# -------------------------------------------------------------------------------------------------- oscillations
 
 
 def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown: Ints) -> None:
-    """Angles of top links in the first and the last few periods, half of the run each at most."""
+    """Angles of top links in the first and the last few periods, at most half of the run each."""
     times = trajectory.times
     width = min(PERIODS * period, float(times[-1] - times[0]) / 2)
     tops = _tops(trajectory)[shown]
@@ -102,7 +102,7 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown
 
 
 def _tops(trajectory: Trajectory) -> Ints:
-    """The place of every pendulum's top link, (N,)."""
+    """The index of every pendulum's top link, (N,)."""
     found = np.empty(trajectory.system.n_pendula, dtype=np.int64)
     for group in trajectory.system.groups:
         found[group.pendula] = group.index[0]
@@ -110,7 +110,7 @@ def _tops(trajectory: Trajectory) -> Ints:
 
 
 def _close(trajectory: Trajectory, links: Ints, start: float, width: float) -> tuple[Floats, Floats]:
-    """Times and angles (rad) of these links over a window, with points between the samples where these allow it."""
+    """Times and angles (rad) of these links over a window, interpolated between the samples where possible."""
     motion, fine = picked(trajectory.motion, links), np.linspace(start, start + width, POINTS)
     try:
         return fine, resample(trajectory.times, motion, fine).links
@@ -150,7 +150,7 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
 
 
 def _largest(found: Survival) -> tuple[list[int], Ints]:
-    """The rows that are drawn by themselves, in the table's order, and the others."""
+    """The rows drawn separately, in the table's order, and the others."""
     peaks = np.nan_to_num(found.share).max(axis=0)
     strongest = np.argsort(-peaks, kind="stable")[: MOST_LINES - 1]
     rows = sorted(int(row) for row in strongest if peaks[row] >= UNSEEN)
@@ -158,7 +158,7 @@ def _largest(found: Survival) -> tuple[list[int], Ints]:
 
 
 def mode_words(mode: Mode) -> str:
-    """A row in a few words: cart still 2.680 rad/s."""
+    """A short description of a row: cart still 2.680 rad/s."""
     support = mode.family.partition(":")[0].partition(",")[0]
     return f"{support} {mode.omega:#.4g}".rstrip(".") + " rad/s"
 
@@ -167,7 +167,7 @@ def mode_words(mode: Mode) -> str:
 
 
 def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
-    """Means over a period: of each pendulum, or from least to most with the median between."""
+    """Means over a period: of each pendulum, or the range with the median."""
     times, energy = phases.times, smooth(phases.times, phases.energy, _period(phases))
     if len(shown) == energy.shape[1]:
         for k, one in enumerate(energy.T):
@@ -181,7 +181,7 @@ def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
 
 
 def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
-    """Every pendulum at the end, its phase counted from that of the first, its amplitude as the radius."""
+    """Every pendulum at the end, with its phase relative to that of the first and its amplitude as the radius."""
     z = phases.z[-1, :, phases.leading]
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
     axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)

@@ -34,8 +34,8 @@ from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, Mo
 
 MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
 MOST_CURVES, POINTS = HUES * len(MARKERS), 200
-BEYOND = 1.5  # how far the axes go on beside the outermost run
-DEEPEST = 1e-5  # of the strongest line, the least that a spectrum shows
+BEYOND = 1.5  # margin factor of the axes beyond the outermost run
+DEEPEST = 1e-5  # smallest amplitude shown in a spectrum over the strongest line
 PADDING = 4
 
 
@@ -47,8 +47,8 @@ def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
 def check_figure(found: Check) -> Figure:
     """|ω(a)/ω − 1| against the largest angle on logarithmic axes, measured (marks) and predicted (lines: κa²).
 
-    The level of 1 % is marked, and on it the angle that was measured; hollow marks rise with the amplitude.  Irregular
-    runs are left out.  Raises ComputationError where nothing is left to draw or does not fit.
+    The level of 1 % is marked, with the angle measured for it; hollow marks are frequencies that rise with amplitude.
+    Irregular runs are omitted.  Raises ComputationError where there is nothing to draw or too much.
     """
     rows = [row for row in found.rows if any(not run.irregular and run.shift for run in row.measurements)]
     if not rows:
@@ -95,7 +95,7 @@ def draw_spectrum(found: Comparison, stream: IO[bytes], form: str = "png") -> No
 def spectrum_figure(found: Comparison) -> Figure:
     """Amplitude spectra of the modal coordinates that move, the strongest of a mode's copies, on a logarithmic scale.
 
-    Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing swings.
+    Dotted lines with numbers mark the table's frequencies.  Raises ComputationError where nothing oscillates.
     """
     rows = _strongest(found)
     figure = sheet(WIDTH, 5.4)
@@ -117,7 +117,7 @@ def spectrum_figure(found: Comparison) -> Figure:
 
 
 def _strongest(found: Comparison) -> list[ModeInMotion]:
-    """Of every mode that swings the copy that swings most, of these the largest."""
+    """The strongest copy of every oscillating mode, limited to the largest of these."""
     best: dict[int, ModeInMotion] = {}
     for row in found.rows:
         if row.mode.oscillates and row.largest > best.get(row.mode.number, row).largest * (row.mode.number in best):
@@ -139,7 +139,7 @@ def _spectra(found: Comparison, rows: Sequence[ModeInMotion]) -> tuple[Floats, F
     return np.asarray(omega, dtype=np.float64), np.degrees(2 * sizes)
 
 
-# ------------------------------------------------------------------------------------------------------- dress
+# ------------------------------------------------------------------------------------------------------- style
 
 
 def _marker(k: int) -> str:
@@ -151,7 +151,7 @@ def _handle(k: int) -> Line2D:
 
 
 def _size(k: int) -> float:
-    """Neighbours in turn large and small: the small ones stay visible on top."""
+    """Alternating large and small sizes: the small ones stay visible on top."""
     return SIZES[k % 2]
 
 

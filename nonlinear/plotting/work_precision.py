@@ -16,7 +16,7 @@ from nonlinear.reduction import CORRECTED, LINEAR
 METHODS = dict(zip(("RK45", "taylor", "LSODA", "Radau", "DOP853", "RK23"), range(HUES), strict=True))
 LOOKS = {"minimal": ("o", "-"), "spatial": ("o", "-"), "compiled": ("D", "--"), "maximal": ("s", ":")}
 MODAL = {LINEAR: "P", CORRECTED: "*"}
-BEYOND = 2.5  # how far the axes go on beside the outermost candidate
+BEYOND = 2.5  # margin factor of the axes beyond the outermost candidate
 
 
 def draw_tradeoff(found: WorkPrecision, stream: IO[bytes], form: str = "png") -> None:
@@ -25,10 +25,10 @@ def draw_tradeoff(found: WorkPrecision, stream: IO[bytes], form: str = "png") ->
 
 
 def tradeoff_figure(found: WorkPrecision) -> Figure:
-    """The largest error (rad) of every candidate against its time (s) on logarithmic axes, one line a family.
+    """The largest error (rad) of every candidate against its time (s) on logarithmic axes, one line per family.
 
-    The broad line is the Pareto front; in the shaded part the reference cannot tell errors apart, and candidates that
-    reach it stand on its edge.  Raises ComputationError where no candidate was measured.
+    The broad line is the Pareto front; in the shaded part the reference cannot resolve errors, and candidates that
+    reach it are drawn on its edge.  Raises ComputationError where no candidate was measured.
     """
     rows = [row for row in found.rows if row.candidate != found.reference.candidate]
     if not rows:
@@ -39,7 +39,7 @@ def tradeoff_figure(found: WorkPrecision) -> Figure:
     _front(axis, found)
     for _, members in groupby(rows, key=lambda row: row.candidate.family):
         _family(axis, found, list(members))
-    _dress(figure, axis, found)
+    _decorate(figure, axis, found)
     return figure
 
 
@@ -76,7 +76,7 @@ def _named(candidate: Candidate) -> str:
     return candidate.family.replace("taylor", "Taylor")
 
 
-def _dress(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
+def _decorate(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
     horizon, tolerances = (
         found.reference.horizon,
         [row.candidate.tolerance for row in found.rows[1:] if not row.candidate.modal],

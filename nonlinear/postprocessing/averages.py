@@ -10,15 +10,15 @@ from modal.types import Floats, Ints
 
 
 def last(times: Floats, part: float) -> slice:
-    """The samples in the last `part` of times (T,) in s, ascending; two at least, where there are two."""
+    """The samples in the last `part` of times (T,) in s, ascending; at least two where there are two."""
     begin = int(np.searchsorted(times, times[-1] - part * (times[-1] - times[0])))
     return slice(max(0, min(begin, len(times) - 2)), None)
 
 
 def smooth(times: Floats, values: Floats, span: float) -> Floats:
-    """Means of values (T, ...) over t ± span/2 (s), of the straight lines between samples, within the run.
+    """Means of values (T, ...) over t ± span/2 (s), interpolated linearly between samples, within the run.
 
-    Nothing is subtracted: what decays by many orders of magnitude keeps its digits.
+    Nothing is subtracted: values that decay by many orders of magnitude keep their digits.
     """
     if len(times) < 2:
         return values
@@ -37,12 +37,12 @@ def _wide(column: Any, values: Floats) -> Any:
 
 
 def _across(start: Floats, stop: Floats, one: Floats, other: Floats) -> Floats:
-    """Integrals of straight lines."""
+    """Integrals of linear segments."""
     return np.asarray(_wide(stop - start, one) * (one + other) / 2)
 
 
 def _placed(times: Floats, values: Floats, at: Floats) -> tuple[Ints, Floats]:
-    """Between which samples times are, and the values there."""
+    """The samples before given times, and the values at these times."""
     k = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     part = _wide((at - times[k]) / (times[k + 1] - times[k]), values)
     return k, np.asarray((1 - part) * values[k] + part * values[k + 1])

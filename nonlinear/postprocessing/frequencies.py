@@ -1,17 +1,17 @@
 """Frequencies of the lines in an evenly sampled real signal, far beyond the resolution 2π/T of its spectrum.
 
-Over the window's own time s = (t − middle)/(T/2) and x = ωT/2, amplitudes and frequencies of the lines
+With the window's own time s = (t − middle)/(T/2) and x = ωT/2, amplitudes and frequencies of the lines
 
     f(s) ≈ m + Σ_j [ a_j cos(x_j s) + b_j sin(x_j s) ]
 
-are those whose residual r is orthogonal to everything that a small change of them adds,
+are those whose residual r is orthogonal to any small change of them,
 
     ⟨r, 1⟩ = ⟨r, cos x_j s⟩ = ⟨r, sin x_j s⟩ = ⟨r, s (b_j cos x_j s − a_j sin x_j s)⟩ = 0,    ⟨f, g⟩ = Σ χ f g,
 
 with the window χ = (1 + cos πs)^p.  For one line this is the maximum of |⟨f, e^{ixs}⟩| (Laskar, Icarus 88, 266 (1990);
 Laskar, Physica D 67, 257 (1993)); solved for all lines at once it needs no Gram–Schmidt step and no correction for the
-lines' images at −ω.  A line that is left out shifts the others by its amplitude over the (2p + 1)-th power of its
-distance.  χ and its derivatives vanish at both ends, which makes the sum over the samples as good as the integral.
+lines' images at −ω.  An omitted line shifts the others by its amplitude over the (2p + 1)-th power of its distance.  χ
+and its derivatives vanish at both ends, which makes the sum over the samples as accurate as the integral.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ ORDER, OTHER_ORDERS = 3, (2, 4)
 LEAST_PERIODS = 4.0
 PADDING = 4
 PART = 0.75  # of the signal, early or late, that must give the same frequency
-COMPANIONS = 4  # lines that are removed next to the one that is asked for
-STANDS_OUT, FAINTEST = 30.0, 1e-13  # over the median of the spectrum; against the strongest line
+COMPANIONS = 4  # further lines removed together with the requested one
+STANDS_OUT, FAINTEST = 30.0, 1e-13  # over the median of the spectrum; relative to the strongest line
 SIGMAS = 4.0
 MOST_STEPS, SETTLED, ROUNDING, TINY = 60, 1e-13, 1e-15, 1e-300
 NEAR = 0.25
@@ -49,7 +49,7 @@ class Line:
 
     @property
     def relative_error(self) -> float:
-        """Of the frequency."""
+        """The relative error of the frequency."""
         return self.error / self.omega
 
 
@@ -86,24 +86,24 @@ class _Signal:
         return np.asarray(self.f - waves.mean - np.cos(angle) @ waves.a - np.sin(angle) @ waves.b)
 
     def spectrum(self, waves: _Waves) -> tuple[Floats, Floats]:
-        """X and the amplitude there of what the lines leave, as if each were a line by itself."""
+        """The x and amplitudes of the residual's spectrum, as if each were a single line."""
         size = np.abs(np.fft.rfft((self.window * self.residual(waves))[:-1], PADDING * (len(self.f) - 1)))
         return np.asarray(pi / PADDING * np.arange(len(size)), dtype=np.float64), np.asarray(2 * size / len(self.f))
 
     def solved(self, *columns: Floats) -> list[Floats]:
-        """The coefficients (1,) and (K,) ... of 1 and these columns (N, K) ... that leave the least of f."""
+        """Least-squares coefficients (1,) and (K,) ... of 1 and these columns (N, K) ... in f."""
         root, sizes = np.sqrt(self.window)[:, None], np.cumsum([1, *(part.shape[1] for part in columns)])
         whole = np.hstack((np.ones((len(self.s), 1)), *columns)) * root
         return np.split(np.linalg.lstsq(whole, self.f * root[:, 0], rcond=None)[0], sizes[:-1])
 
     def phased(self, x: Floats) -> _Waves:
-        """Lines at x (K,) with the amplitudes and phases that fit best."""
+        """Lines at x (K,) with the best-fitting amplitudes and phases."""
         angle = np.outer(self.s, x)
         mean, a, b = self.solved(np.cos(angle), np.sin(angle))
         return _Waves(float(mean[0]), x, a, b)
 
     def fitted(self, x: Floats) -> _Waves:
-        """Lines from x (K,) moved to where the residual is orthogonal to all that they can do (Gauss–Newton)."""
+        """Lines from x (K,) moved until the residual is orthogonal to their variations (Gauss–Newton)."""
         waves = self.phased(x)
         for _ in range(MOST_STEPS):
             waves, settled = self._step(waves)
@@ -112,7 +112,7 @@ class _Signal:
         raise ComputationError("the signal has no steady line: its frequency does not converge")
 
     def _step(self, waves: _Waves) -> tuple[_Waves, bool]:
-        """Closer, and whether what is left to go is rounding."""
+        """One Gauss–Newton step, and whether the remainder is rounding."""
         angle, size = np.outer(self.s, waves.x), np.maximum(waves.amplitude, TINY)
         c, d = np.cos(angle), np.sin(angle)
         mean, a, b, along = self.solved(c, d, self.s[:, None] * (c * waves.b - d * waves.a) / size)
@@ -121,7 +121,7 @@ class _Signal:
         return _Waves(float(mean[0]), waves.x + move, a, b), bool(np.all(np.abs(move) <= unclear))
 
     def noise(self, waves: _Waves) -> Floats:
-        """How far (K,) in x what is left, as strong as it is just beside each line, can have moved it."""
+        """How far (K,) in x the residual, at its strength next to each line, may have moved it."""
         left = self.window * self.residual(waves) * self.s
         beside = pi * np.concatenate((-(aside := np.arange(ORDER + 1, ORDER + 9)), aside))
         level = [np.sqrt(np.mean(np.abs(np.exp(-1j * np.outer(x + beside, self.s)) @ left) ** 2)) for x in waves.x]
@@ -129,24 +129,24 @@ class _Signal:
 
 
 def line(times: ArrayLike, values: ArrayLike, near: float | None = None) -> Line:
-    """The strongest line, or the strongest within a quarter of `near` (rad/s), companions being removed.
+    """The strongest line, or the strongest within a quarter of `near` (rad/s), with companion lines removed.
 
-    `times` (N,) in s, evenly spaced; `values` (N,).  `error` bounds the error of `omega` in practice: it adds what
-    other windows (of order 2 and 4, the first and the last three quarters of the signal) find differently and what
-    remains of the signal beside the line.  Raises ComputationError where the signal is too short for the line (less
-    than 4 periods), has none, or its frequency does not settle.
+    `times` (N,) in s, evenly spaced; `values` (N,).  `error` bounds the error of `omega` in practice: it sums the
+    differences found with other windows (of order 2 and 4, the first and the last three quarters of the signal) and the
+    effect of the residual near the line.  Raises ComputationError where the signal is too short for the line (less than
+    4 periods), has none, or its frequency does not converge.
     """
     return _found(times, values, 1 + COMPANIONS, near)[0]
 
 
 def lines(times: ArrayLike, values: ArrayLike, count: int) -> tuple[Line, ...]:
-    """At most `count` lines, the strongest first, as few as stand out.  Arguments and errors as for `line`."""
+    """At most `count` lines, the strongest first, only those that stand out.  Arguments and errors as for `line`."""
     found = _found(times, values, count + COMPANIONS, None)
     return tuple(sorted(found, key=lambda one: -one.amplitude)[:count])
 
 
 def attention(count: int) -> Floats:
-    """The weights (count,), of sum 1, with which the frequency at each instant counts where it changes slowly.
+    """The weights (count,), of sum 1, of the instantaneous frequency at each sample where it changes slowly.
 
     For a phase φ(s) with ⟨…⟩ as above the maximum lies at ω = ⟨s φ⟩/⟨s²⟩, by parts ∫ φ'(s) ∫_s^1 χ(σ) σ dσ ds / ⟨s²⟩.
     """
@@ -191,7 +191,7 @@ def _first(signal: _Signal, band: Sequence[float]) -> _Waves:
 
 
 def _extended(signal: _Signal, waves: _Waves, most: int) -> _Waves:
-    """Further lines that stand out of the rest, each the strongest of it, all fitted together."""
+    """Further lines that stand out of the residual, the strongest one at a time, all fitted together."""
     while len(waves.x) < most:
         x, size = signal.spectrum(waves)
         apart = np.abs(x[:, None] - waves.x).min(1) >= pi * (ORDER + 1)
@@ -214,7 +214,7 @@ def _crowded(waves: _Waves) -> bool:
 
 
 def _spread(signal: _Signal, waves: _Waves) -> Floats:
-    """The largest differences (K,) in x that other windows make."""
+    """The largest differences (K,) in x between windows."""
     length = round(PART * (len(signal.f) - 1)) + 1
     whole, early, late = slice(None), slice(length), slice(-length, None)
     windows = [(whole, order) for order in OTHER_ORDERS] + [(early, ORDER), (late, ORDER)]
@@ -223,7 +223,7 @@ def _spread(signal: _Signal, waves: _Waves) -> Floats:
 
 
 def _refitted(signal: _Signal, waves: _Waves, piece: slice, order: int) -> Floats:
-    """X (K,) of the same lines in another window: of all at once, or where they do not settle so, one by one."""
+    """The x (K,) of the same lines in another window: fitted together, or one by one if that does not converge."""
     part = (len(signal.f[piece]) - 1) / (len(signal.f) - 1)
     try:
         return _Signal.of(signal.f[piece], order).fitted(waves.x * part).x / part
@@ -232,7 +232,7 @@ def _refitted(signal: _Signal, waves: _Waves, piece: slice, order: int) -> Float
 
 
 def _alone(signal: _Signal, waves: _Waves, at: int, piece: slice, order: int) -> float:
-    """X of one line in another window, the others being taken away; far off where it does not settle."""
+    """The x of one line in another window, the others subtracted; far off where it does not converge."""
     others = _Waves(waves.mean, *(np.delete(part, at) for part in waves[1:]))
     single = _Signal.of(signal.residual(others)[piece], order)
     try:

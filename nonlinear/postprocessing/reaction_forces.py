@@ -1,4 +1,4 @@
-"""Reaction forces of a trajectory by Newton's second law, from the accelerations of its own states."""
+"""Reaction forces of a trajectory by Newton's second law, from the accelerations at its states."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from nonlinear.system import Motion
 
 
 def reaction_forces_of(trajectory: Trajectory) -> Reactions:
-    """The force at every pivot and the rail's on the cart, at the sampled times.
+    """The force at every pivot and that of the rail on the cart, at the sampled times.
 
-    Raises ComputationError for a saved run that something drove: applied forces are not saved.
+    Raises ComputationError for a saved run with applied forces, which are not saved.
     """
     if trajectory.driven and trajectory.equations is None:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
@@ -27,7 +27,7 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
 
 
 def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floats]:
-    """X'' (T,) and the second derivatives of the unit vectors (T, L, d)."""
+    """The cart's x'' (T,) and the second derivatives of the unit vectors (T, L, d)."""
     system = trajectory.system
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if system.spatial else "minimal"

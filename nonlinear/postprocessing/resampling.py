@@ -1,4 +1,4 @@
-"""A motion at other times: the cubic through neighbouring samples and their rates, h⁴ θ''''/384 from the truth.
+"""A motion at other times, by the cubic through neighbouring samples and their rates, with an error of h⁴ θ''''/384.
 
 With s = (t − t_i)/h and h = t_{i+1} − t_i, Hermite's basis on values y and rates v is
 
@@ -16,13 +16,13 @@ from modal.types import Floats, Ints
 from nonlinear.system import Motion
 
 WIDEST = 0.25
-"""Largest h³ θ'''/12 (rad), the trapezoid's defect, that a cubic is trusted across: 1 rad swings true to 0.01 rad."""
+"""Largest trapezoidal defect h³ θ'''/12 (rad) across which a cubic is trusted: 1 rad swings are right to 0.01 rad."""
 
 
 def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
-    """The motion at times `at` (F,) in s, within `times` (T,); unit vectors stay unit and square to their rates.
+    """The motion at times `at` (F,) in s, within `times` (T,); unit vectors remain unit and orthogonal to their rates.
 
-    Raises ComputationError where the samples are too far apart to tell what lies between.
+    Raises ComputationError where the samples are too far apart to interpolate.
     """
     if len(times) < 2:
         raise ComputationError("the run has a single sample: there is no motion to draw")
@@ -36,7 +36,7 @@ def resample(times: Floats, motion: Motion, at: Floats) -> Motion:
 
 
 def extremes(times: Floats, values: Floats, rates: Floats) -> tuple[Floats, Floats]:
-    """The lowest and the highest (...) that samples (T, ...) and the cubics between them come to."""
+    """The minimum and maximum (...) of samples (T, ...) and of the cubics between them."""
     h = np.diff(times).reshape(-1, *[1] * (values.ndim - 1))
     turns = rates[:-1] * rates[1:] < 0
     v, v1, rise = rates[:-1], rates[1:], np.diff(values, axis=0) / h
@@ -54,7 +54,7 @@ def picked(motion: Motion, links: Ints) -> Motion:
 
 
 class _Place(NamedTuple):
-    """The sample before each time (F,), the step (s) from it to the next, and the part of the step that has gone by."""
+    """The sample before each time (F,), the step (s) to the next, and the fraction of the step elapsed."""
 
     before: Ints
     step: Floats

@@ -10,8 +10,8 @@ from modal.types import Floats
 def power_spectrum(times: Floats, values: Floats) -> tuple[Floats, Floats]:
     """Angular frequencies (rad/s) and the power spectral density of values (unit² s), (F,) each.
 
-    A straight line through the signal is taken out first, so that a link that goes round and round leaves a spectrum of
-    how it does; the Blackman-Harris window keeps the feet of strong lines 92 dB down (Harris, Proc. IEEE 66, 51, 1978).
+    A linear trend is removed first, so that a rotating link shows the spectrum of its fluctuations; the Blackman-Harris
+    window keeps the sidelobes of strong lines 92 dB down (Harris, Proc. IEEE 66, 51, 1978).
     """
     from scipy.signal import periodogram
 

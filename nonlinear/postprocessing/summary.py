@@ -1,6 +1,6 @@
 """A run in a few lines: the range of its motion, how it was computed, its drifts, and what its scene did not require.
 
-The report describes the equations that actually ran and the packages that the process has loaded.
+The report describes the equations that were integrated and the packages that the process has loaded.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ FORMS = {
     CORRECTED: "modes in closed form, each with the frequency of its amplitude",
 }
 MOST_EVENTS = 10
-DRIFT = 1e-3  # of what the energies range over
+DRIFT = 1e-3  # largest trusted energy drift over the range of the energies
 IMPLICIT = tuple(method for method in SCIPY if method not in EXPLICIT)
 
 
@@ -101,7 +101,7 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
 
 @dataclass(frozen=True)
 class Inventory:
-    """Coordinates of the whole scene and of what was integrated, numbers in y, dense matrices (order, how many).
+    """Coordinates of the whole scene and of the integrated system, numbers in y, dense matrices (order, count).
 
     `coordinates` counts every copy, both directions in space, the cart.  `left_out` are sentences, `modules` the larger
     packages that this process has loaded.
@@ -135,7 +135,7 @@ class Inventory:
 
 
 def run_inventory(trajectory: Trajectory) -> Inventory:
-    """Of a run made in this process; ComputationError for one that was read from a file."""
+    """The inventory of a run made in this process; ComputationError for one that was read from a file."""
     system, equations = trajectory.system, trajectory.equations
     if trajectory.run.method == CLOSED:
         return Inventory(
@@ -158,7 +158,7 @@ def _freedom(system: System) -> int:
 
 
 def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
-    """The dense matrices of one derivative, and an implicit integrator's own; series have none."""
+    """The dense matrices of one derivative, and an implicit integrator's own; Taylor series have none."""
     if run.method in IMPLICIT:
         yield len(inner.scale), 1
     if run.form == TRUNCATED:

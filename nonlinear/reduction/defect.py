@@ -1,13 +1,13 @@
-"""How wrong a motion in closed form is, found without integrating the equations that it approximates.
+"""The error of a closed-form motion, estimated without integrating the equations that it approximates.
 
-Put into the full equations the motion leaves forces ρ(t) (`nonlinear.reduction.residual`).  To first order its error e
-obeys the linear equations under them, e being what must be added to the motion,
+Substituted into the full equations the motion leaves residual forces ρ(t) (`nonlinear.reduction.residual`).  To first
+order its error e, the correction to be added to the motion, obeys the linear equations under them,
 
-    M e'' + D e' + K e = −ρ(t),     e(0), e'(0) = what the motion misses of the start,
+    M e'' + D e' + K e = −ρ(t),     e(0), e'(0) = the deviation of the motion from the start,
 
 which are solved exactly for a ρ that is linear between samples (Van Loan, IEEE Trans. Autom. Control 23, 395 (1978)),
-all samples at once: y_k = E y_{k−1} + g_k by halving the number of samples until one is left.  The same again for the
-motion with e added gives a second term; where that is not small beside the first, the series is not to be trusted.
+all samples at once: y_k = E y_{k−1} + g_k by halving the number of samples until one is left.  A repetition for the
+motion with e added gives a second term; where that is not small compared with the first, the series is not trustworthy.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from nonlinear.reduction.residual import residual_forces
 from nonlinear.reduction.superposition import Flat, Superposition, Swing
 from nonlinear.system import System, system_of
 
-PER_PERIOD = 16  # samples of the fastest swing that matters
+PER_PERIOD = 16  # samples per period of the fastest significant oscillation
 FEWEST, MOST = 64, 100_000
-LARGEST = 100  # coordinates of a plane, beyond which integrating is cheaper
-SHARE = 1e-3  # of the largest acceleration, below which a swing does not matter
+LARGEST = 100  # coordinates in one plane above which integration is cheaper
+SHARE = 1e-3  # fraction of the largest acceleration below which an oscillation is negligible
 SAFETY = 1.5  # of 695 trustworthy estimates on random scenes none was below 1/1.2 of the error
-CONTRACTS = 0.5  # second term beside the first, above which the series is not to be trusted
-TERMS = 10  # of series in a matrix of norm 1/8
+CONTRACTS = 0.5  # second term over the first, above which the series is not trustworthy
+TERMS = 10  # terms of a series in a matrix of norm 1/8
 EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """The error of a motion at `times` (T,) in s: `at` (T,) is the largest of any link so far (rad).
+    """The error of a motion at `times` (T,) in s: `at` (T,) is the largest error of any link so far (rad).
 
-    `trustworthy` says whether the second term of its series is small beside the first; where it is not, the error is
-    large.
+    `trustworthy` tells whether the second term of its series is small compared with the first; where it is not, the
+    error is large.
     """
 
     times: Floats
@@ -49,7 +49,7 @@ class Estimate:
 
     @property
     def bounds(self) -> Floats:
-        """What the error stays below so far (rad), (T,): SAFETY times the estimate, infinite where not trustworthy."""
+        """Upper bounds of the error so far (rad), (T,): SAFETY times the estimate, infinite if not trustworthy."""
         return np.full(len(self.at), inf) if not self.trustworthy else SAFETY * self.at
 
     @property
@@ -59,9 +59,9 @@ class Estimate:
 
 
 def defect_error(motion: Superposition, duration: float) -> Estimate | None:
-    """How far a superposition leaves the true motion within `duration` (s).
+    """The error of a superposition with respect to the true motion within `duration` (s).
 
-    None where this cannot be said cheaply: for many coordinates, many swings or a singular mass matrix.
+    None where it cannot be estimated cheaply: for many coordinates, many oscillations or a singular mass matrix.
     """
     if any(len(plane.begun[0]) > LARGEST for plane in motion.planes):
         return None
@@ -90,15 +90,16 @@ def _estimate(motion: Superposition, each: list[Matrices], times: Floats) -> Est
 
 
 def _added(system: System, moved: list[Floats], answers: list[Answer], missed: list[Floats]) -> list[Floats]:
-    """What the linear equations under −ρ would have added to the motion, its q, q' and q'' (3, n, T) in each plane."""
+    """The correction of the motion by the linear equations under −ρ: its q, q' and q'' (3, n, T) in each plane."""
     forces = residual_forces(system, moved)
     return [answer.to(-force, gap) for answer, force, gap in zip(answers, forces, missed, strict=True)]
 
 
 def _rounding(motion: Superposition, answers: list[Answer], times: Floats, size: float) -> Floats:
-    """What rounding may do to the largest angle of a motion of this size (rad), (T,).
+    """The effect of rounding on the largest angle of a motion of this size (rad), (T,).
 
-    It grows with the phase; angles about an unstable rest are rounded near π, and this grows as fast as anything can.
+    It grows with the phase; angles about an inverted equilibrium are rounded near π, an error that grows at the fastest
+    rate.
     """
     radius = 1.0
     if motion.scene.stands:
@@ -113,7 +114,7 @@ def _largest(planes: Sequence[Floats], on: int) -> Floats:
 
 
 def _fastest(planes: Sequence[Flat]) -> float:
-    """Of the swings that matter the largest |λ| (rad/s)."""
+    """The largest |λ| (rad/s) of the significant oscillations."""
     swings = [swing for plane in planes for swing in plane.swings]
     weights = [_weight(swing) for swing in swings]
     return max(
@@ -122,13 +123,13 @@ def _fastest(planes: Sequence[Flat]) -> float:
 
 
 def _weight(swing: Swing) -> float:
-    """The acceleration (rad/s²) of a swing."""
+    """The acceleration (rad/s²) of an oscillation."""
     return abs(swing.value) * max(abs(swing.value * swing.eta), abs(swing.rate))
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """How M q'' + D q' + K q = f carries (q, q') over one step: y_k = E y_{k−1} + hold f_{k−1} + ramp (f_k − f_{k−1}).
+    """The step of M q'' + D q' + K q = f for (q, q'): y_k = E y_{k−1} + hold f_{k−1} + ramp (f_k − f_{k−1}).
 
     `law` (n, 3 n) gives q'' from q, q' and f.
     """
@@ -140,7 +141,7 @@ class Answer:
 
     @staticmethod
     def of(found: Matrices, step: float) -> Answer:
-        """By series over a step so often halved that they are short, which is then doubled as often."""
+        """By series over a step halved until they converge quickly, which is then doubled as often."""
         n = len(found.M)
         law = np.asarray(np.linalg.solve(found.M, np.hstack((-found.K, -found.D, np.eye(n)))), dtype=np.float64)
         A = step * np.vstack((np.eye(2 * n)[n:], law[:, : 2 * n]))
@@ -153,9 +154,10 @@ class Answer:
         return Answer(E, hold, ramp, law)
 
     def to(self, force: Floats, begun: Floats) -> Floats:
-        """Q, q' and q'' (3, n, T) under a force known at every step (n, T), from q and q' (2, n).
+        """The q, q' and q'' (3, n, T) under a force known at every step (n, T), from q and q' (2, n).
 
-        The broken line is drawn a twelfth of the second difference beyond the samples: right to the fourth order.
+        The piecewise linear force is raised by a twelfth of its second difference at the samples: correct to the fourth
+        order.
         """
         n, line = len(force), force.copy()
         line[:, 1:-1] -= np.diff(force, 2) / 12
@@ -167,7 +169,7 @@ class Answer:
 
 
 def running(E: Floats, g: Floats) -> Floats:
-    """Y (T, m) of y_k = E y_{k−1} + g_k: every second of them obeys the same with E², and gives the one after it."""
+    """The y (T, m) of y_k = E y_{k−1} + g_k: every second one obeys the same with E², and gives the next one."""
     if len(g) == 1:
         return g
     y = g.copy()
@@ -178,7 +180,7 @@ def running(E: Floats, g: Floats) -> Floats:
 
 
 def _series(A: Floats) -> tuple[Floats, Floats, Floats]:
-    """Σ A^k/k!, Σ A^k/(k+1)! and Σ A^k/(k+2)! of an A with a norm below 1/8."""
+    """Σ A^k/k!, Σ A^k/(k+1)! and Σ A^k/(k+2)! of a matrix A with norm below 1/8."""
     term = np.eye(len(A))
     one, two, three = term, term, term / 2
     for k in range(1, TERMS):

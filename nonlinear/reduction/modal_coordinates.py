@@ -9,8 +9,8 @@ With dampers, shapes and eigenvalues are complex.  They are orthogonal in the fi
 
     z_r = φ_rᵀ [(λ_r M + D) q + M v] / φ_rᵀ (2 λ_r M + D) φ_r,     q = Σ_r 2 Re φ_r z_r,     η_r = 2 Re z_r,
 
-a z_r without its conjugate (λ_r real) counting once.  For D = 0 and λ = iω both say the same.  In linear motion every
-z_r goes like exp(λ_r t).  Modes that share an eigenvalue are separated by their small Gram matrix.
+a z_r without a conjugate (λ_r real) counting once.  For D = 0 and λ = iω both agree.  In linear motion every
+z_r varies as exp(λ_r t).  Modes that share an eigenvalue are separated by their small Gram matrix.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class ModalMotion:
     """C modal coordinates of a motion at T times, with `number` and `copy` (C,) of the shapes, both from 0.
 
     `coordinate` η and `rate` η' (T, C) are in rad and rad/s of the largest angle (in m of the cart where the shape has
-    no angle).  `displacement` q and `velocity` v (T, n) are the whole motion from its rest, `shapes` (n, C) the φ.
+    no angle).  `displacement` q and `velocity` v (T, n) are the whole motion about equilibrium, `shapes` (n, C) the φ.
     """
 
     modes: Modes
@@ -60,7 +60,7 @@ class ModalMotion:
         return self._energy(self.displacement, self.velocity)
 
     def part(self, at: int) -> tuple[Floats, Floats]:
-        """What the at-th coordinate alone adds to q and v, (T, n)."""
+        """The contribution of the at-th coordinate to q and v, (T, n)."""
         value = self.modes.eigenvalue[self.number[at]]
         phi, eta, rate = self.shapes[:, at], self.coordinate[:, at], self.rate[:, at]
         if phi.imag.any() and value.imag:
@@ -70,7 +70,7 @@ class ModalMotion:
         return np.outer(eta, phi.real), np.outer(rate, phi.real)
 
     def share_outside(self, at: int) -> Floats:
-        """Share of the energy that is not in the at-th mode, (T,)."""
+        """Fraction of the energy outside the at-th mode, (T,)."""
         own, speed = self.part(at)
         return self._energy(self.displacement - own, self.velocity - speed) / self.total_energy
 
@@ -80,10 +80,10 @@ class ModalMotion:
 
 
 def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = None) -> ModalMotion:
-    """Project a motion in the plane on the modes with these indices (from 0; left out, all), all copies of each.
+    """Project a motion in the plane on the modes with these indices (from 0; by default all), all copies of each.
 
-    Of a scene in space the modes along the rail are taken, which lie in the plane.  Raises ComputationError for a
-    motion out of the plane and for more coordinates than `modal.assembly.linearization` writes out.
+    For a scene in space the modes along the rail are used, which lie in the plane.  Raises ComputationError for a
+    motion out of the plane and for more coordinates than `modal.assembly.linearization` assembles.
     """
     q, v = deflection(modes.scene, motion)
     found = modes.matrices
@@ -105,7 +105,7 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
 
 
 def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
-    """Q and v (T, n): the cart, then every link's angle from its rest."""
+    """The q and v (T, n): the cart, then every link's angle from its equilibrium."""
     if motion.links.ndim != 2:
         raise ComputationError("modal coordinates: only for motion in the plane")
     q, v = motion.links - rest_angles(scene), motion.link_rates
@@ -115,7 +115,7 @@ def deflection(scene: Scene, motion: Motion) -> tuple[Floats, Floats]:
 
 
 def rest_angles(scene: Scene) -> Floats:
-    """Angle (L,) at which every link rests: 0 hanging, π standing."""
+    """Equilibrium angle (L,) of every link: 0 hanging, π inverted."""
     ways = [way for pendulum in scene.pendulum for _ in range(pendulum.count) for way in pendulum.ways]
     return np.where(np.array(ways) == "up", np.pi, 0.0)
 
@@ -141,10 +141,10 @@ def _projected(found: Matrices, value: complex, phi: Any, q: Floats, v: Floats) 
 
 
 def start_in_mode(scene: Scene, modes: Modes, number: int, copy: int = 0, amplitude: float = 0.1) -> State:
-    """A start in the copy-th shape of the mode with index `number`, both from 0, its largest angle `amplitude` rad.
+    """A start in the copy-th shape of the mode with index `number`, both from 0, with largest angle `amplitude` (rad).
 
-    At rest; a damped mode begins with the velocities that it then has, Re λφ, or other modes would join in.  Where a
-    shape has no angle the cart is `amplitude` m aside.  Raises ComputationError for a shape across the rail.
+    It is at rest, except that a damped mode starts with its own velocities, Re λφ, to exclude other modes.  For a shape
+    without angles the cart is displaced by `amplitude` m.  Raises ComputationError for a shape across the rail.
     """
     shape = modes.shape(number, copy)
     if shape.across:

@@ -5,13 +5,15 @@ With the coordinate η of each mode at the start (`nonlinear.reduction.modal_coo
 
     q(t) = Σ_r Re φ_r c_r exp(σ_r t + i ω_r u_r),    u = t,
 
-cosh and sinh where an undamped rest is left, η + η' t for a rigid translation.  The amplitude-corrected motion lets the
-phase of each mode run on the clock of its own amplitude a = |c|, the largest angle of the mode at the start (rad),
+cosh and sinh about an undamped unstable equilibrium, η + η' t for a rigid translation.  In the amplitude-corrected
+motion the phase of each mode follows a clock set by its own amplitude a = |c|, the largest angle of the mode at the
+start (rad),
 
     u = t + κ a² (exp(2 σ t) − 1)/2σ,    undamped  u = (1 + κ a²) t,
 
-which is ω(1 + κ a²) of `modal.eigen.amplitude` with every mode by itself: what modes do to each other's frequencies is
-left out.  Of a scene in space both vertical planes are taken; across its rail a cart is a fixed support.
+which is ω(1 + κ a²) of `modal.eigen.amplitude` for every mode by itself: the effect of modes on each other's
+frequencies is neglected.  For a scene in space both vertical planes are used; across the rail a cart is a fixed
+support.
 """
 
 from __future__ import annotations
@@ -31,14 +33,14 @@ from nonlinear.reduction.two_planes import join, split
 from nonlinear.system import Motion, State
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
-LEAST = -0.5  # κ a² below which it is no correction any more
-SPANNED = 1e-6  # part of a start that the modes may miss
+LEAST = -0.5  # κ a² below which it is too large for a correction
+SPANNED = 1e-6  # largest part of a start outside the span of the modes
 INCOMPLETE = "the modes do not span this start: some of them share an eigenvalue and a mode shape"
 
 
 @dataclass(frozen=True, eq=False)
 class Swing:
-    """One mode at work: its shape φ (n,), λ (rad/s), κ (1/rad²; 0 for the linear motion), η and η' at the start."""
+    """One mode in a motion: its shape φ (n,), λ (rad/s), κ (1/rad²; 0 for linear motion), η and η' at the start."""
 
     shape: Complexes
     value: complex
@@ -48,21 +50,21 @@ class Swing:
     damped: bool
 
     def motion(self, times: Floats) -> Floats:
-        """What the mode adds to q, q' and q'', (3, T, n)."""
+        """The contribution of the mode to q, q' and q'', (3, T, n)."""
         return together([self], times)
 
     @property
     def amplitude(self) -> complex:
-        """The c of a mode that turns."""
+        """The c of an oscillating mode."""
         return complex(self.eta, (self.value.real * self.eta - self.rate) / self.value.imag)
 
     @property
     def bend(self) -> float:
-        """By how much, relative, its amplitude at the start changes its frequency: κ a²."""
+        """The relative change κ a² of its frequency by its amplitude at the start."""
         return max(self.kappa * abs(self.amplitude) ** 2, LEAST)
 
     def coordinate(self, times: Floats) -> tuple[Any, Any, Any]:
-        """Its coordinate z and the two rates of z, (T,), of which q = Re φ z."""
+        """Its coordinate z and two time derivatives, (T,), with q = Re φ z."""
         s = self.value.real
         if self.value.imag:
             return self._turning(times)
@@ -85,7 +87,7 @@ class Swing:
 
 
 def together(swings: Sequence[Swing], times: Floats) -> Floats:
-    """What these modes add to q, q' and q'', (3, T, n)."""
+    """The contribution of these modes to q, q' and q'', (3, T, n)."""
     z = np.moveaxis(np.array([swing.coordinate(times) for swing in swings]), 0, 2)
     phi = np.array([swing.shape for swing in swings])
     return np.asarray(z.real @ phi.real - z.imag @ phi.imag if np.iscomplexobj(z) else z @ phi.real)
@@ -93,7 +95,7 @@ def together(swings: Sequence[Swing], times: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Flat:
-    """The motion of a scene in one vertical plane: its swings, and q and q' (n,) at the start."""
+    """The motion of a scene in one vertical plane: its modes, and q and q' (n,) at the start."""
 
     scene: Scene
     swings: tuple[Swing, ...]
@@ -113,9 +115,9 @@ class Flat:
 
 @dataclass(frozen=True, eq=False)
 class Superposition:
-    """The motion of a scene as a function of times (T,) in s, and the vertical planes that it is made of.
+    """The motion of a scene as a function of times (T,) in s, and the vertical planes of which it consists.
 
-    These are the plane itself, or of a scene in space the one along the rail and the one across it.
+    These are the plane itself, or for a scene in space the one along the rail and the one across it.
     """
 
     scene: Scene
@@ -129,7 +131,7 @@ class Superposition:
 
     @property
     def linear(self) -> Superposition:
-        """The same swings without any correction."""
+        """The same motion without amplitude correction."""
         uncorrected = (tuple(replace(swing, kappa=0.0) for swing in plane.swings) for plane in self.planes)
         planes = (replace(plane, swings=swings) for plane, swings in zip(self.planes, uncorrected, strict=True))
         return replace(self, planes=tuple(planes))
@@ -138,7 +140,7 @@ class Superposition:
 def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
-    Raises ComputationError where the modes do not add up to the start, as where eigenvalues of damped modes coincide.
+    Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide.
     """
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
@@ -154,7 +156,7 @@ def _flat(scene: Scene, start: State, corrected: bool) -> Flat:
 
 
 def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
-    """The modes of a plane scene that this start sets going."""
+    """The modes of a plane scene that this start excites."""
     modes, here = natural_modes(scene), _instant(start)
     drifting = [number for number in range(len(modes)) if _drifts(scene, modes, number)]
     try:
@@ -177,12 +179,12 @@ def _instant(start: State) -> Motion:
 
 
 def _drifts(scene: Scene, modes: Modes, number: int) -> bool:
-    """Whether it is a translation that nothing damps."""
+    """Whether the mode is an undamped translation."""
     return modes.eigenvalue[number] == 0 and not (scene.support.kind == "cart" and scene.support.damping)
 
 
 def _drift(scene: Scene, modes: Modes, number: int, q: Floats, v: Floats) -> Swing:
-    """A translation in a scene whose other modes may be damped: to them it is still orthogonal in M."""
+    """A translation in a scene whose other modes may be damped: it is still orthogonal to them in M."""
     phi = along_rail(modes, number)[1][:, 0].real
     weight = modes.matrices.M @ phi
     eta, rate = (float(part[0] @ weight / (phi @ weight)) for part in (q, v))

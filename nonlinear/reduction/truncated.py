@@ -1,7 +1,7 @@
 """Motion in the plane restricted to the span of a few shapes: the reduced equations of a truncated set of modes.
 
 With q = (x, θ − rest) = Φ η the shapes Φ are a holonomic constraint, so the reduced motion is Lagrangian, with the T
-and V of the scene at q = Φ η; what it does with its energy is exact.  Link i turns by F_i η, n = (cos θ, −sin θ) lies
+and V of the scene at q = Φ η, and its energy balance is exact.  Link i turns by F_i η, n = (cos θ, −sin θ) lies
 across it and u = (sin θ, cos θ) along it.  From the joint above it, by running sums from the cart down each chain,
 
     p_i = φ_x e_x + Σ_{k above i} l_k n_k F_k        velocity p_i η',
@@ -12,7 +12,7 @@ and with the pair (A, b) the equations of R unknowns, at a cost of O(n R²) and 
     ΦᵀMΦ = M φ_xᵀφ_x + Σ_i [A_ii F_iᵀF_i + b_i (F_iᵀ n_i·p_i + p_iᵀ·n_i F_i)]
     ΦᵀMΦ η'' = Φᵀ Q − Σ_i b_i [F_iᵀ (n_i·a_i + g sin θ_i) − θ_i'² p_iᵀ·u_i],
 
-Q being what springs, dampers and loads do to q (Kane & Levinson, Dynamics: Theory and Applications, 1985, §4.11).
+Q being the forces of springs, dampers and loads on q (Kane & Levinson, Dynamics: Theory and Applications, 1985, §4.11).
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from nonlinear.system import AppliedForces, Group, Load, Motion, State, System
 
 @dataclass(frozen=True, eq=False)
 class Turning:
-    """One group of P chains of n links: `F` (R, P, n) of the links, and what of ΦᵀMΦ does not depend on angles."""
+    """One group of P chains of n links: `F` (R, P, n) of the links, and the constant part of ΦᵀMΦ."""
 
     group: Group
     F: Floats
@@ -52,7 +52,7 @@ class Turning:
         return np.ascontiguousarray(self.group.block.length.T)
 
     def equations(self, cart: Floats, angles: Floats, rates: Floats, gravity: float) -> tuple[Floats, Floats]:
-        """What the group adds to ΦᵀMΦ (R, R), its mass on the cart left out, and to the force on η (R,).
+        """The group's contribution to ΦᵀMΦ (R, R), without its mass on the cart, and to the force on η (R,).
 
         `cart` (R,) is φ_x; angles and rates are (P, n).
         """
@@ -85,7 +85,7 @@ class Truncated:
     """The reduced equations of a plane scene, y = (η, η', work).
 
     `rest` (L,) are the angles at η = 0, `shapes` (half, R) the columns of Φ over (x on a cart, then every link), and
-    `dual` (half, R) with dualᵀΦ = 1 takes a start to its η.
+    `dual` (half, R) with dualᵀΦ = 1 maps a start to its η.
     """
 
     system: System
@@ -111,7 +111,7 @@ class Truncated:
 
     @cached_property
     def works(self) -> bool:
-        """Whether the work comes last in y."""
+        """Whether the work is the last component of y."""
         return self.system.works or self.load is not None
 
     @cached_property
@@ -125,7 +125,7 @@ class Truncated:
         return self.system.total_mass * np.outer(self.cart, self.cart)
 
     def derivative(self, time: float, y: Floats) -> Floats:
-        """Y' of shape (size,)."""
+        """The derivative y', (size,)."""
         state, R = self.state(y), self.size
         push = self.load(time, state) if self.load else AppliedForces()
         M = self._constant.copy()
@@ -142,11 +142,11 @@ class Truncated:
         return np.concatenate((y[R : 2 * R], found, [power] * self.works))
 
     def state(self, y: Floats) -> State:
-        """The state in one vector."""
+        """The state of one vector y."""
         return self.read(y[None])[0]
 
     def begin(self, state: State) -> Floats:
-        """The vector y of the state nearest to this one in the sense of the masses, no work done yet."""
+        """The vector y of the closest state in the mass metric, with zero work."""
         head, rate = ([state.cart], [state.cart_rate]) if self.system.cart else ([], [])
         q, v = np.concatenate((head, state.links - self.rest)), np.concatenate((rate, state.link_rates))
         return np.concatenate((q @ self.dual, v @ self.dual, [0.0] * self.works))
@@ -171,5 +171,5 @@ class Truncated:
         return np.concatenate((half, half * self.system.rate, [self.system.energy] * self.works))
 
     def project(self, y: Floats) -> tuple[Floats, float]:
-        """The shapes are the coordinates: there is nothing to mend."""
+        """The shapes are the coordinates: there are no constraints."""
         return y, 0.0

@@ -1,17 +1,17 @@
 """Nonlinear motion in a few modes: which to retain, the run, and its error with respect to the whole scene.
 
 The Lagrangian of a plane scene is even about its equilibrium: neglected modes respond at the third power of the
-amplitude and act back at the fifth, so a single mode already has the κ of ω(a) = ω (1 + κ a²).  Measured, the lowest
-mode of 2 to 10 bobs by itself swings at the wrong frequency by 0.006 % at 20°, 0.1 % at 40°, 0.6 % at 60°, with two
-more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  What is left out is stated.  The largest angle by which
-any link is wrong is taken to be the sum of
+amplitude and act back at the fifth, so a single mode already has the κ of ω(a) = ω (1 + κ a²).  As measured, the
+frequency of the lowest mode of 2 to 10 bobs alone is wrong by 0.006 % at 20°, 0.1 % at 40°, 0.6 % at 60°, with two
+more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  The truncation error is reported.  The largest error of
+any angle is estimated as the sum of
 
-- SAFETY times the largest distance, so far and within the slowest period to come, to a second run, which judges: with
+- SAFETY times the largest distance, so far and within the slowest period to come, to a second, finer run: with
   the next MORE shapes, or about twice as many as there are, and every mode within NEAR of 1:1, 1:2 or 1:3 of a kept
-  one, wherever it stands in the table, at a tenth of the tolerance (so that it sees the integrator's error too);
-- what of the start lies outside even those, by their linear motion: max_i Σ_s |φ_is| (η_s² + (η_s'/ω_s)²)^½.
+  one, wherever it is in the table, at a tenth of the tolerance (so that it sees the integrator's error too);
+- the part of the start outside even those, by its linear motion: max_i Σ_s |φ_is| (η_s² + (η_s'/ω_s)²)^½.
 
-It grows with the time, and is an estimate, not a bound: it trusts that the judge is nearer to all modes.
+It grows with time, and is an estimate, not a bound: it assumes that the finer run is closer to the whole motion.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ from nonlinear.reduction.truncated import Truncated
 from nonlinear.system import State, System, initial_state, system_of, validate_state
 
 SAFETY = 2.0
-NEGLIGIBLE = 1e-8  # share of the start's energy that an automatic choice may leave out
-MARGIN = 4  # modes that it keeps beyond those of the start: a twentieth of the error, a quarter more calls
-MORE = 8  # shapes that judge beyond the kept ones, at least
-RATIOS, NEAR = (1, 2, 3), 0.1  # of frequencies at which a mode answers a kept one, and how near to them, relative
-FURTHEST = 600.0  # the largest exponent of a growth that is written out
+NEGLIGIBLE = 1e-8  # fraction of the start's energy that an automatic choice may neglect
+MARGIN = 4  # modes kept beyond those of the start: a twentieth of the error, a quarter more calls
+MORE = 8  # least number of further shapes in the finer run
+RATIOS, NEAR = (1, 2, 3), 0.1  # resonant ratios of frequencies, and the relative width of a resonance
+FURTHEST = 600.0  # largest exponent of a growth that is evaluated
 
 
 class Kept(NamedTuple):
-    """One shape: the number of its mode in the table and which of that mode's copies it is, both from 1."""
+    """One shape: the number of its mode in the table and of its copy, both from 1."""
 
     mode: int
     copy: int
@@ -63,8 +63,8 @@ class Kept(NamedTuple):
 class Truncation:
     """A trajectory in the `kept` shapes (R,) with natural frequencies `omega` (R,) in rad/s.
 
-    `outside` is the share of the start's linear energy that they leave out, `errors` (T,) in rad what the largest angle
-    of any link is stated to be wrong by so far, `frozen` the shortest period kept (s).
+    `outside` is the fraction of the start's linear energy outside them, `errors` (T,) in rad the estimated largest
+    error of any angle so far.
     """
 
     trajectory: Trajectory
@@ -75,19 +75,19 @@ class Truncation:
 
     @property
     def error(self) -> float:
-        """What the largest angle of any link is stated to be wrong by at the end (rad)."""
+        """The estimated largest error of any angle at the end (rad)."""
         return float(self.errors[-1])
 
     @property
     def frozen(self) -> float:
-        """The shortest period kept (s): all that is faster is frozen; infinite where nothing swings."""
+        """The shortest period kept (s): all faster modes are frozen; infinite where nothing oscillates."""
         fastest = float(self.omega.max())
         return 2 * np.pi / fastest if fastest else np.inf
 
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """A start seen in all C shapes of the undamped scene, φᵀMφ = 1: `shapes` and `dual` = MΦ are (half, C)."""
+    """A start expanded in all C shapes of the undamped scene, φᵀMφ = 1: `shapes` and `dual` = MΦ are (half, C)."""
 
     scene: Scene
     system: System
@@ -104,7 +104,7 @@ class Survey:
 
     @cached_property
     def swings(self) -> Floats:
-        """ω of every shape (rad/s), or its rate of growth (1/s), (C,)."""
+        """ω of every shape (rad/s), or its growth rate (1/s), (C,)."""
         return np.asarray(np.abs(self.value))
 
     @cached_property
@@ -116,29 +116,29 @@ class Survey:
 
     @cached_property
     def outside(self) -> Floats:
-        """Share of the start's energy in the shapes from each one on, (C + 1,)."""
+        """Fraction of the start's energy in the shapes from each one on, (C + 1,)."""
         energy = (self.amplitude * self.swings) ** 2
         left = np.append(np.cumsum(energy[::-1])[::-1], 0.0)
         return left / (left[0] or 1.0)
 
     def columns(self, modes: int) -> int:
-        """How many shapes the lowest modes have."""
+        """Number of shapes of the lowest modes."""
         return int(self.modes.multiplicity[:modes].sum())
 
     def automatic(self) -> int:
-        """The lowest modes that hold the start, and MARGIN more."""
+        """Number of lowest modes that contain the start, plus MARGIN."""
         count = int(np.argmax(self.outside <= NEGLIGIBLE))
         return min(self.kept[max(count, 1) - 1].mode + MARGIN, len(self.modes))
 
     def judging(self, count: int) -> Ints:
-        """The shapes of the model that judges the first so many: the next ones, and all that resonate with them."""
+        """The shapes of the finer run for the first `count` shapes: the next ones, and all that resonate with them."""
         tuned = np.multiply.outer(RATIOS, self.swings[:count]).ravel()
         answers = np.any(np.abs(self.swings[:, None] - tuned) < NEAR * tuned, axis=1)
         answers[: self.columns(self.kept[min(max(2 * count, count + MORE), len(self.kept)) - 1].mode)] = True
         return np.flatnonzero(answers)
 
     def missed(self, judging: Ints, elapsed: Floats) -> Floats:
-        """Largest angle (rad) to which the shapes beside these can add up in their linear motion so far, (T,)."""
+        """Largest angle (rad) to which all other shapes can add up in their linear motion so far, (T,)."""
         left = np.delete(np.arange(len(self.kept)), judging)
         angles, rate = np.abs(self.shapes[-self.system.n_links :, left]) * self.amplitude[left], self.value.real[left]
         grows = rate > 0
@@ -162,14 +162,13 @@ def simulate_truncated(
     output: int | Sequence[float] | Floats | None = None,
     report: Callable[[float], object] = lambda elapsed: None,
 ) -> Truncation:
-    """The motion of a plane scene over `duration` seconds in the lowest `modes` of its table, dampers left out there.
+    """The motion of a plane scene over `duration` seconds in the lowest `modes` of the table without dampers.
 
-    All shapes that share a frequency are kept together, the translation of a free cart always.  Left out, `modes` is
-    as many as hold the start, and a margin.  `method` is one of SciPy's; all else is as in `nonlinear.simulate`, but
-    that `report` hears of two runs.  Where Ctrl-C stops the second one the error is infinite.
-
-    Raises SceneError for a scene in space and for arguments that cannot be, ComputationError where the modes cannot be
-    had, SimulationError where the integrator gives up.
+    All shapes that share a frequency are kept together, and the translation of a free cart always.  By default, `modes`
+    is the number that contain the start, plus a margin.  `method` is one of SciPy's; everything else is as in
+    `nonlinear.simulate`, except that `report` covers two runs.  Where Ctrl-C stops the second one the error is
+    infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
+    be computed, SimulationError where the integrator fails.
     """
     validate_numbers(duration, tolerance, 0.0)
     _validate(scene, modes, method)
@@ -193,7 +192,7 @@ def in_modes(
     tolerance: float,
     report: Callable[[float], object] = lambda elapsed: None,
 ) -> Truncation:
-    """The motion of a survey's start at these times (T,) in s, in so many of its lowest modes."""
+    """The motion of a survey's start at these times (T,) in s, in its lowest `modes`."""
     fewer = survey.columns(modes)
     judging = survey.judging(fewer)
     first = _run(survey, np.arange(fewer), times, method, tolerance, report)
@@ -213,7 +212,7 @@ def in_modes(
 
 
 def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
-    """The largest of the values (T,) so far and in the period (s) to come."""
+    """The largest of the values (T,) so far and in the next `period` (s)."""
     last = np.searchsorted(elapsed, elapsed + period, side="right") - 1
     return np.asarray(np.maximum.accumulate(values)[last])
 
@@ -232,7 +231,7 @@ def _validate(scene: Scene, modes: int | None, method: str) -> None:
 
 
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:
-    """The modes of the scene without its dampers, and the start in them; SceneError where a massless cart lacks one."""
+    """The modes of the scene without its dampers, and the start in them; SceneError where they do not span it."""
     still = scene.conservative
     modes = modes_of(still)
     phi = modes.matrix.real

@@ -1,10 +1,10 @@
 """A motion in space as two motions in vertical planes, exact for small angles, and back.
 
-With θ from the rest and p = θ (cos φ, sin φ) along the rail and across it, s = sin θ/θ, σ = −1 for inverted links:
+With θ from equilibrium and p = θ (cos φ, sin φ) along the rail and across it, s = sin θ/θ, σ = −1 for inverted links:
 
     u = σ (s p, cos θ),    u' = σ (s p' + r (p·p') p, −s p·p'),    r = (θ cos θ − sin θ)/θ³
 
-so that p is an angle of the plane less that of equilibrium; for an inverted link it has the opposite sign.
+so that p is an angle in the plane relative to equilibrium; for an inverted link it has the opposite sign.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from modal.types import Floats
 from nonlinear.reduction.modal_coordinates import rest_angles
 from nonlinear.system import Motion, State
 
-TINY = 1e-4  # rad, below which series take the place of quotients
+TINY = 1e-4  # rad, below which series replace quotients
 
 
 def split(scene: Scene, start: State) -> tuple[State, State]:

@@ -1,7 +1,8 @@
 """The journal of a sweep: rows are appended as they are computed, so that an interrupted sweep can resume.
 
 The first line identifies the sweep; every other line is one row in JSON with its own checksum.  An incomplete last
-line, left by a crash, is dropped; any other damage is refused by its line number.  One sweep at a time has a journal.
+line, left by a crash, is dropped; any other damage is reported with its line number.  Only one sweep at a time can use
+a journal.
 """
 
 from __future__ import annotations
@@ -23,30 +24,30 @@ KNOWN = b'{"multipendula_journal"'
 
 
 class Checkpoint:
-    """The rows that a file already held, and where new ones go; without a file it forgets them."""
+    """The rows already in a journal, and the file to which new ones are appended; without a file none are kept."""
 
     def __init__(self, stream: IO[bytes] | None = None, rows: Sequence[Row] = (), salt: str = "") -> None:
         self._stream, self.rows, self._salt = stream, tuple(rows), salt
         self.finished = False
 
     def add(self, rows: Sequence[Row]) -> None:
-        """Keep some rows, safe from a crash when this returns."""
+        """Append some rows, safe from a crash once this returns."""
         if self._stream is not None:
             self._stream.write(b"".join(_line(row, self._salt) for row in rows))
             self._stream.flush()
             os.fsync(self._stream.fileno())
 
     def finish(self) -> None:
-        """The sweep is written whole: its journal goes when it is closed."""
+        """The sweep has been saved: its journal is removed when it is closed."""
         self.finished = True
 
 
 @contextmanager
 def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool = False) -> Iterator[Checkpoint]:
-    """The journal at a path, new or resumed; `fresh` starts it over, whatever sweep it belongs to.
+    """The journal at a path, new or resumed; `fresh` restarts it, whatever sweep it belongs to.
 
-    Rows of points that failed are dropped, so that these are tried again.  Raises SceneError where the file is
-    something else, is damaged, belongs to another sweep or to one that is at work, OSError where it cannot be written.
+    Rows of points that failed are dropped, so that these are tried again.  Raises SceneError where the file is not a
+    journal, is damaged, belongs to another sweep or to one that is running, OSError where it cannot be written.
     """
     name, salt = os.fspath(path), study.fingerprint
     first = json.dumps({"multipendula_journal": VERSION, "sweep": salt}).encode() + b"\n"
@@ -71,7 +72,7 @@ def open_checkpoint(path: str | os.PathLike[str], study: Study, *, fresh: bool =
 
 @contextmanager
 def _named(name: str) -> Iterator[None]:
-    """Says which file it is that cannot be written, which a full disk does not."""
+    """Adds the file name to the error of a write that fails, which a full disk does not name."""
     try:
         yield
     except OSError as error:
@@ -101,7 +102,7 @@ def _rows(name: str, content: bytes, first: bytes, study: Study) -> dict[int, Ro
 
 
 def _line(row: Row, salt: str) -> bytes:
-    """[index, numbers, reason, checksum] in JSON; the checksum is of what stands before it and of the sweep."""
+    """[index, numbers, reason, checksum] in JSON; the checksum covers the preceding fields and the sweep."""
     text = json.dumps([row.index, row.numbers, row.reason])[:-1]
     return f'{text}, "{_checksum(text, salt)}"]\n'.encode()
 
@@ -111,7 +112,7 @@ def _checksum(text: str, salt: str) -> str:
 
 
 def _row(line: bytes, study: Study) -> Row:
-    """The row of a line that `_line` has made, and of no other."""
+    """The row of a line made by `_line`, and of no other."""
     at, numbers, reason, _ = json.loads(line)
     row = Row(index(at, study.size), {str(name): float(number) for name, number in numbers.items()}, str(reason))
     if _line(row, study.fingerprint).rstrip() != line:

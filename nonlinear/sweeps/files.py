@@ -1,7 +1,7 @@
 """Sweeps on disk: NPZ has every number over the grid, CSV one row per point for other programs.
 
 Both begin with a header in JSON: the scene, the variations, the measures and the points that failed.  A column of
-an axis is named by its place and unit.  Both have a checksum, and a file that has changed is refused.
+an axis is named by its path and unit.  Both carry a checksum, and a file that has been altered is refused.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ REASON = "reason"
 
 
 def save(sweep: Sweep, path: str | os.PathLike[str]) -> None:
-    """Write a .npz or .csv file, whole or not at all; SceneError for another name."""
+    """Write a .npz or .csv file atomically; SceneError for any other file name."""
     content = _npz(sweep) if checked_kind(path) == "npz" else _csv(sweep)
     with whole_file(path) as stream:
         stream.write(content)
 
 
 def load(path: str | os.PathLike[str]) -> Sweep:
-    """The sweep in a file that `save` wrote; SceneError says what is wrong with any other."""
+    """Read a sweep from a file written by `save`; SceneError says what is wrong with any other file."""
     name, kind = os.fspath(path), checked_kind(path)
     with reading(name, "sweep"):
         return _read_npz(name) if kind == "npz" else _read_csv(name)
@@ -46,7 +46,7 @@ def _header(sweep: Sweep) -> dict[str, Any]:
 
 
 class _Kept(NamedTuple):
-    """What a header says: the study, the names of its numbers, the points that were tried and why some failed."""
+    """The contents of a header: the study, the column names, the points tried and why some failed."""
 
     study: Study
     columns: tuple[str, ...]
@@ -59,7 +59,7 @@ class _Kept(NamedTuple):
         return [own.column for own in self.study.variations]
 
     def sweep(self, table: Floats) -> Sweep:
-        """With numbers (size, columns) over the whole grid."""
+        """The sweep with these numbers (size, columns) over the whole grid."""
         rows = (
             Row(index, {}, self.failed[index])
             if index in self.failed

@@ -16,7 +16,7 @@ except ImportError:  # Windows, browsers
     fcntl = None  # type: ignore[assignment]
 
 BEYOND = 1 << 62
-"""A byte that nobody reads: Windows lets no other process read those that are locked."""
+"""A byte that is never read: on Windows no other process can read locked bytes."""
 TAKEN = {errno.EAGAIN, errno.EACCES, errno.EDEADLK}
 
 
@@ -32,9 +32,9 @@ def _lock(stream: IO[bytes]) -> None:
 
 @contextmanager
 def locked(name: str) -> Iterator[IO[bytes]]:
-    """A file to read and to append to, made where there is none; SceneError where another process has it.
+    """A file to read and append to, created if missing; SceneError where another process holds it.
 
-    On a file system that knows no locks it is had without one.
+    On a file system without locks it is opened without one.
     """
     while True:
         with open(name, "ab+") as stream:
@@ -50,7 +50,7 @@ def locked(name: str) -> Iterator[IO[bytes]]:
 
 
 def _stands(stream: IO[bytes], name: str) -> bool:
-    """Whether it is still the file of this name: its owner may have removed it just before the lock was free."""
+    """Whether it is still the file of this name: its owner may have removed it just before releasing the lock."""
     try:
         return os.path.samestat(os.fstat(stream.fileno()), os.stat(name))
     except FileNotFoundError:
@@ -58,7 +58,7 @@ def _stands(stream: IO[bytes], name: str) -> bool:
 
 
 def remove(stream: IO[bytes], name: str) -> None:
-    """A file that `locked` gave, while nobody else can have it; Windows removes none that somebody waits for."""
+    """Remove a file given by `locked`, while it is still locked; Windows removes none that another process has open."""
     stream.truncate(0)
     if os.name == "nt":
         stream.close()

@@ -5,7 +5,7 @@ computed from the oscillating modes, Im λ ≠ 0, others from a run of some seco
 
 All points of a sweep number their modes as in the table of the original scene, so that curves continue smoothly where
 dampers appear and where frequencies become equal: the k-th oscillating mode, counting copies, is the k-th there, and
-copies of mode 2 are 2, 2b, 2c, …  A point with more or fewer oscillating modes has the numbers of its own table.  A
+copies of mode 2 are 2, 2b, 2c, …  A point with more or fewer oscillating modes uses the numbers of its own table.  A
 quantity beyond double precision is NaN.
 """
 
@@ -33,19 +33,17 @@ from nonlinear.simulation import simulate
 from nonlinear.synchronization import ENDING, Phases, Survival, find_survival, phases_of
 
 Values = NDArray[np.complex128]
-FEW = 4  # pendula whose energies are told one by one
+FEW = 4  # pendula up to which each energy is reported
 USUAL, LONGEST = 100.0, 1e6  # seconds
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A function of a scene and one number, `usual` where nobody says which (0: it finds one by itself).
+    """A function of a scene and one number, `usual` by default (0: it chooses one itself).
 
-    `words` say what it finds and what of.
-
-    The function stands in a module, not in another function, so that other processes find it.  `whole` says that its
-    number counts something, `numbered` that it is told, third, in the table of which scene modes have their numbers,
-    `runs` that it is read off a run of so many seconds.
+    `words` describe the result. The function is at module level, so that other processes can import it.  `whole` marks
+    a number that counts something, `numbered` a function whose third argument is the scene in whose table the modes are
+    numbered, `runs` one that reads a run of so many seconds.
     """
 
     name: str
@@ -70,7 +68,7 @@ class RequestedMeasure:
             self.validate()
 
     def validate(self) -> RequestedMeasure:
-        """Itself; SceneError where its number is out of range."""
+        """The measure itself; SceneError where its number is out of range."""
         kind = f"a {'whole ' * self.measure.whole}number above 0 and at most {self.measure.most:g}"
         fits = isfinite(self.number) and 0 < self.number <= self.measure.most
         if not fits or (self.measure.whole and self.number != int(self.number)):
@@ -79,11 +77,11 @@ class RequestedMeasure:
 
     @property
     def text(self) -> str:
-        """As it is asked for: `frequencies:4`."""
+        """The text of the request: `frequencies:4`."""
         return f"{self.measure.name}:{self.number:g}" if self.number else self.measure.name
 
     def of(self, scene: Scene, table: Scene | None = None) -> dict[str, float]:
-        """Its numbers of a scene; modes have their numbers in the table of `table`, left out of the scene itself."""
+        """Its values for a scene; modes are numbered as in the table of `table`, by default of the scene itself."""
         return self.measure.function(scene, self.number, *([table or scene] if self.measure.numbered else []))
 
 
@@ -99,7 +97,7 @@ _KNOWN: dict[Scene, Swinging] = {}
 
 
 def find_together(scenes: Sequence[Scene]) -> None:
-    """Have the modes of these scenes at hand for measures, found together where they are of one form."""
+    """Compute and cache the modes of these scenes for measures, together where they have the same form."""
     _KNOWN.clear()
     if len(scenes) < 2 or not can_stack(scenes):
         return
@@ -113,7 +111,7 @@ def find_together(scenes: Sequence[Scene]) -> None:
 
 
 def swinging(scene: Scene) -> Swinging:
-    """λ of all modes that swing, as often as their multiplicity, |λ| ascending, and the number of each."""
+    """λ of all oscillating modes, repeated by multiplicity, |λ| ascending, and the number of each."""
     return _KNOWN.get(scene) or _swinging(scene)
 
 
@@ -126,7 +124,7 @@ def _swinging(scene: Scene) -> Swinging:
 
 
 def numbers_in(scene: Scene, table: Scene) -> tuple[int, ...]:
-    """The numbers of the modes that swing in a scene by the table of another, by its own where more or fewer swing."""
+    """The numbers of a scene's oscillating modes in the table of another, or in its own if their counts differ."""
     own, given = swinging(scene)[1], swinging(table)[1]
     return given if len(own) == len(given) else own
 
@@ -137,7 +135,7 @@ def frequencies(scene: Scene, count: float, table: Scene) -> dict[str, float]:
 
 
 def damping(scene: Scene, count: float, table: Scene) -> dict[str, float]:
-    """Their damping ratios −Re λ/|λ|."""
+    """The damping ratios −Re λ/|λ| of these modes."""
     return {f"damping_ratio_{name}": float(-v.real / abs(v) + 0.0) for name, v in _first(scene, count, table)}
 
 
@@ -146,19 +144,19 @@ def _first(scene: Scene, count: float, table: Scene) -> Iterator[tuple[str, np.c
 
 
 def splitting(scene: Scene, number: float, table: Scene) -> dict[str, float]:
-    """The distance from one mode to the next."""
+    """The frequency gap from one mode to the next."""
     name, gap = _gap(scene, int(number), table)
     return {f"splitting_{name}_rad_per_s": gap}
 
 
 def beat(scene: Scene, number: float, table: Scene) -> dict[str, float]:
-    """The time 2π/Δω from one beat of a mode and the next to the following."""
+    """The beat period 2π/Δω of a mode and the next."""
     name, gap = _gap(scene, int(number), table)
     return {f"beat_{name}_s": 2 * pi / gap if gap else inf}
 
 
 def _gap(scene: Scene, number: int, table: Scene) -> tuple[int, float]:
-    """A mode's number, that of the first that swings for 0, and the gap in Im λ (rad/s) from its last copy upward."""
+    """A mode's number (0: the first oscillating one), and the gap in Im λ (rad/s) from its last copy to the next."""
     values, listed = swinging(scene)[0].imag, numbers_in(scene, table)
     order = np.argsort(values, kind="stable")
     omega, numbers = values[order], [listed[place] for place in order]
@@ -189,7 +187,7 @@ _RUNS: dict[tuple[Scene, float], Trajectory] = {}
 
 
 def run_of(scene: Scene, seconds: float) -> Trajectory:
-    """The run, kept for the next measure of the same scene; KeyboardInterrupt where Ctrl-C cut it short."""
+    """The run, cached for the next measure of the same scene; KeyboardInterrupt where Ctrl-C cut it short."""
     return _RUNS.get((scene, seconds)) or _run_of(scene, seconds)
 
 
@@ -202,14 +200,14 @@ def _run_of(scene: Scene, seconds: float) -> Trajectory:
 
 
 def energy_drift(scene: Scene, seconds: float) -> dict[str, float]:
-    """The energy certificate of the run, relative."""
+    """The energy drift of the run, relative."""
     return {"energy_drift": run_of(scene, seconds).energy_drift()}
 
 
 def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
-    """The largest angle of any link from hanging and how far the cart goes from one side to the other.
+    """The largest angle of any link from the downward vertical and the peak-to-peak travel of the cart.
 
-    Both are read at the turning points between the samples.
+    Both are evaluated at the turning points between the samples.
     """
     run = run_of(scene, seconds)
     times, motion = run.times, run.motion
@@ -241,13 +239,13 @@ def _survival(scene: Scene, seconds: float) -> Survival:
 
 
 def order(scene: Scene, seconds: float) -> dict[str, float]:
-    """The order parameter of the leading own mode, its mean over the last tenth."""
+    """The order parameter of the leading fixed-base mode, its mean over the last tenth."""
     phases = _phases(scene, seconds)
     return {"order": float(_ending(phases, phases.order)[phases.leading])}
 
 
 def survivor(scene: Scene, seconds: float, table: Scene) -> dict[str, float]:
-    """The number in the table of the mode that holds most energy at the end, and its share."""
+    """The number in the table of the mode with most energy at the end, and its share."""
     found = _survival(scene, seconds)
     number, own = found.number, swinging(scene)[1]
     if number in own:
@@ -256,7 +254,7 @@ def survivor(scene: Scene, seconds: float, table: Scene) -> dict[str, float]:
 
 
 def locking(scene: Scene, seconds: float) -> dict[str, float]:
-    """From when on all other rows hold less than a hundredth together; NaN where never."""
+    """The time from which all other rows hold less than 1 % together; NaN if never."""
     time = _survival(scene, seconds).locking_time()
     return {"locking_time_s": nan if time is None else time}
 

@@ -21,13 +21,13 @@ from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each
 from nonlinear.workers import DIED, WorkerPool, cores, processes, spread
 
 PATIENCE = 0.5
-"""Seconds that this process works alone before it calls others: a small sweep is done by then."""
+"""Seconds that this process works alone before it starts others: a small sweep is done by then."""
 STARTING = 1.0
-"""Seconds of work left that are worth the start of other processes."""
+"""Least seconds of remaining work that justify starting other processes."""
 CHUNK = 256
-"""The most points that are measured together."""
+"""Most points measured together."""
 BRIEF, BRIEF_RUNS = 0.05, 2.0
-"""Seconds that a portion takes at most before the next is no larger; one of runs, which are sooner side by side."""
+"""Seconds per portion above which portions no longer grow; of runs, which are faster side by side."""
 TOGETHER, CHUNK_OF_RUNS = 64, 1024
 """Points of the first portion of runs, and the most of any."""
 MOST_REASONS = 5
@@ -38,7 +38,7 @@ Rows = Generator[list[Row], None, None]
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """The rows of a study, ascending; `interrupted` says whether Ctrl-C came before the last."""
+    """The rows of a study, ascending; `interrupted` tells whether Ctrl-C came before the last."""
 
     study: Study
     rows: tuple[Row, ...]
@@ -57,11 +57,11 @@ class Sweep:
 
     @property
     def failures(self) -> dict[int, str]:
-        """Why points have no numbers, by their index."""
+        """The reasons why points have no numbers, by their index."""
         return {row.index: row.reason for row in self.rows if row.reason}
 
     def values(self, column: str) -> Floats:
-        """One number over the grid, in the study's shape, NaN where it is not known."""
+        """One quantity over the grid, in the study's shape, NaN where it is unknown."""
         found = np.full(self.study.size, np.nan)
         for row in self.rows:
             found[row.index] = row.numbers.get(column, np.nan)
@@ -76,11 +76,12 @@ def sweep(
     crew: WorkerPool | None = None,
     report: Report = lambda done: None,
 ) -> Sweep:
-    """All points of a study: those that a journal holds are taken from it, new ones are added to it.
+    """All points of a study: those already in a journal are taken from it, new ones are added to it.
 
-    `workers` is a number of processes, 1 to stay in this one; left out, all cores are used once the sweep has lasted
-    PATIENCE.  `crew` is for other executors, such as `nonlinear.workers.cluster`.  `report` hears how many points are
-    done. On Ctrl-C what is known is returned.  Raises ComputationError where workers cannot be had.
+    `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
+    PATIENCE.  `crew` is for other executors, such as `nonlinear.workers.cluster`.  `report` is called with the number
+    of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
+    started.
     """
     kept = journal or Checkpoint()
     rows = {row.index: row for row in kept.rows}
@@ -128,7 +129,7 @@ def _found(study: Study, left: Sequence[int], workers: int | None, crew: WorkerP
 
 
 def _here(task: Task, points: Points) -> Rows:
-    """The rows of some points in this process; those before Ctrl-C are not lost."""
+    """The rows of some points in this process; those computed before Ctrl-C are kept."""
     done: list[Row] = []
     try:
         for row in measure_each(task, points):
@@ -140,7 +141,7 @@ def _here(task: Task, points: Points) -> Rows:
 
 
 def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generator[list[Row], None, list[Point]]:
-    """The rows of all portions as they come; points whose workers died are handed back."""
+    """The rows of all portions as they come; points whose workers died are returned."""
     with closing(spread(partial(measure_points, task), portions, crew)) as found:
         while True:
             try:
@@ -150,7 +151,7 @@ def _shared(task: Task, portions: Iterator[Points], crew: WorkerPool) -> Generat
 
 
 def _alone(task: Task, points: Sequence[Point]) -> Rows:
-    """One point after another, so that it is seen of which one a process dies."""
+    """One point at a time, to identify the one at which a process dies."""
     left = deque(points)
     while left:
         with processes(1) as one:
@@ -165,7 +166,7 @@ def _alone(task: Task, points: Sequence[Point]) -> Rows:
 
 
 def sweep_text(sweep: Sweep) -> str:
-    """Smallest and largest of every number with their places, then the reasons of points that failed."""
+    """Minimum and maximum of every quantity with their locations, then the reasons for points that failed."""
     return "\n".join(_lines(sweep)) + "\n"
 
 
@@ -179,7 +180,7 @@ def _lines(sweep: Sweep) -> Iterator[str]:
 
 
 def reasons(sweep: Sweep) -> Iterator[str]:
-    """Why points failed, the most frequent reasons first."""
+    """The reasons why points failed, the most frequent first."""
     found = Counter(sweep.failures.values()).most_common()
     for reason, count in found[:MOST_REASONS]:
         yield f"{count} × {visible(reason)}"

@@ -22,7 +22,7 @@ VERSION = 1
 
 @dataclass(frozen=True)
 class Study:
-    """A grid over one to MOST_AXES variations, the last one running fastest; SceneError for what cannot be."""
+    """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one."""
 
     scene: Scene
     variations: tuple[Variation, ...]
@@ -59,14 +59,14 @@ class Study:
         return {own.path: own.values[int(k)] for own, k in zip(self.variations, at, strict=True)}
 
     def header(self) -> dict[str, Any]:
-        """Everything in it, for a file."""
+        """The complete definition, for a file."""
         axes = [{"path": own.path, "values": own.values, "log": own.log} for own in self.variations]
         measures = [one.text for one in self.measures]
         return {"version": VERSION, "scene": describe(self.scene), "axes": axes, "measures": measures}
 
     @property
     def fingerprint(self) -> str:
-        """The same for the same question only."""
+        """A checksum that identifies the study."""
         functions = [one.measure.function.__qualname__ for one in self.measures]
         return sha256(json.dumps([self.header(), functions]).encode()).hexdigest()
 
@@ -81,7 +81,7 @@ def study_from(header: dict[str, Any]) -> Study:
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know beside its points."""
+    """The data a worker needs in addition to its points."""
 
     scene: Scene
     measures: tuple[RequestedMeasure, ...]
@@ -94,7 +94,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Row:
-    """What was measured at a point: named numbers, or the reason why there are none."""
+    """The result at a point: named numbers, or the reason why there are none."""
 
     index: int
     numbers: dict[str, float]
@@ -111,7 +111,7 @@ def measure_points(task: Task, points: Points) -> list[Row]:
 
 
 def measure_each(task: Task, points: Points) -> Iterator[Row]:
-    """The rows of some points, one by one; what goes wrong at one is its own reason and hurts no other."""
+    """The rows of some points, one by one; an error at one becomes its reason and does not affect the others."""
     variable = Variable(task.scene, points[0][1])
     scenes = [_scene(variable, values) for _, values in points]
     if any(one.measure.numbered for one in task.measures):

@@ -1,13 +1,13 @@
 """Configurations of a self-excited scene continued along a parameter: where each is stable, and where it ends.
 
-A configuration at one value, as the physical motion q = Σ_r φ_r z_r, is the start of Newton's method at the next, in
+A configuration at one value, as the physical motion q = Σ_r φ_r z_r, starts Newton's method at the next value, in
 the modes φ' of the scene there: z' = φ'ᵀ M' q.  Steps are halved where amplitudes change too fast, down to RESOLUTION
-of the range; what then cannot be continued, or not from there back, is lost.  Where neighbours turn from coming back to
-leaving, values between are put in by bisection.
+of the range; a branch that cannot be continued further, or not back from there, is lost.  Where stability changes,
+intermediate values are inserted by bisection.
 
-At a critical value a branch meets another and both cease (Adler, Proc. IRE 34, 351 (1946): the critical detuning), or
-it comes upon one that goes on, or dies out, or goes on while neighbours that came back leave.  Each is found to
-RESOLUTION of the range.
+At a critical value a branch meets another and both end (Adler, Proc. IRE 34, 351 (1946): the critical detuning), or
+it joins one that continues, or dies out, or continues with a change of stability.  Each is located to RESOLUTION of the
+range.
 """
 
 from __future__ import annotations
@@ -36,22 +36,22 @@ from nonlinear.averaging import (
 )
 from nonlinear.synchronization.patterns import agreement
 
-DYING = 0.1  # of a branch's largest amplitude: below it a branch that ceases has died out
+DYING = 0.1  # fraction of a branch's largest amplitude below which a branch that ends has died out
 MOST_SEARCHES = 8
 FALLS = ("disappears", "dies out", "loses stability")
-RESOLUTION = 1e-4  # of the range, in logarithms where the variation is in equal ratios
-JUMP = 0.3  # largest change of the amplitudes from one value to the next, over them
-CLOSE = 1e-5  # relative: by how much the way back may miss
+RESOLUTION = 1e-4  # fraction of the range, logarithmic where the variation is
+JUMP = 0.3  # largest relative change of the amplitudes from one value to the next
+CLOSE = 1e-5  # relative tolerance of the return to the previous state
 Report = Callable[[int], object]
 Step = tuple[float, RelativeEquilibrium]
 
 
 @dataclass(frozen=True)
 class Change:
-    """What becomes of a branch at a critical value, as the parameter grows.
+    """What happens to a branch at a critical value, as the parameter increases.
 
     `kind` is one of appears, disappears, emerges from rest, dies out, becomes stable, loses stability.  Where stability
-    changes, `beat` is the rate (rad/s) at which neighbours beat as they leave, 0 where they leave steadily.
+    changes, `beat` is the rate (rad/s) at which growing perturbations oscillate, 0 where they grow monotonically.
     """
 
     value: float
@@ -61,7 +61,7 @@ class Change:
 
 @dataclass(frozen=True, eq=False)
 class Branch:
-    """One configuration at K ascending values: those of the variation that it reaches and others between."""
+    """One configuration at K ascending values: those of the variation within its range and others between."""
 
     variation: Variation
     values: Floats
@@ -69,7 +69,7 @@ class Branch:
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:
-        """Whether all neighbours come back, at every value."""
+        """Whether all perturbations decay, at every value."""
         return tuple(state.is_stable is True for state in self.states)
 
     lasts = former("Branch", "lasts", "is_stable")
@@ -86,19 +86,19 @@ class Branch:
 
     @cached_property
     def words(self) -> str:
-        """How the pendula agree at the first value, and at the last where that is something else."""
+        """The pattern of the pendula at the first value, and at the last where that differs."""
         return " → ".join(dict.fromkeys(agreement(self.states[at]) for at in (0, -1)))
 
     @property
     def intervals(self) -> tuple[tuple[float, float], ...]:
-        """From where to where it is stable."""
+        """The intervals in which it is stable."""
         flips = [value for value, _ in self._flips()]
         edges = [*[self.values[0]] * self.is_stable[0], *flips, *[self.values[-1]] * self.is_stable[-1]]
         return tuple((float(low), float(high)) for low, high in zip(edges[::2], edges[1::2], strict=True))
 
     @cached_property
     def changes(self) -> tuple[Change, ...]:
-        """In the order of the values."""
+        """The critical values, ascending."""
         ends = (self._end(0, "emerges from rest", "appears"), self._end(-1, "dies out", "disappears"))
         fates = [
             Change(value, "becomes stable" if self.is_stable[after] else "loses stability", self._beat(after))
@@ -107,18 +107,18 @@ class Branch:
         return tuple(change for change in (ends[0], *fates, ends[1]) if change)
 
     def _flips(self) -> Iterator[tuple[float, int]]:
-        """The middle of two values of different fates, and the place of the second."""
+        """The midpoint of two values of different stability, and the index of the second."""
         for after, (one, other) in enumerate(pairwise(self.is_stable), start=1):
             if one != other:
                 yield float((self.values[after - 1] + self.values[after]) / 2), after
 
     def _beat(self, after: int) -> float:
-        """Of the fastest growing neighbours, on the unstable side."""
+        """The oscillation rate of the fastest growing perturbation, on the unstable side."""
         rates = self.states[after - self.is_stable[after]].rates
         return float(abs(rates[0].imag)) if len(rates) else 0.0
 
     def _end(self, at: int, faint: str, folded: str) -> Change | None:
-        """What happens at the first or last value, None where it is that of the variation."""
+        """What happens at the first or last value, None where it is an end of the variation."""
         if self.values[at] == self.variation.values[at]:
             return None
         return Change(float(self.values[at]), faint if self.angle[at] < DYING * self.angle.max() else folded)
@@ -140,11 +140,12 @@ class Branches:
 
 
 def follow_branches(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Branches:
-    """The branches of a scene that excites itself, `report` hearing how many have been followed.
+    """The branches of a self-excited scene; `report` is called with the number followed so far.
 
     Configurations are searched for at both ends of the range and, up to MOST_SEARCHES times, at the next value beyond
-    the place where a branch ends or loses stability.  Raises SceneError for a variation of fewer than two values or
-    of a count, ComputationError where nothing excites the scene or `nonlinear.averaging.equations` cannot take it.
+    a point where a branch ends or loses stability.  Raises SceneError for a variation of fewer than two values or
+    of a count, ComputationError where nothing excites the scene or it is outside the scope of
+    `nonlinear.averaging.equations`.
     """
     validate_variations(scene, [variation])
     if len(variation.values) < 2 or variation.path.endswith("count"):
@@ -168,7 +169,7 @@ def _known(found: Sequence[Branch], value: float) -> list[RelativeEquilibrium]:
 
 
 def _places(variation: Variation, found: Sequence[Branch]) -> Iterator[float]:
-    """Where to search, with an eye on what has been found by then."""
+    """Where to search, updated with what has been found by then."""
     seen = [variation.values[0], variation.values[-1]]
     yield from seen
     while len(seen) < MOST_SEARCHES + 2 and (new := [v for v in _beyond(variation, found) if v not in seen]):
@@ -177,7 +178,7 @@ def _places(variation: Variation, found: Sequence[Branch]) -> Iterator[float]:
 
 
 def _beyond(variation: Variation, found: Sequence[Branch]) -> Iterator[float]:
-    """The variation's values next to critical ones, on the side where a branch is not or does not last."""
+    """The variation's values next to critical ones, on the side where a branch does not exist or is unstable."""
     values = np.array(variation.values)
     for change in (change for one in found for change in one.changes):
         side = np.searchsorted(values, change.value, "right") - (change.kind not in FALLS)
@@ -185,27 +186,27 @@ def _beyond(variation: Variation, found: Sequence[Branch]) -> Iterator[float]:
 
 
 class Walk:
-    """Along the values of a variation, with as many between as amplitudes need."""
+    """Continuation along the values of a variation, with as many in between as amplitudes require."""
 
     def __init__(self, scene: Scene, variation: Variation) -> None:
         self.scene, self.variation = scene, variation
         self._made: dict[float, AveragedEquations] = {}
 
     def at(self, value: float) -> AveragedEquations:
-        """The averaged equations there."""
+        """The averaged equations at a value."""
         if value not in self._made:
             self._made[value] = average(vary(self.scene, {self.variation.path: value}))
         return self._made[value]
 
     def whole(self, value: float, state: RelativeEquilibrium) -> list[Step]:
-        """All that is reached from a configuration, to both sides, in ascending order."""
+        """Everything reached from a configuration, in both directions, in ascending order."""
         up = [v for v in self.variation.values if v > value]
         down = [v for v in reversed(self.variation.values) if v < value]
         steps = [*reversed(self._followed(value, state, down)), (value, state), *self._followed(value, state, up)]
         return [steps[0], *(step for pair in pairwise(steps) for step in self._sharpened(*pair))]
 
     def _followed(self, value: float, state: RelativeEquilibrium, further: Sequence[float]) -> list[Step]:
-        """To the last of these values, or to where it ends."""
+        """Follow to the last of these values, or to the end of the branch."""
         found: list[Step] = []
         for target in further:
             found += self._between(found[-1] if found else (value, state), target)
@@ -214,7 +215,7 @@ class Walk:
         return found
 
     def _between(self, here: Step, target: float) -> list[Step]:
-        """What follows up to a value, that included if it is reached."""
+        """The steps up to a value, including that value if it is reached."""
         if state := self._next(here, target):
             return [(target, state)]
         if self._close(here[0], target):
@@ -225,7 +226,7 @@ class Walk:
         return half + (self._between(half[-1], target) if reached else [])
 
     def _sharpened(self, before: Step, after: Step) -> list[Step]:
-        """What follows a step up to the next, with values between where one is stable and the other is not."""
+        """The steps from one to the next, with values inserted where stability changes between them."""
         if (before[1].is_stable is True) == (after[1].is_stable is True) or self._close(before[0], after[0]):
             return [after]
         middle = self._middle(before[0], after[0])
@@ -262,7 +263,7 @@ class Walk:
 
 
 def _carried(state: RelativeEquilibrium, new: AveragedEquations) -> Complexes:
-    """The amplitudes of the same motion in other modes, in as many bands as swung before."""
+    """The amplitudes of the same motion in other modes, in as many bands as oscillated before."""
     z = new.dual.T @ (state.averaged.shapes @ state.z)
     energy = np.bincount(new.band, weights=(new.omega * np.abs(z)) ** 2)
     kept = np.argsort(-energy)[: len(swinging(state.averaged, state.z))]

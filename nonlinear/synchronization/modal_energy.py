@@ -1,11 +1,11 @@
-"""The mode that has the energy of a run, and the time from which it does.
+"""The mode that holds the energy of a run, and the time from which it does.
 
-With the shapes φ_r of the scene without dampers and drives, φᵀMφ = 1, and q the motion from its rest,
+With the shapes φ_r of the scene without dampers and drives, φᵀMφ = 1, and q the motion about equilibrium,
 
     η_r = φ_rᵀ M q,     E_r = ½ Σ (η_r'² + ω_r² η_r²)    over all shapes of one row of the table,
 
-as a mean over one period of the strongest row: at large angles E_r ripples.  The rigid translation of a free cart
-and what does not swing take no part.
+averaged over one period of the strongest row: at large angles E_r ripples.  The rigid translation of a free cart
+and modes that do not oscillate are excluded.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from nonlinear.postprocessing import smooth
 from nonlinear.reduction import deflection, rest_angles
 from nonlinear.synchronization.phases import from_rest
 
-MOST = 2000  # coordinates of a scene whose modes are told apart
+MOST = 2000  # coordinates of a scene up to which its energy is divided among modes
 
 
 @dataclass(frozen=True, eq=False)
 class Survival:
-    """Energies of the R rows that swing: `row` (R,) their numbers from 1 in the table `modes`, `energy` (T, R) in J.
+    """Energies of the R oscillating rows: `row` (R,) their numbers from 1 in the table `modes`, `energy` (T, R) in J.
 
     `modes` are those of the `scene` without dampers and drives.
     """
@@ -44,7 +44,7 @@ class Survival:
 
     @cached_property
     def share(self) -> Floats:
-        """Of each row in the energy of all, (T, R); NaN at rest."""
+        """Fraction of each row in the total energy, (T, R); NaN at rest."""
         total = self.energy.sum(axis=1, keepdims=True)
         shares = np.divide(self.energy, total, out=np.full_like(self.energy, np.nan), where=total > 0)
         return np.asarray(shares)
@@ -57,7 +57,7 @@ class Survival:
 
     @property
     def survivor(self) -> int:
-        """The row, from 1, that holds most at the end; ComputationError where nothing is left."""
+        """The row, from 1, with most energy at the end; ComputationError where nothing is left."""
         return int(self.row[self._place])
 
     @property
@@ -67,23 +67,23 @@ class Survival:
 
     @property
     def mode(self) -> Mode:
-        """The same row with its words."""
+        """The `Mode` of that row."""
         return self.modes[self.survivor - 1]
 
     @property
     def survivor_share(self) -> float:
-        """What it holds at the end."""
+        """The fraction of the energy that it holds at the end."""
         return float(self.share[-1, self._place])
 
     def locking_time(self, threshold: float = LOCKED) -> float | None:
-        """The time (s) from which on all other rows together hold less than `threshold`, None where never."""
+        """The time (s) from which all other rows together hold less than `threshold`; None if never."""
         return below_for_good(self.times, np.delete(self.share, self._place, axis=1).sum(axis=1), threshold)
 
 
 def find_survival(trajectory: Trajectory, modes: Modes | None = None) -> Survival:
-    """The energies of a run in the plane by the modes of its scene without dampers, which may be given.
+    """The energies of a run in the plane in the modes of its scene without dampers, which may be given.
 
-    Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode swings.
+    Raises ComputationError for a motion in space, for more coordinates than MOST, and where no mode oscillates.
     """
     scene = trajectory.scene.conservative
     size = scene.n_links + (scene.support.kind == "cart")

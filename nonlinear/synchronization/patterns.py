@@ -1,8 +1,8 @@
 """The pattern of a configuration: phases and amplitudes of the pendula in their fixed-base modes, and in words.
 
-The motion q = Σ_r φ_r z_r of the band that holds most turns as one, so that in its own modes
-(`nonlinear.synchronization.phases`) every pendulum p has a complex amplitude η_p that stands still but for the common
-turn.
+The motion q = Σ_r φ_r z_r of the band with most energy rotates as one, so that in its fixed-base modes
+(`nonlinear.synchronization.phases`) every pendulum p has a complex amplitude η_p that is constant apart from the common
+rotation.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from modal.types import Complexes, Floats
 from nonlinear.averaging import RelativeEquilibrium, swinging
 from nonlinear.synchronization.phases import own_shapes
 
-STILL = 0.1  # of the largest amplitude: what a pendulum must reach to count as swinging
-NEAR = np.pi / 6  # what is still in phase, or in antiphase
+STILL = 0.1  # fraction of the largest amplitude below which a pendulum counts as still
+NEAR = np.pi / 6  # rad, tolerance of in phase and antiphase
 
 
 def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
-    """η (N,) in rad of every pendulum, in the own mode that holds most of the band that holds most."""
+    """η (N,) in rad of every pendulum, in the strongest fixed-base mode of the strongest band."""
     found = state.averaged
     links = found.link_shapes @ np.where(found.band == state.band, state.z, 0.0)
     count = min(group.n for group in found.system.groups)
@@ -34,13 +34,13 @@ def own_amplitudes(state: RelativeEquilibrium) -> Complexes:
 
 
 def apart(eta: Complexes) -> Floats:
-    """Phases (rad) in (−π, π] of the swinging pendula from that of the one that swings most."""
+    """Phases (rad) in (−π, π] of the swinging pendula relative to the one with the largest amplitude."""
     most = eta[np.abs(eta).argmax()]
     return np.asarray(np.angle(eta[np.abs(eta) >= STILL * abs(most)] / most))
 
 
 def agreement(state: RelativeEquilibrium) -> str:
-    """In phase, in antiphase, by how much apart, or which pendulum swings alone; and where several bands swing."""
+    """In phase, antiphase, the phase difference, or which pendulum swings alone; and whether several bands swing."""
     bands = len(swinging(state.averaged, state.z))
     return _phases(own_amplitudes(state)) + (f", {bands} frequencies" if bands > 1 else "")
 

@@ -1,12 +1,12 @@
-"""Phases and amplitudes of every pendulum in its own modes, whatever drives, damps or couples them.
+"""Phases and amplitudes of every pendulum in its fixed-base modes, whatever drives, damps or couples them.
 
-With the angles q of one pendulum from its rest and the modes A φ ω² = K φ that it has on a support that stands still,
-without dampers and drives,
+With the angles q of one pendulum from equilibrium and its modes A φ ω² = K φ on a fixed support, without dampers
+and drives,
 
     η_b = φ_bᵀ A q / φ_bᵀ A φ_b,     z_b = η_b − i η_b'/ω_b.
 
-Left to itself z_b turns as exp(iω_b t), its size the largest angle of the mode.  How far N pendula agree is Kuramoto's
-order parameter (Kuramoto, Chemical Oscillations, Waves, and Turbulence, §5.4), ψ their mean phase:
+In free motion z_b rotates as exp(iω_b t), and |z_b| is the largest angle of the mode.  The phase coherence of N pendula
+is Kuramoto's order parameter (Kuramoto, Chemical Oscillations, Waves, and Turbulence, §5.4), ψ their mean phase:
 
     R_b e^{iψ_b} = (1/N) Σ_p e^{i arg z_pb}:     1 in phase, 0 for two in antiphase.
 """
@@ -27,14 +27,14 @@ from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
 from nonlinear.system import Group, System
 
-ENDING, SETTLED = 0.1, 0.5  # parts of a run: what is "at the end", and over which frequencies are taken
-LEAST = 3.0  # samples a period from which phases are followed
-ALLOWED = pi / 2  # by how much phases may come apart while frequencies count as one
-MOST_NUMBERS = 4_000_000  # in the matrices of one group
+ENDING, SETTLED = 0.1, 0.5  # final fractions of a run: "at the end", and for mean frequencies
+LEAST = 3.0  # least samples per period for following phases
+ALLOWED = pi / 2  # rad, largest drift of phases between equal frequencies
+MOST_NUMBERS = 4_000_000  # most entries in the matrices of one group
 
 
 class OwnShapes(NamedTuple):
-    """B fixed-support modes of P pendula of n links: `omega` (rad/s) and `mass` φᵀAφ (kg m²) are (P, B).
+    """B fixed-base modes of P pendula of n links: `omega` (rad/s) and `mass` φᵀAφ (kg m²) are (P, B).
 
     `shape` φ and `dual` Aφ/φᵀAφ are (P, n, B); the largest angle of φ is 1, that of the top link not negative.
     """
@@ -47,9 +47,9 @@ class OwnShapes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Phases:
-    """A run as N pendula in their own modes 1 to B, B being the links of the shortest; further ones are left out.
+    """A run as N pendula in their fixed-base modes 1 to B, B being the links of the shortest; higher ones are omitted.
 
-    `z` (T, N, B) in rad, `omega` (rad/s) and `mass` φᵀAφ (kg m²) of the own modes, (N, B).
+    `z` (T, N, B) in rad, `omega` (rad/s) and `mass` φᵀAφ (kg m²) of these modes, (N, B).
     """
 
     trajectory: Trajectory
@@ -59,17 +59,17 @@ class Phases:
 
     @property
     def times(self) -> Floats:
-        """Of the samples (s), (T,)."""
+        """Times of the samples (s), (T,)."""
         return self.trajectory.times
 
     @cached_property
     def phase(self) -> Floats:
-        """Arg z (rad) in (−π, π], (T, N, B); 0 where z is."""
+        """Phase arg z (rad) in (−π, π], (T, N, B); 0 where z is."""
         return np.angle(self.z)
 
     @cached_property
     def amplitude(self) -> Floats:
-        """|z| (rad), the largest angle of each mode by itself, (T, N, B)."""
+        """|z| (rad), the largest angle of each mode alone, (T, N, B)."""
         return np.abs(self.z)
 
     @cached_property
@@ -79,7 +79,7 @@ class Phases:
 
     @property
     def order(self) -> Floats:
-        """The order parameter R_b, (T, B); a pendulum that is still has no phase and adds nothing."""
+        """The order parameter R_b, (T, B); a pendulum at rest has no phase and contributes nothing."""
         return np.abs(self._mean)
 
     @property
@@ -89,13 +89,13 @@ class Phases:
 
     @cached_property
     def energy(self) -> Floats:
-        """Of each pendulum (J), (T, N): kinetic as seen from the ground, and potential with that of joint springs."""
+        """Energy of each pendulum (J), (T, N): kinetic in the ground frame, and potential with its joint springs."""
         mechanics = self.trajectory.mechanics
         return mechanics.of_pendula(mechanics.kinetic + mechanics.potential)
 
     @cached_property
     def leading(self) -> int:
-        """The own mode, from 0, that holds most energy ½ Σ_p φᵀAφ ω² |z|² in the last tenth of the run."""
+        """The fixed-base mode, from 0, with most energy ½ Σ_p φᵀAφ ω² |z|² in the last tenth of the run."""
         squares = np.mean(self.amplitude[last(self.times, ENDING)] ** 2, axis=0)
         return int(np.argmax(np.sum(self.mass * self.omega**2 * squares, axis=0)))
 
@@ -103,8 +103,8 @@ class Phases:
     def frequency(self) -> Floats:
         """Mean frequency (rad/s) of each pendulum in the leading mode over the second half of the run, (N,).
 
-        The slope of the straight line through the phase, weighed by 1 + cos πs, s from −1 to 1, so that ripples do not
-        matter; NaN of a pendulum that is still at any time.  Raises ComputationError where the samples are too far
+        The slope of a straight line fitted to the phase with the weight 1 + cos πs, s from −1 to 1, which suppresses
+        ripples; NaN for a pendulum that is at rest at any time.  Raises ComputationError where the samples are too far
         apart to follow phases.
         """
         late = last(self.times, SETTLED)
@@ -118,7 +118,7 @@ class Phases:
         return np.where(np.all(z != 0, axis=0), slope, np.nan)
 
     def _validate(self, times: Floats, z: Complexes) -> None:
-        """By the own frequencies, and by √(mean η'²/mean η²), which sees any, however few the samples."""
+        """Check sampling against the fixed-base frequencies, and √(mean η'²/mean η²), which needs no fine sampling."""
         if len(times) < 3:
             raise ComputationError("the run has too few samples to measure frequencies")
         own = self.omega[:, self.leading]
@@ -134,21 +134,21 @@ class Phases:
 
     @property
     def resolution(self) -> float:
-        """Difference of frequencies (rad/s) by which phases come apart a quarter turn in the second half of the run."""
+        """Difference of frequencies (rad/s) that separates phases by a quarter turn in the second half of the run."""
         late = self.times[last(self.times, SETTLED)]
         return float(ALLOWED / (late[-1] - late[0]))
 
     @property
     def locked(self) -> bool:
-        """Whether all frequencies agree within `resolution`, no pendulum being still."""
+        """Whether all frequencies agree within `resolution` and no pendulum is at rest."""
         return bool(np.ptp(self.frequency) <= self.resolution)
 
 
 def phases_of(trajectory: Trajectory) -> Phases:
     """The phases of a run in the plane, driven or not.
 
-    Raises ComputationError for a motion in space, for pendula that do not swing about their rest by themselves, and
-    for chains too long for dense matrices.
+    Raises ComputationError for a motion in space, for pendula that do not oscillate about equilibrium on a fixed
+    support, and for chains too long for dense matrices.
     """
     system, motion = trajectory.system, trajectory.motion
     if system.spatial:
@@ -166,16 +166,16 @@ def phases_of(trajectory: Trajectory) -> Phases:
 
 
 def from_rest(system: System, links: Floats) -> Floats:
-    """Angles (T, L) from rest (rad), whole turns left out."""
+    """Angles (T, L) from equilibrium (rad), modulo whole turns."""
     aside = links - np.where(system.by_link("sigma") > 0, 0.0, pi)
     return np.asarray(aside - 2 * pi * np.round(aside / (2 * pi)))
 
 
 def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
-    """The `count` slowest fixed-support modes of every pendulum of a group.
+    """The `count` slowest fixed-base modes of every pendulum of a group.
 
     With K = LLᵀ the largest eigenvalues of L⁻¹AL⁻ᵀ are the smallest ω⁻².  Raises ComputationError where K is not
-    positive, or the matrices do not fit.
+    positive definite, or the matrices do not fit.
     """
     if group.n * group.index.size > MOST_NUMBERS:
         raise ComputationError(
@@ -198,7 +198,7 @@ def own_shapes(group: Group, gravity: float, count: int) -> OwnShapes:
 
 
 def _stacked(group: Group, gravity: float) -> tuple[Floats, Floats]:
-    """A (kg m²) and K (N m) about the rest, (P, n, n)."""
+    """A (kg m²) and K (N m) about equilibrium, (P, n, n)."""
     block, n = group.block, group.n
     A = np.array(pair.inertia_matrix(block.mass, block.length, block.centre, block.inertia)).transpose(2, 0, 1)
     sigma = block.sigma.T

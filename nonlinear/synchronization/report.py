@@ -49,7 +49,7 @@ MOST_FREQUENCIES = 6
 
 
 def sync_text(found: SynchronizationStudy) -> str:
-    """For a terminal."""
+    """The report for a terminal."""
     parts = [visible(found.scene.title) or "untitled scene", *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
@@ -121,7 +121,7 @@ def _prediction(prediction: Prediction) -> Iterator[str]:
 
 
 def _unstable(kept: RelativeEquilibrium) -> Iterator[str]:
-    """Of the configuration that only a start without any error keeps."""
+    """Sentences about the configuration that only an exact start maintains."""
     yield (
         f"From exactly this start mode {kept.number} survives ({agreement(kept)}), but that motion is unstable, "
         f"e-folding time {kept.relaxation:.4g} s. Real pendula leave it, so what follows is for a start "
@@ -195,14 +195,14 @@ def _energies(found: SynchronizationStudy) -> Iterator[str]:
 
 
 def _others(system: System, work: float) -> str:
-    """What else there is beside kicks, and its work (J)."""
+    """A clause on other drives and dampers, with their work (J)."""
     if any(group.excitation and group.excitation.steady for group in system.groups):
         return f", van der Pol drives and dampers together did {work:.6g} J of work"
     return f", dampers took {-work:.6g} J" if system.dissipates else ""
 
 
 def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
-    """What `json` writes: modes have their numbers in the table; null where there is no value."""
+    """The JSON record: modes are numbered as in the table; null where there is no value."""
     theory = found.theory
     return {
         "scene": describe(found.scene),
@@ -279,7 +279,7 @@ def _frequencies(found: SynchronizationStudy) -> dict[str, Any]:
 
 
 def branches_text(found: Branches) -> str:
-    """One line a branch, counted from 1, then one a critical value."""
+    """One line per branch, counted from 1, then one per critical value."""
     variation = found.variation
     values, unit = variation.values, variation.unit
     where = f"{variation.path} = {values[0]:.6g} to {values[-1]:.6g} {unit}".rstrip()
@@ -294,7 +294,7 @@ def branches_text(found: Branches) -> str:
 
 
 def branches_csv(found: Branches) -> str:
-    """One row a branch and value: is it stable, frequency, largest angle, growth rate, and how pendula agree."""
+    """One row per branch and value: stability, frequency, largest angle, growth rate, and the pattern."""
     head = ("branch", found.variation.column, "lasts", "omega_rad_per_s", "angle_deg", "growth_per_s", "pendula")
     return csv_rows([head, *_branch_rows(found)])
 

@@ -16,13 +16,13 @@ from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.system import State
 
-LONGER, BEYOND = 1.5, 30  # of the predicted locking time, and periods beyond it
-USUAL, MOST = 200, 5000  # periods
+LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
+USUAL, MOST = 200, 5000  # default and longest duration in periods
 
 
 @dataclass(frozen=True, eq=False)
 class Theory:
-    """What the averaged equations say: how the scene can keep swinging, and what becomes of its start."""
+    """The prediction of the averaged equations: the steady oscillations of a scene, and the outcome of its start."""
 
     configurations: tuple[RelativeEquilibrium, ...]
     prediction: Prediction
@@ -30,7 +30,7 @@ class Theory:
 
 @dataclass(frozen=True, eq=False)
 class SynchronizationStudy:
-    """Theory and simulation of a scene; where there is no theory or no modes, `silent` and `unmeasured` say why."""
+    """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured` say why."""
 
     scene: Scene
     theory: Theory | None
@@ -49,13 +49,13 @@ class SynchronizationStudy:
 
 
 def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:
-    """Of a scene that excites itself; ComputationError where averaged equations cannot take it."""
+    """The theory of a self-excited scene; ComputationError outside the scope of averaged equations."""
     prediction = predict(scene, start)
     return Theory(relative_equilibria(prediction.averaged), prediction)
 
 
 def usual_duration(scene: Scene, theory: Theory | None) -> float:
-    """Seconds after which what is predicted can be seen, at most MOST periods of the slowest mode."""
+    """Seconds after which the predicted outcome is visible, at most MOST periods of the slowest mode."""
     if theory is None:
         return USUAL * 2 * pi / (estimate_timescales(scene).swing or 1.0)
     period = 2 * pi / float(theory.prediction.averaged.omega.min())
@@ -74,9 +74,9 @@ def study_synchronization(
 ) -> SynchronizationStudy:
     """Predict, simulate for `duration` seconds (by default as long as the prediction needs) and measure.
 
-    `start` replaces the scene file's own, `options` are those of `simulate`; `report` hears of the seconds gone
-    through and of all of them.  A start that ends unstably is judged by one beside it, in prediction and simulation.
-    KeyboardInterrupt where Ctrl-C cuts the run short.
+    `start` replaces the initial condition of the scene file, `options` are those of `simulate`; `report` is called with
+    the simulated time and the duration.  A start that ends in an unstable state is replaced by a perturbed one, in
+    prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
     """
     theory, silent = _tried(lambda: theory_of_scene(scene, start))
     length = duration or usual_duration(scene, theory)
@@ -90,7 +90,7 @@ def study_synchronization(
 
 
 def _tried(action: Callable[[], Any]) -> tuple[Any, str]:
-    """What it returns, or None and why it cannot."""
+    """The result of an action, or None and the reason for its failure."""
     try:
         return action(), ""
     except ComputationError as error:

@@ -1,6 +1,6 @@
 """Unit vectors of links from angles and back: u = (sin θ cos φ, sin θ sin φ, cos θ), along the rail, across it, down.
 
-θ is the angle from the hanging rest, φ the azimuth from the rail; components stand on the last axis.
+θ is the angle from the downward vertical, φ the azimuth from the rail; the last axis of an array holds the components.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ def unit_vectors(angles: Any, azimuths: Any) -> Floats:
 
 
 def velocities(angles: Any, azimuths: Any, rates: Any) -> Floats:
-    """Their rates (..., 3) in 1/s where θ changes at `rates` (rad/s) in the vertical plane of a fixed φ."""
+    """Time derivatives (..., 3) in 1/s of unit vectors whose θ changes at `rates` (rad/s) with φ fixed."""
     theta, phi, rate = np.broadcast_arrays(angles, azimuths, rates)
     across = np.stack((np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), -np.sin(theta)), axis=-1)
     return np.asarray(rate[..., None] * across)

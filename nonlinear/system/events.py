@@ -1,4 +1,4 @@
-"""Events of a motion: a quantity crosses a level, a link reverses, an escapement kicks."""
+"""Events during a motion: a quantity crosses a level, a link turns back, an escapement kicks."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from nonlinear.system.system import System
 
 @dataclass(frozen=True)
 class Event:
-    """Its `value` of a state crosses zero: upwards (`direction` 1), downwards (−1) or either way (0).
+    """A zero crossing of `value` of the state: upwards (`direction` 1), downwards (−1) or either way (0).
 
-    `stop` ends the run there.  Changes of sign are looked for between `looks` places in every step: a value that
-    changes faster than the motion needs more of them.
+    `stop` ends the run there.  Every step is searched for sign changes at `looks` points: a value that varies faster
+    than the motion needs more of them.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Event:
 
 
 class EventRecord(NamedTuple):
-    """An event, when it came about (s) and the state in which it did."""
+    """An event that occurred, with its time (s) and the state at that time."""
 
     name: str
     time: float
@@ -42,9 +42,9 @@ class EventRecord(NamedTuple):
 
 
 class Kicks(NamedTuple):
-    """K kicks of escapements as they came: `time` (s), `link` whose upper joint it was (from 0), `energy` (J) fed.
+    """K kicks of escapements in order: `time` (s), `link` below the joint (from 0), `energy` (J) supplied.
 
-    `impulse` (N m s) is positive where the joint swung to the right.
+    `impulse` (N m s) is positive where the joint was swinging to the right.
     """
 
     time: Floats
@@ -59,13 +59,13 @@ NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros
 def level_crossing(
     system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
 ) -> Event:
-    """The angle (rad) or cart position (m) named as in `modal.assembly.coordinate_labels` passes a level."""
+    """The angle (rad) or cart position (m), named as in `modal.assembly.coordinate_labels`, passes a level."""
     read = _reader(system, coordinate, rate=False)
     return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
 
 
 def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Event:
-    """An angle or the cart turns back."""
+    """An angle or the cart position reverses its direction."""
     return Event(f"{coordinate} turns", _reader(system, coordinate, rate=True), 0, stop)
 
 

@@ -20,7 +20,7 @@ NO_START = (
 
 
 def initial_state(scene: Scene) -> State:
-    """The state in which the file releases its pendula; those without a start hang (or stand) at rest.
+    """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
 
     Raises SceneError where no pendulum has a start.
     """
@@ -42,9 +42,9 @@ def _of(pendulum: Pendulum) -> Floats:
 
 
 def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
-    """At rest with one angle (deg) for each link of the scene, or for each of one pendulum where all have as many.
+    """The state at rest with an angle (deg) per link of the scene, or of one pendulum where all have equally many.
 
-    Raises SceneError for another number of angles or one that is not finite.
+    Raises SceneError for any other number of angles or a non-finite one.
     """
     given, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}
@@ -59,7 +59,7 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
 
 
 def validate_state(state: State, system: System) -> State:
-    """The state itself; SceneError names every part that does not fit the scene."""
+    """The state itself; SceneError lists every part that does not fit the scene."""
     if not isinstance(state, State):
         raise SceneError([f"start: must be a State, not {type(state).__name__}"])
     shape = (system.n_links, 3) if system.spatial else (system.n_links,)

@@ -1,6 +1,7 @@
 """Positions and velocities of a scene: at one time, or at several along a leading axis.
 
-The integrator's vector is y = (x, links, x', links', work): x and x' on a cart only, work where power is counted.
+The integrator's vector is y = (x, links, x', links', work): x and x' only with a cart, work only where it is
+integrated.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from nonlinear.system.system import System
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """Links in the order of the file: in the plane angles (L,) in rad from the hanging rest, in space unit vectors.
+    """Links in the order of the file: angles (L,) in rad from the downward vertical, unit vectors in space.
 
     In space `links` is (L, 3) with components along the rail, across it and down, `link_rates` (L, 3) its derivative
     (1/s).  `cart` (m) and `cart_rate` (m/s) are 0 on a fixed support.
@@ -33,7 +34,7 @@ class State:
 class Motion:
     """States at T times: `links` and `link_rates` (T, L) or (T, L, 3), `cart` and `cart_rate` (T,).
 
-    `work` (T,) is what dampers and applied forces have done since the start (J).
+    `work` (T,) is the work of dampers and applied forces since the start (J).
     """
 
     links: Floats
@@ -46,12 +47,12 @@ class Motion:
         return State(self.links[at], self.link_rates[at], float(self.cart[at]), float(self.cart_rate[at]))
 
     def at(self, rows: Any) -> Motion:
-        """The same at some of the times: a slice, indices or a mask."""
+        """The motion at some of the times: a slice, indices or a mask."""
         return Motion(*(getattr(self, part.name)[rows] for part in fields(self)))
 
 
 def apart(one: Motion, other: Motion) -> Floats:
-    """The largest angle (rad) between the links of two motions at every time, (T,), whole turns left out."""
+    """The largest angle (rad) between the links of two motions at every time, (T,), modulo whole turns."""
     if one.links.ndim == 3:
         chord = np.linalg.norm(one.links - other.links, axis=-1)
         return np.asarray(2 * np.arcsin(np.minimum(chord / 2, 1.0)).max(axis=1))
@@ -60,7 +61,7 @@ def apart(one: Motion, other: Motion) -> Floats:
 
 
 class AppliedForces(NamedTuple):
-    """What acts from outside: a force on the cart (N) and moments on links, (L,) or in space (L, 3) (N m)."""
+    """External loads: a force on the cart (N) and moments on links, (L,) or in space (L, 3) (N m)."""
 
     cart: float = 0.0
     moments: Floats | None = None
@@ -70,7 +71,7 @@ Load = Callable[[float, State], AppliedForces]
 
 
 class Equations(Protocol):
-    """Equations of motion as an integrator wants them."""
+    """Equations of motion in the form an integrator needs."""
 
     @property
     def system(self) -> System:
@@ -79,11 +80,11 @@ class Equations(Protocol):
 
     @property
     def load(self) -> Load | None:
-        """What acts from outside."""
+        """The external load."""
         ...
 
     def derivative(self, time: float, y: Floats) -> Floats:
-        """The rate of y, (size,)."""
+        """The time derivative of y, (size,)."""
         ...
 
     def begin(self, state: State) -> Floats:
@@ -100,13 +101,13 @@ class Equations(Protocol):
         ...
 
     def project(self, y: Floats) -> tuple[Floats, float]:
-        """The nearest y that keeps every constraint, and the largest violation that it mends (0 without any)."""
+        """The nearest y that satisfies every constraint, and the largest violation removed (0 without any)."""
         ...
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the parts of y stand: `width` numbers a link, `works` whether the work comes last."""
+    """The arrangement of y: `width` numbers per link; `works` tells whether the work is its last component."""
 
     links: int
     width: int
@@ -124,7 +125,7 @@ class Layout:
         return 2 * self.half + self.works
 
     def begin(self, state: State) -> Floats:
-        """The vector y of a state, no work done yet."""
+        """The vector y of a state, with zero work."""
         head, rate = ([state.cart], [state.cart_rate]) if self.on_cart else ([], [])
         work = [0.0] if self.works else []
         return np.concatenate((head, np.ravel(state.links), rate, np.ravel(state.link_rates), work))
@@ -143,11 +144,14 @@ class Layout:
         )
 
     def natural(self, system: System) -> Floats:
-        """Natural units of y, (size,): 1 of links, l of the cart, sqrt(g/l) and l sqrt(g/l) of rates, g Σ b of work."""
+        """Natural units of y, (size,).
+
+        1 for links, l for the cart, sqrt(g/l) and l sqrt(g/l) for their rates, g Σ b for work.
+        """
         half = np.ones(self.half)
         half[: self.on_cart] = system.length
         return np.concatenate((half, half * system.rate, [system.energy] * self.works))
 
     def state(self, y: Floats) -> State:
-        """The state in one vector."""
+        """The state of one vector y."""
         return self.read(y[None])[0]

@@ -23,10 +23,10 @@ NONE = (0.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """What excites the joints of P pendula of n links, each array (n, P), 0 where nothing does.
+    """Self-excitation at the joints of P pendula of n links; each array is (n, P), 0 at joints without any.
 
-    `strength` e and `curb` e/γ₀² (N m s/rad, N m s/rad³) of the torque (e − curb γ²) γ'; `impulse` (N m s) of a kick
-    and the `angle` (rad) at which it comes.
+    `strength` e and `curb` e/γ₀² (N m s/rad, N m s/rad³) give the torque (e − curb γ²) γ'; a kick has an `impulse`
+    (N m s) and comes at an `angle` (rad).
     """
 
     strength: Floats
@@ -46,20 +46,20 @@ class Excitation:
 
     @property
     def table(self) -> Floats:
-        """All four, (4, n, P)."""
+        """All four arrays, (4, n, P)."""
         return np.array([self.strength, self.curb, self.impulse, self.angle])
 
     def take(self, columns: Ints) -> Excitation:
-        """Of the pendula in these columns."""
+        """The excitation of the pendula in these columns."""
         return Excitation(*self.table[:, :, columns])
 
     def times(self, factor: Any) -> Excitation:
-        """With torques and kicks so many times as large."""
+        """The excitation with torques and kicks multiplied by a factor."""
         return Excitation(self.strength * factor, self.curb * factor, self.impulse * factor, self.angle)
 
 
 def excitation_of(pendula: Sequence[Pendulum]) -> Excitation | None:
-    """Of pendula with equally many links, one column each; None where nothing excites them."""
+    """The excitation of pendula with equally many links, one column each; None where there is none."""
     if not any(link.drive for pendulum in pendula for link in pendulum.links):
         return None
     numbers = [[_numbers(link.drive) for link in own.links for _ in range(link.count)] for own in pendula]
@@ -77,9 +77,9 @@ def _numbers(drive: VanDerPol | Escapement | None) -> tuple[float, float, float,
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """P pendula of n links: their arrays (n, P), the place of every link in the file (n, P), the pendula (P,).
+    """P pendula of n links: their arrays (n, P), the position of every link in the file (n, P), their numbers (P,).
 
-    `excitation` is what drives their joints, None where nothing does.
+    `excitation` is the drive of their joints, or None.
     """
 
     block: Block
@@ -89,7 +89,7 @@ class Group:
 
     @property
     def n(self) -> int:
-        """Links in each pendulum."""
+        """Number of links in each pendulum."""
         return self.block.n
 
     @cached_property
@@ -104,12 +104,12 @@ class Group:
 
     @cached_property
     def rest(self) -> Floats:
-        """Angle (rad) at which every link stands, (n, P)."""
+        """Equilibrium angle (rad) of every link, (n, P)."""
         return np.where(self.block.sigma > 0, 0.0, np.pi)
 
     @cached_property
     def bent(self) -> Floats:
-        """Angle (rad) of every link to the one above at which its joint spring is relaxed, (n, P)."""
+        """Angle (rad) of every link relative to the one above at which its joint spring is relaxed, (n, P)."""
         return np.diff(self.rest, axis=0, prepend=0.0)
 
     @cached_property
@@ -134,7 +134,7 @@ class Group:
 
     @cached_property
     def hinged(self) -> bool:
-        """Whether joints do more than hold the links together between kicks."""
+        """Whether the joints exert torques between kicks."""
         return self.sprung or self.damped or self.excited
 
 
@@ -160,7 +160,7 @@ class System:
 
     @cached_property
     def rest(self) -> Floats:
-        """Angle (rad) at which every link stands, in the order of the file, (L,)."""
+        """Equilibrium angle (rad) of every link, in the order of the file, (L,)."""
         found = np.empty(self.n_links)
         for group in self.groups:
             found[group.index] = group.rest
@@ -173,12 +173,12 @@ class System:
 
     @cached_property
     def total_mass(self) -> float:
-        """Everything that hangs, and the cart (kg)."""
+        """Total mass of all links and the cart (kg)."""
         return float(self.mass.sum()) + (self.cart.mass if self.cart else 0.0)
 
     @cached_property
     def pendulum(self) -> Ints:
-        """Which pendulum, from 0, each link belongs to, (L,)."""
+        """The pendulum, from 0, to which each link belongs, (L,)."""
         found = np.empty(self.n_links, dtype=np.int64)
         for group in self.groups:
             found[group.index] = group.pendula
@@ -186,7 +186,7 @@ class System:
 
     @cached_property
     def length(self) -> float:
-        """Of the longest link (m)."""
+        """Length of the longest link (m)."""
         return float(self.by_link("length").max())
 
     @property
@@ -201,12 +201,12 @@ class System:
 
     @property
     def dissipates(self) -> bool:
-        """Whether any damper is at work."""
+        """Whether there is any damper."""
         return bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
 
     @property
     def excites(self) -> bool:
-        """Whether any joint excites itself."""
+        """Whether any joint is self-excited."""
         return self.kicked or any(group.excited for group in self.groups)
 
     @property
@@ -216,12 +216,12 @@ class System:
 
     @property
     def kicks_a_period(self) -> int:
-        """Of all escapements."""
+        """Kicks of all escapements in one period."""
         return sum(2 * int(np.count_nonzero(group.excitation.impulse)) for group in self.groups if group.excitation)
 
     @property
     def works(self) -> bool:
-        """Whether energy goes in or out."""
+        """Whether energy enters or leaves the system."""
         return self.dissipates or self.excites
 
     def by_link(self, name: str) -> Floats:

@@ -3,12 +3,12 @@
 A run starts in the shape of a mode with a largest angle a; the strongest line of the mode's own coordinate η
 (`nonlinear.reduction.modal_coordinates`) is its frequency ω(a).
 
-A mode with a light damper is measured on η exp(−Re λ t) and compared with Im λ.  Its amplitude falls during the run and
-its frequency rises or falls with it, so it is sampled evenly on a clock u that does the same as far as κ can tell,
+A lightly damped mode is measured on η exp(−Re λ t) and compared with Im λ.  Its amplitude decays during the run and its
+frequency changes with it, so it is sampled evenly on a clock u that changes likewise, as far as κ describes it,
 
     du/dt = 1 + κ a² exp(2 Re λ t),
 
-and the line belongs to the mean of a² exp(2 Re λ t), weighted as `lines.attention` says: the *effective* amplitude.
+and the line belongs to the mean of a² exp(2 Re λ t), weighted as in `lines.attention`: the *effective* amplitude.
 """
 
 from __future__ import annotations
@@ -26,20 +26,20 @@ from nonlinear.reduction import along_rail, modal_motion, start_in_mode
 from nonlinear.simulation import simulate
 
 PERIODS = 40
-SAMPLES = 16  # per period of the fastest mode: its own overtones must not be folded back
+SAMPLES = 16  # per period of the fastest mode, so that its overtones are not aliased
 MOST_SAMPLES = 200_000
 PRECISION = 1e-8  # tolerance of a run over its amplitude
-TIGHTEST, LOOSEST = 1e-15, 1e-10  # and its limits
-IRREGULAR = 1e-3  # relative error of a frequency beyond which it has none
+TIGHTEST, LOOSEST = 1e-15, 1e-10  # limits of that tolerance
+IRREGULAR = 1e-3  # relative error of a frequency beyond which the motion is irregular
 NEWTON = 8
 
 
 @dataclass(frozen=True)
 class Measurement:
-    """One run: the largest angle released and what it was effectively (rad), and the frequency that was found.
+    """One run: the largest angle at release and its effective value (rad), and the measured frequency.
 
-    `omega` in rad/s with its relative `error`, `shift` ω(a)/ω − 1 against the table, `outside` the largest share of
-    the energy that was seen in other modes.
+    `omega` in rad/s with its relative `error`, `shift` ω(a)/ω − 1 from the table, `outside` the largest fraction of
+    the energy found in other modes.
     """
 
     amplitude: float
@@ -87,7 +87,7 @@ def measure_mode(
 
 
 def sampled(duration: float, count: int, bend: float, rate: float) -> tuple[Floats, Floats]:
-    """Times (count,) and what the clock u = t + bend (exp(rate t) − 1)/rate reads there, evenly; u = t for rate 0."""
+    """Times (count,) evenly spaced on the clock u = t + bend (exp(rate t) − 1)/rate, and u there; u = t for rate 0."""
     if not rate:
         return (even := np.linspace(0.0, duration, count)), even
     clock = np.linspace(0.0, duration + bend * np.expm1(rate * duration) / rate, count)

@@ -1,8 +1,8 @@
 """Verification of the table of modes: the frequency of each mode is measured at several amplitudes.
 
 The linear frequency ω is the limit of small angles; `modal.eigen.amplitude` predicts ω(a) = ω (1 + κ a²) for the next
-order. A run starts in the shape of a mode with a largest angle a and is simulated in full; the strongest line of the
-mode's own coordinate η (`nonlinear.reduction.modal_coordinates`) is compared with both.  κ is measured as the limit of
+order.  A full simulation starts in the shape of a mode with a largest angle a; the strongest line of the mode's own
+coordinate η (`nonlinear.reduction.modal_coordinates`) is compared with both.  κ is measured as the limit of
 (ω(a)/ω − 1)/a² for a → 0, extrapolated in a² (Neville), and the angle at which the table is wrong by 1 % by a secant in
 a².
 """
@@ -24,17 +24,17 @@ from nonlinear.reduction import along_rail
 from nonlinear.verification.measurement import PERIODS, Measurement, measure_mode
 
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
-CERTAIN = 0.01  # error of a shift over the shift
+CERTAIN = 0.01  # relative error of a shift
 DECAY, LEAST_SWINGS = 1.5, 1.5 * LEAST_PERIODS  # e-folds of the amplitude in a run; periods before that
 INTERRUPTED = "interrupted"
-GROWS = 1e-9  # Re λ/|λ| of a mode that grows, not by rounding
+GROWS = 1e-9  # Re λ/|λ| of a growing mode, above rounding
 POINTS = 3
 ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
 
 
 @dataclass(frozen=True)
 class ModeCheck:
-    """A mode of the table, what was measured of it, and the angle (deg) at which the table is wrong by 1 %.
+    """A mode of the table, its measurements, and the angle (deg) at which the table is wrong by 1 %.
 
     `one_percent_deg` is infinite where it lies beyond 90°, NaN where the motion there is irregular.
     """
@@ -45,7 +45,7 @@ class ModeCheck:
 
     @property
     def kappa(self) -> tuple[float, float]:
-        """κ as measured (1/rad²) and how certain it is; NaN where every run was irregular."""
+        """The measured κ (1/rad²) and its uncertainty; NaN where every run was irregular."""
         return limit([m for m in self.measurements if not m.irregular])
 
     def predicted(self, measurement: Measurement) -> float:
@@ -55,7 +55,7 @@ class ModeCheck:
 
 @dataclass(frozen=True)
 class Check:
-    """Every mode that was checked, and (number from 1, why) of those that were not."""
+    """Every mode that was checked, and (number from 1, reason) for those that were not."""
 
     scene: Scene
     rows: tuple[ModeCheck, ...]
@@ -76,11 +76,11 @@ def check(
     method: str = "auto",
     report: Callable[[float], object] = lambda done: None,
 ) -> Check:
-    """Set the modes with these indices (from 0; left out, all) swinging at these largest angles over so many periods.
+    """Check the modes with these indices (from 0; by default all) at these largest angles over this many periods.
 
-    Of a scene in space, the modes along the rail; drives are left out.  `method` is that of `simulate`; `report` hears
-    how many modes are done.  Modes that do not oscillate for long are skipped with a reason; after Ctrl-C, those that
-    were not done.
+    For a scene in space, the modes along the rail are used; drives are ignored.  `method` is that of `simulate`;
+    `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
+    reason; after Ctrl-C, so are those not done.
     """
     given, scene = scene, scene.undriven
     modes = natural_modes(scene)
@@ -138,11 +138,11 @@ def _checked(
 
 
 def limit(runs: Sequence[Measurement]) -> tuple[float, float]:
-    """(ω(a)/ω − 1)/a² at a → 0 and its uncertainty, from those neighbouring amplitudes that make it most certain.
+    """(ω(a)/ω − 1)/a² at a → 0 and its uncertainty, from the neighbouring amplitudes that minimize that uncertainty.
 
-    The last difference of the extrapolation is taken for its error, next to what the errors of the frequencies make and
-    what companions do: modes that swing along shift a frequency by about their share of the energy, which no longer
-    goes with a² alone.
+    The last difference of the extrapolation is taken as its error, together with the effects of the errors of the
+    frequencies and of companions: other modes in the motion shift a frequency by about their share of the energy, which
+    is no longer proportional to a² alone.
     """
     certain = sorted((run for run in runs if run.error < CERTAIN * abs(run.shift)), key=lambda run: run.effective)
     pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]
@@ -164,7 +164,7 @@ def _at_zero(x: Floats) -> Floats:
 
 
 def one_percent(run: Callable[[float], Measurement], guess_deg: float) -> float:
-    """The effective largest angle (deg) at which a run is 1 % off the table, near a guess; infinite beyond 90°."""
+    """The effective largest angle (deg) at which a run deviates by 1 % from the table, near a guess; else infinite."""
     if not guess_deg <= FARTHEST:
         return guess_deg if not isfinite(guess_deg) else inf
     square, known = radians(guess_deg) ** 2, [(0.0, 0.0)]

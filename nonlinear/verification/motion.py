@@ -1,7 +1,7 @@
 """Any motion compared with the table of modes: the contribution of each mode, and the lines of each modal coordinate.
 
 In linear motion a coordinate has one line, at the mode's own frequency.  Large angles add lines of other modes that
-drive it, odd multiples and combinations of frequencies, and a shift of its own line.
+drive it, odd multiples and combinations of frequencies, and shift its own line.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from nonlinear.postprocessing import Line, lines
 from nonlinear.reduction import ModalMotion, modal_motion
 
 MOST_LINES = 3
-STEADY = 1e-2  # relative error beyond which a line has no digits
+STEADY = 1e-2  # relative error of a line above which it is not steady
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class ModeInMotion:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """A motion and what each modal coordinate makes of it."""
+    """A motion and the results for each modal coordinate."""
 
     modes: Modes
     times: Floats
@@ -49,21 +49,21 @@ class Comparison:
 
     @cached_property
     def swinging(self) -> Floats:
-        """Frequencies |Im λ| (rad/s) of the modes that swing."""
+        """Frequencies |Im λ| (rad/s) of the modes that oscillate."""
         omega = np.abs(self.modes.eigenvalue.imag)
         return np.asarray(omega[omega > 0])
 
     def nearest(self, line: Line) -> tuple[int, float]:
-        """The mode (from 1) whose frequency is nearest to a line, and how far the line is off it, relative."""
+        """The mode (from 1) with the frequency nearest to a line, and the line's relative distance from it."""
         omega = np.abs(self.modes.eigenvalue.imag)
         number = int(np.argmin(np.where(omega > 0, np.abs(line.omega - omega), np.inf)))
         return number + 1, line.omega / float(omega[number]) - 1
 
 
 def compare(trajectory: Trajectory, numbers: Sequence[int] | None = None, *, count: int = MOST_LINES) -> Comparison:
-    """Project a motion in the plane, sampled evenly, on the modes with these indices (from 0; left out, all).
+    """Project a motion in the plane, sampled evenly, on the modes with these indices (from 0; by default all).
 
-    `count` lines at most are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
+    At most `count` lines are sought in every coordinate.  A decaying mode's lines are those of η exp(−Re λ t).
     Raises ComputationError for a motion out of the plane.
     """
     modes = natural_modes(trajectory.scene)

@@ -17,7 +17,7 @@ HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
 def check_table(found: Check, form: str) -> str:
-    """A check as text, markdown, csv (one line a run) or json, the `form`."""
+    """A check as text, markdown, csv (one line per run) or json, as `form` says."""
     if form == "json":
         whole = {
             "scene": describe(found.scene),
@@ -112,7 +112,7 @@ def _mode_record(row: ModeCheck) -> dict[str, Any]:
 
 
 def comparison_table(found: Comparison, form: str) -> str:
-    """A comparison as text, markdown, csv (one line for each line of the motion) or json, the `form`."""
+    """A comparison as text, markdown, csv (one line for each line of the motion) or json, as `form` says."""
     if form == "json":
         return as_json({"scene": describe(found.modes.scene), "coordinates": [_record(found, r) for r in found.rows]})
     if form == "csv":

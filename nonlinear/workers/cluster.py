@@ -10,14 +10,15 @@ from modal.errors import ComputationError, MissingExtraError
 from nonlinear.workers.executors import WorkerPool
 
 PATIENCE = 10.0
-"""Seconds that a scheduler has to answer."""
+"""Time limit (s) for a scheduler to answer."""
 
 
 @contextmanager
 def cluster(address: str, patience: float = PATIENCE) -> Iterator[WorkerPool]:
-    """All workers that a scheduler such as tcp://192.168.0.2:8786 has; they need this package installed.
+    """All workers of a scheduler such as tcp://192.168.0.2:8786; they need this package installed.
 
-    Raises MissingExtraError without the package `distributed`, ComputationError where nobody answers or nobody works.
+    Raises MissingExtraError without the package `distributed`, ComputationError where no scheduler answers or it has no
+    workers.
     """
     try:
         from distributed import Client

@@ -12,7 +12,7 @@ from threading import Thread
 from typing import NamedTuple, TypeVar
 
 from modal.errors import ComputationError
-from nonlinear.dynamics import deaf_children
+from nonlinear.dynamics import children_without_interrupts
 
 AHEAD = 2
 """How many portions a worker has before it, its own included."""
@@ -23,20 +23,20 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB
 
 
 class WorkerPool(NamedTuple):
-    """An executor and how many points it works on at a time."""
+    """An executor and the number of points it processes at a time."""
 
     executor: Executor
     size: int
 
 
 def cores() -> int:
-    """How many cores this process may use."""
+    """Number of cores available to this process."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextmanager
 def processes(count: int) -> Iterator[WorkerPool]:
-    """So many processes, each with one thread, started afresh on every platform and deaf to Ctrl-C.
+    """A pool of `count` processes, each with one thread, started afresh on every platform and isolated from Ctrl-C.
 
     An error or Ctrl-C in the block ends them at once, and so does the end of this process, however it comes.  Raises
     ComputationError where they cannot start.
@@ -59,7 +59,7 @@ def processes(count: int) -> Iterator[WorkerPool]:
 
 
 def _begun() -> None:
-    """Ctrl-C is for the process that has started this one, and this one ends with that one, however that ends."""
+    """Leave Ctrl-C to the parent process, and end with the parent, however that ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     Thread(target=_end_with_parent, daemon=True).start()
 
@@ -75,7 +75,7 @@ def _end_with_parent() -> None:
 
 def _start(pool: Executor, count: int) -> None:
     try:
-        with deaf_children():
+        with children_without_interrupts():
             first, *_ = [pool.submit(int) for _ in range(count)]
         first.result()
     except BrokenExecutor:
@@ -87,7 +87,7 @@ def _start(pool: Executor, count: int) -> None:
 
 @contextmanager
 def _one_thread_each() -> Iterator[None]:
-    """So that processes do not quarrel over the cores; who has set a number of threads keeps it."""
+    """Keeps processes from competing for cores; a number of threads set by the user is kept."""
     ours = [name for name in THREADS if name not in os.environ]
     os.environ.update(dict.fromkeys(ours, "1"))
     try:

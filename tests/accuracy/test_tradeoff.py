@@ -159,6 +159,7 @@ def test_every_family_gets_closer_with_its_tolerance(short: WorkPrecision) -> No
             assert name.endswith("taylor") or rows[-1].calls > rows[0].calls
 
 
+@pytest.mark.slow
 def test_the_front_is_beaten_by_none(short: WorkPrecision) -> None:
     for row in short.pareto:
         better = [r for r in short.rows[1:] if r.seconds < row.seconds and short.judged(r) <= short.judged(row)]
@@ -213,6 +214,7 @@ def test_a_late_motion_is_late() -> None:
     assert np.isnan(late(replace(behind, links=behind.links + 2.0), exact))
 
 
+@pytest.mark.slow
 def test_what_no_shift_explains_is_not_late(short: WorkPrecision) -> None:
     """A motion that has died away, where an error over no velocity would be thousands of seconds."""
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0, damping=2 * np.sqrt(9.81)),), start={"angles_deg": [60.0]})
@@ -352,9 +354,9 @@ def test_tables(short: WorkPrecision) -> None:
         "time (ms)",
         "error (rad)",
         "late (s)",
-        "held against",
+        "checked against",
         "all 1.5 s are compared",
-        "whole turns left out",
+        "modulo whole turns",
     ):
         assert words in text
     assert tradeoff_table(short, "markdown").startswith("**Two double pendula")

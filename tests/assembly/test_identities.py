@@ -157,6 +157,7 @@ def calls(job: Callable[[], object], *functions: Any) -> Counter[str]:
     return found
 
 
+@pytest.mark.slow
 def test_arrays_and_modes_are_handed_on() -> None:
     """Each is built once for the motion and once for the modes of a scene; one more pair is of its undamped modes."""
     counted = rig_of, system_of, natural_modes

@@ -178,6 +178,7 @@ def shadow_growth(y: np.ndarray, aside: np.ndarray, end: float) -> np.ndarray:
     return np.log(length / np.linalg.norm(aside / units, axis=0))
 
 
+@pytest.mark.slow
 def test_two_routes_agree_at_high_energy() -> None:
     """Over a time in which rounding does not yet choose another motion, start by start: no chaotic sample decides."""
     angles = np.radians(150) + np.random.default_rng(77).uniform(-0.1, 0.1, (4, 2))
@@ -193,6 +194,7 @@ def many() -> Exponent:
     return lyapunov_exponent(released(2, 150), 24.0, ensemble=32, tolerance=1e-6)
 
 
+@pytest.mark.slow
 def test_the_exponent_is_that_of_64_runs_of_an_hour(many: Exponent) -> None:
     """1.3087 ± 0.0035 1/s from 64 shadow trajectories of 4000 s each."""
     assert many.is_positive
@@ -201,6 +203,7 @@ def test_the_exponent_is_that_of_64_runs_of_an_hour(many: Exponent) -> None:
     assert 0 < many.energy_drift < 1e-4
 
 
+@pytest.mark.slow
 def test_independent_ensembles_agree_within_their_uncertainty(many: Exponent) -> None:
     """Four at once, by their Birge ratio: χ² per degree of freedom."""
     parts = [replace(many, growth=growth) for growth in np.split(many.growth, 4, axis=1)]
@@ -218,6 +221,7 @@ def drawn(rng: np.random.Generator, ensemble: int, sticks: float) -> Exponent:
     return Exponent(chain(2), times, 1 + own, transient=20.0, energy_drift=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ensemble", "sticks"), [(1, 2.0), (4, 2.0), (4, 10.0), (16, 10.0)])
 def test_intervals_hold_the_exponent_as_often_as_they_say(ensemble: int, sticks: float) -> None:
     rng = np.random.default_rng(11)
@@ -312,6 +316,7 @@ def test_verdicts_compare_intervals() -> None:
     assert carts[1].startswith("2 double pendula: not supported")
 
 
+@pytest.mark.slow
 def test_tables_and_pictures_of_both_claims() -> None:
     for paper, rates in (("001", [0.0, 1.0, 2.0, 3.0]), ("000", [1.0, 0.8, 0.9, 1.0, 1.0, 1.3])):
         finding = made(paper, rates)

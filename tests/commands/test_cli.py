@@ -228,6 +228,7 @@ def test_a_full_disk() -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_closed_pipe_is_quiet() -> None:
     command = f"'{sys.executable}' -m multipendula table rope --modes 1:400 | head -n 1"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True, check=False)
@@ -305,6 +306,7 @@ def test_the_table_command_loads_no_heavy_package() -> None:
     assert not {"scipy", "sympy", "control", "matplotlib"} & loaded
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="POSIX signals")
 def test_interrupted(tmp_path: Path) -> None:
     path, out = tmp_path / "long.toml", tmp_path / "out.txt"
@@ -338,6 +340,7 @@ def test_links_are_followed_and_pipes_are_written_to(capsys: pytest.CaptureFixtu
     assert not Path(os.devnull).is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("title", ["a $x_{$ b", "振り子", "cost $5 and $6"])
 def test_any_title_can_be_drawn(capsys: pytest.CaptureFixture[str], tmp_path: Path, title: str) -> None:
     path = tmp_path / "scene.toml"
@@ -427,6 +430,7 @@ def test_a_shaper_sums_to_one(capsys: pytest.CaptureFixture[str]) -> None:
     assert "excites 2 modes" in refused(capsys, 1, "shaper", "crane-hook", "--count", "3")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command", [["gains", "-"], ["shaper", "-"], ["table", "-"], ["derive", "-", "--show", "modes"]]
 )
@@ -558,6 +562,7 @@ def test_table_to_an_accuracy(capsys: pytest.CaptureFixture[str]) -> None:
     assert exact["route"] == "effective mass"
 
 
+@pytest.mark.slow
 def test_the_first_modes_of_a_very_long_chain(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "long.toml"
     link = '{ kind = "rod", mass = 1.0, length = 1.0, count = 5000 }'

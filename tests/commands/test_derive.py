@@ -24,6 +24,7 @@ def test_a_derivation_in_text(capsys: pytest.CaptureFixture[str]) -> None:
     assert next(line for line in text.splitlines() if line.startswith("---")).count("-") == len("Lagrangian")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "target",
     [

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,20 @@ def test_a_command_that_is_ended_says_so_in_one_line(delay: float, number: int, 
     assert not list(tmp_path.iterdir())
 
 
+def test_an_interrupt_that_is_lost_without_a_trace_is_raised_again(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def goes_on(*_: Any) -> None:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        assert eventually(lambda: False, 60)
+
+    monkeypatch.setattr("multipendula.cli.PATIENCE", 0.1)
+    monkeypatch.setattr("modal.scene.load", goes_on)
+    assert main(["table", "chain-1"]) == 130
+    assert capsys.readouterr().err == "multipendula: interrupted\n"
+
+
 def ffmpeg() -> None:
     pytest.importorskip("imageio_ffmpeg")
 
@@ -153,6 +168,7 @@ def test_ctrl_c_at_the_first_import_is_ctrl_c() -> None:
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "multipendula: interrupted\n")
 
 
+@pytest.mark.slow
 def test_ctrl_c_during_an_mp4_is_ctrl_c(tmp_path: Path) -> None:
     ffmpeg()
     words = ["animate", "chain-3", "--duration", "600", "--seconds", "600", "-o", str(tmp_path / "f.mp4")]
@@ -199,6 +215,7 @@ def test_what_is_put_off_comes_in_its_time(number: int) -> None:
 # ---------------------------------------------------------------------------------------------------- full disks
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("room", [0, 100, 3000])
 @pytest.mark.parametrize(
     "words",

@@ -24,6 +24,7 @@ def test_scene_files(block: int, tmp_path: Path) -> None:
         assert (ended.words, ended.faults) == (ended.words, ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("block", usually(range(2), range(4)))
 def test_options(block: int, tmp_path: Path) -> None:
     for place, call in enumerate(random.Random(block).sample(options.calls(), CALLS)):

@@ -54,6 +54,7 @@ def test_starts(words: str, largest: float, tmp_path: Path) -> None:
     assert abs(first).max() == pytest.approx(largest, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -83,6 +83,7 @@ def test_next_to_a_pole_no_digit_is_lost() -> None:
     assert np.isinf(dynamic([pole])[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*CARTS, *MILD, "thousand"])
 def test_zeros_and_still_modes_are_the_modes(name: str) -> None:
     """The secular equation against bisection of the count (and dense matrices where joints have springs)."""
@@ -497,6 +498,7 @@ def test_every_number_has_its_formula(name: str) -> None:
     assert record["families"][0]["omega_cart_still_rad_per_s"] == found.families[0].omega
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["held", "fixed", "immense", "massless", "thousand"])
 def test_pictures_are_drawn(name: str) -> None:
     stream = io.BytesIO()

@@ -420,6 +420,7 @@ def test_standing_links_count_their_angle_from_the_standing_rest() -> None:
 # ----------------------------------------------------------------------------------------------- long runs, energy
 
 
+@pytest.mark.slow
 def test_the_steady_swing_of_a_small_clock_is_where_feed_and_loss_balance() -> None:
     """Angle 0: v₊ = v₋ + P/I and v₋ = v₊ exp(−πζ/√(1−ζ²))."""
     P, damping, length = 2e-4, 0.01, 0.25

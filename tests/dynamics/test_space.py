@@ -311,6 +311,7 @@ def test_nor_does_it_where_a_stage_of_a_step_has_left_the_sphere(seed: int, monk
     np.testing.assert_allclose(equations.derivative(0, y), before, rtol=0, atol=1e-11 * np.abs(before).max())
 
 
+@pytest.mark.slow
 def test_links_that_pass_level_cost_no_accuracy() -> None:
     """Three sprung links on a cart, the last of which passes level, against Lagrange's equations with multipliers."""
     links = (Rod(mass=1, length=0.7, stiffness=4), Bob(mass=0.5, length=0.5, stiffness=2))

@@ -48,6 +48,7 @@ def test_the_smaller_equations_are_the_whole_ones(seed: int) -> None:
         assert np.allclose(getattr(rate, name), expected, rtol=1e-11, atol=1e-11 * (1 + np.abs(expected).max())), name
 
 
+@pytest.mark.slow
 def test_a_thousand_equal_pendula_are_integrated_as_one() -> None:
     pendulum = Pendulum(links=(Bob(mass=1.0, length=1.0), Bob(mass=0.5, length=0.7)), count=1000)
     scene = Scene(gravity=9.81, support=Cart(mass=100.0), pendulum=(pendulum,))

@@ -13,6 +13,7 @@ SCENES, CHUNK = 2400, 50
 FIRST = usually(range(0, SCENES, 3 * CHUNK), range(0, SCENES, CHUNK))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", FIRST)
 def test_every_frequency_and_shape(first: int) -> None:
     shapes = 0
@@ -65,6 +66,7 @@ def scenes(draw: st.DrawFn) -> Scene:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(scenes())
 def test_corners(scene: Scene) -> None:
@@ -75,6 +77,7 @@ def test_corners(scene: Scene) -> None:
     assert_certified(modes, 1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [40, 60])
 def test_long_chains_of_any_links(n: int) -> None:
     kinds = [Bob(mass=1.0, length=0.7), Rod(mass=2.5, length=1.1), Body(mass=0.3, length=0.9, centre=1.2, inertia=0.02)]

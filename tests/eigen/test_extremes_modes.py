@@ -29,6 +29,7 @@ def ends(family: Family) -> list[float]:
     return sorted({small[0], small[len(small) // 2], small[-1]})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", STRUCTURED, ids=lambda f: f.name)
 def test_the_structured_routes_keep_every_digit(family: Family) -> None:
     for parameter in ends(family):
@@ -126,9 +127,7 @@ def rescaled(scene: Scene, mass: float, length: float, gravity: float) -> tuple[
             "damping": mass * length**2 * rate,
             "stiffness": force * length,
         }
-        return one.model_copy(
-            update={k: getattr(one, k) * f for k, f in factors.items() if k in type(one).model_fields}
-        )
+        return one.model_copy(update={k: getattr(one, k) * f for k, f in factors.items() if k in one.fields})
 
     pendula = [p.model_copy(update={"links": tuple(map(link, p.links))}) for p in scene.pendulum]
     return Scene(gravity=scene.gravity * gravity, support=cart, pendulum=pendula), rate

@@ -1,7 +1,9 @@
 """Seeds, Rayleigh quotient steps and Sturm counts lead to the floats at which bisection alone ends."""
 
+import importlib
 import random
 import sys
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -116,19 +118,27 @@ def test_without_a_dense_matrix_it_is_bisection(monkeypatch: pytest.MonkeyPatch)
 
 @pytest.fixture
 def plain(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the compiled recursion."""
-    for module in (chains, rayleigh, sturm):
-        monkeypatch.setattr(module, "kernels", lambda seconds=0.0: None)
+    """By arrays alone."""
+    run_by(None, monkeypatch)
+
+
+def run_by(module: ModuleType | None, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(chains, "kernels", lambda seconds=0.0: module)
+    for user in (rayleigh, sturm):
+        monkeypatch.setattr(user, "scalar_kernels", lambda *sizes: module)
 
 
 @pytest.mark.usefixtures("plain")
-@pytest.mark.parametrize("supports", [1, 3, 40])
+@pytest.mark.parametrize(("scalar", "supports"), [("floats", 1), ("compiled", 1), ("compiled", 3), ("compiled", 40)])
 @pytest.mark.parametrize("seed", range(6))
-def test_compiled_arithmetic_is_that_of_numpy(seed: int, supports: int) -> None:
-    """Bit for bit, at trial values on either side of every frequency, and next to the exact zero of a pivot."""
-    pytest.importorskip("numba")
-    from modal.eigen import compiled
+def test_scalar_arithmetic_is_that_of_numpy(seed: int, scalar: str, supports: int) -> None:
+    """Bit for bit, at trial values on either side of every frequency, and next to the exact zero of a pivot.
 
+    Floats stop where a pivot is zero, with a mass that is no number.
+    """
+    if scalar == "compiled":
+        pytest.importorskip("numba")
+    by_numbers = importlib.import_module(f"modal.eigen.{scalar}")
     rng = np.random.default_rng(seed)
     numbers = 10 ** rng.uniform(-2, 2, (2, 1 + 5 * seed, 2, 1, supports))
     hung = sturm.chains_of(numbers[0], numbers[1], numbers[1] / 2, numbers[0] * numbers[1] ** 2 / 12)
@@ -137,12 +147,17 @@ def test_compiled_arithmetic_is_that_of_numpy(seed: int, supports: int) -> None:
     for nudge in (0.0, sturm.NUDGE):
         with np.errstate(all="ignore"):
             expected = sturm._counted(hung, x, nudge)
-        for found, one in zip(compiled.count_and_mass(constants, x, nudge), expected, strict=True):
-            np.testing.assert_array_equal(found, one)
+        fine = np.isfinite(expected[1]) if scalar == "floats" else np.ones(expected[1].shape, dtype=bool)
+        for found, one in zip(by_numbers.count_and_mass(constants, x, nudge), expected, strict=True):
+            np.testing.assert_array_equal(found[fine], one[fine])
+        assert np.isfinite(found[fine]).all() or scalar == "compiled"
+        assert not np.isfinite(found[~fine]).any()
     with np.errstate(all="ignore"):
         expected = rayleigh._mass_and_energy(hung, x)
-    for found, one in zip(compiled.mass_and_energy((*constants, hung.q), x), expected, strict=True):
-        np.testing.assert_array_equal(found, one)
+    fine = np.isfinite(expected).all(0) if scalar == "floats" else np.ones(expected[1].shape, dtype=bool)
+    for found, one in zip(by_numbers.mass_and_energy((*constants, hung.q), x), expected, strict=True):
+        np.testing.assert_array_equal(found[fine], one[fine])
+        assert not np.isfinite(found[~fine]).any()
 
 
 @pytest.mark.parametrize("n", [3, 40, 300])
@@ -152,8 +167,7 @@ def test_compiled_or_not_the_modes_are_the_same(n: int, monkeypatch: pytest.Monk
 
     scene, found = random_chain(n, 0.3, Cart(mass=2.0), n), []
     for used in (None, compiled):
-        for module in (chains, rayleigh, sturm):
-            monkeypatch.setattr(module, "kernels", lambda seconds=0.0, used=used: used)
+        run_by(used, monkeypatch)
         found.append(natural_modes(scene).omega)
     np.testing.assert_array_max_ulp(*found, maxulp=2)
 

@@ -218,6 +218,7 @@ def long_rods(n: int) -> Scene:
     return Scene(gravity=9.81, support=Cart(mass=3.7), pendulum=(Pendulum(links=rods),))
 
 
+@pytest.mark.slow
 def test_intervals_of_fifty_rods_hold_the_computed_frequencies() -> None:
     scene = long_rods(50)
     moving = next(f.polynomial for f in of_scene(scene) if f.label == "cart moves")
@@ -326,6 +327,7 @@ def test_any_number_of_pendula_on_a_cart() -> None:
     assert sp.simplify(square - g / l * (1 + N * m / m_c)) == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["bob", "rod"])
 @pytest.mark.parametrize("cart", [False, True])
 @pytest.mark.parametrize("n", [1, 2, 3, 4])
@@ -343,6 +345,7 @@ def test_symbols_give_the_numbers(n: int, cart: bool, kind: str) -> None:
     assert sp.Poly(put, X).primitive()[1].all_coeffs() == list(wanted.coefficients)
 
 
+@pytest.mark.slow
 def test_five_unequal_bobs_against_the_determinant() -> None:
     m, l = sp.symbols("m_1:6", positive=True), sp.symbols("l_1:6", positive=True)
     lam, put = sp.Symbol("lambda"), dict(zip((*m, *l), (2, 3, 5, 7, 11, 13, 17, 19, 23, 29), strict=True))

@@ -237,6 +237,7 @@ def test_another_models_guid_is_refused(tmp_path: Path) -> None:
         fmpy.instantiate_fmu(fmpy.extract(path, str(tmp_path / "unzipped")), found, "CoSimulation")
 
 
+@pytest.mark.slow
 def test_the_guid_follows_the_model() -> None:
     def guid(model: StateSpace, step: float = DT) -> str:
         return str(fmpy.read_model_description(BytesIO(fmu.write_fmu(model, step))).guid)
@@ -292,6 +293,7 @@ def test_with_a_compiler_there_is_nothing_to_tell() -> None:
         assert f"binaries/linux64/{identifier(model.title)}.so" in archive.namelist()
 
 
+@pytest.mark.slow
 @needs_a_compiler
 def test_two_hundred_links(tmp_path: Path) -> None:
     """Torques at every joint, 400 states: half default steps, so that the series is used."""

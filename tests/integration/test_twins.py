@@ -43,7 +43,7 @@ def test_a_promise_ends_where_the_last_digits_of_the_start_decide() -> None:
     gone = apart(beside.motion, advice.trajectory.motion)
     assert gone[advice.trajectory.times <= advice.horizon - 1.0].max() < 1e-3
     assert gone[-1] > 1e-3
-    with pytest.raises(SimulationError, match="no further: beyond it the digits of double precision do not tell"):
+    with pytest.raises(SimulationError, match="no further: beyond it double precision cannot determine"):
         certain(advice)
 
 
@@ -168,7 +168,7 @@ SOFT = HELD.replace(pendulum=(Pendulum(links=[SOFT_LINK], equilibrium=["up"]),))
         (PAIR, [0.0, 180.0, 0.0, 0.0], True),
     ],
 )
-def test_unstable_rests_are_told(scene: Scene, angles: list[float], expected: bool) -> None:
+def test_unstable_equilibria_are_reported(scene: Scene, angles: list[float], expected: bool) -> None:
     start = state_at_rest(scene, angles)
     system = system_of(scene)
     assert is_unstable_equilibrium(system, start) is expected
@@ -180,7 +180,7 @@ def test_unstable_rests_are_told(scene: Scene, angles: list[float], expected: bo
         assert is_unstable_equilibrium(system_of(spatial), of_plane(start)) is expected
 
 
-def test_no_accuracy_is_promised_of_how_an_unstable_rest_is_left() -> None:
+def test_no_accuracy_is_promised_for_leaving_an_unstable_equilibrium() -> None:
     advice = advise(ONE, 11.0, 1e-2, start=state_at_rest(ONE, [180.0]), method="DOP853")
     assert not advice.met
     assert 5.0 < advice.horizon < 11.0
@@ -190,7 +190,7 @@ def test_the_command_tells_both(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["simulate", "paper-cart-2", "--start", "angles:90,90", "--duration", "3"]) == 0
     told = capsys.readouterr().out
     assert "integrated  1 of 2 pendula" in told
-    assert "symmetry    a small breach of it would grow" in told
+    assert "symmetry    a small perturbation of it would grow" in told
     assert main(["simulate", "chain-1", "--start", "angles:180", "--duration", "1"]) == 0
     assert "start       an unstable equilibrium: the motion is due to rounding" in capsys.readouterr().out
 
@@ -201,6 +201,6 @@ def test_a_swing_too_fast_to_follow_says_what_to_do(method: str) -> None:
         pytest.importorskip("heyoka")
     links = [Bob(mass=1.0, length=1.0), Bob(mass=1e24, length=1.0)]
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=links)])
-    with pytest.raises(SimulationError, match=r"stopped at .* leave out what is so light") as caught:
+    with pytest.raises(SimulationError, match=r"stopped at .* remove whatever is so light") as caught:
         simulate(scene, 20.0, start=state_at_rest(scene, [30.0, 20.0]), method=method, output=3)
     assert "err_" not in str(caught.value)

@@ -210,6 +210,7 @@ def test_progress_is_told_value_by_value() -> None:
     assert all(later > earlier for earlier, later in pairwise(heard))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["png", "svg", "pdf"])
 def test_a_picture_is_drawn(kind: str) -> None:
     found = of(load("crane-two-loads"), f"{LENGTH}=5:20:4log")

@@ -231,6 +231,7 @@ def test_a_long_chain_takes_memory_in_proportion(monkeypatch: pytest.MonkeyPatch
     assert whole < 12_000**2 * 8 / 10
 
 
+@pytest.mark.slow
 def test_rows_of_a_dense_scene_take_a_few_matrices() -> None:
     given = scene(rods(120, stiffness=0.1), cart=Cart(mass=1.0, stiffness=1.0))
     assert peak(lambda: list(natural_modes(given))) < 40 * 121**2 * 8

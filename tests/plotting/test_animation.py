@@ -79,6 +79,7 @@ def test_samples_too_far_apart_are_refused_with_how_many_there_should_be() -> No
     resample(enough.times, enough.motion, enough.times)
 
 
+@pytest.mark.slow
 def test_gif_counts_frames_and_hundredths_and_repeats() -> None:
     shown, data = film(run("paper-cart-3", 1.0), "gif")
     picture = Image.open(BytesIO(data))
@@ -95,6 +96,7 @@ def test_gif_counts_frames_and_hundredths_and_repeats() -> None:
     assert frames[0][-1, -1].tolist() == [255, 255, 255]
 
 
+@pytest.mark.slow
 def test_speed_seconds_and_rate_say_how_much_is_shown() -> None:
     trajectory = run("chain-1", 2.0)
     shown, data = film(trajectory, "gif", speed=0.5, seconds=0.6, fps=30)
@@ -105,6 +107,7 @@ def test_speed_seconds_and_rate_say_how_much_is_shown() -> None:
     assert shown.left_out == pytest.approx(1.7)
 
 
+@pytest.mark.slow
 def test_html_escapes_the_title_and_holds_every_frame() -> None:
     shown, data = film(simulate(single("<b>Tick & tock</b>"), 0.5), "html")
     page = data.decode()
@@ -126,6 +129,7 @@ def test_mp4_is_a_film_or_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> No
         film(run("chain-1", 0.5), "mp4")
 
 
+@pytest.mark.slow
 def test_mp4_of_the_extra() -> None:
     pytest.importorskip("imageio_ffmpeg")
     done: list[float] = []
@@ -173,6 +177,7 @@ def scenes() -> dict[str, Trajectory]:
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", ["cart", "space", "crowd", "single", "standstill", "overhung", "drifting", "metronomes"]
 )
@@ -218,6 +223,7 @@ def test_the_camera_follows_a_cart_that_leaves() -> None:
     assert np.ptp(stage.extent[0]) < 5 < np.ptp(stage.cart)
 
 
+@pytest.mark.slow
 def test_a_crowd_is_thinned_out_and_said_so() -> None:
     crowd = scenes()["crowd"]
     drawn = Film(crowd, np.linspace(0, 0.5, 3), 25.0, 1.0)

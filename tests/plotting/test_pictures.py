@@ -457,6 +457,7 @@ def test_the_themes_differ_in_colours_only() -> None:
     assert set(named) == {("savefig.facecolor", "auto"), ("savefig.edgecolor", "auto")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THEMES)
 def test_a_style_is_found_by_its_name_and_makes_all_figures_alike(name: str) -> None:
     with style.context(f"modal.plotting.{name}"):
@@ -516,6 +517,7 @@ def test_a_figure_is_written_in_both_themes(tmp_path: Path) -> None:
     assert corners == [(255, 255, 255), (0x12, 0x18, 0x1D)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", THEMES)
 def test_the_commands_draw_in_the_theme_they_are_told(name: str, tmp_path: Path) -> None:
     paper_of = {"light": "#ffffff", "dark": "#12181d"}[name]

@@ -32,6 +32,7 @@ def panel(figure: Figure, title: str) -> Axes:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper-cart-3", "chain-5", "chain-spatial", "metronomes", "crane-hook"])
 def test_every_panel_has_curves_units_and_room(name: str) -> None:
     figure = run_figure(run(name))
@@ -87,6 +88,7 @@ def test_a_link_that_goes_round_stays_in_the_portrait() -> None:
     assert np.nanmax(np.abs(np.diff(angles))) < 180
 
 
+@pytest.mark.slow
 def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
     double = Pendulum(links=(Bob(mass=1, length=1), Bob(mass=1, length=1)), count=50)
     crowd = Scene(gravity=9.81, support=Cart(mass=10.0), pendulum=(double,))

@@ -1,5 +1,7 @@
 """Motion at the ends of what can be written: against many digits, elliptic functions, and itself in other units."""
 
+import re
+
 import digits
 import elliptic
 import families
@@ -24,6 +26,7 @@ def test_the_digits_are_the_elliptic_functions(degrees):
     assert found == pytest.approx(elliptic.angles(angle, 9.81, times), rel=1e-15, abs=0)
 
 
+@pytest.mark.slow
 def test_the_digits_are_those_of_two_routes():
     scene, start = hung(bob(), bob(mass=1e-6, length=0.1), cart=Cart(mass=0.3)), at_rest([0.7, -0.4])
     right = digits.motion(scene, start, [0.5])[0]
@@ -32,6 +35,7 @@ def test_the_digits_are_those_of_two_routes():
         assert found.final.links == pytest.approx(right, abs=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAST)
 def test_the_default_holds_to_the_ends(family):
     for one in getattr(families, family)(quick=True):
@@ -43,6 +47,7 @@ def test_the_default_holds_to_the_ends(family):
         assert found.energy_drift() < ALLOWED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1e-16, 1e-8, 1.0, 1e4])
 def test_light_links_below_heavy_ones(ratio):
     one = next(each for each in families.masses(quick=False) if each.parameter == pytest.approx(ratio))
@@ -77,11 +82,12 @@ def test_a_stiff_damper_makes_two_links_one():
 def test_a_massless_cart_of_a_bob_says_where_it_stops():
     one = next(each for each in families.carts(quick=True) if each.family == "massless cart of a bob")
     found, said, _ = extremes.ours(one)
-    assert said.startswith("SimulationError: DOP853 stopped at 0.157")
+    assert re.match(r"SimulationError: \w+ stopped at 0\.157", said)
     assert "give it a mass" in said
     assert not found.complete
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["minimal", "hamiltonian", "maximal"])
 @pytest.mark.parametrize("factors", ["masses by 2^40", "the same second"])
 def test_powers_of_two_change_no_step_and_no_bit(factors, form):
@@ -91,6 +97,7 @@ def test_powers_of_two_change_no_step_and_no_bit(factors, form):
     assert found.apart < 1e-13 if pivots_elsewhere else found.identical
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["minimal", "hamiltonian"])
 def test_other_units_stay_within_the_tolerance(form):
     found = units.compared("g, mm, ms", form, "DOP853")

@@ -121,6 +121,7 @@ def test_a_driven_run_counts_its_work() -> None:
     assert not any("work" in sentence for sentence in found.left_out)
 
 
+@pytest.mark.slow
 def test_packages_are_those_of_the_process() -> None:
     code = (
         "import json, sys\n"
@@ -155,6 +156,7 @@ def test_the_commands(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Non
     assert re.search(r"--form: .*--keep-modes", capsys.readouterr().err)
 
 
+@pytest.mark.slow
 def test_an_implicit_integrator_has_a_matrix_and_series_have_none() -> None:
     assert run_inventory(run_of(scene_of(links=40), method="Radau")).matrices[0] == (80, 1)
     pytest.importorskip("heyoka")

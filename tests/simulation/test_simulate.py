@@ -231,6 +231,7 @@ def test_loads_that_do_not_fit(push: Any, message: str) -> None:
         simulate(modal.load("chain-2"), 1, load=lambda time, state: push)
 
 
+@pytest.mark.slow
 def test_long_damped_chains_simulate() -> None:
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=1e-4, count=600),)),))
     found = simulate(scene, 0.05, start=state_at_rest(scene, [10.0] * 600), tolerance=1e-6, output=3)
@@ -439,6 +440,7 @@ def test_newtons_law_and_the_papers_own_equations_give_the_same_forces(count: in
 # ------------------------------------------------------------------------------------------------- crowds
 
 
+@pytest.mark.slow
 def test_a_chain_of_a_thousand_links_simulates() -> None:
     scene = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=0.01, length=0.01, count=1000),)),))
     found = simulate(scene, 0.05, start=state_at_rest(scene, [30.0] * 1000), tolerance=1e-6, output=3, method="DOP853")
@@ -448,6 +450,7 @@ def test_a_chain_of_a_thousand_links_simulates() -> None:
     assert found.final.links[-1] == pytest.approx(math.radians(30), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_ten_thousand_double_pendula_on_one_cart_simulate() -> None:
     double = Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=10_000)
     scene = Scene(gravity=9.81, support=Cart(mass=1e4), pendulum=(double,))

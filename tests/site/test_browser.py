@@ -12,7 +12,7 @@ import browser
 import pytest
 from amounts import usually
 
-pytestmark = pytest.mark.site
+pytestmark = [pytest.mark.site, pytest.mark.slow]
 
 NOTEBOOKS = Path(browser.__file__).parent.parent / "notebooks"
 IN_PYODIDE = {"numpy", "scipy", "sympy", "matplotlib", "pillow", "pydantic", "tqdm", "tomli-w"}

@@ -10,7 +10,7 @@ from documents import KNOWN, ROOT, Page, WrongPageError, agrees, blocks, divided
 
 from multipendula.commands import COMMANDS, FIRST
 
-pytestmark = pytest.mark.site
+pytestmark = [pytest.mark.site, pytest.mark.slow]
 
 
 def lesson(text: str) -> bool:

@@ -153,9 +153,9 @@ def test_every_key_of_a_scene_is_explained(title: str, part: type[Scene]) -> Non
     page = (DOCS / "reference" / "scene.md").read_text(encoding="utf-8")
     section = page.partition(f"## {title}\n")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| `(\w+)` \|[^|]*\| ([^|]*) \|", section, flags=re.MULTILINE)
-    for key, field in part.model_fields.items():
+    for key, field in part.fields.items():
         defaults = " ".join(default for name, default in rows if name == key)
-        if field.is_required():
+        if field.is_required:
             assert "required" in defaults, key
         elif isinstance(field.default, int | float | str) and key != "kind":
             shown = f'"{field.default}"' if isinstance(field.default, str) else repr(field.default)

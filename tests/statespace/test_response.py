@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import csv
 import io
+import json
 
 import control
 import numpy as np
@@ -13,7 +15,8 @@ from modal import Bob, ComputationError, Pendulum, Scene, load, natural_modes
 from modal.modes import all_shapes
 from modal.plotting import draw_bode, draw_impulse
 from modal.statespace import ModalForm, StateSpace, frequency_response, impulse_response, state_space, to_modal_form
-from modal.statespace.response import terms
+from modal.statespace.response import response_table, terms
+from multipendula.cli import main
 
 OMEGA = np.array([0.05, 0.31, 0.9, 1.7, 3.3, 8.0, 25.0])
 
@@ -118,3 +121,41 @@ def test_pictures_are_drawn(scene: Scene) -> None:
         assert len(stream.getvalue()) > 20_000
     with pytest.raises(ComputationError, match="do not fit"):
         draw_bode(form, io.BytesIO(), outputs=[0] * 19)
+
+
+@pytest.mark.parametrize("to", ["csv", "json"])
+def test_the_table_of_a_response_is_that_of_python_control(to: str) -> None:
+    scene, hertz = crane(), [0.01, 0.08, 0.3, 2.0]
+    form = form_of(scene, "cart_force", outputs=("angles",))
+    found = response_table(form, hertz, 0, [0, 1], to)
+    expected = np.squeeze(control.frequency_response(of_control(form.model), 2 * np.pi * np.array(hertz)).complex[:2])
+    if to == "json":
+        whole = json.loads(found)
+        assert whole["frequency_hz"] == hertz
+        assert whole["unit"]["theta_1_1"] == "rad per N"
+        size, phase = (np.array(list(whole[name].values())) for name in ("magnitude", "phase_deg"))
+    else:
+        rows = list(csv.DictReader(found.splitlines()))
+        assert [float(row["frequency_hz"]) for row in rows] == 2 * hertz
+        size, phase, decibel = (
+            np.reshape([float(row[name]) for row in rows], (2, 4))
+            for name in ("magnitude", "phase_deg", "magnitude_db")
+        )
+        assert decibel == pytest.approx(20 * np.log10(size), rel=1e-12)
+    assert size * np.exp(1j * np.radians(phase)) == pytest.approx(expected, rel=1e-9)
+
+
+def test_the_table_has_no_number_at_an_undamped_pole() -> None:
+    form = form_of(load("chain-1"), "joint_torques")
+    whole = json.loads(response_table(form, [float(form.modes.omega[0] / (2 * np.pi)), 1.0], 0, [0], "json"))
+    (size,), (phase,) = whole["magnitude"].values(), whole["phase_deg"].values()
+    assert size[1] > 0
+    assert (size[0] is None) == (phase[0] is None)
+    assert size[0] is None or size[0] > 1e10
+
+
+def test_frequencies_are_printed_without_a_picture(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["response", "crane-hook", "--at", "0.1,0.3,1", "--of", "x", "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["frequency_hz"] == [0.1, 0.3, 1.0]
+    assert main(["response", "crane-hook"]) == 2
+    assert "-o FILE" in capsys.readouterr().err

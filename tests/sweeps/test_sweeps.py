@@ -225,6 +225,7 @@ def pendulum(count: int, damping: float) -> Pendulum:
     return Pendulum(links=[Bob(mass=1.0, length=1.0, damping=damping)], count=count)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("space", ["plane", "space"])
 def test_the_amplitude_is_that_of_the_turning_point(space: Literal["plane", "space"]) -> None:
     """Energy tells it: cos θ = cos θ₀ − l θ₀'²/2g on a fixed support, where a whole turn would leave 180°."""
@@ -592,6 +593,7 @@ def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
     assert list(failing.failures) == [2]
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nonsense", "ftp://a:b"])
 def test_no_scheduler_is_said(address: str) -> None:

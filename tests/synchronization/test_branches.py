@@ -124,6 +124,7 @@ def length_of(change: float) -> float:
     return GRAVITY / (sqrt(GRAVITY) - change) ** 2 - 1
 
 
+@pytest.mark.slow
 def test_critical_detuning_of_weak_coupling_is_adlers() -> None:
     """Phases by themselves: Δω = 2 |Re κ + (n/q) Im κ|; n/q as larger swings are slower."""
     mass, damping = 20_000.0, 2000.0
@@ -292,6 +293,7 @@ def example() -> Branches:
     return followed(clocks(50.0, 15.0, 1.01), "support.mass=20:500:6log")
 
 
+@pytest.mark.slow
 def test_what_is_printed_is_what_was_found() -> None:
     found = example()
     text = branches_text(found)
@@ -310,6 +312,7 @@ def test_what_is_printed_is_what_was_found() -> None:
         assert all(float(row["growth_per_s"]) > -1e-4 for row in own if row["lasts"] == "0")
 
 
+@pytest.mark.slow
 def test_what_is_drawn_is_what_was_found() -> None:
     found = example()
     figure = branches_figure(found)

@@ -17,6 +17,7 @@ from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
 
 
+@pytest.mark.slow
 def test_the_shipped_clocks_end_as_their_titles_say() -> None:
     for name, seconds, sign in (("huygens", 120.0, -1), ("metronomes", 60.0, 1)):
         run = simulate(load(name), seconds, tolerance=1e-7, output=np.linspace(seconds - 10, seconds, 2001))
@@ -30,6 +31,7 @@ def test_the_shipped_clocks_end_as_their_titles_say() -> None:
 # ------------------------------------------------------------------------------------------------------- Huygens
 
 
+@pytest.mark.slow
 def test_a_clock_alone_takes_the_larger_amplitude_and_dies_below_the_smaller() -> None:
     needed, taken = huygens.amplitudes_deg(load("huygens"))
     pair = huygens.on(1e9)
@@ -41,6 +43,7 @@ def test_a_clock_alone_takes_the_larger_amplitude_and_dies_below_the_smaller() -
         assert found == pytest.approx(expected, rel=0.02) if expected else found < 0.9 * needed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", usually([0.1, 10.0], [0.1, 1.0, 10.0]))
 def test_antiphase_survives_on_any_beam(mass: float) -> None:
     assert huygens.outcome(huygens.on(mass), (7.0, -4.0), 200.0) == "antiphase"

@@ -131,6 +131,7 @@ def test_a_start_that_only_symmetry_keeps_is_judged_by_one_beside() -> None:
     assert told["unstable"]["growth_rate_per_s"] == pytest.approx(0.0232, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
     scene = vary(load("huygens"), {"support.mass": 40.0})
     said = predict(scene, state_at_rest(scene, (7.0, 7.0)))
@@ -139,6 +140,7 @@ def test_clocks_on_a_heavy_beam_stay_in_phase_by_symmetry_alone() -> None:
     assert (said.unstable.row, said.row, said.share > 0.99) == (2, 1, True)
 
 
+@pytest.mark.slow
 def test_a_start_that_leaves_by_itself_is_its_own_judge() -> None:
     scene = floquet.metronomes(11.0).scene
     said = predict(scene, start := state_at_rest(scene, (21.0, -20.9)))
@@ -155,6 +157,7 @@ def test_what_does_not_excite_itself_has_no_prediction() -> None:
     assert sync_record(found)["prediction"] is None
 
 
+@pytest.mark.slow
 def test_a_swing_that_dies_out_is_said_to() -> None:
     weak = {"kind": "van-der-pol", "strength": 0.002, "angle_deg": 5.0}
     found = study_synchronization(clocks(10.0, 4.0, drive=weak), 100.0)
@@ -286,6 +289,7 @@ def of_run(found: SynchronizationStudy, scene: Scene) -> SynchronizationStudy:
     return replace(found, scene=scene, theory=None, trajectory=run, phases=phases_of(run))
 
 
+@pytest.mark.slow
 def test_what_dampers_took_is_said_only_of_dampers() -> None:
     """Not of van der Pol drives beside the kicks, nor where there are no dampers."""
     scene = clocks(10.0, 4.0, drive=ESCAPEMENT)

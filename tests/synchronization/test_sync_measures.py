@@ -392,6 +392,7 @@ def panel(figure: Figure, title: str) -> Axes:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper-cart-2", "metronomes", "crane-two-loads"])
 def test_every_panel_has_curves_units_and_room(name: str) -> None:
     run = simulate(modal.load(name), 20.0, tolerance=1e-7)
@@ -458,6 +459,7 @@ def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
         sync_figure(run.at(slice(0, 1)), phases_of(run.at(slice(0, 1))))
 
 
+@pytest.mark.slow
 def test_a_run_at_rest_can_be_drawn() -> None:
     run = closed(PAPER, np.linspace(0, 3, 50), np.zeros((50, 4)), np.zeros((50, 4)))
     sync_figure(run, phases_of(run)).canvas.draw()

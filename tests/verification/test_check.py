@@ -69,6 +69,7 @@ def test_kappa_and_one_percent_are_extrapolated(paper: Check) -> None:
         assert abs(again.shift) == pytest.approx(0.01, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle", [1.0, 30.0, 90.0, 150.0])
 def test_a_simple_pendulum_is_measured_as_the_elliptic_integral_says(angle: float) -> None:
     modes = natural_modes(SIMPLE)
@@ -94,6 +95,7 @@ def test_one_percent_of_a_simple_pendulum() -> None:
     assert abs(kappa + 1 / 16) < error < 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angles", [(20.0, 30.0), (25.0, 35.0)])
 def test_the_uncertainty_of_kappa_counts_the_modes_that_swing_along(angles: tuple[float, float]) -> None:
     links = (Bob(mass=1.0, length=1.0), Bob(mass=0.6, length=0.7))
@@ -183,6 +185,7 @@ def test_a_scene_in_space_is_checked_along_its_rail() -> None:
         start_in_mode(scene, natural_modes(scene), 0, 1)
 
 
+@pytest.mark.slow
 def test_tables(paper: Check) -> None:
     text = check_table(paper, "text")
     assert "7.20947810" in text

@@ -36,7 +36,7 @@ class Link(NamedTuple):
 
     @property
     def inertia(self) -> Any:
-        """⅓ m (l/2)² = m l²/12, which the moment balances have right."""
+        """⅓ m (l/2)² = m l²/12, as correctly used in the moment balances."""
         return self.m * (self.l / 2) ** 2 / 3
 
 
@@ -64,7 +64,7 @@ def minimal_coordinates(n: int) -> list[Coordinate]:
 
 
 def positions(p: int) -> list[Equation]:
-    """Centres of the two links as (î, ĵ) components: right, and what everything else must agree with."""
+    """Centres of the two links as (î, ĵ) components: correct, and the reference for everything else."""
     a, b = double_pendulum(p)
     (s1, c1), (s2, c2) = ((sp.sin(link.theta.q), sp.cos(link.theta.q)) for link in (a, b))
     first = sp.Tuple(a.l / 2 * c1, a.l / 2 * s1 + X.q)
@@ -76,7 +76,7 @@ def positions(p: int) -> list[Equation]:
 
 
 def squared_speeds(p: int) -> list[Equation]:
-    """v² of the two centres: link 1 squares the vertical part twice, link 2 forgets the first link's."""
+    """v² of the two centres: link 1 squares the vertical part twice, link 2 omits the first link's."""
     a, b = double_pendulum(p)
     (s1, c1), (s2, c2) = ((sp.sin(link.theta.q), sp.cos(link.theta.q)) for link in (a, b))
     w1, w2 = a.theta.v, b.theta.v
@@ -123,7 +123,7 @@ def kinetic_energy(n: int) -> Equation:
 
 
 def potential_energy(n: int) -> Equation:
-    """E_p: as printed hanging is the highest point, for î points down, and m_{n,1} stands for m_{n,2}."""
+    """E_p: as printed hanging is the highest point, since î points down, and m_{n,1} is printed for m_{n,2}."""
     printed, corrected = sp.Integer(0), sp.Integer(0)
     for p in range(1, n + 1):
         (a, b), (r1, r2) = double_pendulum(p), (equation.printed.rhs for equation in positions(p))

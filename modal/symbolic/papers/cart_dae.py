@@ -3,7 +3,7 @@
     A u = F:  6n + 2 balances of momentum and 4n + 1 constraints for u = (6n + 2 accelerations, 4n + 1 forces)
 
 Link 1 hangs from the cart by the pivot force R_B, link 2 from link 1 by R_P; R is the ground's push on the cart.
-The balances are right; the constraints swap x and y and leave the cart out.  The system is of index 1: it fixes the
+The balances are right; the constraints swap x and y and omit the cart.  The system is of index 1: it determines the
 accelerations, so positions drift off the constraints when it is integrated, unless the drift is controlled.
 """
 
@@ -91,7 +91,7 @@ def link_balances(p: int) -> list[Equation]:
 
 
 def constraints(n: int) -> list[Equation]:
-    """The 4n + 1 accelerations that ground and pivots allow: the paper swaps x and y, and leaves the cart out."""
+    """The 4n + 1 accelerations that ground and pivots allow: the paper swaps x and y, and omits the cart."""
     found = [correct(PAPER, "IV.B", "cart constraint", equal(Y.a, 0))]
     for p in range(1, n + 1):
         down, across = sp.Integer(0), sp.Integer(0)

@@ -1,6 +1,6 @@
 """Paper 001, "Equations of Motion for Multiple-Pendula System": bobs on massless links in a vertical plane.
 
-Its equations (1)-(16) are right; what it leaves open is stated here, for any number n of links:
+Its equations (1)-(16) are right; what it does not specify is given here, for any number n of links:
 
     θ_i'' = (g/l_i) [μ_{i−1} θ_{i−1}/m_{i−1} − (1/m_{i−1} + 1/m_i) μ_i θ_i + μ_{i+1} θ_{i+1}/m_i],  μ_i = Σ_{k≥i} m_k
     p_n(λ) = det(A + λ K̂) = Σ_k C(n, k) (n!/k!) λ^{n−k},   A_ij = n + 1 − max(i, j),   K̂ = diag(n, ..., 1)
@@ -36,7 +36,7 @@ def masses_and_lengths(n: int) -> tuple[list[Any], list[Any]]:
 
 
 def kinetic_energy(n: int = 3) -> Equation:
-    """(3) T with every square and product of the Cartesian velocities, as long as the paper has it."""
+    """(3) T with every square and product of the Cartesian velocities, expanded as in the paper."""
     m, _ = masses_and_lengths(n)
     T = sp.Add(*(m[k] * (_square(k + 1, sp.sin) + _square(k + 1, sp.cos)) / 2 for k in range(n)))
     return correct(PAPER, "3", "kinetic energy", equal(sp.Symbol("T"), T), beyond=n != 3)
@@ -93,7 +93,7 @@ def momentum(i: int, n: int = 3) -> Equation:
 
 
 def accelerations(n: int = 3) -> list[Equation]:
-    """(6)-(8) of three unequal links, and the same for any n: each bob feels its neighbours alone."""
+    """(6)-(8) of three unequal links, and the same for any n: each bob is coupled only to its neighbours."""
     rows, theta, given = (_three() if n == 3 else [_acceleration(i, n) for i in range(n)]), angles(n), n == 3
     numbers = ["6", "7", "8"] if given else [f"6-8, n = {n}"] * n
     return [
@@ -103,7 +103,7 @@ def accelerations(n: int = 3) -> list[Equation]:
 
 
 def _three() -> list[Any]:
-    """Right sides of (6), (7) and (8), letter by letter."""
+    """Right sides of (6), (7) and (8), as printed."""
     (m1, m2, m3), (l1, l2, l3) = masses_and_lengths(3)
     t1, t2, t3 = (theta.q for theta in angles(3))
     middle = m2 / m1 * (m1 + m2 + m3) * t1 - (m1 + m2) * (m2 + m3) / m1 * t2 + m3 * t3
@@ -159,7 +159,7 @@ def polynomial(n: int) -> Any:
 
 
 def eigen_equation(n: int) -> Equation:
-    """(12)-(14) for n = 1, 2, 3, and p_n = 0 where the paper stops: right for λ = −g/(l ω²), which it leaves open."""
+    """(12)-(14) for n = 1, 2, 3, and p_n = 0 beyond: right for λ = −g/(l ω²), which the paper does not specify."""
     printed = {1: lamda + 1, 2: 2 * lamda**2 + 4 * lamda + 1, 3: 6 * lamda**3 + 18 * lamda**2 + 9 * lamda + 1}
     number, words = {1: "12", 2: "13", 3: "14"}.get(n, f"12-14, n = {n}"), "for λ = −g/(l ω²), not for λ = −ω² l/g"
     form, title = equal(printed.get(n, polynomial(n)), 0), f"eigenvalues of {n} equal links"

@@ -76,7 +76,7 @@ def direction(i: int) -> Any:
 
 
 def velocity(k: int) -> list[Equation]:
-    """(1)-(3) x_k', y_k' and z_k' of bob k: right."""
+    """(1)-(3) x_k', y_k' and z_k' of bob k: correct."""
     parts = [[sp.Integer(0)] for _ in range(3)]
     for i in upto(k):
         (s, c), turn, spin, at = waves(i), theta(i).v, phi(i).v, phi(i).q
@@ -117,7 +117,7 @@ def cross_error(i: int, j: int) -> Any:
 
 
 def cross_term(i: int, j: int) -> Equation:
-    """(4) The product of two links' directions, as printed for every azimuth and as it is."""
+    """(4) The product of two links' directions, as printed for every azimuth and corrected."""
     return Equation(
         PAPER,
         "4",

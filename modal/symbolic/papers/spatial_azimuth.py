@@ -5,8 +5,8 @@ With p_i = ∂L/∂φ_i' and Δ = φ_i − φ_j, Lagrange's equation p_i' = ∂L
     Σ_j A_ij [(sin θ_j φ_j'' + 2 cos θ_j θ_j'φ_j') cos Δ − (cos θ_j θ_j'' − sin θ_j (θ_j'² + φ_j'²)) sin Δ] = 0.
 
 The paper's L lost Δ, so (11) has every p_i conserved, and (12)-(15) integrate that.  Only their sum is conserved, the
-angular momentum about the vertical Σ A_ij (u_i × u_j')·e_z: neighbours pass it to and fro.  Since these angles are
-singular at the hanging rest, use unit vectors for a chain: u_i × (Σ_j A_ij u_j'' − g b_i e_z) = 0.
+angular momentum about the vertical Σ A_ij (u_i × u_j')·e_z: neighbours exchange it.  Since these angles are
+singular at the hanging equilibrium, use unit vectors for a chain: u_i × (Σ_j A_ij u_j'' − g b_i e_z) = 0.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from modal.symbolic.papers.spatial import (
 
 
 def others(i: int, n: int) -> list[int]:
-    """1 ... n without i; the paper's sums over j are read so, as in its (7)."""
+    """1 ... n without i; the paper's sums over j are read this way, as in its (7)."""
     return [j for j in upto(n) if j != i]
 
 
@@ -130,7 +130,7 @@ def vector_equation(i: int, n: int) -> Any:
 def azimuth_acceleration(i: int, n: int, *, read: bool = False) -> Equation:
     """(12)-(15) φ_i'': the first, an inner and the last link.
 
-    The copy drops dots and blurs exponents; `read` restores what makes sense of them.  With c_j = p_j/l_j for equal
+    The copy drops dots and blurs exponents; `read` restores them as they make sense.  With c_j = p_j/l_j for equal
     links it is then the rate of the φ' that (8) gives at small angles and constant p_j.
     """
     s, c = waves(i)
@@ -158,7 +158,7 @@ def _swing(i: int, j: int) -> Any:
 
 
 def _constant_momenta(i: int, n: int, *, read: bool) -> Any:
-    """What (12)-(15) have in braces, with the exponents s, N and 5 of the copy as 3, 2 and 3."""
+    """The braces of (12)-(15), with the exponents s, N and 5 of the copy as 3, 2 and 3."""
     ti, c = theta(i).q, [sp.Symbol(f"c_{j}") for j in range(n + 1)]
     own = -(2 if i == 1 else 4) * c[i] * (theta(i).v if read else 1) / ti**3
     power = 2 if i == n and not read else 1  # (15) has θ_n² where (14) has θ_n

@@ -1,0 +1,70 @@
+"""The recursion of few links at few trial values, in Python floats; numba compiles the same two steps.
+
+The arithmetic is that of `modal.eigen.sturm` and `modal.eigen.rayleigh`, operation by operation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import nan
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats, Ints
+
+
+def passed(k: Any, r: Any, p: Any, m: Any, mJ: Any, y: Any, mu: Any, nudge: Any) -> Any:
+    """(D, μ') of one link."""
+    t = y * k
+    D = 1.0 - (mu + r) * t - nudge
+    return D, (mu * (1.0 - p * t) + (m - mJ * t)) / D
+
+
+def passed_with_energy(k: Any, r: Any, p: Any, m: Any, mJ: Any, q: Any, y: Any, mu: Any, energy: Any) -> Any:
+    """(μ', energy') of one link."""
+    t = y * k
+    D = 1.0 - r * t - t * mu
+    carried = (1.0 + q * t) / D
+    return (mu * (1.0 - p * t) + (m - mJ * t)) / D, ((energy + r) * carried + 2 * q) * carried + p
+
+
+def count_and_mass(constants: tuple[Floats, ...], x: Floats, nudge: float) -> tuple[Ints, Floats]:
+    """Pivots D < 0 and the mass at the pivot, (P, R, 1), of chains (1/k, r, p, m, m J) at trial values (R, 1)."""
+    found = [[_count(links, y, nudge) for y in x.ravel().tolist()] for links in _chains(constants)]
+    below, mass = np.array(found).transpose(2, 0, 1)[..., None]
+    return below.astype(np.int64), mass
+
+
+def mass_and_energy(constants: tuple[Floats, ...], x: Floats) -> tuple[Floats, Floats]:
+    """Mass and energy at the pivot, (P, R, 1), of chains (1/k, r, p, m, m J, q) at trial values (R, 1)."""
+    found = [[_accumulate(links, y) for y in x.ravel().tolist()] for links in _chains(constants)]
+    mass, energy = np.array(found).transpose(2, 0, 1)[..., None]
+    return mass, energy
+
+
+def _chains(constants: tuple[Floats, ...]) -> Iterator[list[Any]]:
+    """The constants of the links of each chain, tip first."""
+    for p in range(constants[0].shape[1]):
+        yield list(zip(*(values[::-1, p, 0, 0].tolist() for values in constants), strict=True))
+
+
+def _count(links: list[Any], y: float, nudge: float) -> tuple[float, float]:
+    mu, below = 0.0, 0
+    try:
+        for link in links:
+            D, mu = passed(*(*link, y, mu, nudge))
+            below += D < 0
+    except ZeroDivisionError:
+        mu = nan
+    return below, mu
+
+
+def _accumulate(links: list[Any], y: float) -> tuple[float, float]:
+    mu, energy = 0.0, 0.0
+    try:
+        for link in links:
+            mu, energy = passed_with_energy(*(*link, y, mu, energy))
+    except ZeroDivisionError:
+        return nan, nan
+    return mu, energy

@@ -1,0 +1,36 @@
+"""Transfer functions as JSON: poles, zeros, gain and polynomials of every pair of an input and an output."""
+
+from __future__ import annotations
+
+from modal.errors import ComputationError
+from modal.modes import natural_modes
+from modal.report import as_json
+from modal.statespace import StateSpace, to_modal_form
+from modal.statespace.transfer import transfer_functions
+from modal.types import Complexes
+
+
+def write_transfer(model: StateSpace) -> bytes:
+    """One object for every pair; ComputationError for a sampled or reduced model."""
+    if model.scene is None or model.dt:
+        raise ComputationError("transfer functions need a whole model in continuous time")
+    form = to_modal_form(natural_modes(model.scene), model)
+    found = [
+        {
+            "input": one.input.name,
+            "output": one.output.name,
+            "unit": f"{one.output.unit} per {one.input.unit}",
+            "gain": one.gain,
+            "zeros": _pairs(one.zeros),
+            "poles": _pairs(one.poles),
+            "numerator": one.numerator.tolist(),
+            "denominator": one.denominator.tolist(),
+        }
+        for row in transfer_functions(form)
+        for one in row
+    ]
+    return as_json({"title": model.title, "transfer_functions": found}).encode()
+
+
+def _pairs(values: Complexes) -> list[list[float]]:
+    return [[value.real, value.imag] for value in values.tolist()]
