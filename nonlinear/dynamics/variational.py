@@ -24,6 +24,7 @@ from nonlinear.dynamics.joints import joint_law
 from nonlinear.system import System
 
 STEP = 1e-200
+STEPS = np.array([[STEP * 1j], [0.0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,8 +44,8 @@ class Joints:
     def torques(self, angles: Floats, rates: Floats) -> tuple[Floats, Floats, Floats]:
         """Generalized forces (L,) and their derivatives by angles and rates, (L, L)."""
         gamma, speed = self.above @ angles - self.bent, self.above @ rates
-        by_angle, by_rate = self._law(gamma + STEP * 1j, speed), self._law(gamma, speed + STEP * 1j)
-        one, other = (self.above.T * (part.imag / STEP) @ self.above for part in (by_angle, by_rate))
+        by_angle, by_rate = self._law(gamma + STEPS, speed + STEPS[::-1])
+        one, other = ((self.above.T * (part.imag / STEP)) @ self.above for part in (by_angle, by_rate))
         return self.above.T @ by_angle.real, one, other
 
     def _law(self, gamma: Any, speed: Any) -> Any:
@@ -101,8 +102,8 @@ class Variational(Small):
         (A, b), g, cart = self._pair, self.system.gravity, self.system.cart
         angles, rates = y[first:half], y[half + first :]
         sin, cos, squared = np.sin(angles), np.cos(angles), rates**2
-        apart = np.outer(sin, cos)
-        C, S = A * (np.outer(cos, cos) + np.outer(sin, sin)), A * (apart - apart.T)
+        apart = angles[:, None] - angles
+        C, S = A * np.cos(apart), A * np.sin(apart)
         along, across = b * sin, b * cos
         M, force, by_q, by_v = np.empty((half, half)), np.empty(half), np.zeros((half, half)), np.zeros((half, half))
         M[first:, first:], force[first:] = C, -g * along - S @ squared
@@ -122,13 +123,13 @@ class Variational(Small):
         a = inverse @ force
         turned, inner = a[first:], S * a[first:] - C * squared
         by_q[first:, first:] += inner
-        place = np.arange(first, half)
-        by_q[place, place] += g * across - inner.sum(axis=1)
+        diagonal = by_q.reshape(-1)[first * (half + 1) :: half + 1]
+        diagonal += g * across - inner.sum(axis=1)
         if cart:
-            by_q[place, place] -= along * a[0]
+            diagonal -= along * a[0]
             by_q[0, 1:] = -along * turned - across * squared
         slope = np.zeros((2 * half, 2 * half))
-        slope[np.arange(half), np.arange(half, 2 * half)] = 1.0
+        slope.reshape(-1)[half :: 2 * half + 1][:half] = 1.0
         slope[half:, :half], slope[half:, half:] = -inverse @ by_q, -inverse @ by_v
         return np.concatenate((y[half:], a)), slope
 

@@ -1,19 +1,35 @@
-"""Periodic orbits of the full equations: nonlinear normal modes, their stability, and their continuation.
+"""Periodic orbits of the full equations: nonlinear normal modes and limit cycles, their stability, by continuation.
 
-In: a scene and one of its modes.  Out: a `Branch` of orbits with frequencies, amplitudes, energies and Floquet
-multipliers, and the special points between them.
+In: a scene and one of its modes, or a number of it.  Out: a `Branch` of orbits with frequencies, amplitudes, energies
+and Floquet multipliers, and the special points between them.
 
     φ_T(y) = y,     multipliers: the eigenvalues of ∂φ_T/∂y
 
-Start with `modes`; `symmetric` has the equations of symmetric orbits, `flow` integrates them with their variational
-equations (`compiled` by numba), `continuation` follows their solutions, `floquet` tells stability and `special` where
-it changes.
+Start with `modes` for conservative scenes and `cycles` for driven ones.  `symmetric` and `shooting` have the equations
+of orbits, `flow` integrates them with their variational equations (`compiled` by numba), `continuation` follows their
+solutions, `floquet` tells stability, `special` where it changes, and `entering` what leaves there.
 """
 
+from nonlinear.orbits.branch import Branch
+from nonlinear.orbits.cycles import cycle_of, follow_cycles, growth, limit_cycles, periodic_orbit
+from nonlinear.orbits.entering import entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
-from nonlinear.orbits.modes import Branch, nonlinear_mode
+from nonlinear.orbits.modes import nonlinear_mode
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special
 
-__all__ = ["Branch", "Floquet", "Flow", "Orbit", "Special", "nonlinear_mode"]
+__all__ = [
+    "Branch",
+    "Floquet",
+    "Flow",
+    "Orbit",
+    "Special",
+    "cycle_of",
+    "entered",
+    "follow_cycles",
+    "growth",
+    "limit_cycles",
+    "nonlinear_mode",
+    "periodic_orbit",
+]

@@ -126,7 +126,7 @@ def located(
     """The point between two where a test function is 0; it has different signs at them (Illinois' rule)."""
     low, high, f_low, f_high = 0.0, 1.0, test(one), test(other)
     best, size = (one, abs(f_low)) if abs(f_low) < abs(f_high) else (other, abs(f_high))
-    kept = 0
+    kept, enough = 0, accuracy * max(abs(f_low), abs(f_high))
     for _ in range(ROUNDS):
         part = (low * f_high - high * f_low) / (f_high - f_low)
         if not low < part < high or high - low < accuracy:
@@ -143,6 +143,6 @@ def located(
         else:
             low, f_low = part, value
             f_high, kept = (f_high / 2, 0) if kept == -1 else (f_high, -1)
-        if size < accuracy:
+        if size < enough:
             break
     return best

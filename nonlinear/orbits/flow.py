@@ -21,7 +21,7 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from modal.errors import ComputationError
-from modal.types import Floats
+from modal.types import Floats, Ints
 from nonlinear.dynamics.variational import Variational
 from nonlinear.integration import Escaping, escaping
 from nonlinear.orbits.steps import (
@@ -40,6 +40,7 @@ from nonlinear.orbits.steps import (
 )
 from nonlinear.system import System
 
+NEWTON, SHARP = 8, 1e-12  # steps to the time of a kick, and the last of them over the step
 TOGETHER = 1e-11  # rad by which a kick may come early to coincide with another
 Force = Callable[[float], Floats]
 
@@ -165,16 +166,32 @@ class Flow:
         crossed = np.flatnonzero(after > 0)
         if not len(crossed):
             return None
-        work = K.copy()
+        part, joint = self._root(time, Z, K, length, new, side, crossed)
+        return part, self._attempt(time, Z, K, part)[0], joint
 
-        def over(part: float) -> float:
-            if not part:
-                return float(before[crossed].max())
-            return float(self._over(self._attempt(time, Z, work, part)[0][:, 0], side)[crossed].max())
+    def _root(
+        self, time: float, Z: Floats, K: Floats, length: float, new: Floats, side: Floats, crossed: Ints
+    ) -> tuple[float, int]:
+        """The length of the step to the first of these crossings, and its joint: Newton's method, else bisection."""
+        y, work = Z[:, :1], np.ascontiguousarray(K[:, :, :1])
 
-        part = float(brentq(over, 0.0, length, xtol=1e-15 * length, rtol=1e-14))
-        end = self._attempt(time, Z, work, part)[0]
-        return part, end, int(crossed[self._over(end[:, 0], side)[crossed].argmax()])
+        def at(part: float) -> Floats:
+            return self._attempt(time, y, work, part)[0][:, 0] if part else y[:, 0]
+
+        before, after = (self._over(row[:, 0], side)[crossed] for row in (Z, new))
+        part = length * float(np.min(before / np.minimum(before - after, -1e-300)))
+        for _ in range(NEWTON):
+            if not 0 < part < length:
+                break
+            end = at(part)
+            over = self._over(end, side)[crossed]
+            first = int(over.argmax())
+            step = over[first] / (side[crossed] * self._gamma(end, rate=True)[crossed])[first]
+            part -= float(step)
+            if abs(step) < SHARP * length:
+                return part, int(crossed[first])
+        part = float(brentq(lambda part: float(self._over(at(part), side)[crossed].max()), 0.0, length, xtol=1e-16))
+        return part, int(crossed[self._over(at(part), side)[crossed].argmax()])
 
     def _kicked(self, time: float, Z: Floats, joint: int, side: Floats) -> tuple[Floats, Floats]:
         """Z after a kick, and the sides of the next ones."""

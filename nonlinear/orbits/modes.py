@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from math import degrees, radians
 
 import numpy as np
@@ -11,48 +9,15 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
 from modal.scene import Scene
-from modal.types import Floats
+from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, follow, located, point
-from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.special import Special, along_backbone
+from nonlinear.orbits.special import along_backbone
 from nonlinear.orbits.symmetric import Quarter, quarter_of
 
 TOLERANCE = 1e-12
 SMALL = radians(0.5)  # the first orbit of a branch
 STEP = 0.08  # longest step in natural units
 MOST = 2000  # orbits of a branch
-Report = Callable[[float], object]
-
-
-@dataclass(frozen=True, eq=False)
-class Branch:
-    """Orbits in the order of their continuation, the special points between them, and where it began."""
-
-    origin: str
-    orbits: tuple[Orbit, ...]
-    special: tuple[Special, ...] = ()
-    points: tuple[Point, ...] = field(default=(), repr=False)
-    complete: bool = True
-
-    @property
-    def amplitude(self) -> Floats:
-        """The largest angle (rad) of any link over every orbit, (K,)."""
-        return np.array([orbit.amplitude for orbit in self.orbits])
-
-    @property
-    def omega(self) -> Floats:
-        """Frequency (rad/s) of every orbit, (K,)."""
-        return np.array([orbit.omega for orbit in self.orbits])
-
-    @property
-    def energy(self) -> Floats:
-        """Energy (J) of every orbit, (K,)."""
-        return np.array([orbit.energy for orbit in self.orbits])
-
-    @property
-    def is_stable(self) -> tuple[bool, ...]:
-        """Whether every orbit is stable."""
-        return tuple(orbit.is_stable for orbit in self.orbits)
 
 
 def nonlinear_mode(
@@ -88,7 +53,7 @@ def nonlinear_mode(
         points[-1] = located(problem, points[-2], points[-1], lambda each: each.orbit.amplitude - to)
     special = tuple(along_backbone(problem, points)) if locate else ()
     origin = f"mode {linear.number}"
-    return Branch(origin, tuple(each.orbit for each in points), special, tuple(points), complete)
+    return Branch(origin, tuple(points), special, problem, complete=complete)
 
 
 def checked(scene: Scene, number: int) -> Modes:

@@ -8,9 +8,11 @@ from itertools import pairwise
 
 from nonlinear.orbits.continuation import Point, Problem, between, located
 from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import Shooting
 from nonlinear.orbits.symmetric import Quarter
 
 HALVINGS = 30
+ON_CIRCLE = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +61,46 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
             met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
             found.append(Special("collision", met.orbit, after, met))
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
+
+
+def along_cycles(problem: Shooting, points: Sequence[Point]) -> Iterator[Special]:
+    """The special points of a branch of orbits without symmetry, in order.
+
+    Folds are where the varied number turns, in a conservative scene the energy.
+    """
+
+    def turning(here: Point) -> float:
+        if problem.variation is None:
+            return problem.energy_slope(here.u, here.tangent)
+        return float(here.tangent[-1])
+
+    def meeting(which: int) -> Callable[[Point], float]:
+        return lambda here: here.orbit.floquet.meeting[which]
+
+    of = problem.variation.path if problem.variation else "energy"
+    for after, (one, other) in enumerate(pairwise(points)):
+        found: list[Special] = []
+        turned = turning(one) * turning(other) < 0
+        if turned:
+            found.append(_special(problem, one, other, turning, "fold", after, of))
+        for which, kind in ((0, "branch point"), (1, "period doubling")):
+            if not (turned and which == 0) and meeting(which)(one) * meeting(which)(other) < 0:
+                found.append(_special(problem, one, other, meeting(which), kind, after))
+        if one.orbit.floquet.apart != other.orbit.floquet.apart and (met := _circled(problem, one, other)):
+            kind = "collision" if problem.conservative else "torus"
+            found.append(Special(kind, met.orbit, after, met))
+        yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
+
+
+def _circled(problem: Shooting, one: Point, other: Point) -> Point | None:
+    """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
+    if problem.conservative:
+        return halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+    if one.orbit.floquet.closest_pair * other.orbit.floquet.closest_pair < 0:
+        met = located(problem, one, other, lambda here: here.orbit.floquet.closest_pair)
+    else:
+        met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+    return met if abs(met.orbit.floquet.closest_pair) < ON_CIRCLE else None
 
 
 def _special(
