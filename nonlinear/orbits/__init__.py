@@ -11,15 +11,17 @@ solutions, `floquet` tells stability, `special` where it changes, and `entering`
 """
 
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.cycles import cycle_of, follow_cycles, growth, limit_cycles, periodic_orbit
-from nonlinear.orbits.entering import entered
+from nonlinear.orbits.cycles import cycle_of, follow_cycles, growth, last_swing, limit_cycles, periodic_orbit
+from nonlinear.orbits.entering import LEAVES, entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
-from nonlinear.orbits.modes import nonlinear_mode
+from nonlinear.orbits.modes import nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text
 from nonlinear.orbits.special import Special
 
 __all__ = [
+    "LEAVES",
     "Branch",
     "Floquet",
     "Flow",
@@ -29,7 +31,12 @@ __all__ = [
     "entered",
     "follow_cycles",
     "growth",
+    "last_swing",
     "limit_cycles",
     "nonlinear_mode",
+    "orbits_csv",
+    "orbits_record",
+    "orbits_text",
+    "oscillating",
     "periodic_orbit",
 ]

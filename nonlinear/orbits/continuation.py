@@ -23,6 +23,7 @@ CLOSED = 1e-9  # largest residual of an orbit in natural units
 TURN = 0.3  # largest angle (rad) between neighbouring tangents
 LEAST = 1e-6  # shortest step
 ROUNDS = 60
+ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
 
 
 class Problem(Protocol):
@@ -123,19 +124,30 @@ def between(problem: Problem, one: Point, other: Point, part: float) -> Point:
 def located(
     problem: Problem, one: Point, other: Point, test: Callable[[Point], float], accuracy: float = 1e-10
 ) -> Point:
-    """The point between two where a test function is 0; it has different signs at them (Illinois' rule)."""
+    """The point between two where a test function is 0; it has different signs at them (Illinois' rule).
+
+    Where branches cross, Newton's method fails in the end: the nearest point found is then the answer.
+    """
     low, high, f_low, f_high = 0.0, 1.0, test(one), test(other)
     best, size = (one, abs(f_low)) if abs(f_low) < abs(f_high) else (other, abs(f_high))
-    kept, enough = 0, accuracy * max(abs(f_low), abs(f_high))
+    kept, enough, misses = 0, accuracy * max(abs(f_low), abs(f_high)), 0
     for _ in range(ROUNDS):
-        part = (low * f_high - high * f_low) / (f_high - f_low)
+        part = (
+            (low * f_high - high * f_low) / (f_high - f_low) if not misses else low + ASIDE[misses - 1] * (high - low)
+        )
         if not low < part < high or high - low < accuracy:
             break
-        found = between(problem, one, other, part)
-        value = test(found)
+        try:
+            found = between(problem, one, other, part)
+        except ComputationError:
+            misses += 1
+            if misses > len(ASIDE):
+                break
+            continue
+        value, misses = test(found), 0
         if abs(value) < size:
             best, size = found, abs(value)
-        if value == 0:
+        if size < enough:
             break
         if (value > 0) == (f_high > 0):
             high, f_high = part, value
@@ -143,6 +155,4 @@ def located(
         else:
             low, f_low = part, value
             f_high, kept = (f_high / 2, 0) if kept == -1 else (f_high, -1)
-        if size < enough:
-            break
     return best

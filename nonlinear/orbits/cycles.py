@@ -17,7 +17,7 @@ from nonlinear.orbits.flow import Force
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import SEGMENTS, Shooting, shooting, spread
 from nonlinear.orbits.special import along_cycles
-from nonlinear.system import State
+from nonlinear.system import Motion, State
 
 TOLERANCE = 1e-11
 CLOSED = 1e-8
@@ -81,6 +81,21 @@ def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
     if problem.free:
         found[0] = 0.0
     return found, leader
+
+
+def last_swing(times: Floats, motion: Motion) -> float:
+    """The time (s) between the last two passages of the widest link to the right through its mean angle.
+
+    Raises ComputationError where it does not pass twice.
+    """
+    late = motion.links[len(times) // 2 :]
+    widest = int(np.ptp(late, axis=0).argmax())
+    x = motion.links[:, widest] - late[:, widest].mean()
+    passed = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))[-2:]
+    if len(passed) < 2:
+        raise ComputationError("the run does not oscillate: it shows no period")
+    moments = times[passed] - x[passed] * (times[passed + 1] - times[passed]) / (x[passed + 1] - x[passed])
+    return float(np.diff(moments)[0])
 
 
 def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, int]:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
+from modal.errors import ComputationError
 from nonlinear.orbits.continuation import Point, Problem, between, located
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting
@@ -122,7 +123,10 @@ def halved(problem: Problem, one: Point, other: Point, test: Callable[[Point], o
     """The point from which on a test gives another value than at the first one, by bisection."""
     low, high, before, found = 0.0, 1.0, test(one), other
     for _ in range(HALVINGS):
-        middle = between(problem, one, other, (low + high) / 2)
+        try:
+            middle = between(problem, one, other, (low + high) / 2)
+        except ComputationError:
+            break
         if test(middle) == before:
             low = (low + high) / 2
         else:

@@ -7,6 +7,8 @@ and with `animation` for films.
 from nonlinear.plotting.animation import SECONDS, animate, strobe
 from nonlinear.plotting.branches import branches_figure, draw_branches
 from nonlinear.plotting.chaos import draw_finding, draw_running
+from nonlinear.plotting.orbit_films import film_orbit
+from nonlinear.plotting.orbits import draw_orbits, orbits_figure
 from nonlinear.plotting.run import draw_run
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
@@ -21,12 +23,15 @@ __all__ = [
     "draw_branches",
     "draw_check",
     "draw_finding",
+    "draw_orbits",
     "draw_run",
     "draw_running",
     "draw_spectrum",
     "draw_sweep",
     "draw_sync",
     "draw_tradeoff",
+    "film_orbit",
+    "orbits_figure",
     "strobe",
     "sync_figure",
     "tradeoff_figure",
