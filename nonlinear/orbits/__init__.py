@@ -15,7 +15,7 @@ from nonlinear.orbits.cycles import cycle_of, follow_cycles, growth, last_swing,
 from nonlinear.orbits.entering import LEAVES, entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
-from nonlinear.orbits.modes import nonlinear_mode, oscillating
+from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text
 from nonlinear.orbits.special import Special
@@ -27,13 +27,16 @@ __all__ = [
     "Flow",
     "Orbit",
     "Special",
+    "at_amplitude",
     "cycle_of",
     "entered",
     "follow_cycles",
     "growth",
     "last_swing",
     "limit_cycles",
+    "mode_orbit",
     "nonlinear_mode",
+    "orbit_where_off",
     "orbits_csv",
     "orbits_record",
     "orbits_text",

@@ -22,7 +22,7 @@ class Branch:
     """Orbits in the order of their continuation and the special points between them.
 
     `origin` says where it begins, `variation` along which number of the scene it goes, if any; it is `complete` where
-    it reaches what was asked for.
+    it reaches what was asked for.  `linear` is the frequency (rad/s) of the mode in which it begins, if it does.
     """
 
     origin: str
@@ -31,6 +31,7 @@ class Branch:
     problem: Problem
     variation: Variation | None = None
     complete: bool = True
+    linear: float | None = None
 
     @cached_property
     def orbits(self) -> tuple[Orbit, ...]:
