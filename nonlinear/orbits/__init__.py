@@ -11,7 +11,7 @@ solutions, `floquet` tells stability, `special` where it changes, and `entering`
 """
 
 from nonlinear.orbits.branch import Branch
-from nonlinear.orbits.cycles import cycle_of, follow_cycles, growth, last_swing, limit_cycles, periodic_orbit
+from nonlinear.orbits.cycles import crossed, cycle_of, follow_cycles, growth, last_swing, limit_cycles, periodic_orbit
 from nonlinear.orbits.entering import LEAVES, entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
@@ -28,6 +28,7 @@ __all__ = [
     "Orbit",
     "Special",
     "at_amplitude",
+    "crossed",
     "cycle_of",
     "entered",
     "follow_cycles",

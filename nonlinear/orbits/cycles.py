@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -16,14 +17,17 @@ from nonlinear.orbits.continuation import Point, corrected, follow, located, tan
 from nonlinear.orbits.flow import Force
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import SEGMENTS, Shooting, shooting, spread
-from nonlinear.orbits.special import along_cycles
+from nonlinear.orbits.special import Special, along_cycles
 from nonlinear.system import Motion, State
 
 TOLERANCE = 1e-11
 CLOSED = 1e-8
 SAME = 1e-6
+DRIFTING = 1e-2  # how close to c/M the rate of the cart's drift is
 DYING = 1e-2  # of the first amplitude, below which a branch has died out
 MOST = 400
+LOOSE, ROUGH = 1e-9, 1e-5  # tolerance and accuracy where only a critical value is wanted
+STEPS, BEYOND = 40, 4.0  # orbits across a critical value; how far they go, over the distance to it
 
 
 def periodic_orbit(
@@ -145,9 +149,18 @@ def _sizes(orbit: Orbit) -> Sequence[float]:
 
 
 def growth(orbit: Orbit) -> float:
-    """The largest growth rate (1/s) of disturbances, −∞ where there are no others."""
-    sizes = np.abs(orbit.floquet.others)
-    return float(np.log(sizes.max()) / orbit.period) if len(sizes) else -np.inf
+    """The largest growth rate (1/s) of disturbances, −∞ where there are no others.
+
+    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out.
+    """
+    rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
+    cart = orbit.flow.system.cart
+    if cart and cart.damping and not cart.stiffness and len(rates):
+        drift = -cart.damping / orbit.flow.system.total_mass
+        at = int(np.abs(rates - drift).argmin())
+        if abs(rates[at] / drift - 1) < DRIFTING:
+            rates = np.delete(rates, at)
+    return float(rates.max(initial=-np.inf))
 
 
 def follow_cycles(
@@ -246,3 +259,24 @@ def _known(orbit: Orbit, branch: Branch) -> bool:
         orbit.value is not None and np.isclose(one.value or 0.0, orbit.value, rtol=1e-9) and same(one, orbit)
         for one in ends
     )
+
+
+def crossed(scene: Scene, variation: Variation, one: RelativeEquilibrium, value: float, at: float) -> Special | None:
+    """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
+
+    None where there is none until BEYOND times as far; ComputationError where no orbit is found at the beginning.
+    """
+    y, period, leader = near(shooting(one.averaged.scene), one)
+    problem = shooting(scene, leader=leader, tolerance=LOOSE, variation=variation)
+    u = solution(problem, y, period, value)
+    distance = problem.place(at) - problem.place(value)
+    towards = np.append(np.zeros(len(u) - 1), np.sign(distance))
+    before = Point(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
+    steps = follow(problem, before, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))
+    for here in islice(steps, 1, STEPS):
+        if special := next(along_cycles(problem, [before, here], ROUGH), None):
+            return special
+        if (here.u[-1] - u[-1]) / distance > BEYOND:
+            break
+        before = here
+    return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -27,13 +27,13 @@ class Orbit:
     its first quarter.
     """
 
-    scene: Scene
-    flow: Flow
+    scene: Scene = field(repr=False)
+    flow: Flow = field(repr=False)
     y: Floats
     period: float
     floquet: Floquet
     residual: float
-    path: Path
+    path: Path = field(repr=False)
     symmetric: bool
     value: float | None = None
 

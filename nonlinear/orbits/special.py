@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 from modal.errors import ComputationError
@@ -27,7 +27,7 @@ class Special:
     kind: str
     orbit: Orbit
     after: int
-    point: Point
+    point: Point = field(repr=False)
     of: str = ""
     breaks: bool = False
 
@@ -64,10 +64,10 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
 
 
-def along_cycles(problem: Shooting, points: Sequence[Point]) -> Iterator[Special]:
+def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1e-10) -> Iterator[Special]:
     """The special points of a branch of orbits without symmetry, in order.
 
-    Folds are where the varied number turns, in a conservative scene the energy.
+    Folds are where the varied number turns, in a conservative scene the energy; `accuracy` is that of `located`.
     """
 
     def turning(here: Point) -> float:
@@ -83,22 +83,22 @@ def along_cycles(problem: Shooting, points: Sequence[Point]) -> Iterator[Special
         found: list[Special] = []
         turned = turning(one) * turning(other) < 0
         if turned:
-            found.append(_special(problem, one, other, turning, "fold", after, of))
+            found.append(_special(problem, one, other, turning, "fold", after, of, accuracy=accuracy))
         for which, kind in ((0, "branch point"), (1, "period doubling")):
             if not (turned and which == 0) and meeting(which)(one) * meeting(which)(other) < 0:
-                found.append(_special(problem, one, other, meeting(which), kind, after))
-        if one.orbit.floquet.apart != other.orbit.floquet.apart and (met := _circled(problem, one, other)):
+                found.append(_special(problem, one, other, meeting(which), kind, after, accuracy=accuracy))
+        if one.orbit.floquet.apart != other.orbit.floquet.apart and (met := _circled(problem, one, other, accuracy)):
             kind = "collision" if problem.conservative else "torus"
             found.append(Special(kind, met.orbit, after, met))
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
 
 
-def _circled(problem: Shooting, one: Point, other: Point) -> Point | None:
+def _circled(problem: Shooting, one: Point, other: Point, accuracy: float) -> Point | None:
     """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
     if problem.conservative:
         return halved(problem, one, other, lambda here: here.orbit.floquet.apart)
     if one.orbit.floquet.closest_pair * other.orbit.floquet.closest_pair < 0:
-        met = located(problem, one, other, lambda here: here.orbit.floquet.closest_pair)
+        met = located(problem, one, other, lambda here: here.orbit.floquet.closest_pair, accuracy)
     else:
         met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
     return met if abs(met.orbit.floquet.closest_pair) < ON_CIRCLE else None
@@ -114,8 +114,9 @@ def _special(
     of: str = "",
     *,
     breaks: bool = False,
+    accuracy: float = 1e-10,
 ) -> Special:
-    found = located(problem, one, other, test)
+    found = located(problem, one, other, test, accuracy)
     return Special(kind, found.orbit, after, found, of, breaks)
 
 
