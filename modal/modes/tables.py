@@ -16,6 +16,7 @@ from modal.scene import Scene, describe
 from modal.types import Floats
 
 MOST_SHAPE_NUMBERS = 5_000_000
+GUIDE = "the 1 % amplitude is a guide"
 Value = float | int | str | bool | None
 
 
@@ -107,10 +108,11 @@ COLUMNS = (
 )
 
 
-def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False) -> str:
+def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False, starred: str = GUIDE) -> str:
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
-    `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.
+    `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.  `starred` says what the
+    1 % amplitude of a starred mode is.
     """
     if form == "json":
         return _json(modes, rows, shapes=shapes)
@@ -118,7 +120,7 @@ def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False
         return _csv(rows)
     columns = [column for column in COLUMNS if column.shown and column.only_if(modes)]
     cells = [[column.shown(row) for column in columns if column.shown] for row in rows]
-    return _WRITERS[form](modes, columns, cells, _footnotes(modes, rows))
+    return _WRITERS[form](modes, columns, cells, _footnotes(modes, rows, starred))
 
 
 def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
@@ -154,10 +156,10 @@ def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
     }
 
 
-def _footnotes(modes: Modes, rows: Sequence[Mode]) -> list[str]:
+def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     notes = list(modes.notes)
     if any(row.resonances for row in rows):
-        notes.append("* near a 1:1 or 1:3 resonance, with another mode or among its own: the 1 % amplitude is a guide.")
+        notes.append(f"* near a 1:1 or 1:3 resonance, with another mode or among its own: {starred}.")
     if any(row.is_uncertain for row in rows):
         notes.append("! beyond double precision: no digit of this frequency is certain.")
     if any(row.growth_rate for row in rows):

@@ -10,6 +10,7 @@ from multipendula.commands import (
     ensembles,
     modes,
     motion,
+    orbits,
     scenes,
     statespace,
     sweeps,
@@ -19,7 +20,19 @@ from multipendula.commands import (
 
 __all__ = ["ABOUT", "COMMANDS", "FIRST"]
 
-GROUPS = (scenes, modes, motion, verification, coupling, sweeps, synchronization, ensembles, statespace, derivation)
+GROUPS = (
+    scenes,
+    modes,
+    motion,
+    orbits,
+    verification,
+    coupling,
+    sweeps,
+    synchronization,
+    ensembles,
+    statespace,
+    derivation,
+)
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)
 ABOUT = (
     "Frequencies, mode shapes and motion of multi-pendulum systems: chains of bobs, rods and rigid bodies in the plane "

@@ -28,9 +28,11 @@ def table(options: argparse.Namespace) -> None:
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
     modes, numbers = _modes(options, options.accuracy)
-    rows = list(_with_progress(modes.rows(numbers), len(numbers)))
+    rows, starred = list(_with_progress(modes.rows(numbers), len(numbers))), tables.GUIDE
+    if options.orbits:
+        rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
-        write(tables.table(modes, rows, options.format, shapes=options.shapes))
+        write(tables.table(modes, rows, options.format, shapes=options.shapes, starred=starred))
     if options.explain:
         from modal.modes.solution_report import report_solution
 
@@ -48,8 +50,32 @@ def _table_arguments(page: Page) -> None:
         type=number("at least 1e-16 and at most 0.1", 0.1, 1e-16),
         help="frequencies within this relative error, at less cost for long chains (default: every digit)",
     )
+    words = "where a mode is starred, take the 1 %% amplitude from its periodic orbits in the full equations"
+    page.computed.add_argument("--orbits", action="store_true", help=words)
     page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
     add_explain(page)
+
+
+def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
+    """The rows with the 1 % amplitudes of starred modes from periodic orbits, and what these amplitudes are."""
+    from dataclasses import replace
+    from math import degrees, inf
+
+    from modal.errors import MultipendulaError
+    from modal.modes import tables
+    from nonlinear.orbits import orbit_where_off
+
+    found, missing = [], []
+    for row in rows:
+        angle = row.linear_to_1_percent_deg
+        if row.resonances:
+            try:
+                orbit = orbit_where_off(modes.scene, row.number)
+                angle = degrees(orbit.amplitude) if orbit else inf
+            except MultipendulaError as error:
+                missing.append(f"{tables.GUIDE} for mode {row.number} ({error})")
+        found.append(replace(row, linear_to_1_percent_deg=angle))
+    return found, "; ".join(["the 1 % amplitude is that of the mode's periodic orbits", *missing])
 
 
 def shapes(options: argparse.Namespace) -> None:

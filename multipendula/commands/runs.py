@@ -33,7 +33,7 @@ def add_run_arguments(page: Page, duration: float) -> None:
     add_run(page)
     add_duration(page, f"default {duration:g}")
     page.set_defaults(usual=duration)
-    add_start(page, "scene (default), mode:R:DEG or angles:A,B,... (deg, at rest)")
+    add_start(page, "scene (default), mode:R:DEG, orbit:R:DEG (a periodic orbit) or angles:A,B,... (deg, at rest)")
     methods = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
     words = f"{', '.join(methods)} (default auto)"
     add_words(page.computed, "--method", methods, comma="", metavar="NAME", help=words)
@@ -122,7 +122,7 @@ def _unstarted(options: argparse.Namespace) -> None:
 
 
 def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> State | None:
-    """None for the file's own start, mode:R:DEG for a mode's shape, angles:A,B,... for angles at rest.
+    """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
 
     `undamped` selects the shape without dampers; R is the number in the table of the scene even then.
     """
@@ -138,10 +138,28 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> Stat
             return starts.state_at_rest(scene, [float(word) for word in rest.split(",")])
         if kind == "mode":
             return _in_mode(scene, int(number), float(degrees), undamped=undamped)
+        if kind == "orbit":
+            return _on_orbit(scene, int(number), float(degrees))
     except ValueError as error:
         if isinstance(error, SceneError):
             raise
-    raise SceneError([f"--start {words}: must be scene, mode:R:DEG such as mode:2:10, or angles:A,B,... in degrees"])
+    forms = "scene, mode:R:DEG such as mode:2:10, orbit:R:DEG, or angles:A,B,... in degrees"
+    raise SceneError([f"--start {words}: must be {forms}"])
+
+
+def _on_orbit(scene: Scene, number: int, degrees: float) -> State:
+    from math import radians
+
+    from modal.errors import SceneError
+    from nonlinear.orbits import mode_orbit
+    from nonlinear.system import State
+
+    if not 0 < abs(degrees) < 180:
+        raise SceneError([f"--start orbit:{number}:{degrees:g}: the largest angle must be a number below 180 deg"])
+    orbit = mode_orbit(scene, number, radians(abs(degrees)))
+    if degrees > 0:
+        return orbit.state
+    return State(2 * orbit.flow.system.rest - orbit.state.links, orbit.state.link_rates, -orbit.state.cart)
 
 
 def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> State:

@@ -63,7 +63,12 @@ class Prediction:
     @cached_property
     def doubts(self) -> tuple[str, ...]:
         """Reasons why the survivor is not certain; empty if it is."""
-        return tuple(self._doubts())
+        return tuple(words for words, _ in self._doubts())
+
+    @property
+    def doubts_of_start(self) -> tuple[str, ...]:
+        """Those reasons that would remain if the final state were known to be stable in the full equations."""
+        return tuple(words for words, of_start in self._doubts() if of_start)
 
     @property
     def certain(self) -> bool:
@@ -95,19 +100,20 @@ class Prediction:
         if self.ending and self.ending.hold < SLOW * self._error:
             yield "the last rate is a small difference of large ones"
 
-    def _doubts(self) -> Iterator[str]:
+    def _doubts(self) -> Iterator[tuple[str, bool]]:
+        """Every reason, and whether it concerns the way from this start instead of the final state."""
         if self.motion.dies:
-            yield "the swing dies out: no drive keeps it up"
+            yield "the swing dies out: no drive keeps it up", True
             return
         if not self.motion.settled:
-            yield f"nothing has settled after {self.motion.times[-1]:.3g} s"
+            yield f"nothing has settled after {self.motion.times[-1]:.3g} s", True
         elif self.share < CLEAR:
-            yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy"
+            yield f"no mode wins: the one that holds most has {100 * self.share:.3g} % of the energy", True
         if self.ending is None or self.ending.hold < MARGIN * self._error:
-            yield "the final state attracts its neighbours only weakly"
+            yield "the final state attracts its neighbours only weakly", False
         if any(other.survivor != self.row or other.dies for other in self.neighbours):
-            yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere"
-        yield from self._limits()
+            yield f"starts {100 * ASIDE:.0f} % away from this one end elsewhere", True
+        yield from ((words, False) for words in self._limits())
 
     @cached_property
     def _error(self) -> float:

@@ -15,6 +15,8 @@ from nonlinear.plotting.ensembles import (
     section_figure,
     spread_figure,
 )
+from nonlinear.plotting.orbit_films import film_orbit
+from nonlinear.plotting.orbits import draw_orbits, orbits_figure
 from nonlinear.plotting.run import draw_run
 from nonlinear.plotting.sweeps import draw_sweep, validate_axes
 from nonlinear.plotting.synchronization import draw_sync, sync_figure
@@ -31,6 +33,7 @@ __all__ = [
     "draw_branches",
     "draw_check",
     "draw_finding",
+    "draw_orbits",
     "draw_run",
     "draw_running",
     "draw_section",
@@ -39,6 +42,8 @@ __all__ = [
     "draw_sweep",
     "draw_sync",
     "draw_tradeoff",
+    "film_orbit",
+    "orbits_figure",
     "section_figure",
     "spread_figure",
     "strobe",

@@ -42,6 +42,8 @@ TRAIL = 0.8
 SIZE, DPI = (8.0, 4.5), 100
 PANEL = (0.02, 0.16, 0.585, 0.72)
 """Left, bottom, width and height of the pendula's panel, as fractions of the figure."""
+HALVES = ((0.02, 0.16, 0.47, 0.72), (0.51, 0.16, 0.47, 0.72))
+"""The same of the two motions of a film that shows one beside another."""
 FPS = {"gif": 20.0, "mp4": 30.0, "html": 20.0}
 SECONDS = 20.0
 APART = 24  # apparent period of an oscillation in frames
@@ -62,19 +64,25 @@ Report = Callable[[float], object]
 class Film:
     """The figure of a trajectory at `times` (F,) in s, updated frame by frame."""
 
-    def __init__(self, trajectory: Trajectory, times: Floats, rate: float, speed: float) -> None:
+    def __init__(
+        self, trajectory: Trajectory, times: Floats, rate: float, speed: float, beside: Trajectory | None = None
+    ) -> None:
         self.times, self.rate = times, rate
         self.title = visible(trajectory.scene.title) or "Pendula"
         self.figure = sheet(*SIZE)
         self.figure.set(dpi=DPI, layout_engine="none")
         self.canvas = FigureCanvasAgg(self.figure)
-        stage = stage_of(trajectory, times)
-        ratio = PANEL[2] * SIZE[0] / (PANEL[3] * SIZE[1])
-        self.scenery = Scenery(self.figure.add_axes(PANEL), stage, ratio, max(1, round(TRAIL * rate)))
-        bars, line = (self.figure.add_axes((0.69, bottom, 0.29, 0.27)) for bottom in (0.58, 0.18))
-        self.gauges = Gauges(bars, line, energies_of(trajectory, times), times)
-        self._words(_caption(trajectory, len(stage.actors), stage.follows, speed))
-        self.moving = sorted([*self.scenery.moving, *self.gauges.moving, self.clock], key=Artist.get_zorder)
+        stage, panel = stage_of(trajectory, times), PANEL if beside is None else HALVES[0]
+        ratio, trail = panel[2] * SIZE[0] / (panel[3] * SIZE[1]), max(1, round(TRAIL * rate))
+        self.scenery = Scenery(self.figure.add_axes(panel), stage, ratio, trail)
+        self.right: Gauges | Scenery
+        if beside is None:
+            bars, line = (self.figure.add_axes((0.69, bottom, 0.29, 0.27)) for bottom in (0.58, 0.18))
+            self.right = Gauges(bars, line, energies_of(trajectory, times), times)
+        else:
+            self.right = Scenery(self.figure.add_axes(HALVES[1]), stage_of(beside, times), ratio, trail)
+        self._words(_caption(trajectory, len(stage.actors), stage.follows, speed, beside))
+        self.moving = sorted([*self.scenery.moving, *self.right.moving, self.clock], key=Artist.get_zorder)
         self.still: tuple[float, Any] | None = None
         self.show(0)
 
@@ -90,7 +98,7 @@ class Film:
     def show(self, frame: int) -> None:
         """Update everything to a frame."""
         self.scenery.show(frame)
-        self.gauges.show(frame)
+        self.right.show(frame)
         self.clock.set_text(f"t = {self.times[frame]:.2f} s")
 
     def image(self, frame: int) -> Image.Image:
@@ -126,14 +134,15 @@ def _fit(text: Text, width: float) -> None:
     text.set_fontsize(float(text.get_fontsize()) * min(1.0, room / max(text.get_window_extent().width, 1.0)))
 
 
-def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float) -> str:
+def _caption(trajectory: Trajectory, drawn: int, follows: bool, speed: float, beside: Trajectory | None) -> str:
     system = trajectory.system
     words = ["real time" if speed == 1 else f"{speed:.3g} seconds a second"]
     words += [f"{drawn} of {system.n_pendula} pendula drawn"] if drawn < system.n_pendula else []
     words += ["pivots set apart"] if drawn > 1 else []
     words += ["oblique view, with the shadow on a floor"] if system.spatial else []
     words += ["the camera follows the cart"] if follows else []
-    return "; ".join([*words, "energy above equilibrium"])
+    last = "energy above equilibrium" if beside is None else f"left: {trajectory.run.form}; right: {beside.run.form}"
+    return "; ".join([*words, last])
 
 
 def strobe(phases: Phases, form: str) -> dict[str, Any]:
@@ -171,14 +180,16 @@ def animate(
     fps: float | None = None,
     speed: float = 1.0,
     seconds: float | None = None,
+    beside: Trajectory | None = None,
     report: Report = lambda done: None,
 ) -> Shown:
     """Write a film of a trajectory as "gif", "mp4" or "html".
 
     `fps` is the frame rate (25 in a GIF, else 30; a GIF counts hundredths of a second and takes the nearest possible
-    rate), `speed` the seconds of motion per second of film, `seconds` the maximum length of the film (20).  `report` is
-    called with the seconds of film done.  Raises SceneError for invalid arguments, ComputationError where samples are
-    too far apart and for an MP4 without ffmpeg.
+    rate), `speed` the seconds of motion per second of film, `seconds` the maximum length of the film (20).  Another
+    trajectory of the same duration may be shown `beside` this one, instead of the energies.  `report` is called
+    with the seconds of film done.  Raises SceneError for invalid arguments, ComputationError where samples are too far
+    apart and for an MP4 without ffmpeg.
     """
     _check(form, fps, speed, seconds)
     executable = _ffmpeg() if form == "mp4" else ""
@@ -194,7 +205,7 @@ def animate(
         return image
 
     with any_letters():
-        film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed)
+        film = Film(trajectory, trajectory.times[0] + speed / rate * np.arange(frames), rate, speed, beside)
         if form == "gif":
             _write_gif(film, shot, stream)
         elif form == "html":

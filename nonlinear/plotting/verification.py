@@ -45,7 +45,7 @@ def draw_check(found: Check, stream: IO[bytes], form: str = "png") -> None:
 
 
 def check_figure(found: Check) -> Figure:
-    """|ω(a)/ω − 1| against the largest angle on logarithmic axes, measured (marks) and predicted (lines: κa²).
+    """|ω(a)/ω − 1| against the largest angle on logarithmic axes: marks are runs, thin lines κa², wide ones orbits.
 
     The level of 1 % is marked, with the angle measured for it; hollow marks are frequencies that rise with amplitude.
     Irregular runs are omitted.  Raises ComputationError where there is nothing to draw or too much.
@@ -74,9 +74,12 @@ def check_figure(found: Check) -> Figure:
 
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
-    """One mode: κa² as a line, runs as marks, the measured 1 % as a tick."""
+    """One mode: κa² as a line, periodic orbits as a wide one, runs as marks, the measured 1 % as a tick."""
     a = np.geomspace(low, high, POINTS)
     axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=DASHES[k % 2], lw=1.3, zorder=2)
+    if row.backbone and row.backbone.linear:
+        size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
+        axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, zorder=1.5)
     steady = [run for run in row.measurements if not run.irregular]
     for falls in (True, False):
         x, y = (np.array(v) for v in ([degrees(run.effective) for run in steady], [run.shift for run in steady]))

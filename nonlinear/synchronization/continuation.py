@@ -7,7 +7,8 @@ intermediate values are inserted by bisection.
 
 At a critical value a branch meets another and both end (Adler, Proc. IRE 34, 351 (1946): the critical detuning), or
 it joins one that continues, or dies out, or continues with a change of stability.  Each is located to RESOLUTION of the
-range.
+range, and beside it the point where the periodic orbits of the full equations do the same
+(`nonlinear.synchronization.certificates`).
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ from nonlinear.averaging import (
     same,
     swinging,
 )
+from nonlinear.orbits import Special
+from nonlinear.synchronization.certificates import critical
 from nonlinear.synchronization.patterns import agreement
 
 DYING = 0.1  # fraction of a branch's largest amplitude below which a branch that ends has died out
@@ -137,6 +140,17 @@ class Branches:
         """Critical values of all branches in ascending order, each with the number of its branch, from 0."""
         every = ((change, number) for number, one in enumerate(self.branches) for change in one.changes)
         return tuple(sorted(every, key=lambda pair: pair[0].value))
+
+    @cached_property
+    def located(self) -> tuple[Special | None, ...]:
+        """For every one of the `changes` where the periodic orbits of the full equations turn or change stability.
+
+        None where no such point was found beside it.
+        """
+        return tuple(
+            critical(self.scene, one.variation, one.states, one.values, change.value)
+            for change, one in ((change, self.branches[number]) for change, number in self.changes)
+        )
 
 
 def follow_branches(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Branches:

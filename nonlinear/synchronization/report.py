@@ -14,6 +14,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.report import (
+    NOTHING,
     WIDTH,
     capital,
     counted,
@@ -29,7 +30,8 @@ from modal.report import (
 )
 from modal.scene import describe
 from modal.types import Floats
-from nonlinear.averaging import ASIDE, Prediction, RelativeEquilibrium
+from nonlinear.averaging import ASIDE, RelativeEquilibrium
+from nonlinear.orbits import Orbit, Special, growth
 from nonlinear.postprocessing import last
 from nonlinear.synchronization.continuation import Branch, Branches, Change
 from nonlinear.synchronization.modal_energy import Survival
@@ -43,6 +45,14 @@ NOT_COVERED = (
     "The averaged equations are of first order in dampers, drives, coupling within a band and squares of angles, with "
     "the third harmonic of every swing. They leave out: what else happens within a swing, dry friction and play, "
     "motion across the rail, inverted links, noise."
+)
+EXACT = (
+    "Stability and e-folding time are those of the periodic orbit beside each: of its Floquet multipliers in the full "
+    "equations."
+)
+LEFT = "(averaged): no such orbit was found."
+LOCATED = (
+    "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
 )
 NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
 MOST_FREQUENCIES = 6
@@ -59,7 +69,7 @@ def _sections(found: SynchronizationStudy) -> Iterator[str]:
         yield f"No prediction: {found.silent}."
     else:
         yield "Steady motions by the averaged equations\n" + _table(found.theory)
-        yield _paragraph("Predicted from this start", _prediction(found.theory.prediction))
+        yield _paragraph("Predicted from this start", _prediction(found.theory))
     beside = ", and from a start nearby" if found.theory is not None and found.theory.prediction.unstable else ""
     yield _paragraph(f"Simulated for {short(float(found.trajectory.times[-1]))} s{beside}", _simulation(found))
     if found.scene.has_damping:
@@ -76,10 +86,13 @@ def _paragraph(title: str, sentences: Iterator[str]) -> str:
 def _table(theory: Theory) -> str:
     if not theory.configurations:
         return "none was found"
-    return grid([_cells(one) for one in theory.configurations], HEAD, "text")
+    each = list(zip(theory.configurations, theory.orbits, strict=True))
+    rows = grid([_cells(one, orbit) for one, orbit in each], HEAD, "text")
+    notes = [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
+    return "\n\n".join([rows, *(fill(note, WIDTH) for note in notes)])
 
 
-def _cells(one: RelativeEquilibrium) -> list[str]:
+def _cells(one: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
     modes = one.averaged.modes
     mode = modes[one.row]
     angle = degrees(float(np.abs(own_amplitudes(one)).max()))
@@ -89,17 +102,21 @@ def _cells(one: RelativeEquilibrium) -> list[str]:
         agreement(one),
         f"{angle:.4g}",
         f"{one.omega:.6g}",
-        _fate(one),
+        _fate(one, orbit),
     ]
 
 
-def _fate(one: RelativeEquilibrium) -> str:
+def _fate(one: RelativeEquilibrium, orbit: Orbit | None) -> str:
     if one.is_stable is None:
         return "neutral"
-    return f"{'stable' if one.is_stable else 'unstable'}, e-folding time {one.relaxation:.4g} s"
+    if orbit:
+        rate = growth(orbit)
+        return f"{'stable' if orbit.is_stable else 'unstable'}, e-folding time {abs(1 / rate):.4g} s"
+    return f"{'stable' if one.is_stable else 'unstable'}, e-folding time {one.relaxation:.4g} s (averaged)"
 
 
-def _prediction(prediction: Prediction) -> Iterator[str]:
+def _prediction(theory: Theory) -> Iterator[str]:
+    prediction = theory.prediction
     if prediction.unstable:
         yield from _unstable(prediction.unstable)
     if prediction.motion.dies:
@@ -108,10 +125,13 @@ def _prediction(prediction: Prediction) -> Iterator[str]:
     mode = prediction.averaged.modes[prediction.row]
     share = percent(prediction.share)
     yield f"Mode {prediction.number} survives ({mode.family}; {rad(mode.omega)}), with {share} of the energy."
-    if prediction.certain:
+    if theory.ending:
+        size = float(np.abs(theory.ending.floquet.others).max())
+        yield f"The orbit in which it ends is stable in the full equations: no multiplier exceeds {size:.6g}."
+    if theory.doubts:
+        yield f"This is not certain: {'; '.join(theory.doubts)}."
+    elif not theory.ending:
         yield "This is certain as far as the averaged equations reach."
-    else:
-        yield f"This is not certain: {'; '.join(prediction.doubts)}."
     locking = prediction.locking_time()
     if locking is None or not np.ptp(prediction.averaged.row):
         return
@@ -206,15 +226,16 @@ def sync_record(found: SynchronizationStudy) -> dict[str, Any]:
     theory = found.theory
     return {
         "scene": describe(found.scene),
-        "configurations": [_configuration_record(one) for one in theory.configurations] if theory else None,
-        "prediction": _prediction_record(theory.prediction) if theory else None,
+        "configurations": [*map(_configuration_record, theory.configurations, theory.orbits)] if theory else None,
+        "prediction": _prediction_record(theory) if theory else None,
         "no_prediction": found.silent or None,
         "simulation": _simulation_record(found),
         "agrees": found.agrees,
     }
 
 
-def _configuration_record(one: RelativeEquilibrium) -> dict[str, Any]:
+def _configuration_record(one: RelativeEquilibrium, orbit: Orbit | None = None) -> dict[str, Any]:
+    """One configuration; `lasts` and `growth_rate_per_s` are those of its orbit where one was found."""
     eta = own_amplitudes(one)
     return {
         "mode": one.number,
@@ -223,19 +244,35 @@ def _configuration_record(one: RelativeEquilibrium) -> dict[str, Any]:
         "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
         "phases_deg": (np.rad2deg(np.angle(eta / eta[np.abs(eta).argmax()])) % 360).tolist(),
         "omega_rad_per_s": one.omega,
-        "lasts": one.is_stable,
-        "growth_rate_per_s": finite(one.growth),
+        "lasts": orbit.is_stable if orbit and one.is_stable is not None else one.is_stable,
+        "growth_rate_per_s": finite(growth(orbit) if orbit else one.growth),
+        "averaged_growth_rate_per_s": finite(one.growth),
+        "orbit": _orbit_record(orbit),
     }
 
 
-def _prediction_record(prediction: Prediction) -> dict[str, Any]:
+def _orbit_record(orbit: Orbit | None) -> dict[str, Any] | None:
+    if orbit is None:
+        return None
+    return {
+        "omega_rad_per_s": orbit.omega,
+        "amplitude_deg": degrees(orbit.amplitude),
+        "stable": orbit.is_stable,
+        "floquet": [[float(one.real), float(one.imag)] for one in orbit.floquet.all],
+        "residual": orbit.residual,
+    }
+
+
+def _prediction_record(theory: Theory) -> dict[str, Any]:
+    prediction = theory.prediction
     return {
         "unstable": _configuration_record(prediction.unstable) if prediction.unstable else None,
         "dies_out": prediction.motion.dies,
         "survivor": None if prediction.motion.dies else prediction.number,
         "survivor_share": None if prediction.motion.dies else prediction.share,
-        "certain": prediction.certain,
-        "doubts": list(prediction.doubts),
+        "certain": not theory.doubts,
+        "doubts": list(theory.doubts),
+        "ends_on": _orbit_record(theory.ending),
         "locking_time_s": prediction.locking_time(),
         "locking_time_doubts": list(prediction.timing_doubts),
         "largest_angle_deg": degrees(prediction.averaged.largest(prediction.motion.z[:, -1])),
@@ -288,9 +325,20 @@ def branches_text(found: Branches) -> str:
     headers = ("", "pendula", "ω (rad/s)", "largest angle (°)", with_unit("exists", unit), with_unit("stable", unit))
     parts = [head, grid(rows, headers) or "no steady motion"]
     if found.changes:
-        turns = [(f"{change.value:.7g}", str(number + 1), change_words(change)) for change, number in found.changes]
-        parts += ["", grid(turns, (with_unit("at", unit), "", "event"))]
+        each = zip(found.changes, found.located, strict=True)
+        turns = [
+            (f"{change.value:.7g}", _located(special), str(number + 1), change_words(change))
+            for (change, number), special in each
+        ]
+        parts += ["", grid(turns, (with_unit("averaged", unit), with_unit("exact", unit), "", "event"))]
+        if any(found.located):
+            parts += ["", fill(LOCATED, WIDTH)]
     return "\n".join(parts) + "\n"
+
+
+def _located(special: Special | None) -> str:
+    value = special.orbit.value if special else None
+    return NOTHING if value is None else f"{value:.7g}"
 
 
 def branches_csv(found: Branches) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from math import pi
 from typing import Any
 
@@ -11,7 +12,9 @@ from modal.errors import ComputationError
 from modal.scene import Scene
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
+from nonlinear.orbits import Orbit
 from nonlinear.simulation import simulate
+from nonlinear.synchronization.certificates import certified
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
 from nonlinear.system import State
@@ -26,6 +29,24 @@ class Theory:
 
     configurations: tuple[RelativeEquilibrium, ...]
     prediction: Prediction
+
+    @cached_property
+    def orbits(self) -> tuple[Orbit | None, ...]:
+        """The periodic orbit of every configuration in the full equations, None where none was found beside it."""
+        scene = self.prediction.averaged.scene
+        return tuple(certified(scene, one) for one in self.configurations)
+
+    @cached_property
+    def ending(self) -> Orbit | None:
+        """The stable orbit of the full equations in which the predicted motion ends, None where none was found."""
+        one = self.prediction.ending
+        orbit = certified(self.prediction.averaged.scene, one) if one else None
+        return orbit if orbit and orbit.is_stable else None
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """Reasons why the survivor is not certain: those of averaging count only where no stable orbit was found."""
+        return self.prediction.doubts_of_start if self.ending else self.prediction.doubts
 
 
 @dataclass(frozen=True, eq=False)

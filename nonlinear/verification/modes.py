@@ -16,9 +16,11 @@ from math import degrees, inf, isfinite, nan, pi, radians, sqrt
 
 import numpy as np
 
+from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.scene import Scene
 from modal.types import Floats
+from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
 from nonlinear.reduction import along_rail
 from nonlinear.verification.measurement import PERIODS, Measurement, measure_mode
@@ -29,6 +31,7 @@ DECAY, LEAST_SWINGS = 1.5, 1.5 * LEAST_PERIODS  # e-folds of the amplitude in a 
 INTERRUPTED = "interrupted"
 GROWS = 1e-9  # Re λ/|λ| of a growing mode, above rounding
 POINTS = 3
+MOST_LINKS, MARGIN, HALF_TURN = 12, 1.01, 3.1  # of scenes with backbones; how far these go (rad)
 ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
 
 
@@ -36,17 +39,26 @@ ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
 class ModeCheck:
     """A mode of the table, its measurements, and the angle (deg) at which the table is wrong by 1 %.
 
-    `one_percent_deg` is infinite where it lies beyond 90°, NaN where the motion there is irregular.
+    `one_percent_deg` is infinite where it lies beyond 90°, NaN where the motion there is irregular.  `backbone` are the
+    periodic orbits of the mode without dampers, in scenes of up to MOST_LINKS links.
     """
 
     mode: Mode
     measurements: tuple[Measurement, ...]
     one_percent_deg: float
+    backbone: Branch | None = None
 
     @property
     def kappa(self) -> tuple[float, float]:
         """The measured κ (1/rad²) and its uncertainty; NaN where every run was irregular."""
         return limit([m for m in self.measurements if not m.irregular])
+
+    def exact(self, measurement: Measurement) -> float:
+        """ω(a)/ω − 1 of the periodic orbit with the largest angle of a run; NaN without one."""
+        if not self.backbone or not self.backbone.linear:
+            return nan
+        orbit = at_amplitude(self.backbone, measurement.effective)
+        return orbit.omega / self.backbone.linear - 1 if orbit else nan
 
     def predicted(self, measurement: Measurement) -> float:
         """κ a² of a run."""
@@ -134,7 +146,20 @@ def _checked(
         return measure(number, amplitude, min(periods, _periods_left(mode)))
 
     found = [run(radians(angle)) for angle in sorted(set(amplitudes_deg))]
-    return ModeCheck(mode, tuple(found), one_percent(run, mode.linear_to_1_percent_deg))
+    furthest = max((one.effective for one in found), default=0.0)
+    return ModeCheck(
+        mode, tuple(found), one_percent(run, mode.linear_to_1_percent_deg), _backbone(modes.scene, number + 1, furthest)
+    )
+
+
+def _backbone(scene: Scene, number: int, to: float) -> Branch | None:
+    """The periodic orbits of a mode up to a little beyond this largest angle (rad); None where there are none."""
+    if scene.n_links > MOST_LINKS or not 0 < to < HALF_TURN:
+        return None
+    try:
+        return nonlinear_mode(scene, number, min(MARGIN * to, HALF_TURN), longest=0.2, locate=False)
+    except (ComputationError, SceneError):
+        return None
 
 
 def limit(runs: Sequence[Measurement]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
 
 MODES = ("mode", "ω (rad/s)", "κ (1/rad²)", "measured", "rel. error ≤", "1 % at (°)", "measured (°)", "description")
-RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "rel. error ≤", "ω(a)/ω − 1", "κa²", "outside")
+RUNS = ("mode", "angle (°)", "ω(a) (rad/s)", "rel. error ≤", "ω(a)/ω − 1", "orbit", "κa²", "outside")
 HEADINGS = ("mode", "ω (rad/s)", "largest (°)", "energy", "lines")
 
 
@@ -58,10 +58,11 @@ def _mode_cells(row: ModeCheck) -> list[str]:
 def _run_cells(row: ModeCheck, run: Measurement) -> list[str]:
     angle, expected = f"{degrees(run.amplitude):.4g}", digits(row.predicted(run), 0.0, 4)
     head, outside = [str(row.mode.number), angle], f"{run.outside:.1e}"
+    exact = digits(row.exact(run), 0.0, 5)
     if run.irregular:
-        return [*head, "irregular", NOTHING, NOTHING, expected, outside]
+        return [*head, "irregular", NOTHING, NOTHING, exact, expected, outside]
     shift = digits(run.shift, run.error / max(abs(run.shift), run.error), 4)
-    return [*head, digits(run.omega, run.error, 9), f"{run.error:.0e}", shift, expected, outside]
+    return [*head, digits(run.omega, run.error, 9), f"{run.error:.0e}", shift, exact, expected, outside]
 
 
 def _notes(found: Check) -> list[str]:
@@ -74,6 +75,8 @@ def _notes(found: Check) -> list[str]:
         )
     if found.scene.is_driven:
         notes.append("drives: ignored, as in the table.")
+    if any(row.backbone for row in found.rows):
+        notes.append("orbit: ω(a)/ω − 1 of the mode's exact periodic orbit with the same largest angle.")
     notes.append("outside: the largest share of the energy in other modes.")
     return notes
 
@@ -90,6 +93,7 @@ def _run_record(row: ModeCheck, run: Measurement) -> dict[str, Any]:
         "omega_rad_per_s": None if run.irregular else run.omega,
         "relative_error": finite(run.error),
         "shift": None if run.irregular else run.shift,
+        "orbit_shift": finite(row.exact(run)),
         "predicted_shift": finite(row.predicted(run)),
         "energy_share_outside": finite(run.outside),
     }

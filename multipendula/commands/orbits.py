@@ -1,0 +1,206 @@
+"""The command orbits: nonlinear modes and limit cycles, followed with their stability."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from multipendula.command import Command
+from multipendula.commands.runs import start_of, whole
+from multipendula.commands.shared import bar, drawn, film_form, in_a_folder, picture
+from multipendula.completion import mode_numbers, places
+from multipendula.options import (
+    FILMS,
+    add_duration,
+    add_file,
+    add_format,
+    add_picture,
+    add_scene,
+    add_start,
+    number,
+    offer,
+)
+from multipendula.options import whole as whole_number
+from multipendula.parser import Page
+
+if TYPE_CHECKING:
+    from modal.scene import Scene
+    from nonlinear.orbits import Branch
+    from nonlinear.system import State
+
+TO, LONG = 90.0, 100
+"""Default largest angle (deg); periods of the slowest mode after which a run has settled."""
+
+
+def orbits(options: argparse.Namespace) -> None:
+    """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
+    from modal.scene import load
+    from modal.scene.parameters import parse_variations
+    from nonlinear.integration import validate
+
+    scene, *_ = validate(
+        lambda: load(options.scene),
+        lambda: options.vary and parse_variations([options.vary]),
+        lambda: _fitting(options),
+        lambda: options.output and picture(options.output),
+        lambda: options.film and film_form(options.film, "--film"),
+        lambda: in_a_folder(options.output),
+        lambda: in_a_folder(options.film),
+    )
+    found = _mode(scene, options) if options.mode else _cycles(scene, options)
+    if options.enter:
+        found = (*found, *_entered(found))
+    sys.stdout.write(_told(scene, found, options))
+    if options.output:
+        _draw(scene, found, options)
+    if options.film:
+        _film(scene, found, options)
+
+
+def _orbits_arguments(page: Page) -> None:
+    add_scene(page)
+    words = "follow this row of the table of modes, without dampers and drives"
+    offer(page.asked.add_argument("--mode", metavar="R", type=whole_number(100_000), help=words), mode_numbers)
+    degrees = number("degrees above 0 and below 180", 179.999)
+    words = f"with --mode, up to this largest angle of any link (default {TO:g})"
+    page.asked.add_argument("--to", metavar="DEG", type=degrees, help=words)
+    words = "follow the limit cycles of a scene with drives along one number, such as support.mass=1:100:2log"
+    offer(page.asked.add_argument("--vary", metavar="PLACE=RANGE", help=words), places)
+    words = "also follow the branches that leave at branch points and period doublings"
+    page.asked.add_argument("--enter", action="store_true", help=words)
+    add_start(page, "with --vary, begin where a run from there has settled, instead of at predicted oscillations")
+    add_duration(page, f"of that run (default: {LONG} periods of the slowest mode)")
+    add_format(page, ("text", "csv", "json"))
+    add_picture(page, "--output", "-o")
+    add_file(page, "--film", words="a film of the last orbit beside the linear mode in {}", kinds=FILMS)
+
+
+def _fitting(options: argparse.Namespace) -> None:
+    from modal.errors import SceneError
+
+    if problems := list(_misfits(options)):
+        raise SceneError(problems)
+
+
+def _misfits(options: argparse.Namespace) -> Iterator[str]:
+    if bool(options.mode) == bool(options.vary):
+        yield "orbits: needs either --mode R or --vary PLACE=RANGE"
+    if options.to and not options.mode:
+        yield "--to: needs --mode"
+    if options.start and not options.vary:
+        yield "--start: needs --vary"
+    if options.duration and not options.start:
+        yield "--duration: needs --start"
+
+
+def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
+    from math import radians
+
+    from nonlinear.orbits import nonlinear_mode
+
+    to = options.to or TO
+    with bar(to, "deg") as report:
+        return (nonlinear_mode(scene, options.mode, radians(to), report=report),)
+
+
+def _cycles(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
+    from modal.scene.parameters import parse_variations
+    from nonlinear.orbits import follow_cycles
+
+    (variation,) = parse_variations([options.vary])
+    start = _settled(scene, variation.path, variation.values[0], options) if options.start else None
+    with bar(0, "branch") as report:
+        return follow_cycles(scene, variation, start=start, report=report)
+
+
+def _settled(scene: Scene, path: str, value: float, options: argparse.Namespace) -> tuple[State, float]:
+    """The last state of a run at the first value of the number, and the time between its last two swings."""
+    from math import pi
+
+    from modal.scene.parameters import vary
+    from nonlinear.integration import modes_of
+    from nonlinear.orbits import last_swing
+    from nonlinear.simulation import simulate
+
+    here = vary(scene, {path: value})
+    slowest = min(float(omega) for omega in modes_of(here).omega if omega > 0)
+    duration = options.duration or LONG * 2 * pi / slowest
+    with bar(duration) as report:
+        run = whole(simulate(here, duration, start=start_of(here, options.start), report=report))
+    return run.final, last_swing(run.times, run.motion)
+
+
+def _entered(found: tuple[Branch, ...]) -> Iterator[Branch]:
+    from modal.errors import ComputationError
+    from nonlinear.orbits import LEAVES, entered
+
+    for one in found:
+        for special in one.special:
+            if special.kind in LEAVES:
+                try:
+                    yield entered(one, special)
+                except ComputationError as error:
+                    print(f"multipendula: {error}", file=sys.stderr)
+
+
+def _told(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> str:
+    from modal.report import as_json
+    from nonlinear.orbits import orbits_csv, orbits_record, orbits_text, oscillating
+
+    if options.format == "json":
+        return as_json(orbits_record(found))
+    if options.format == "csv":
+        return orbits_csv(found)
+    linear = None
+    if options.mode:
+        modes, row = oscillating(scene, options.mode)
+        linear = float(modes.omega[row])
+    return orbits_text(scene, found, linear)
+
+
+def _draw(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> None:
+    from nonlinear.orbits import oscillating
+    from nonlinear.plotting import draw_orbits
+
+    mode = None
+    if options.mode:
+        modes, row = oscillating(scene, options.mode)
+        mode = modes[row]
+    with drawn(options.output, options.theme) as stream:
+        draw_orbits(scene, found, stream, picture(options.output), mode)
+
+
+def _film(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) -> None:
+    from nonlinear.orbits import oscillating
+    from nonlinear.plotting import film_orbit
+
+    modes, row = oscillating(scene, options.mode) if options.mode else (None, 0)
+    with drawn(options.film, options.theme) as stream, bar(10) as report:
+        film_orbit(found[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report)
+
+
+COMMANDS = (
+    Command(
+        name="orbits",
+        topic="motion",
+        run=orbits,
+        arguments=_orbits_arguments,
+        details=(
+            "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
+            "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "
+            "loses its stability. With --vary, the limit cycles of a scene with drives are followed along one number, "
+            "through their folds. Every orbit closes in the full equations, its stability is that of its Floquet "
+            "multipliers, and folds, branch points, period doublings and tori are located."
+        ),
+        examples=(
+            ("orbits chain-2 --mode 1 --to 120 -o backbone.png", "the slow mode of two rods, to 120 degrees"),
+            ("orbits paper-cart-2 --mode 3 --to 60 --format json", "every orbit with its multipliers"),
+            (
+                "orbits metronomes --vary support.mass=0.5:5:2log -o cycles.png",
+                "two metronomes in phase and in antiphase, on beams of 0.5 to 5 kg",
+            ),
+        ),
+    ),
+)

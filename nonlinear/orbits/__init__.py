@@ -1,0 +1,46 @@
+"""Periodic orbits of the full equations: nonlinear normal modes and limit cycles, their stability, by continuation.
+
+In: a scene and one of its modes, or a number of it.  Out: a `Branch` of orbits with frequencies, amplitudes, energies
+and Floquet multipliers, and the special points between them.
+
+    φ_T(y) = y,     multipliers: the eigenvalues of ∂φ_T/∂y
+
+Start with `modes` for conservative scenes and `cycles` for driven ones.  `symmetric` and `shooting` have the equations
+of orbits, `flow` integrates them with their variational equations (`compiled` by numba), `continuation` follows their
+solutions, `floquet` tells stability, `special` where it changes, and `entering` what leaves there.
+"""
+
+from nonlinear.orbits.branch import Branch
+from nonlinear.orbits.cycles import crossed, cycle_of, follow_cycles, growth, last_swing, limit_cycles, periodic_orbit
+from nonlinear.orbits.entering import LEAVES, entered
+from nonlinear.orbits.floquet import Floquet
+from nonlinear.orbits.flow import Flow
+from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text
+from nonlinear.orbits.special import Special
+
+__all__ = [
+    "LEAVES",
+    "Branch",
+    "Floquet",
+    "Flow",
+    "Orbit",
+    "Special",
+    "at_amplitude",
+    "crossed",
+    "cycle_of",
+    "entered",
+    "follow_cycles",
+    "growth",
+    "last_swing",
+    "limit_cycles",
+    "mode_orbit",
+    "nonlinear_mode",
+    "orbit_where_off",
+    "orbits_csv",
+    "orbits_record",
+    "orbits_text",
+    "oscillating",
+    "periodic_orbit",
+]

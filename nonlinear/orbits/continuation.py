@@ -1,0 +1,158 @@
+"""Pseudo-arclength continuation of the solutions of r(u) = 0, one more unknown than independent equations.
+
+The tangent t is the null vector of J = ∂r/∂u.  A step s along it is corrected by Newton's method (of least squares:
+conserved quantities make some equations follow from the others) in the plane across it (Keller, in Applications of
+Bifurcation Theory, 1977, p. 359; Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 4).  Steps grow where
+few corrections suffice and the tangent hardly turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.orbits.orbit import Orbit
+
+NEWTON, DONE, FAR = 8, 1e-7, 0.5  # corrections; the last one, after which 1e-14 are left; the longest
+CLOSED = 1e-9  # largest residual of an orbit in natural units
+TURN = 0.3  # largest angle (rad) between neighbouring tangents
+LEAST = 1e-6  # shortest step
+ROUNDS = 60
+ASIDE = (0.3, 0.7, 0.5, 0.1, 0.9)  # of a bracket, tried where a point in it was not found
+
+
+class Problem(Protocol):
+    """Equations whose solutions are periodic orbits."""
+
+    def equations(self, u: Floats) -> tuple[Floats, Floats]:
+        """The r (k,) and ∂r/∂u (k, N)."""
+        ...
+
+    def orbit(self, u: Floats) -> Orbit:
+        """The orbit of a solution."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Point:
+    """A solution u with the tangent of its branch (N,), and its orbit."""
+
+    u: Floats
+    tangent: Floats
+    orbit: Orbit
+
+
+def corrected(problem: Problem, guess: Floats, row: Floats | None = None) -> tuple[Floats, Floats] | None:
+    """The solution near a guess, in the plane through it across `row` where there is one, and ∂r/∂u (k, N) there.
+
+    None where Newton's method does not converge.
+    """
+    u, before = guess, np.inf
+    for _ in range(NEWTON):
+        try:
+            r, J = problem.equations(u)
+        except (ComputationError, FloatingPointError):
+            return None
+        if row is not None:
+            r, J = np.append(r, row @ (u - guess)), np.vstack((J, row))
+        if not (np.all(np.isfinite(J)) and np.all(np.isfinite(r))):
+            return None
+        step = np.linalg.lstsq(J, -r, rcond=None)[0]
+        size = float(np.linalg.norm(step))
+        if size > FAR or (size > before and size > DONE):
+            return None
+        u, before = u + step, size
+        if size < DONE:
+            return u, J if row is None else J[:-1]
+    return None
+
+
+def tangent_of(J: Floats, along: Floats) -> Floats:
+    """The null vector (N,) of J that points along another vector."""
+    found = np.linalg.svd(J)[2][-1]
+    return np.asarray(found if found @ along >= 0 else -found)
+
+
+def point(problem: Problem, guess: Floats, row: Floats) -> Point | None:
+    """The point of a branch across `row` from a guess, None where there is none."""
+    if (found := corrected(problem, guess, row)) is None:
+        return None
+    u, J = found
+    try:
+        orbit = problem.orbit(u)
+    except ComputationError:
+        return None
+    return Point(u, tangent_of(J, row), orbit) if orbit.residual < CLOSED else None
+
+
+def follow(
+    problem: Problem, first: Point, *, step: float = 0.02, longest: float = 0.08, least: float = LEAST
+) -> Iterator[Point]:
+    """The points of a branch, from the first one on, as long as there are any."""
+    here = first
+    yield here
+    while step >= least:
+        ahead = point(problem, here.u + step * here.tangent, here.tangent)
+        if ahead is None or ahead.tangent @ here.tangent < np.cos(TURN):
+            step /= 2
+            continue
+        turn = float(np.arccos(np.clip(ahead.tangent @ here.tangent, -1, 1)))
+        step = float(np.clip(step * np.clip(TURN / 3 / max(turn, 1e-9), 0.5, 1.5), least, longest))
+        here = ahead
+        yield here
+
+
+def between(problem: Problem, one: Point, other: Point, part: float) -> Point:
+    """The point at a fraction of the way from one point to the next, from the cubic through both and their tangents."""
+    way = other.u - one.u
+    length, x = float(np.linalg.norm(way)), part
+    start, end = length * one.tangent, length * other.tangent
+    guess = one.u + x * x * (3 - 2 * x) * way + x * (1 - x) * ((1 - x) * start - x * end)
+    row = 6 * x * (1 - x) * way + (1 - x) * (1 - 3 * x) * start + x * (3 * x - 2) * end
+    row = row / np.linalg.norm(row)
+    for tried in (guess, one.u + x * way):
+        if found := point(problem, tried, row):
+            return found
+    raise ComputationError("the branch of orbits was lost between two of its points")
+
+
+def located(
+    problem: Problem, one: Point, other: Point, test: Callable[[Point], float], accuracy: float = 1e-10
+) -> Point:
+    """The point between two where a test function is 0; it has different signs at them (Illinois' rule).
+
+    Where branches cross, Newton's method fails in the end: the nearest point found is then the answer.
+    """
+    low, high, f_low, f_high = 0.0, 1.0, test(one), test(other)
+    best, size = (one, abs(f_low)) if abs(f_low) < abs(f_high) else (other, abs(f_high))
+    kept, enough, misses = 0, accuracy * max(abs(f_low), abs(f_high)), 0
+    for _ in range(ROUNDS):
+        part = (
+            (low * f_high - high * f_low) / (f_high - f_low) if not misses else low + ASIDE[misses - 1] * (high - low)
+        )
+        if not low < part < high or high - low < accuracy:
+            break
+        try:
+            found = between(problem, one, other, part)
+        except ComputationError:
+            misses += 1
+            if misses > len(ASIDE):
+                break
+            continue
+        value, misses = test(found), 0
+        if abs(value) < size:
+            best, size = found, abs(value)
+        if size < enough:
+            break
+        if (value > 0) == (f_high > 0):
+            high, f_high = part, value
+            f_low, kept = (f_low / 2, 0) if kept == 1 else (f_low, 1)
+        else:
+            low, f_low = part, value
+            f_high, kept = (f_high / 2, 0) if kept == -1 else (f_high, -1)
+    return best

@@ -1,0 +1,282 @@
+"""Limit cycles of driven and damped scenes, and motions under a periodic force."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import islice
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.scene import Scene
+from modal.scene.parameters import Variation, validate_variations, vary
+from modal.types import Floats
+from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
+from nonlinear.orbits.branch import Branch, Report
+from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
+from nonlinear.orbits.flow import Force
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import SEGMENTS, Shooting, shooting, spread
+from nonlinear.orbits.special import Special, along_cycles
+from nonlinear.system import Motion, State
+
+TOLERANCE = 1e-11
+CLOSED = 1e-8
+SAME = 1e-6
+DRIFTING = 1e-2  # how close to c/M the rate of the cart's drift is
+DYING = 1e-2  # of the first amplitude, below which a branch has died out
+MOST = 400
+LOOSE, ROUGH = 1e-9, 1e-5  # tolerance and accuracy where only a critical value is wanted
+STEPS, BEYOND = 40, 4.0  # orbits across a critical value; how far they go, over the distance to it
+
+
+def periodic_orbit(
+    scene: Scene,
+    start: State,
+    period: float,
+    *,
+    force: Force | None = None,
+    tolerance: float = TOLERANCE,
+    segments: int = SEGMENTS,
+    fast: bool | None = None,
+) -> Orbit:
+    """The periodic orbit close to a motion from a start, by Newton's method.
+
+    Under a `force`, a function of the time (s) that gives the generalized forces (cart first, then all links: N, N m),
+    the `period` (s) is kept; otherwise it is the first guess, and the link that moves furthest turns back at the start.
+    Raises ComputationError where the method finds none.
+    """
+    probe = shooting(scene, tolerance=tolerance, segments=segments, force=force, fast=fast)
+    flow = probe.first
+    y = flow.equations.begin(start)
+    if force is not None:
+        problem = shooting(scene, tolerance=tolerance, segments=segments, period=period, force=force, fast=fast)
+        return solved(problem, y, period)
+    y, leader = turning(probe, y, period)
+    return solved(shooting(scene, leader=leader, tolerance=tolerance, segments=segments, fast=fast), y, period)
+
+
+def solved(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Orbit:
+    """The orbit close to the motion from y; ComputationError where Newton's method finds none."""
+    return problem.orbit(solution(problem, y, period, value))
+
+
+def solution(problem: Shooting, y: Floats, period: float, value: float | None = None) -> Floats:
+    """The unknowns of that orbit; a varied number keeps its value."""
+    flow = problem.flow_at(value)
+    u = problem.unknown(spread(problem, flow, y, period), period, value)
+    row = np.eye(len(u))[-1] if problem.variation else None
+    found = corrected(problem, u, row)
+    if found is None:
+        raise ComputationError("no periodic orbit was found beside this motion")
+    return found[0]
+
+
+def turning(problem: Shooting, y: Floats, period: float) -> tuple[Floats, int]:
+    """Where on the motion from y the link that moves furthest turns back, and that link (from 0)."""
+    flow = problem.first
+    layout, path = flow.equations.layout, flow(y, np.zeros((len(y), 0)), period).path
+    first = int(layout.on_cart)
+    angles = path.states[:, first : layout.half] - flow.system.rest
+    leader = int(np.abs(angles).max(axis=0).argmax())
+    at = int(np.abs(angles[:, leader]).argmax())
+    found = path.states[at].copy()
+    found[layout.half + first + leader] = 0.0
+    if problem.free:
+        found[0] = 0.0
+    return found, leader
+
+
+def last_swing(times: Floats, motion: Motion) -> float:
+    """The time (s) between the last two passages of the widest link to the right through its mean angle.
+
+    Raises ComputationError where it does not pass twice.
+    """
+    late = motion.links[len(times) // 2 :]
+    widest = int(np.ptp(late, axis=0).argmax())
+    x = motion.links[:, widest] - late[:, widest].mean()
+    passed = np.flatnonzero((x[:-1] < 0) & (x[1:] >= 0))[-2:]
+    if len(passed) < 2:
+        raise ComputationError("the run does not oscillate: it shows no period")
+    moments = times[passed] - x[passed] * (times[passed + 1] - times[passed]) / (x[passed + 1] - x[passed])
+    return float(np.diff(moments)[0])
+
+
+def near(problem: Shooting, one: RelativeEquilibrium) -> tuple[Floats, float, int]:
+    """The start of an averaged configuration where its first link to turn is the widest: y, period (s), that link."""
+    system = one.averaged.system
+    place = one.averaged.shapes @ one.z
+    first = int(system.cart is not None)
+    leader = int(np.abs(place[first:]).argmax())
+    turn = np.exp(-1j * np.angle(place[first + leader]))
+    q, v = (place * turn).real, (1j * one.omega * place * turn).real
+    if problem.free:
+        q[0] = 0.0
+    q[first:] += system.rest
+    v[first + leader] = 0.0
+    return np.concatenate((q, v)), 2 * np.pi / one.omega, leader
+
+
+def cycle_of(
+    scene: Scene, one: RelativeEquilibrium, *, tolerance: float = TOLERANCE, fast: bool | None = None
+) -> Orbit:
+    """The limit cycle close to an averaged configuration; ComputationError where there is none."""
+    y, period, leader = near(shooting(scene, tolerance=tolerance), one)
+    return solved(shooting(scene, leader=leader, tolerance=tolerance, fast=fast), y, period)
+
+
+def limit_cycles(scene: Scene, *, tolerance: float = TOLERANCE) -> tuple[Orbit, ...]:
+    """The limit cycles close to the averaged configurations of a driven scene, each once."""
+    found: list[Orbit] = []
+    for one in relative_equilibria(average(scene)):
+        try:
+            orbit = cycle_of(scene, one, tolerance=tolerance)
+        except ComputationError:
+            continue
+        if not any(same(orbit, other) for other in found):
+            found.append(orbit)
+    return tuple(found)
+
+
+def same(one: Orbit, other: Orbit) -> bool:
+    """Whether two orbits have equal frequencies, amplitudes and largest multipliers."""
+    numbers = [[orbit.omega, orbit.amplitude, *_sizes(orbit)] for orbit in (one, other)]
+    return bool(np.allclose(numbers[0], numbers[1], rtol=SAME, atol=SAME))
+
+
+def _sizes(orbit: Orbit) -> Sequence[float]:
+    return sorted(np.abs(orbit.floquet.others).tolist())
+
+
+def growth(orbit: Orbit) -> float:
+    """The largest growth rate (1/s) of disturbances, −∞ where there are no others.
+
+    The drift of a free cart that its damper brings to rest, by which no pendulum moves against another, is left out.
+    """
+    rates = np.log(np.abs(orbit.floquet.others)) / orbit.period
+    cart = orbit.flow.system.cart
+    if cart and cart.damping and not cart.stiffness and len(rates):
+        drift = -cart.damping / orbit.flow.system.total_mass
+        at = int(np.abs(rates - drift).argmin())
+        if abs(rates[at] / drift - 1) < DRIFTING:
+            rates = np.delete(rates, at)
+    return float(rates.max(initial=-np.inf))
+
+
+def follow_cycles(
+    scene: Scene,
+    variation: Variation,
+    *,
+    start: tuple[State, float] | None = None,
+    tolerance: float = TOLERANCE,
+    longest: float = 0.1,
+    most: int = MOST,
+    fast: bool | None = None,
+    report: Report = lambda done: None,
+) -> tuple[Branch, ...]:
+    """The limit cycles of a driven scene along a number, followed through their folds, within its range.
+
+    They begin at both ends of the range beside the averaged configurations, or at its first value beside a motion given
+    by a `start` and an approximate period (s).  `report` is called with the number of branches followed so far.  Raises
+    SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the scene
+    or no limit cycle is found.
+    """
+    validate_variations(scene, [variation])
+    if len(variation.values) < 2 or variation.path.endswith("count"):
+        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
+    if not scene.is_driven:
+        raise ComputationError("nothing excites this scene: it has no limit cycles")
+    found: list[Branch] = []
+    ends = (variation.values[0], variation.values[-1])
+    for value in ends[: 1 if start else 2]:
+        for problem, u, words in _beginnings(scene, variation, value, start, tolerance, fast):
+            orbit = problem.orbit(u)
+            if any(_known(orbit, branch) for branch in found):
+                continue
+            points, complete = _walked(problem, u, orbit, longest, most)
+            special = tuple(along_cycles(problem, points))
+            found.append(Branch(words, tuple(points), special, problem, variation, complete))
+            report(len(found))
+    if not found:
+        raise ComputationError("no limit cycle was found at the ends of the range")
+    return tuple(found)
+
+
+def _beginnings(
+    scene: Scene,
+    variation: Variation,
+    value: float,
+    start: tuple[State, float] | None,
+    tolerance: float,
+    fast: bool | None,
+) -> Iterator[tuple[Shooting, Floats, str]]:
+    """Limit cycles at one value of the number, with their equations and where they come from."""
+    here = vary(scene, {variation.path: value})
+    probe = shooting(here, tolerance=tolerance, fast=fast)
+    guesses: list[tuple[Floats, float, int, str]] = []
+    if start:
+        y, leader = turning(probe, probe.first.equations.begin(start[0]), start[1])
+        guesses.append((y, start[1], leader, "start"))
+    else:
+        for one in relative_equilibria(average(here)):
+            guesses.append((*near(probe, one), f"mode {one.number}"))
+    for y, period, leader, words in guesses:
+        problem = shooting(scene, leader=leader, tolerance=tolerance, variation=variation, fast=fast)
+        try:
+            u = solution(problem, y, period, value)
+            if problem.orbit(u).residual < CLOSED:
+                yield problem, u, words
+        except ComputationError:
+            continue
+
+
+def _walked(problem: Shooting, u: Floats, orbit: Orbit, longest: float, most: int) -> tuple[list[Point], bool]:
+    """The points from one end of the range until the branch leaves it, and whether it does."""
+    inward = np.zeros(len(u))
+    inward[-1] = 1.0 if u[-1] < 0.5 else -1.0
+    points: list[Point] = []
+    first = Point(u, tangent_of(problem.equations(u)[1], inward), orbit)
+    for here in follow(problem, first, step=longest / 5, longest=longest):
+        points.append(here)
+        if len(points) > 1 and not 0 < here.u[-1] < 1:
+            points[-1] = located(problem, points[-2], here, _beyond(here))
+            return points, True
+        if len(points) >= most or here.orbit.amplitude < DYING * orbit.amplitude:
+            break
+    return points, False
+
+
+def _beyond(here: Point) -> Callable[[Point], float]:
+    """How far a point is from the end of the range that this one has passed."""
+    edge = float(here.u[-1] > 0.5)
+    return lambda each: float(each.u[-1]) - edge
+
+
+def _known(orbit: Orbit, branch: Branch) -> bool:
+    """Whether a branch begins or ends with this orbit."""
+    ends = (branch.orbits[0], branch.orbits[-1])
+    return any(
+        orbit.value is not None and np.isclose(one.value or 0.0, orbit.value, rtol=1e-9) and same(one, orbit)
+        for one in ends
+    )
+
+
+def crossed(scene: Scene, variation: Variation, one: RelativeEquilibrium, value: float, at: float) -> Special | None:
+    """The first special point on the orbits that begin beside a configuration at a value of a number, towards `at`.
+
+    None where there is none until BEYOND times as far; ComputationError where no orbit is found at the beginning.
+    """
+    y, period, leader = near(shooting(one.averaged.scene), one)
+    problem = shooting(scene, leader=leader, tolerance=LOOSE, variation=variation)
+    u = solution(problem, y, period, value)
+    distance = problem.place(at) - problem.place(value)
+    towards = np.append(np.zeros(len(u) - 1), np.sign(distance))
+    before = Point(u, tangent_of(problem.equations(u)[1], towards), problem.orbit(u))
+    steps = follow(problem, before, step=abs(distance) / 2, longest=max(2 * abs(distance), 0.05))
+    for here in islice(steps, 1, STEPS):
+        if special := next(along_cycles(problem, [before, here], ROUGH), None):
+            return special
+        if (here.u[-1] - u[-1]) / distance > BEYOND:
+            break
+        before = here
+    return None

@@ -1,0 +1,83 @@
+"""Branches that leave another one at a special point.
+
+At a branch point the equations have two null vectors: the tangent of the branch and another one, along which the other
+branch leaves.  At a period doubling the same holds for the equations of twice the period.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats
+from nonlinear.orbits.branch import Branch
+from nonlinear.orbits.continuation import Point, follow, point
+from nonlinear.orbits.cycles import turning
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import Shooting, shooting, spread
+from nonlinear.orbits.special import Special, along_cycles
+
+AWAY = (0.02, 0.05, 0.01, 0.1)  # first steps along the new branch that are tried, in natural units
+MOST = 100
+LEAVES = ("branch point", "period doubling")
+
+
+def entered(branch: Branch, special: Special, *, most: int = MOST, step: float = 0.05) -> Branch:
+    """The branch that leaves at a branch point or a period doubling, up to `most` orbits.
+
+    Raises ComputationError at other points and where no branch is found.
+    """
+    if special.kind not in LEAVES:
+        raise ComputationError(f"no other branch leaves at a {special.kind}")
+    times = 2 if special.kind == "period doubling" else 1
+    problem, u, old = _at(branch, special, times)
+    _, J = problem.equations(u)
+    null = np.linalg.svd(J)[2][-2:]
+    old = null.T @ (null @ old)
+    new = null[0] * (null[1] @ old) - null[1] * (null[0] @ old)
+    new /= np.linalg.norm(new)
+    first = next(_firsts(problem, u, new), None)
+    if first is None:
+        raise ComputationError(f"no branch was found that leaves at this {special.kind}")
+    points = [here for here, _ in zip(_inside(problem, first, step), range(most), strict=False)]
+    found = tuple(along_cycles(problem, points))
+    return Branch(f"{special.kind} of {branch.origin}", tuple(points), found, problem, problem.variation)
+
+
+def _at(branch: Branch, special: Special, times: int) -> tuple[Shooting, Floats, Floats]:
+    """Equations without symmetry, their solution at the special point and the direction of the branch there."""
+    orbit = special.orbit
+    if isinstance(branch.problem, Shooting):
+        before = branch.problem
+        problem = replace(before, segments=times * before.segments)
+    else:
+        probe = shooting(orbit.scene, tolerance=orbit.flow.tolerance, fast=orbit.flow.fast)
+        _, leader = turning(probe, orbit.y, orbit.period)
+        problem = replace(probe, leader=leader, segments=times * probe.segments)
+
+    def unknowns(one: Orbit) -> Floats:
+        states = spread(problem, one.flow, one.y, times * one.period)
+        return problem.unknown(states, times * one.period, one.value)
+
+    one, other = branch.orbits[special.after], branch.orbits[special.after + 1]
+    return problem, unknowns(orbit), unknowns(other) - unknowns(one)
+
+
+def _firsts(problem: Shooting, u: Floats, new: Floats) -> Iterator[Point]:
+    for away in AWAY:
+        for sign in (1.0, -1.0):
+            row = sign * new
+            found = point(problem, u + away * row, row)
+            if found and abs((found.u - u) @ new) > away / 2:
+                yield found
+
+
+def _inside(problem: Shooting, first: Point, step: float) -> Iterator[Point]:
+    """The points of the branch as long as its number is within the range."""
+    for here in follow(problem, first, longest=step):
+        if problem.variation and not 0 <= here.u[-1] <= 1:
+            return
+        yield here

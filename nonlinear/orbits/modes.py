@@ -1,0 +1,145 @@
+"""Nonlinear normal modes: the family of periodic orbits that begins in a mode of the table, and its backbone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from itertools import takewhile
+from math import degrees, radians
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.modes import Modes, natural_modes, table_numbers
+from modal.scene import Scene
+from nonlinear.orbits.branch import Branch, Report
+from nonlinear.orbits.continuation import Point, follow, located, point
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.special import along_backbone
+from nonlinear.orbits.symmetric import Quarter, quarter_of
+
+TOLERANCE = 1e-12
+SMALL = radians(0.5)  # the first orbit of a branch
+STEP, COARSE = 0.08, 0.2  # longest steps in natural units, for a curve and to reach a point
+FARTHEST = radians(170)
+MOST = 2000  # orbits of a branch
+
+
+def nonlinear_mode(
+    scene: Scene,
+    number: int,
+    to: float = radians(90),
+    *,
+    first: float = SMALL,
+    longest: float = STEP,
+    tolerance: float = TOLERANCE,
+    most: int | None = None,
+    locate: bool = True,
+    fast: bool | None = None,
+    report: Report = lambda reached: None,
+) -> Branch:
+    """The orbits from mode `number` of the table (from 1) up to a largest angle `to` (rad), which the last one has.
+
+    Dampers and drives are left out.  The branch ends before `to` where it ends by itself or after `most` (MOST) orbits,
+    and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
+    along the rail, ComputationError where no orbit is found beside the linear mode.
+    """
+    modes, row = oscillating(scene, number)
+    problem = quarter_of(modes.scene, tolerance, fast)
+    first = min(first, to / 2)
+    steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
+    points, complete = _until(problem, steps, lambda here: here.orbit.amplitude - to, most or MOST, report)
+    special = tuple(along_backbone(problem, points)) if locate else ()
+    return Branch(f"mode {number}", tuple(points), special, problem, complete=complete, linear=float(modes.omega[row]))
+
+
+def _until(
+    problem: Quarter,
+    steps: Iterable[Point],
+    reached: Callable[[Point], float],
+    most: int,
+    report: Report = lambda reached: None,
+) -> tuple[list[Point], bool]:
+    """The points up to the one where a test function reaches 0, and whether it does."""
+    points: list[Point] = []
+    for here in steps:
+        points.append(here)
+        report(degrees(here.orbit.amplitude))
+        if reached(here) >= 0:
+            if len(points) > 1:
+                points[-1] = located(problem, points[-2], here, reached)
+            return points, True
+        if len(points) >= most:
+            break
+    return points, False
+
+
+def mode_orbit(scene: Scene, number: int, amplitude: float) -> Orbit:
+    """The orbit of mode `number` of the table (from 1) with this largest angle (rad) of any link.
+
+    Raises what `nonlinear_mode` does, and ComputationError where the branch does not reach this angle.
+    """
+    branch = nonlinear_mode(scene, number, amplitude, longest=COARSE, locate=False)
+    if not branch.complete:
+        raise ComputationError(f"the orbits of mode {number} do not reach {degrees(amplitude):.4g} deg")
+    return branch.orbits[-1]
+
+
+def orbit_where_off(scene: Scene, number: int, share: float = 0.01) -> Orbit | None:
+    """The first orbit of mode `number` whose frequency is this share off the linear one.
+
+    None where there is none up to FARTHEST; raises what `nonlinear_mode` does.
+    """
+    modes, row = oscillating(scene, number)
+    problem, linear = quarter_of(modes.scene, TOLERANCE), float(modes.omega[row])
+
+    def off(here: Point) -> float:
+        return abs(here.orbit.omega / linear - 1) - share
+
+    steps = follow(problem, beginning(problem, modes, row, SMALL), step=SMALL, longest=COARSE)
+    inside = takewhile(lambda here: here.orbit.amplitude < FARTHEST, steps)
+    points, found = _until(problem, inside, off, MOST)
+    return points[-1].orbit if found else None
+
+
+def at_amplitude(branch: Branch, amplitude: float) -> Orbit | None:
+    """The first orbit of a branch with this largest angle (rad), None where it has none."""
+    beyond = np.flatnonzero(branch.amplitude >= amplitude)
+    if not beyond.size or beyond[0] == 0:
+        return None
+    one, other = branch.points[beyond[0] - 1], branch.points[beyond[0]]
+    return located(branch.problem, one, other, lambda here: here.orbit.amplitude - amplitude).orbit
+
+
+def oscillating(scene: Scene, number: int) -> tuple[Modes, int]:
+    """The modes of a scene without dampers and drives, and the index among them of this mode of its table (from 1).
+
+    SceneError where it is no oscillation along the rail.
+    """
+    if scene.space == "space":
+        raise SceneError(["periodic orbits: only for scenes in the plane"])
+    modes, still = natural_modes(scene), natural_modes(scene.conservative)
+    if not 1 <= number <= len(modes):
+        raise SceneError([f"mode {number}: the scene has modes 1 to {len(modes)}"])
+    rows = np.flatnonzero(table_numbers(scene, still) == number)
+    if not rows.size:
+        raise SceneError([f"mode {number}: is a mode of the dampers alone, which does not oscillate"])
+    row = int(rows[0])
+    if np.any(still.eigenvalue.real > 0):
+        raise SceneError([f"mode {number}: the equilibrium is unstable"])
+    if still.omega[row] == 0:
+        raise SceneError([f"mode {number}: a rigid translation does not oscillate"])
+    return still, row
+
+
+def beginning(problem: Quarter, modes: Modes, row: int, amplitude: float) -> Point:
+    """The orbit of this amplitude (rad) beside the linear mode of this index, with the tangent towards larger ones."""
+    shape = modes.shape(row)
+    cart = [float(np.real(shape.cart))] if problem.half > len(shape.angles) else []
+    phi = np.array([*cart, *np.real(shape.angles)]) / problem.flow.scale[: problem.half]
+    phi = phi / np.abs(np.real(shape.angles)).max()
+    quarter = np.pi / 2 / modes.omega[row] * problem.clock
+    across = np.append(phi, 0.0) / np.linalg.norm(phi)
+    found = point(problem, np.append(amplitude * phi, quarter), across)
+    if found is None:
+        raise ComputationError(f"no periodic orbit of {degrees(amplitude):.3g} deg was found beside the linear mode")
+    return found

@@ -1,0 +1,148 @@
+"""Branches of periodic orbits as text, CSV and JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import degrees, isfinite
+from textwrap import fill
+from typing import Any
+
+import numpy as np
+
+from modal.report import WIDTH, as_csv, counted, finite, grid, listed, titled
+from modal.scene import Scene
+from nonlinear.orbits.branch import Branch
+from nonlinear.orbits.cycles import growth
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.special import Special
+
+SHOWN = 16  # orbits of a branch in the text
+STABLE = (
+    "stable: no disturbance of the orbit grows; largest |μ|: of its Floquet multipliers besides those that are 1 by a "
+    "shift of time or place and by conserved quantities."
+)
+WORDS = {"energy": "of the energy", "omega": "of the frequency"}
+
+
+def orbits_record(branches: Sequence[Branch]) -> dict[str, Any]:
+    """Branches and their special points as numbers for JSON."""
+    special = [(number, one) for number, branch in enumerate(branches) for one in branch.special]
+    return {
+        "branches": [
+            {"from": branch.origin, "points": [_point(branch, orbit) for orbit in branch.orbits]} for branch in branches
+        ],
+        "special": [
+            {
+                "kind": one.kind,
+                "of": one.of or None,
+                "branch": number,
+                "after": one.after,
+                **_point(branches[number], one.orbit),
+            }
+            for number, one in special
+        ],
+    }
+
+
+def _point(branch: Branch, orbit: Orbit) -> dict[str, Any]:
+    return {
+        "parameter": _parameter(branch, orbit),
+        "amplitude_deg": degrees(orbit.amplitude),
+        "energy_J": orbit.energy,
+        "omega_rad_per_s": orbit.omega,
+        "stable": orbit.is_stable,
+        "floquet": [[finite(float(one.real)), finite(float(one.imag))] for one in orbit.floquet.all],
+        "residual": orbit.residual,
+    }
+
+
+def _parameter(branch: Branch, orbit: Orbit) -> float:
+    """The number along which the branch goes; the amplitude (deg) of a mode."""
+    return degrees(orbit.amplitude) if orbit.value is None or branch.variation is None else orbit.value
+
+
+def orbits_csv(branches: Sequence[Branch]) -> str:
+    """One line for every orbit, with the size of its largest multiplier besides those that are 1 for a known reason."""
+    return as_csv(
+        [
+            {
+                "branch": number + 1,
+                "from": branch.origin,
+                (branch.variation.column if branch.variation else "parameter"): _parameter(branch, orbit),
+                "amplitude_deg": degrees(orbit.amplitude),
+                "energy_J": orbit.energy,
+                "omega_rad_per_s": orbit.omega,
+                "stable": orbit.is_stable,
+                "largest_multiplier": _largest(orbit),
+                "residual": orbit.residual,
+            }
+            for number, branch in enumerate(branches)
+            for orbit in branch.orbits
+        ]
+    )
+
+
+def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None = None) -> str:
+    """The branches as text, at most SHOWN orbits of each; `linear` is the frequency (rad/s) of the mode."""
+    return titled(scene.title, "periodic orbits", list(_parts(branches, linear)), "text")
+
+
+def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
+    for number, branch in enumerate(branches):
+        along = f" along {branch.variation.path}" if branch.variation else ""
+        yield f"branch {number + 1}, from {branch.origin}{along}: {counted(len(branch.orbits), 'orbit', 'orbits')}"
+        kept = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
+        rows = [_cells(branch, branch.orbits[at], linear) for at in kept]
+        yield grid(rows, _headings(branch, linear))
+        yield "\n".join(_notes(branch))
+    yield fill(STABLE, WIDTH)
+
+
+def _headings(branch: Branch, linear: float | None) -> list[str]:
+    head = [f"{branch.variation.path} ({branch.variation.unit or '–'})"] if branch.variation else []
+    shift = ["ω/ω₀ − 1"] if linear else []
+    grows = ["growth (1/s)"] if branch.variation else []
+    return [*head, "largest (°)", "ω (rad/s)", *shift, "energy (J)", "stable", "largest |μ|", *grows, "residual"]
+
+
+def _cells(branch: Branch, orbit: Orbit, linear: float | None) -> list[str]:
+    head = [f"{_parameter(branch, orbit):.6g}"] if branch.variation else []
+    shift = [f"{100 * (orbit.omega / linear - 1):+.4f} %"] if linear else []
+    grows = [f"{growth(orbit):.5f}"] if branch.variation else []
+    return [
+        *head,
+        f"{degrees(orbit.amplitude):.3f}",
+        f"{orbit.omega:.9g}",
+        *shift,
+        f"{orbit.energy:.6g}",
+        "yes" if orbit.is_stable else "no",
+        f"{_largest(orbit):.6g}",
+        *grows,
+        f"{orbit.residual:.0e}",
+    ]
+
+
+def _largest(orbit: Orbit) -> float:
+    return float(np.abs(orbit.floquet.others).max(initial=0.0))
+
+
+def _notes(branch: Branch) -> Iterator[str]:
+    for one in branch.special:
+        yield special_words(branch, one)
+    if not branch.complete:
+        yield f"the branch was followed no further than {_place(branch, branch.orbits[-1])}."
+
+
+def special_words(branch: Branch, one: Special) -> str:
+    """A special point in one line."""
+    turns = f" {WORDS.get(one.of, 'of ' + one.of)}" if one.of else ""
+    before, after = (branch.orbits[at].is_stable for at in (one.after, one.after + 1))
+    fate = "" if before is after else ", where it becomes stable" if after else ", where it loses its stability"
+    return f"{one.kind}{turns} at {_place(branch, one.orbit)}{fate}."
+
+
+def _place(branch: Branch, orbit: Orbit) -> str:
+    words = [f"{degrees(orbit.amplitude):.5g}°", f"{orbit.omega:.6g} rad/s"]
+    if branch.variation and orbit.value is not None and isfinite(orbit.value):
+        words = [f"{branch.variation.path} = {orbit.value:.8g} {branch.variation.unit}".rstrip(), *words]
+    return listed(words, len(words))

@@ -1,0 +1,223 @@
+"""Periodic orbits of any scene in the plane by multiple shooting.
+
+The period T is divided into equal segments that begin at y_0, y_1, …:
+
+    φ_{T/m}(y_k) = y_{k+1},   φ_{T/m}(y_{m−1}) = y_0
+
+with T unknown unless a periodic force sets it (Keller, Numerical Solution of Two Point Boundary Value Problems, 1976;
+Seydel, Practical Bifurcation and Stability Analysis, 2010, ch. 7).  The phase of a free oscillation is chosen so that
+one link turns back at the start; a cart that nothing holds starts at 0.  In a conservative scene these equations follow
+from each other in part, and solutions form families.  A number of the scene may be a further unknown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.scene import Scene
+from modal.scene.parameters import Variation, vary
+from modal.types import Floats
+from nonlinear.orbits.floquet import Floquet, whole
+from nonlinear.orbits.flow import Flow, Force
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.steps import Passed, Path
+from nonlinear.system import system_of
+
+SEGMENTS = 2
+NUDGE = 1e-7  # of the range of a number, for derivatives by it
+
+
+@dataclass(frozen=True, eq=False)
+class Shooting:
+    """The equations of periodic orbits: u = (y_0, …, y_{m−1} in natural units, T sqrt(g/l), place in the range).
+
+    `flow_at` gives the flow for a value of the `variation` (None: of the scene itself); the `leader` (from 0) turns
+    back at the start.  With a `period` (s) given, T is no unknown and there is no leader.
+    """
+
+    scene: Scene
+    flow_at: Callable[[float | None], Flow]
+    leader: int = 0
+    segments: int = SEGMENTS
+    period: float | None = None
+    variation: Variation | None = None
+
+    @cached_property
+    def first(self) -> Flow:
+        """The flow that sets the units."""
+        return self.flow_at(self.variation.values[0] if self.variation else None)
+
+    @property
+    def size(self) -> int:
+        """Length of y."""
+        return len(self.first.scale)
+
+    @cached_property
+    def conservative(self) -> bool:
+        """Whether energy is conserved."""
+        return not (self.first.system.works or self.first.force)
+
+    @cached_property
+    def free(self) -> bool:
+        """Whether nothing holds the cart."""
+        cart = self.first.system.cart
+        return bool(cart and not cart.stiffness and not self.first.force)
+
+    # -------------------------------------------------------------------------------------------------- unknowns
+
+    def unknown(self, states: Floats, period: float, value: float | None = None) -> Floats:
+        """The vector u of the beginnings of all segments (m, d), the period (s) and the value of the number."""
+        parts = [(states / self.first.scale).ravel()]
+        if self.period is None:
+            parts.append(np.array([period * self.first.system.rate]))
+        if self.variation:
+            assert value is not None
+            parts.append(np.array([self.place(value)]))
+        return np.concatenate(parts)
+
+    def whole(self, u: Floats) -> float:
+        """The period (s)."""
+        return self.period or float(u[self.segments * self.size]) / self.first.system.rate
+
+    def states(self, u: Floats) -> Floats:
+        """The beginnings of all segments, (m, d)."""
+        return np.asarray(u[: self.segments * self.size].reshape(self.segments, -1) * self.first.scale)
+
+    def place(self, value: float) -> float:
+        """The place of a value in the range, 0 at its lower end and 1 at its upper one."""
+        assert self.variation
+        low, high = self.variation.values[0], self.variation.values[-1]
+        if self.variation.log:
+            return float(np.log(value / low) / np.log(high / low))
+        return (value - low) / (high - low)
+
+    def value(self, u: Floats) -> float | None:
+        """The value of the number, None without one."""
+        return self.value_at(float(u[-1])) if self.variation else None
+
+    def value_at(self, place: float) -> float:
+        """The value at a place in the range."""
+        assert self.variation
+        low, high = self.variation.values[0], self.variation.values[-1]
+        return float(low * (high / low) ** place if self.variation.log else low + (high - low) * place)
+
+    # -------------------------------------------------------------------------------------------------- equations
+
+    def equations(self, u: Floats) -> tuple[Floats, Floats]:
+        """How far the segments miss each other, in natural units, and the derivatives."""
+        flow, states, period = self.flow_at(self.value(u)), self.states(u), self.whole(u)
+        m, d, scale = self.segments, self.size, self.first.scale
+        ends = self._passed(flow, states, period)
+        r, J = np.zeros(m * d), np.zeros((m * d, len(u)))
+        for k, end in enumerate(ends):
+            rows, after = slice(k * d, (k + 1) * d), (k + 1) % m
+            r[rows] = (end.y - states[after]) / scale
+            J[rows, k * d : (k + 1) * d] += end.V / scale[:, None]
+            J[rows, after * d : (after + 1) * d] -= np.eye(d)
+            if self.period is None:
+                J[rows, m * d] = end.path.rates[-1] / scale / m / self.first.system.rate
+        if self.variation:
+            J[:, -1] = self._by_value(u, ends)
+        conditions = self._conditions(len(u))
+        offset = np.zeros(len(conditions))
+        return np.concatenate((r, conditions @ u + offset)), np.vstack((J, conditions))
+
+    def _passed(self, flow: Flow, states: Floats, period: float) -> list[Passed]:
+        """The ends of all segments, with derivatives by their beginnings in natural units."""
+        part, V = period / self.segments, np.diag(self.first.scale)
+        return [flow(y, V, part, start=k * part) for k, y in enumerate(states)]
+
+    def _by_value(self, u: Floats, ends: list[Passed]) -> Floats:
+        """The derivative of the ends by the place of the number, (m d,)."""
+        nudge = NUDGE if u[-1] < 0.5 else -NUDGE
+        flow, none = self.flow_at(self.value_at(float(u[-1]) + nudge)), np.zeros((self.size, 0))
+        part = self.whole(u) / self.segments
+        moved = [flow(y, none, part, start=k * part).y for k, y in enumerate(self.states(u))]
+        found = [(other - end.y) / self.first.scale / nudge for other, end in zip(moved, ends, strict=True)]
+        return np.concatenate(found)
+
+    def _conditions(self, length: int) -> Floats:
+        """Rows that fix the phase and the place of the cart, all to 0."""
+        layout, rows = self.first.equations.layout, []
+        if self.period is None:
+            rows.append(layout.half + int(layout.on_cart) + self.leader)
+        if self.free:
+            rows.append(0)
+        return np.eye(length)[rows]
+
+    # -------------------------------------------------------------------------------------------------- solutions
+
+    def orbit(self, u: Floats) -> Orbit:
+        """The orbit of a solution, with its multipliers."""
+        value = self.value(u)
+        flow, states, period = self.flow_at(value), self.states(u), self.whole(u)
+        ends = self._passed(flow, states, period)
+        scale, M = self.first.scale, np.eye(self.size)
+        for end in ends:
+            M = (end.V / scale[:, None]) @ M
+        missed = [np.abs((end.y - states[(k + 1) % self.segments]) / scale).max() for k, end in enumerate(ends)]
+        floquet = self.multipliers(flow, states[0], M)
+        path = _joined([end.path for end in ends], period / self.segments)
+        scene = vary(self.scene, {self.variation.path: value}) if self.variation and value is not None else self.scene
+        return Orbit(scene, flow, states[0], period, floquet, float(max(missed)), path, symmetric=False, value=value)
+
+    def multipliers(self, flow: Flow, y: Floats, M: Floats) -> Floquet:
+        """The multipliers from the monodromy matrix in natural units."""
+        equations, scale, right, left = flow.equations, self.first.scale, [], []
+        if self.period is None:
+            right.append(equations.linearized(y)[0] / scale)
+        if self.free:
+            left.append(equations.momentum_slope(y) * scale)
+            if flow.system.cart and not flow.system.cart.damping:
+                right.append(np.eye(len(y))[0])
+        if self.conservative:
+            left.append(equations.energy_slope(y) * scale)
+        return whole(M, right, left, conservative=self.conservative)
+
+    def energy_slope(self, u: Floats, tangent: Floats) -> float:
+        """The derivative of the energy (J) at the start along a branch."""
+        d = self.size
+        return float(self.first.equations.energy_slope(self.states(u)[0]) @ (tangent[:d] * self.first.scale))
+
+
+def _joined(paths: list[Path], part: float) -> Path:
+    times = np.concatenate([path.times + k * part for k, path in enumerate(paths)])
+    return Path(times, np.vstack([path.states for path in paths]), np.vstack([path.rates for path in paths]))
+
+
+def shooting(
+    scene: Scene,
+    *,
+    leader: int = 0,
+    tolerance: float = 1e-12,
+    segments: int = SEGMENTS,
+    period: float | None = None,
+    force: Force | None = None,
+    variation: Variation | None = None,
+    fast: bool | None = None,
+) -> Shooting:
+    """The equations of a scene in the plane; SceneError in space."""
+    if scene.space == "space":
+        raise SceneError(["periodic orbits: only for scenes in the plane"])
+
+    @lru_cache(maxsize=8)
+    def flow_at(value: float | None) -> Flow:
+        varied = scene if value is None or variation is None else vary(scene, {variation.path: value})
+        return Flow(system_of(varied), tolerance, force=force, fast=fast)
+
+    return Shooting(scene, flow_at, leader, segments, period, variation)
+
+
+def spread(problem: Shooting, flow: Flow, y: Floats, period: float) -> Floats:
+    """The beginnings of all segments (m, d) on the motion from y."""
+    states, none, part = [y], np.zeros((len(y), 0)), period / problem.segments
+    for k in range(problem.segments - 1):
+        states.append(flow(states[-1], none, part, start=k * part).y)
+    if not np.all(np.isfinite(states)):
+        raise ComputationError("the motion leaves all bounds within a period")
+    return np.array(states)

@@ -1,0 +1,135 @@
+"""Special points of a branch: where it turns, where other branches leave it and where stability changes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+
+from modal.errors import ComputationError
+from nonlinear.orbits.continuation import Point, Problem, between, located
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.shooting import Shooting
+from nonlinear.orbits.symmetric import Quarter
+
+HALVINGS = 30
+ON_CIRCLE = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Special:
+    """A special point: its kind, the quantity that turns there (of a fold), its orbit and its place in the branch.
+
+    Kinds are "fold", "branch point", "period doubling", "torus" and "collision" (of multipliers on the unit circle,
+    Krein's).  It lies between the orbits `after` and `after` + 1 of the branch.
+    """
+
+    kind: str
+    orbit: Orbit
+    after: int
+    point: Point = field(repr=False)
+    of: str = ""
+    breaks: bool = False
+
+
+def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Special]:
+    """The special points of a branch of symmetric orbits, in order.
+
+    Energy or frequency turn at folds.  At c = −1 away from them symmetric orbits branch off, at c = 1 orbits of less
+    symmetry (`breaks`).
+    """
+
+    def energy(here: Point) -> float:
+        return problem.energy_slope(here.u, here.tangent)
+
+    def frequency(here: Point) -> float:
+        return float(here.tangent[-1])
+
+    def at(sign: int) -> Callable[[Point], float]:
+        return lambda here: here.orbit.floquet.meeting[0 if sign > 0 else 1]
+
+    for after, (one, other) in enumerate(pairwise(points)):
+        found: list[Special] = []
+        turned = energy(one) * energy(other) < 0
+        if turned:
+            found.append(_special(problem, one, other, energy, "fold", after, "energy"))
+        if frequency(one) * frequency(other) < 0:
+            found.append(_special(problem, one, other, frequency, "fold", after, "omega"))
+        for sign, taken in ((-1, turned), (1, False)):
+            if not taken and at(sign)(one) * at(sign)(other) < 0:
+                found.append(_special(problem, one, other, at(sign), "branch point", after, breaks=sign > 0))
+        if one.orbit.floquet.apart != other.orbit.floquet.apart:
+            met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+            found.append(Special("collision", met.orbit, after, met))
+        yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
+
+
+def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1e-10) -> Iterator[Special]:
+    """The special points of a branch of orbits without symmetry, in order.
+
+    Folds are where the varied number turns, in a conservative scene the energy; `accuracy` is that of `located`.
+    """
+
+    def turning(here: Point) -> float:
+        if problem.variation is None:
+            return problem.energy_slope(here.u, here.tangent)
+        return float(here.tangent[-1])
+
+    def meeting(which: int) -> Callable[[Point], float]:
+        return lambda here: here.orbit.floquet.meeting[which]
+
+    of = problem.variation.path if problem.variation else "energy"
+    for after, (one, other) in enumerate(pairwise(points)):
+        found: list[Special] = []
+        turned = turning(one) * turning(other) < 0
+        if turned:
+            found.append(_special(problem, one, other, turning, "fold", after, of, accuracy=accuracy))
+        for which, kind in ((0, "branch point"), (1, "period doubling")):
+            if not (turned and which == 0) and meeting(which)(one) * meeting(which)(other) < 0:
+                found.append(_special(problem, one, other, meeting(which), kind, after, accuracy=accuracy))
+        if one.orbit.floquet.apart != other.orbit.floquet.apart and (met := _circled(problem, one, other, accuracy)):
+            kind = "collision" if problem.conservative else "torus"
+            found.append(Special(kind, met.orbit, after, met))
+        yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
+
+
+def _circled(problem: Shooting, one: Point, other: Point, accuracy: float) -> Point | None:
+    """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
+    if problem.conservative:
+        return halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+    if one.orbit.floquet.closest_pair * other.orbit.floquet.closest_pair < 0:
+        met = located(problem, one, other, lambda here: here.orbit.floquet.closest_pair, accuracy)
+    else:
+        met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+    return met if abs(met.orbit.floquet.closest_pair) < ON_CIRCLE else None
+
+
+def _special(
+    problem: Problem,
+    one: Point,
+    other: Point,
+    test: Callable[[Point], float],
+    kind: str,
+    after: int,
+    of: str = "",
+    *,
+    breaks: bool = False,
+    accuracy: float = 1e-10,
+) -> Special:
+    found = located(problem, one, other, test, accuracy)
+    return Special(kind, found.orbit, after, found, of, breaks)
+
+
+def halved(problem: Problem, one: Point, other: Point, test: Callable[[Point], object]) -> Point:
+    """The point from which on a test gives another value than at the first one, by bisection."""
+    low, high, before, found = 0.0, 1.0, test(one), other
+    for _ in range(HALVINGS):
+        try:
+            middle = between(problem, one, other, (low + high) / 2)
+        except ComputationError:
+            break
+        if test(middle) == before:
+            low = (low + high) / 2
+        else:
+            high, found = (low + high) / 2, middle
+    return found

@@ -1,0 +1,50 @@
+"""Films of a periodic orbit beside the linear mode with which it begins."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import IO
+
+import numpy as np
+
+from modal.modes import Modes
+from modal.types import Floats
+from nonlinear.integration import CLOSED, SolverInfo, Trajectory
+from nonlinear.orbits import Orbit
+from nonlinear.plotting.animation import Shown, animate
+from nonlinear.reduction import start_in_mode, superpose
+from nonlinear.system import Motion
+
+PERIODS, SAMPLES = 4, 200
+
+
+def film_orbit(
+    orbit: Orbit,
+    stream: IO[bytes],
+    form: str,
+    *,
+    modes: Modes | None = None,
+    row: int = 0,
+    report: Callable[[float], object] = lambda done: None,
+) -> Shown:
+    """Write a film of some periods of an orbit, beside the mode of index `row` at the same largest angle."""
+    phase = np.linspace(0, 1, SAMPLES, endpoint=False)
+    rows = np.tile(orbit.sampled(phase * orbit.period), (PERIODS, 1))
+    times = (np.arange(PERIODS)[:, None] + phase).ravel() * orbit.period
+    shown = _trajectory(orbit, times, orbit.motion(rows), "the periodic orbit")
+    beside = _linear(orbit, times, modes, row) if modes else None
+    return animate(shown, stream, form, beside=beside, report=report)
+
+
+def _linear(orbit: Orbit, times: Floats, modes: Modes, row: int) -> Trajectory:
+    """The linear mode with the same largest angle, its leading link on the same side."""
+    start = start_in_mode(orbit.scene, modes, row, 0, orbit.amplitude)
+    turned, angles = orbit.state.links - orbit.flow.system.rest, start.links - orbit.flow.system.rest
+    if angles @ turned < 0:
+        start = start_in_mode(orbit.scene, modes, row, 0, -orbit.amplitude)
+    motion = superpose(orbit.scene, start, corrected=False)(times)
+    return _trajectory(orbit, times, motion, "the linear mode")
+
+
+def _trajectory(orbit: Orbit, times: Floats, motion: Motion, words: str) -> Trajectory:
+    return Trajectory(orbit.scene, orbit.flow.system, times, motion, SolverInfo(words, CLOSED, "", 0.0))

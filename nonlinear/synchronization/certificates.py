@@ -1,0 +1,72 @@
+"""Configurations and critical values on the full equations: periodic orbits beside the averaged ones.
+
+An averaged configuration is where Newton's method begins; the Floquet multipliers of the orbit that it finds tell the
+stability.  At a critical value of a branch the orbits are followed across it, and the fold, branch point or torus is
+located.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.scene import Scene
+from modal.scene.parameters import Variation
+from modal.types import Floats
+from nonlinear.averaging import RelativeEquilibrium, swinging
+from nonlinear.orbits import Orbit, Special, crossed, cycle_of
+from nonlinear.synchronization.patterns import own_amplitudes
+
+MOST_LINKS = 24
+CLOSE, WIDE = 0.1, 0.3  # largest relative differences of frequency and amplitude from the averaged ones
+MARGINS = (0.01, 0.05, 0.2)  # of the range: how far from a critical value orbits begin
+
+
+def certified(scene: Scene, one: RelativeEquilibrium) -> Orbit | None:
+    """The periodic orbit of a configuration, None where none was found close to it."""
+    if not _periodic(scene, one):
+        return None
+    try:
+        orbit = cycle_of(scene, one)
+    except ComputationError:
+        return None
+    return orbit if _close(orbit, one) else None
+
+
+def _periodic(scene: Scene, one: RelativeEquilibrium) -> bool:
+    return scene.n_links <= MOST_LINKS and scene.space == "plane" and len(swinging(one.averaged, one.z)) == 1
+
+
+def _close(orbit: Orbit, one: RelativeEquilibrium) -> bool:
+    amplitude = float(one.averaged.largest(one.z))
+    same = abs(orbit.omega / one.omega - 1) < CLOSE and abs(orbit.amplitude / amplitude - 1) < WIDE
+    return bool(same and np.abs(own_amplitudes(one)).max() > 0)
+
+
+def critical(
+    scene: Scene, variation: Variation, states: Sequence[RelativeEquilibrium], values: Floats, at: float
+) -> Special | None:
+    """The fold, branch point, period doubling or torus of the orbits next to a critical value of a branch.
+
+    None where none was found: where a branch dies out, or beside several frequencies.
+    """
+    span = abs(_scaled(variation, variation.values[-1]) - _scaled(variation, variation.values[0]))
+    off = np.array([abs(_scaled(variation, value) - _scaled(variation, at)) for value in values])
+    tried: set[int] = set()
+    for share in MARGINS:
+        away = np.flatnonzero(off >= share * span)
+        if not away.size or (k := int(away[off[away].argmin()])) in tried or not _periodic(scene, states[k]):
+            continue
+        tried.add(k)
+        try:
+            if found := crossed(scene, variation, states[k], float(values[k]), at):
+                return found
+        except ComputationError:
+            continue
+    return None
+
+
+def _scaled(variation: Variation, value: float) -> float:
+    return float(np.log(value)) if variation.log else value

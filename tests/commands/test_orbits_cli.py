@@ -1,0 +1,94 @@
+"""The command orbits: its numbers are those of the library, its files whole, its refusals in one message."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from math import radians
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from modal import load, natural_modes
+from multipendula.cli import main
+from nonlinear.orbits import nonlinear_mode
+
+
+def told(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    assert main(["orbits", *words]) == 0
+    return capsys.readouterr().out
+
+
+def test_json_has_the_promised_keys_and_the_librarys_numbers(capsys: pytest.CaptureFixture[str]) -> None:
+    record = json.loads(told(capsys, "chain-2", "--mode", "2", "--to", "70", "--format", "json"))
+    branch = nonlinear_mode(load("chain-2"), 2, radians(70))
+    assert list(record) == ["branches", "special"]
+    (own,) = record["branches"]
+    assert own["from"] == "mode 2"
+    keys = ["parameter", "amplitude_deg", "energy_J", "omega_rad_per_s", "stable", "floquet", "residual"]
+    assert all(list(point) == keys for point in own["points"])
+    assert [point["omega_rad_per_s"] for point in own["points"]] == pytest.approx(branch.omega.tolist(), rel=1e-12)
+    assert own["points"][-1]["amplitude_deg"] == pytest.approx(70, abs=1e-8)
+    last = [complex(*pair) for pair in own["points"][-1]["floquet"]]
+    assert len(last) == 4
+    assert np.prod(last).real == pytest.approx(1.0, abs=1e-7)
+    assert [point["stable"] for point in own["points"]] == list(branch.is_stable)
+    (special,) = record["special"]
+    assert special["kind"] == "branch point"
+    assert special["amplitude_deg"] == pytest.approx(61.95, abs=0.01)
+
+
+def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFixture[str]) -> None:
+    text = told(capsys, "metronomes", "--vary", "support.mass=0.5:1:2", "--format", "csv")
+    rows = list(csv.DictReader(io.StringIO(text)))
+    values = {number: [float(row["support.mass_kg"]) for row in rows if row["branch"] == number] for number in "12"}
+    assert all(min(own) == 0.5 and max(own) == pytest.approx(1.0) for own in values.values())
+    assert {row["stable"].lower() for row in rows} == {"true", "false"}
+
+
+def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
+    words = ("--vary", "support.mass=0.5:0.6:2", "--start", "mode:4:40", "--duration", "60", "--format", "json")
+    record = json.loads(told(capsys, "metronomes", *words))
+    (branch,) = record["branches"]
+    assert branch["from"] == "start"
+    assert all(point["stable"] for point in branch["points"])
+
+
+def test_the_text_names_special_points_and_entered_branches(capsys: pytest.CaptureFixture[str]) -> None:
+    text = told(capsys, "chain-2", "--mode", "2", "--to", "66", "--enter")
+    assert "branch point at 61.946°" in text
+    assert "branch 2, from branch point of mode 2" in text
+    linear = natural_modes(load("chain-2"))[1].omega
+    assert f"{linear:.5f}"[:4] in text
+
+
+def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    figure, film = tmp_path / "a.png", tmp_path / "a.gif"
+    told(capsys, "chain-1", "--mode", "1", "--to", "60", "-o", str(figure), "--film", str(film))
+    with Image.open(figure) as shown, Image.open(film) as moving:
+        assert shown.width > 500
+        assert getattr(moving, "n_frames", 1) > 50
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["chain-2"],
+        ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2"],
+        ["chain-2", "--mode", "3"],
+        ["chain-spatial", "--mode", "1"],
+        ["chain-2", "--mode", "1", "--start", "mode:1:5"],
+        ["huygens", "--vary", "support.mass=3"],
+        ["huygens", "--vary", "support.mas=1:3:2"],
+        ["huygens", "--mode", "2"],
+        ["chain-2", "--mode", "1", "-o", "a.doc"],
+    ],
+)
+def test_bad_input_is_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["orbits", *words]) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.startswith("multipendula: ")

@@ -1,0 +1,170 @@
+"""Limit cycles: against the benchmark's own equations, perturbed runs, closed forms and simulation."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import pairwise
+from math import exp, pi, sqrt
+
+import floquet
+import numpy as np
+import pytest
+
+from modal import Bob, Cart, Pendulum, Scene, load
+from modal.errors import ComputationError, SceneError
+from modal.scene.parameters import parse_variations, vary
+from nonlinear.averaging import average, relative_equilibria
+from nonlinear.orbits import Branch, Orbit, cycle_of, entered, follow_cycles, limit_cycles, periodic_orbit
+from nonlinear.simulation import simulate
+from nonlinear.synchronization import agreement
+from nonlinear.system import AppliedForces, State
+
+DETUNED = "pendulum[1].links[0].inertia"
+
+
+@cache
+def cycle(pair: floquet.Pair, words: str) -> tuple[Orbit, floquet.Orbit]:
+    one = next(one for one in relative_equilibria(average(pair.scene)) if agreement(one) == words)
+    return cycle_of(pair.scene, one), floquet.near(pair, one)
+
+
+@pytest.mark.parametrize(("angle", "told"), [(6.0, -0.01932), (8.0, -0.00461), (9.0, 0.00396), (11.0, 0.02321)])
+def test_antiphase_of_metronomes_grows_at_the_published_rate(angle: float, told: float) -> None:
+    own, other = cycle(floquet.metronomes(angle), "antiphase")
+    rates = np.log(np.abs(own.floquet.others)) / own.period
+    drift = np.abs(rates + other.pair.drift).argmin()
+    assert np.delete(rates, drift).max() == pytest.approx(told, abs=1e-5)
+    assert own.is_stable is (told < 0)
+    assert own.floquet.neutral == 2
+
+
+PAIRS = [(floquet.metronomes(10.0, 3.0, 6e-5), "in phase"), (floquet.huygens(10.0), "antiphase")]
+PAIRS += [(floquet.huygens(10.0), "in phase"), (floquet.huygens(40.0), "in phase")]
+PAIRS += [(floquet.huygens(10.0, 10.0), "in phase")]
+
+
+@pytest.mark.parametrize(("pair", "words"), PAIRS)
+def test_cycles_and_multipliers_are_those_of_other_equations_kicks_included(pair: floquet.Pair, words: str) -> None:
+    own, other = cycle(pair, words)
+    assert own.period == pytest.approx(other.period, rel=1e-10)
+    found = np.log(own.floquet.others) / own.period
+    for exponent in other.exponents:
+        at = np.abs(found - exponent).argmin()
+        assert found[at] == pytest.approx(exponent, abs=1e-7)
+        found = np.delete(found, at)
+    assert found == pytest.approx([-pair.drift], rel=1e-3)
+
+
+def test_multipliers_of_kicked_clocks_are_those_of_a_perturbed_run() -> None:
+    """Central differences of runs of the simulator over one period, projected on the phase's complement."""
+    scene = floquet.Pair(0.082, 0.14, 0.14, 0.0, 1.35e-4, 10.0, 4.0, floquet.huygens(1).drive, extra=2e-6).scene
+    orbit = next(one for one in limit_cycles(scene) if one.is_stable)
+    layout, size, scale = orbit.flow.equations.layout, len(orbit.y), orbit.flow.scale
+    ends = []
+    for sign in (1, -1):
+        for i in range(size):
+            start = layout.state(orbit.y + sign * 1e-6 * scale[i] * np.eye(size)[i])
+            run = simulate(scene, orbit.period, start=start, output=[0.0, orbit.period], tolerance=1e-12)
+            ends.append(layout.begin(run.motion[-1])[:size])
+    brute = np.linalg.eigvals((np.array(ends[:size]) - ends[size:]).T / (2e-6 * scale))
+    expected = np.poly(orbit.floquet.all)
+    assert np.poly(brute) == pytest.approx(expected.real, abs=1e-5 * np.abs(expected).max())
+
+
+def divergence(orbit: Orbit) -> float:
+    """The integral of the trace of the Jacobian over a period, by Gauss's rule on its steps."""
+    x, w = np.polynomial.legendre.leggauss(10)
+    total, times = 0.0, np.unique(orbit.path.times)
+    for begin, end in pairwise(times):
+        nodes = (begin + end) / 2 + (end - begin) / 2 * x
+        rows = orbit.sampled(nodes)
+        total += sum(
+            weight * (end - begin) / 2 * np.trace(orbit.flow.equations.linearized(row)[1])
+            for weight, row in zip(w, rows, strict=True)
+        )
+    return float(total)
+
+
+def test_the_product_of_multipliers_is_the_exponential_of_the_divergence() -> None:
+    own, _ = cycle(floquet.metronomes(9.0), "antiphase")
+    assert np.prod(own.floquet.all).real == pytest.approx(exp(divergence(own)), rel=1e-8)
+
+
+DRIVEN = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.2)])])
+
+
+def test_under_a_periodic_force_the_orbit_is_where_a_long_run_ends() -> None:
+    rate = 2.5
+    start = State(np.array([0.3]), np.zeros(1))
+    orbit = periodic_orbit(DRIVEN, start, 2 * pi / rate, force=lambda time: np.array([0.8 * np.cos(rate * time)]))
+    assert orbit.is_stable
+    assert orbit.floquet.neutral == 0
+    assert np.prod(orbit.floquet.all).real == pytest.approx(exp(-0.2 * orbit.period), rel=1e-9)
+
+    def push(time: float, state: State) -> AppliedForces:
+        return AppliedForces(moments=np.array([0.8 * np.cos(rate * time)]))
+
+    times = np.array([0.0, 80 * orbit.period])
+    run = simulate(DRIVEN, float(times[-1]), start=start, load=push, output=times, tolerance=1e-11)
+    assert run.motion.links[-1] == pytest.approx(orbit.state.links, abs=1e-7)
+    small = periodic_orbit(DRIVEN, start, 2 * pi / rate, force=lambda time: np.array([1e-4 * np.cos(rate * time)]))
+    assert small.amplitude == pytest.approx(1e-4 / sqrt((9.81 - rate**2) ** 2 + (0.2 * rate) ** 2), rel=1e-6)
+
+
+@cache
+def detuned() -> tuple[floquet.Pair, tuple[Branch, ...]]:
+    pair = floquet.metronomes(10.0, 3.0, 6e-5)
+    return pair, follow_cycles(pair.scene, parse_variations([f"{DETUNED}=1e-5:1.01e-5:2"])[0])
+
+
+def slipped(scene: Scene, start: State, omega: float, duration: float) -> float:
+    """The largest change of the phase between two pendula (rad) in a run."""
+    run = simulate(scene, duration, start=start, output=int(60 * duration) + 1, tolerance=1e-9)
+    psi = np.unwrap(np.arctan2(-run.motion.link_rates / omega, run.motion.links), axis=0)
+    between = psi[:, 1] - psi[:, 0]
+    return float(np.abs(between - between[0]).max())
+
+
+def test_the_critical_detuning_is_a_fold_confirmed_from_both_sides_by_simulation() -> None:
+    pair, branches = detuned()
+    branch = branches[0]
+    fold = next(special for special in branch.special if special.kind == "fold")
+    critical = fold.orbit.value
+    assert critical is not None
+    assert fold.of == DETUNED
+    assert np.abs(fold.orbit.floquet.others - 1).min() < 1e-5
+    stable, after = branch.is_stable, fold.after
+    assert len(set(stable[: after + 1])) == len(set(stable[after + 1 :])) == 1
+    assert stable[0] is not stable[-1]
+    for beyond, locks in ((-0.05, True), (0.05, False)):
+        value = 1e-5 + (critical - 1e-5) * (1 + beyond)
+        slip = slipped(vary(pair.scene, {DETUNED: value}), fold.orbit.state, fold.orbit.omega, 1800.0)
+        assert bool(slip < pi / 2) is locks
+
+
+def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_stability() -> None:
+    (variation,) = parse_variations(["support.mass=24:30:2log"])
+    branches = follow_cycles(load("huygens"), variation, longest=0.5)
+    branch, special = next((branch, special) for branch in branches for special in branch.special)
+    assert special.kind == "branch point"
+    assert special.orbit.value == pytest.approx(26.68, abs=0.01)
+    below, above = (one.is_stable for one in (branch.orbits[special.after], branch.orbits[special.after + 1]))
+    assert below is not above
+    leaving = entered(branch, special, most=4)
+    one = leaving.orbits[-1]
+    angles = one.amplitudes
+    assert abs(angles[0] - angles[1]) > 1e-3
+    assert one.residual < 1e-10
+    again = periodic_orbit(one.scene, one.state, one.period)
+    assert again.omega == pytest.approx(one.omega, rel=1e-9)
+
+
+def test_what_has_no_limit_cycles_is_refused() -> None:
+    (variation,) = parse_variations(["support.mass=1:10:3"])
+    with pytest.raises(ComputationError, match="nothing excites"):
+        follow_cycles(load("paper-cart-2"), variation)
+    with pytest.raises(SceneError, match="two or more values"):
+        follow_cycles(load("huygens"), parse_variations(["support.mass=3"])[0])
+    still = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=DRIVEN.pendulum)
+    with pytest.raises(ComputationError, match="no periodic orbit"):
+        periodic_orbit(still, State(np.array([1.2]), np.zeros(1)), 1.7)

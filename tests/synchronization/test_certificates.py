@@ -1,0 +1,81 @@
+"""Stability of configurations and critical values by periodic orbits of the full equations."""
+
+from __future__ import annotations
+
+import floquet
+import numpy as np
+import pytest
+
+from modal.scene import Scene
+from modal.scene.parameters import parse_variations
+from nonlinear.averaging import predict, relative_equilibria
+from nonlinear.orbits import follow_cycles
+from nonlinear.synchronization import agreement, branches_text, follow_branches, sync_record, sync_text
+from nonlinear.synchronization.certificates import certified
+from nonlinear.synchronization.study import Theory, study_synchronization
+from nonlinear.system import State
+
+DETUNED = "pendulum[1].links[0].inertia"
+
+
+BESIDE = State(np.array([0.1, -0.09]), np.zeros(2))
+
+
+def theory(scene: Scene) -> Theory:
+    prediction = predict(scene, BESIDE)
+    return Theory(relative_equilibria(prediction.averaged), prediction)
+
+
+@pytest.mark.parametrize(("angle", "told"), [(6.0, -0.01932), (8.0, -0.00461), (9.0, 0.00396), (11.0, 0.02321)])
+def test_the_stability_told_is_that_of_the_multipliers(angle: float, told: float) -> None:
+    pair = floquet.metronomes(angle)
+    found = study_synchronization(pair.scene, 1.0, start=BESIDE)
+    record = next(one for one in sync_record(found)["configurations"] if one["pendula"] == "antiphase")
+    assert record["lasts"] is (told < 0)
+    assert record["growth_rate_per_s"] == pytest.approx(told, abs=1e-5)
+    assert record["averaged_growth_rate_per_s"] == pytest.approx(told, abs=6e-4)
+    assert record["averaged_growth_rate_per_s"] != pytest.approx(told, abs=1e-5)
+    assert record["orbit"]["residual"] < 1e-10
+    assert "(averaged)" not in sync_text(found)
+
+
+def test_a_stable_orbit_takes_the_place_of_doubts_about_averaging() -> None:
+    """Strong drives: averaging doubts itself, the orbit does not; doubts about the way from the start remain."""
+    scene = floquet.metronomes(11.0, strength=2e-5).scene
+    own = theory(scene)
+    assert own.prediction.ending is not None
+    assert own.ending is not None
+    assert own.ending.is_stable
+    assert set(own.doubts) <= set(own.prediction.doubts)
+    wide = theory(floquet.metronomes(40.0, strength=2e-5).scene)
+    assert wide.prediction.doubts
+    assert wide.ending is not None
+    assert len(wide.doubts) < len(wide.prediction.doubts)
+
+
+def test_an_orbit_far_from_a_configuration_is_no_certificate(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = floquet.metronomes(9.0).scene
+    one = theory(scene).configurations[0]
+    assert certified(scene, one) is not None
+    monkeypatch.setattr("nonlinear.synchronization.certificates.CLOSE", 1e-9)
+    assert certified(scene, one) is None
+
+
+def test_critical_values_are_located_on_the_full_equations() -> None:
+    scene = floquet.metronomes(10.0, 3.0, 6e-5).scene
+    (variation,) = parse_variations([f"{DETUNED}=1e-5:1.01e-5:6"])
+    found = follow_branches(scene, variation)
+    branch = next(branch for branch in found.branches if agreement(branch.states[0]) == "in phase")
+    at = next(k for k, (_, number) in enumerate(found.changes) if found.branches[number] is branch)
+    special = found.located[at]
+    assert special is not None
+    exact = next(
+        one for branch in follow_cycles(scene, variation) for one in branch.special if one.kind == "fold"
+    ).orbit.value
+    assert exact is not None
+    assert special.kind == "fold"
+    assert special.orbit.value == pytest.approx(exact, rel=1e-8)
+    averaged = found.changes[at][0].value - 1e-5
+    assert averaged != pytest.approx(exact - 1e-5, rel=1e-4)
+    assert averaged == pytest.approx(exact - 1e-5, rel=0.2)
+    assert f"{exact:.7g}" in branches_text(found)
