@@ -88,6 +88,7 @@ MOVED = {
         "spectra summary"
     ),
     "nonlinear.reduction": "defect modal_coordinates residual superposition truncated truncation two_planes",
+    "nonlinear.ensembles": "cluster crews=executors sweeps.cluster=cluster sweeps.executors=executors",
     "nonlinear.sweeps": (
         "journals=checkpoint locks measure=measures measures modal_measures=measures "
         "run_measures=measures studies=study sweep_files=files sweep_tables=running sync_measures=measures"
@@ -97,7 +98,6 @@ MOVED = {
         "sync_records=report sync_words=report synchrony=study"
     ),
     "nonlinear.system": "directions events excitation=system plant=system starts=initial state",
-    "nonlinear.workers": "cluster crews=executors",
     "nonlinear.verification": (
         "check=modes check_tables=tables compare=motion compare_tables=tables measurements=measurement"
     ),
@@ -169,7 +169,7 @@ RENAMED = {
     "nonlinear.reduction.two_planes": "joined=join",
     "nonlinear.simulation": "resumed=resume",
     "nonlinear.sweeps.checkpoint": "Journal=Checkpoint journal=open_checkpoint",
-    "nonlinear.workers.executors": "Crew=WorkerPool",
+    "nonlinear.ensembles.executors": "Crew=WorkerPool",
     "nonlinear.sweeps.measures": "asked=parse_measures Asked=RequestedMeasure",
     "nonlinear.sweeps.study": "measured=measure_points",
     "nonlinear.synchronization.continuation": "branches=follow_branches",

@@ -30,7 +30,7 @@ HEAVY = {
     "flint": {"modal.exact.balls"},
     "numba": {"modal.eigen.compiling"},
     "heyoka": {"nonlinear.integration.taylor"},
-    "distributed": {"nonlinear.workers.cluster"},
+    "distributed": {"nonlinear.ensembles.cluster"},
 }
 MOST_ENTRIES = 18
 """Files and rooms that a package shows at a glance."""

@@ -155,7 +155,7 @@ def _engine(options: argparse.Namespace, members: int) -> Iterator[dict[str, Any
         if not options.scheduler:
             yield more | {"report": report}
             return
-        from nonlinear.workers.cluster import cluster
+        from nonlinear.ensembles.cluster import cluster
 
         with cluster(options.scheduler) as crew:
             yield more | {"report": report, "crew": crew}

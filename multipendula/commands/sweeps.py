@@ -114,7 +114,7 @@ def _crew(options: argparse.Namespace) -> Iterator[WorkerPool | None]:
     if not options.scheduler:
         yield None
         return
-    from nonlinear.workers.cluster import cluster
+    from nonlinear.ensembles.cluster import cluster
 
     with cluster(options.scheduler) as crew:
         yield crew

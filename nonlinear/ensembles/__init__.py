@@ -6,7 +6,8 @@ of every member, with its energy drift and horizon, in chunks that may be files 
     y_s' = f(y_s, p_s),    s = 1 … S
 
 Start with `running`; `measures` says what can be measured, `lanes`, `compiled` and `series` are the engines, and
-`plain` takes one by one what these do not; `basins`, `sections` and `spread` are what ensembles are run for most.
+`plain` takes one by one what these do not; `basins`, `sections` and `spread` are what ensembles are run for most,
+`executors` and `cluster` share the work among processes.
 """
 
 from nonlinear.ensembles.basins import Basins, basins_table, find_basins, grid_of

@@ -24,6 +24,7 @@ from modal.scene import Scene, validate_scene
 from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
 from nonlinear.ensembles.costs import choose_engine, seconds_of
+from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.ensembles.measures import asked, validate_measures
 from nonlinear.ensembles.members import Members, Starts, Vary, members_of
 from nonlinear.ensembles.parts import Parts
@@ -31,7 +32,6 @@ from nonlinear.ensembles.plain import STATES, validate_plain
 from nonlinear.ensembles.question import CHECKED, PLAIN, Question, chunk_of, refused, sample_of
 from nonlinear.integration import sample_times, validate, validate_numbers
 from nonlinear.system import Motion, system_of
-from nonlinear.workers import DIED, WorkerPool, cores, processes, spread
 
 USUAL = 1e-9  # tolerance
 END = "end"

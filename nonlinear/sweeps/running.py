@@ -16,9 +16,9 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import grid, visible
 from modal.types import Floats
+from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.sweeps.checkpoint import Checkpoint
 from nonlinear.sweeps.study import Point, Points, Row, Study, Task, measure_each, measure_points
-from nonlinear.workers import DIED, WorkerPool, cores, processes, spread
 
 PATIENCE = 0.5
 """Seconds that this process works alone before it starts others: a small sweep is done by then."""
@@ -79,7 +79,7 @@ def sweep(
     """All points of a study: those already in a journal are taken from it, new ones are added to it.
 
     `workers` is a number of processes, 1 to stay in this one; by default, all cores are used once the sweep has taken
-    PATIENCE.  `crew` is for other executors, such as `nonlinear.workers.cluster`.  `report` is called with the number
+    PATIENCE.  `crew` is for other executors, such as `nonlinear.ensembles.cluster`.  `report` is called with the number
     of points done.  On Ctrl-C the rows found so far are returned.  Raises ComputationError where workers cannot be
     started.
     """

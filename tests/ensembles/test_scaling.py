@@ -19,7 +19,7 @@ import pytest
 from modal import load
 from modal.errors import ComputationError, SceneError
 from nonlinear.ensembles import Ensemble, ensemble
-from nonlinear.workers import WorkerPool
+from nonlinear.ensembles.executors import WorkerPool
 
 STARTS = np.random.default_rng(0).uniform(-2, 2, (60, 2))
 MEASURES = ["first_turn", "largest_angle", "section:theta[1,1]=0"]
@@ -184,7 +184,7 @@ def cluster_of_two() -> Iterator[object]:
 def test_a_dask_worker_that_is_killed_changes_nothing(
     tmp_path: Path, alone: dict[str, bytes], cluster_of_two: object
 ) -> None:
-    from nonlinear.workers.cluster import cluster
+    from nonlinear.ensembles.cluster import cluster
 
     heard: list[float] = []
 

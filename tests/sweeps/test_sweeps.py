@@ -31,6 +31,7 @@ from modal.scene.parameters import (
     vary,
     with_numbers,
 )
+from nonlinear.ensembles.cluster import cluster
 from nonlinear.plotting import draw_sweep
 from nonlinear.plotting.sweeps import label, sweep_figure
 from nonlinear.simulation import simulate
@@ -39,7 +40,6 @@ from nonlinear.sweeps import files as sweep_files
 from nonlinear.sweeps.measures import Measure, RequestedMeasure
 from nonlinear.sweeps.running import DIED
 from nonlinear.sweeps.study import MOST_POINTS, Row
-from nonlinear.workers.cluster import cluster
 
 PAPER = load("paper-cart-2")
 G = 9.81

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from modal.errors import ComputationError, MissingExtraError
-from nonlinear.workers.executors import WorkerPool
+from nonlinear.ensembles.executors import WorkerPool
 
 PATIENCE = 10.0
 """Time limit (s) for a scheduler to answer."""
