@@ -35,8 +35,10 @@ def imported(code: str) -> set[str]:
     return {name.partition(".")[0] for name in found}
 
 
-def test_there_are_ten() -> None:
-    assert [twin.stem[:2] for twin in LESSONS] == [f"{number:02}" for number in range(1, 11)]
+def test_every_lesson_has_a_number_of_its_own() -> None:
+    numbers = [int(twin.stem[:2]) for twin in LESSONS]
+    assert numbers[:10] == list(range(1, 11))
+    assert numbers == sorted(set(numbers))
     assert sorted(path.stem for path in twins.HERE.glob("*.ipynb")) == [twin.stem for twin in LESSONS]
 
 
