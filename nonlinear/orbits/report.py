@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import degrees, isfinite
+from math import ceil, degrees, isfinite, log10
 from textwrap import fill
 from typing import Any
 
@@ -16,6 +16,7 @@ from nonlinear.orbits.cycles import growth
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.special import Special
 
+CLOSED = 1e-11  # least residual that is told
 SHOWN = 16  # orbits of a branch in the text
 STABLE = (
     "stable: no disturbance of the orbit grows; largest |μ|: of its Floquet multipliers besides those that are 1 by a "
@@ -90,7 +91,9 @@ def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None =
 def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
     for number, branch in enumerate(branches):
         along = f" along {branch.variation.path}" if branch.variation else ""
-        yield f"branch {number + 1}, from {branch.origin}{along}: {counted(len(branch.orbits), 'orbit', 'orbits')}"
+        count, worst = counted(len(branch.orbits), "orbit", "orbits"), max(orbit.residual for orbit in branch.orbits)
+        closed = 10.0 ** ceil(log10(max(worst, CLOSED)))
+        yield f"branch {number + 1}, from {branch.origin}{along}: {count} that close to {closed:.0e}"
         kept = np.unique(np.linspace(0, len(branch.orbits) - 1, SHOWN).astype(int))
         rows = [_cells(branch, branch.orbits[at], linear) for at in kept]
         yield grid(rows, _headings(branch, linear))
@@ -102,7 +105,7 @@ def _headings(branch: Branch, linear: float | None) -> list[str]:
     head = [f"{branch.variation.path} ({branch.variation.unit or '–'})"] if branch.variation else []
     shift = ["ω/ω₀ − 1"] if linear else []
     grows = ["growth (1/s)"] if branch.variation else []
-    return [*head, "largest (°)", "ω (rad/s)", *shift, "energy (J)", "stable", "largest |μ|", *grows, "residual"]
+    return [*head, "largest (°)", "ω (rad/s)", *shift, "energy (J)", "stable", "largest |μ|", *grows]
 
 
 def _cells(branch: Branch, orbit: Orbit, linear: float | None) -> list[str]:
@@ -118,7 +121,6 @@ def _cells(branch: Branch, orbit: Orbit, linear: float | None) -> list[str]:
         "yes" if orbit.is_stable else "no",
         f"{_largest(orbit):.6g}",
         *grows,
-        f"{orbit.residual:.0e}",
     ]
 
 

@@ -125,6 +125,7 @@ def slipped(scene: Scene, start: State, omega: float, duration: float) -> float:
     return float(np.abs(between - between[0]).max())
 
 
+@pytest.mark.slow
 def test_the_critical_detuning_is_a_fold_confirmed_from_both_sides_by_simulation() -> None:
     pair, branches = detuned()
     branch = branches[0]
@@ -142,21 +143,22 @@ def test_the_critical_detuning_is_a_fold_confirmed_from_both_sides_by_simulation
         assert bool(slip < pi / 2) is locks
 
 
+@pytest.mark.slow
 def test_branches_leave_at_a_branch_point_where_two_clocks_in_phase_lose_their_stability() -> None:
-    (variation,) = parse_variations(["support.mass=24:30:2log"])
-    branches = follow_cycles(load("huygens"), variation, longest=0.5)
+    (variation,) = parse_variations(["support.mass=26.5:27:2"])
+    branches = follow_cycles(load("huygens"), variation, longest=1.0)
     branch, special = next((branch, special) for branch in branches for special in branch.special)
     assert special.kind == "branch point"
     assert special.orbit.value == pytest.approx(26.68, abs=0.01)
     below, above = (one.is_stable for one in (branch.orbits[special.after], branch.orbits[special.after + 1]))
     assert below is not above
-    leaving = entered(branch, special, most=4)
+    leaving = entered(branch, special, most=2)
     one = leaving.orbits[-1]
     angles = one.amplitudes
-    assert abs(angles[0] - angles[1]) > 1e-3
+    assert abs(angles[0] - angles[1]) > 1e-4
     assert one.residual < 1e-10
-    again = periodic_orbit(one.scene, one.state, one.period)
-    assert again.omega == pytest.approx(one.omega, rel=1e-9)
+    run = simulate(one.scene, one.period, start=one.state, output=[0.0, one.period], tolerance=1e-12)
+    assert run.motion.links[-1] == pytest.approx(one.state.links, abs=1e-9)
 
 
 def test_what_has_no_limit_cycles_is_refused() -> None:
