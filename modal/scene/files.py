@@ -128,6 +128,8 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[IO[bytes]]:
         _print(held.getvalue())
         return
     target = Path(path)
+    if "\0" in os.fspath(path):
+        raise SceneError([f"{target}: a file's name has no null character"])
     try:
         special = target.exists() and not target.is_file()
         with open(target, "wb") if special else _temporary(target.resolve()) as stream:

@@ -17,6 +17,7 @@ from nonlinear.ensembles.measures import Columns, Context
 from nonlinear.ensembles.members import Block, Part
 from nonlinear.ensembles.plain import STATES
 from nonlinear.ensembles.question import COMPILED, LANES, PLAIN, Question
+from nonlinear.integration.costs import reproducible
 from nonlinear.simulation import simulate
 from nonlinear.system import Layout, Numbers, apart, numbers_of
 
@@ -136,13 +137,14 @@ def _differences(question: Question, part: Part, block: Block, layout: Layout, f
         if column in found.reasons:
             continue
         try:
-            run = simulate(
-                part.scene_of(place),
-                question.duration,
-                start=part.state_of(place),
-                tolerance=question.tolerance,
-                output=2,
-            )
+            with reproducible():
+                run = simulate(
+                    part.scene_of(place),
+                    question.duration,
+                    start=part.state_of(place),
+                    tolerance=question.tolerance,
+                    output=2,
+                )
         except ComputationError:
             result[number] = float("nan")
             continue

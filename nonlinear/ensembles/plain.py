@@ -13,6 +13,7 @@ from nonlinear.ensembles.found import Found, Section
 from nonlinear.ensembles.measures import Columns, Context, places
 from nonlinear.ensembles.question import Question
 from nonlinear.integration import Trajectory
+from nonlinear.integration.costs import reproducible
 from nonlinear.postprocessing import extremes
 from nonlinear.simulation import simulate
 from nonlinear.system import Event, Layout, Motion, State, numbers_of
@@ -40,6 +41,7 @@ def validate_plain(measures: tuple[str, ...], scene: Scene) -> None:
         raise SceneError(problems)
 
 
+@reproducible()
 def columns(question: Question, scene: Scene, start: State) -> Columns:
     """What is asked for of one member, each of shape (...); SimulationError where it cannot reach its end."""
     times = question.wanted.times

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from importlib.util import find_spec
 from math import inf, pi
 from pathlib import Path
@@ -22,6 +25,17 @@ SERIES_PER_PERIOD = 40.0  # steps of Taylor series per period, at any tolerance
 PER_KICK = 2.0  # steps: one cut short, one that lands on the kick
 NUMBA, LINKED, COMPILED = 0.2, 0.3, 10.0  # s to load numba, to link a cached kernel, to compile a new one
 HEYOKA = 2.0  # s to load it
+_same = ContextVar("_same", default=False)
+
+
+@contextmanager
+def reproducible() -> Iterator[None]:
+    """A block in which choices do not depend on what this process has loaded, and so results are equal to the bit."""
+    token = _same.set(True)
+    try:
+        yield
+    finally:
+        _same.reset(token)
 
 
 def costs(scene: Scene, system: System, duration: float, tolerance: float, size: float = 1.0) -> dict[str, float]:
@@ -41,6 +55,8 @@ def costs(scene: Scene, system: System, duration: float, tolerance: float, size:
 
 def owed_to_numba() -> float:
     """Seconds until the compiled integrator is ready in this process; inf where numba is not installed."""
+    if _same.get():
+        return inf
     integrator = sys.modules.get("nonlinear.integration.compiled")
     if integrator and integrator.loaded():
         return 0.0
@@ -51,7 +67,7 @@ def owed_to_numba() -> float:
 
 def owed_to_heyoka(system: System, tolerance: float) -> float:
     """Seconds until such series are ready in this process; inf where heyoka is not installed."""
-    if not taylor.available():
+    if _same.get() or not taylor.available():
         return inf
     if taylor.ready(system, tolerance):
         return 0.0

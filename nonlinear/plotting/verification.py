@@ -15,6 +15,7 @@ from modal.errors import ComputationError
 from modal.plotting import (
     DASHES,
     HUES,
+    QUIET,
     SMALL,
     WIDTH,
     colour,
@@ -79,7 +80,7 @@ def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None
     axis.plot(a, np.abs(row.mode.kappa) * np.radians(a) ** 2, color=colour(k), ls=DASHES[k % 2], lw=1.3, zorder=2)
     if row.backbone and row.backbone.linear:
         size, shift = np.rad2deg(row.backbone.amplitude), np.abs(row.backbone.omega / row.backbone.linear - 1)
-        axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, zorder=1.5)
+        axis.plot(size, shift, color=colour(k), lw=2.4, alpha=0.35, gid=QUIET, zorder=1.5)
     steady = [run for run in row.measurements if not run.irregular]
     for falls in (True, False):
         x, y = (np.array(v) for v in ([degrees(run.effective) for run in steady], [run.shift for run in steady]))

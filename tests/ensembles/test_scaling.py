@@ -20,6 +20,7 @@ from modal import load
 from modal.errors import ComputationError, SceneError
 from nonlinear.ensembles import Ensemble, ensemble
 from nonlinear.ensembles.executors import WorkerPool
+from nonlinear.integration.methods import choose
 
 STARTS = np.random.default_rng(0).uniform(-2, 2, (60, 2))
 MEASURES = ["first_turn", "largest_angle", "section:theta[1,1]=0"]
@@ -81,6 +82,20 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path, alone: dict[str, byt
 def test_the_bytes_are_those_of_processes(tmp_path: Path, alone: dict[str, bytes]) -> None:
     run(tmp_path / "processes", workers=2)
     assert contents(tmp_path / "processes") == alone
+
+
+@pytest.mark.slow
+def test_the_bytes_do_not_depend_on_what_is_loaded(
+    tmp_path: Path, alone: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The runs that members are compared with are not compiled, not even where that would cost nothing."""
+    pytest.importorskip("numba")
+    from nonlinear.integration import compiled
+
+    monkeypatch.setattr(compiled, "loaded", lambda: True)
+    assert choose(load("chain-2"), 1.0, 1e-9, "DOP853").compiled
+    run(tmp_path / "loaded")
+    assert contents(tmp_path / "loaded") == alone
 
 
 def test_what_dead_workers_leave_is_done_by_the_next_call(tmp_path: Path, alone: dict[str, bytes]) -> None:

@@ -93,6 +93,11 @@ def test_an_option_with_dashes_for_its_value_has_none(given: str, capsys: pytest
     assert any("expected one argument" in line for line in refused(capsys, 2, *given.split()))
 
 
+def test_a_name_that_no_file_can_have_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    (told,) = refused(capsys, 2, "table", "chain-1", "-o", "a\0b")
+    assert told.endswith("a file's name has no null character")
+
+
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 @pytest.mark.parametrize("given", ["--help", "table --help", "--version", "table chain-1", "scenes"])
 def test_what_cannot_be_printed_is_no_success(given: str) -> None:
