@@ -125,6 +125,13 @@ def test_kappa_is_the_slope_of_a_backbone_at_rest(name: str, number: int, to: fl
     assert slope == pytest.approx(mode.kappa, rel=1e-5)
 
 
+def test_an_orbit_of_given_energy_has_it() -> None:
+    orbit = nonlinear_mode(load("paper-cart-2"), 3, energy=4.0, longest=0.3, locate=False).orbits[-1]
+    heights = Mechanics(orbit.flow.system, orbit.motion(orbit.y[None])).potential.sum()
+    assert orbit.energy == pytest.approx(4.0, rel=1e-9)
+    assert heights == pytest.approx(4.0, rel=1e-9)
+
+
 def test_what_is_no_mode_is_refused() -> None:
     scene = load("paper-cart-2")
     with pytest.raises(SceneError, match="modes 1 to 5"):
