@@ -12,9 +12,10 @@ from scipy.special import ellipk
 
 from modal import Bob, Pendulum, Rod, Scene, load, natural_modes
 from modal.errors import ComputationError, SceneError
+from modal.scene.parameters import parse_variations
 from nonlinear.dynamics import Mechanics
 from nonlinear.integration import modes_of
-from nonlinear.orbits import Branch, nonlinear_mode
+from nonlinear.orbits import Branch, mode_along, nonlinear_mode
 from nonlinear.orbits.continuation import located
 from nonlinear.orbits.symmetric import quarter_of
 from nonlinear.simulation import simulate
@@ -123,6 +124,19 @@ def test_kappa_is_the_slope_of_a_backbone_at_rest(name: str, number: int, to: fl
         squares.append(size)
     slope = slopes[0] - squares[0] * (slopes[1] - slopes[0]) / (squares[1] - squares[0])
     assert slope == pytest.approx(mode.kappa, rel=1e-5)
+
+
+def test_orbits_of_one_amplitude_turn_where_the_lower_rod_tunes_the_modes_to_one_to_three() -> None:
+    (variation,) = parse_variations(["pendulum[0].links[1].length=0.5:0.6:2"])
+    branch = mode_along(rods(0.55), 1, variation, radians(30))
+    folds = [special for special in branch.special if special.of == variation.path]
+    assert branch.value[0] == branch.value[-1] == pytest.approx(0.5)
+    assert len(folds) == 1
+    assert np.rad2deg(branch.amplitude) == pytest.approx(30.0, abs=1e-6)
+    middle = branch.orbits[2]
+    assert middle.value is not None
+    alone = nonlinear_mode(rods(middle.value), 1, radians(30), longest=0.2, locate=False).orbits[-1]
+    assert middle.omega == pytest.approx(alone.omega, rel=1e-9)
 
 
 def test_an_orbit_of_given_energy_has_it() -> None:
