@@ -21,7 +21,7 @@ def backbone() -> Branch:
 
 @cache
 def uneven() -> Branch:
-    return entered(backbone(), backbone().special[0], most=60, step=0.15)
+    return entered(backbone(), backbone().special[0], most=45, step=0.2)
 
 
 def returns(orbit: Orbit) -> float:
@@ -32,10 +32,11 @@ def returns(orbit: Orbit) -> float:
 
 def rests(orbit: Orbit) -> float:
     """The smallest rate (rad/s) of the faster link over a period: 0 where both turn back together."""
-    rows = orbit.sampled(np.linspace(0, orbit.period, 200))
+    rows = orbit.sampled(np.linspace(0, orbit.period, 120))
     return float(np.abs(rows[:, 2:]).max(axis=1).min())
 
 
+@pytest.mark.slow
 def test_on_the_branch_that_leaves_the_links_no_longer_turn_back_together() -> None:
     orbit, even = uneven().orbits[8], backbone().orbits[-1]
     assert returns(orbit) < 1e-7
