@@ -66,7 +66,10 @@ def _orbits_arguments(page: Page) -> None:
     degrees = number("degrees above 0 and below 180", 179.999)
     words = f"with --mode, up to this largest angle of any link (default {TO:g})"
     page.asked.add_argument("--to", metavar="DEG", type=degrees, help=words)
-    words = "follow the limit cycles of a scene with drives along one number, such as support.mass=1:100:2log"
+    words = (
+        "follow orbits along one number, such as support.mass=1:100:2log: the limit cycles of a scene with drives, or "
+        "with --mode the orbit with the largest angle --to"
+    )
     offer(page.asked.add_argument("--vary", metavar="PLACE=RANGE", help=words), places)
     words = "also follow the branches that leave at branch points and period doublings"
     page.asked.add_argument("--enter", action="store_true", help=words)
@@ -85,12 +88,14 @@ def _fitting(options: argparse.Namespace) -> None:
 
 
 def _misfits(options: argparse.Namespace) -> Iterator[str]:
-    if bool(options.mode) == bool(options.vary):
-        yield "orbits: needs either --mode R or --vary PLACE=RANGE"
+    if not (options.mode or options.vary):
+        yield "orbits: needs --mode R or --vary PLACE=RANGE"
     if options.to and not options.mode:
         yield "--to: needs --mode"
-    if options.start and not options.vary:
-        yield "--start: needs --vary"
+    if options.start and (options.mode or not options.vary):
+        yield "--start: needs --vary and no --mode"
+    if options.enter and options.mode and options.vary:
+        yield "--enter: cannot be combined with both --mode and --vary"
     if options.duration and not options.start:
         yield "--duration: needs --start"
 
@@ -98,9 +103,14 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from math import radians
 
-    from nonlinear.orbits import nonlinear_mode
+    from modal.scene.parameters import parse_variations
+    from nonlinear.orbits import mode_along, nonlinear_mode
 
     to = options.to or TO
+    if options.vary:
+        (variation,) = parse_variations([options.vary])
+        with bar(0, "orbit") as report:
+            return (mode_along(scene, options.mode, variation, radians(to), report=report),)
     with bar(to, "deg") as report:
         return (nonlinear_mode(scene, options.mode, radians(to), report=report),)
 
@@ -154,7 +164,7 @@ def _told(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) 
     if options.format == "csv":
         return orbits_csv(found)
     linear = None
-    if options.mode:
+    if options.mode and not options.vary:
         modes, row = oscillating(scene, options.mode)
         linear = float(modes.omega[row])
     return orbits_text(scene, found, linear)
@@ -165,7 +175,7 @@ def _draw(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) 
     from nonlinear.plotting import draw_orbits
 
     mode = None
-    if options.mode:
+    if options.mode and not options.vary:
         modes, row = oscillating(scene, options.mode)
         mode = modes[row]
     with drawn(options.output, options.theme) as stream:
@@ -176,7 +186,7 @@ def _film(scene: Scene, found: tuple[Branch, ...], options: argparse.Namespace) 
     from nonlinear.orbits import oscillating
     from nonlinear.plotting import film_orbit
 
-    modes, row = oscillating(scene, options.mode) if options.mode else (None, 0)
+    modes, row = oscillating(scene, options.mode) if options.mode and not options.vary else (None, 0)
     with drawn(options.film, options.theme) as stream, bar(10) as report:
         film_orbit(found[0].orbits[-1], stream, film_form(options.film, "--film"), modes=modes, row=row, report=report)
 
@@ -191,8 +201,9 @@ COMMANDS = (
             "With --mode, the periodic motions that begin in a mode of the table, without dampers and drives, are "
             "followed to large angles: the frequency against the amplitude (backbone), and at which angle the motion "
             "loses its stability. With --vary, the limit cycles of a scene with drives are followed along one number, "
-            "through their folds. Every orbit closes in the full equations, its stability is that of its Floquet "
-            "multipliers, and folds, branch points, period doublings and tori are located."
+            "through their folds; with both, the mode's orbit of one amplitude. Every orbit closes in the full "
+            "equations, its stability is that of its Floquet multipliers, and folds, branch points, period doublings "
+            "and tori are located."
         ),
         examples=(
             ("orbits chain-2 --mode 1 --to 120 -o backbone.png", "the slow mode of two rods, to 120 degrees"),

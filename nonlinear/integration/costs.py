@@ -78,9 +78,13 @@ def owed_to_heyoka(system: System, tolerance: float) -> float:
 
 def kept() -> bool:
     """Whether the present version of the compiled integrator is in numba's cache on disk."""
-    here = Path(__file__).parent
+    return cached(Path(__file__).parent / "compiled.py", "_steps")
+
+
+def cached(module: Path, kernel: str) -> bool:
+    """Whether the present version of a compiled function of a module is in numba's cache on disk."""
     folder = os.environ.get("NUMBA_CACHE_DIR")
-    folders = [Path(folder)] if folder else [here / "__pycache__", Path.home() / ".cache" / "numba"]
-    written = (here / "compiled.py").stat().st_mtime
-    files = (file for each in folders for file in each.rglob("compiled._steps-*.nbi"))
+    folders = [Path(folder)] if folder else [module.parent / "__pycache__", Path.home() / ".cache" / "numba"]
+    written = module.stat().st_mtime
+    files = (file for each in folders for file in each.rglob(f"{module.stem}.{kernel}-*.nbi"))
     return any(file.stat().st_mtime > written for file in files)

@@ -5,9 +5,10 @@ and Floquet multipliers, and the special points between them.
 
     φ_T(y) = y,     multipliers: the eigenvalues of ∂φ_T/∂y
 
-Start with `modes` for conservative scenes and `cycles` for driven ones.  `symmetric` and `shooting` have the equations
-of orbits, `flow` integrates them with their variational equations (`compiled` by numba), `continuation` follows their
-solutions, `floquet` tells stability, `special` where it changes, and `entering` what leaves there.
+Start with `modes` (`held` along a number) for conservative scenes and with `cycles` for driven ones.  `symmetric` and
+`shooting` have the equations of orbits, `flow` integrates them with their variational equations (`compiled` by numba),
+`continuation` follows their solutions, `floquet` tells stability, `special` where it changes, and `entering` what
+leaves there.
 """
 
 from nonlinear.orbits.branch import Branch
@@ -15,6 +16,7 @@ from nonlinear.orbits.cycles import crossed, cycle_of, follow_cycles, growth, la
 from nonlinear.orbits.entering import LEAVES, entered
 from nonlinear.orbits.floquet import Floquet
 from nonlinear.orbits.flow import Flow
+from nonlinear.orbits.held import mode_along
 from nonlinear.orbits.modes import at_amplitude, mode_orbit, nonlinear_mode, orbit_where_off, oscillating
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.report import orbits_csv, orbits_record, orbits_text
@@ -35,6 +37,7 @@ __all__ = [
     "growth",
     "last_swing",
     "limit_cycles",
+    "mode_along",
     "mode_orbit",
     "nonlinear_mode",
     "orbit_where_off",

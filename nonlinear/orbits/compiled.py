@@ -1,7 +1,8 @@
-"""`nonlinear.orbits.flow` compiled by numba (extra `fast`), for scenes without kicks and external forces.
+"""`nonlinear.orbits.flow` compiled by numba (extra `fast`), for scenes without external forces.
 
 The lines are those of `nonlinear.dynamics.variational` and of `flow`, where they are explained: M is factored by
-Cholesky's method, and y' and J V come from one solution with all right-hand sides.
+Cholesky's method, and y' and J V come from one solution with all right-hand sides.  numba's cache depends on the date
+of this file alone: whoever changes the constants in `steps` must touch this file as well.
 """
 
 from __future__ import annotations
@@ -14,7 +15,23 @@ from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.dynamics import undisturbed
 from nonlinear.dynamics.variational import Variational
-from nonlinear.orbits.steps import ERRORS, FIRST, GROWS, LEAST, MOST, SAFETY, SHRINKS, STAGES, Passed, Path
+from nonlinear.integration import Escaping
+from nonlinear.orbits.steps import (
+    ERRORS,
+    FIRST,
+    GROWS,
+    LEAST,
+    MOST,
+    SAFETY,
+    SHARP,
+    SHRINKS,
+    STAGES,
+    TOGETHER,
+    Passed,
+    Path,
+)
+
+BISECTIONS = 60
 
 TABLE = np.zeros((STAGES + 1, STAGES))
 TABLE[:STAGES] = DOP853.A[:STAGES, :STAGES]
@@ -141,13 +158,143 @@ def rate(Z, first, scene, M, by_q, by_v, force, found):  # type: ignore[no-untyp
 
 
 @compiled
-def _flow(Z, first, scene, whole, tolerance, scale, table, errors, times, states, rates):  # type: ignore[no-untyped-def]
-    """Z becomes the end of the flow; the number of ends of steps that were kept, 0 where it fails."""
+def _attempt(Z, K, z, length, first, scene, room, table):  # type: ignore[no-untyped-def]
+    """The end z of a step and all its stages K, from the first one; whether mass matrices were positive definite."""
+    good, stages = True, len(table) - 1
+    for stage in range(1, stages + 1):
+        z[:] = 0.0
+        for k in range(stage):
+            if table[stage, k] != 0.0:
+                z += table[stage, k] * K[k]
+        z *= length
+        z += Z
+        good = good and rate(z, first, scene, room[0], room[1], room[2], room[3], K[stage])
+    return good
+
+
+@compiled
+def _error(Z, z, K, length, tolerance, scale, errors):  # type: ignore[no-untyped-def]
+    """The error of y in a step over the tolerance."""
+    size, fifth, third = len(scale), 0.0, 0.0
+    for i in range(size):
+        one = other = 0.0
+        for k in range(len(K)):
+            one += errors[0, k] * K[k, i, 0]
+            other += errors[1, k] * K[k, i, 0]
+        allowed = tolerance * (scale[i] + max(abs(Z[i, 0]), abs(z[i, 0])))
+        fifth += (one / allowed) ** 2
+        third += (other / allowed) ** 2
+    both = fifth + 0.01 * third
+    return length * fifth / np.sqrt(both * size) if both != 0.0 else 0.0
+
+
+@compiled
+def _turned(Z, start, joints, j):  # type: ignore[no-untyped-def]
+    """The value at a joint from those of its links, which begin at this place of y."""
+    below, above = joints[0], joints[1]
+    value = Z[start + below[j], 0]
+    return value - Z[start + above[j], 0] if above[j] >= 0 else value
+
+
+@compiled
+def _foremost(Z, first, joints, side, least):  # type: ignore[no-untyped-def]
+    """The joint that is furthest beyond the angle of its next kick (−1: none beyond `least`), how far, and its rate."""
+    found, furthest, speed = -1, least, 0.0
+    for j in range(len(side)):
+        over = side[j] * (_turned(Z, first, joints, j) - joints[2][j]) - joints[4][j]
+        if over > furthest:
+            found, furthest = j, over
+            speed = side[j] * _turned(Z, len(Z) // 2 + first, joints, j)
+    return found, furthest, speed
+
+
+@compiled
+def _met(Z, K, z, length, first, scene, room, table, joints, side):  # type: ignore[no-untyped-def]
+    """The length of the step to the first kick in a step that ends at z, and its joint; −1 without a kick."""
+    for j in range(len(side)):
+        over = side[j] * (_turned(Z, first, joints, j) - joints[2][j]) - joints[4][j]
+        if over >= -TOGETHER and side[j] * _turned(Z, len(Z) // 2 + first, joints, j) > 0:
+            return 0.0, j
+    joint, over, _ = _foremost(z, first, joints, side, 0.0)
+    if joint < 0:
+        return 0.0, -1
+    y, stages, end = Z[:, :1].copy(), K[:, :, :1].copy(), np.empty((len(Z), 1))
+    low, high = 0.0, length
+    before = side[joint] * (_turned(Z, first, joints, joint) - joints[2][joint]) - joints[4][joint]
+    part = length * before / (before - over)
+    for _ in range(BISECTIONS):
+        if not low < part < high:
+            part = (low + high) / 2
+        _attempt(y, stages, end, part, first, scene, room, table)
+        joint, over, speed = _foremost(end, first, joints, side, -np.inf)
+        if over > 0:
+            high = part
+        else:
+            low = part
+        step = over / speed if speed > 0 else np.inf
+        part -= step
+        if abs(step) < SHARP * length:
+            break
+    return part, joint
+
+
+@compiled
+def _kicked(Z, f, joint, first, scene, room, joints, side):  # type: ignore[no-untyped-def]
+    """Z becomes what it is after a kick, V by the saltation matrix; f is y' before it."""
+    A, b = scene[0], scene[1]
+    M, by_q = room[0], room[1]
+    links, half, width = len(b), len(Z) // 2, Z.shape[1]
+    _forces(Z[:, 0].copy(), first, A, b, scene[2], scene[4], scene[5], M, by_q, room[2], room[3], scene[3])
+    _factored(M)
+    u, n = np.zeros((half, 1)), np.zeros(half)
+    impulse = side[joint] * joints[3][joint]
+    u[first + joints[0][joint], 0] += impulse
+    n[first + joints[0][joint]] = 1.0
+    if joints[1][joint] >= 0:
+        u[first + joints[1][joint], 0] -= impulse
+        n[first + joints[1][joint]] = -1.0
+    _solved(M, u)
+    by_q[:] = 0.0
+    for i in range(links):
+        t = Z[first + i, 0]
+        for j in range(links):
+            if A[i, j] != 0.0 and i != j:
+                inner = A[i, j] * np.sin(t - Z[first + j, 0]) * u[first + j, 0]
+                by_q[first + i, first + j] += inner
+                by_q[first + i, first + i] -= inner
+        if first:
+            by_q[1 + i, 1 + i] -= b[i] * np.sin(t) * u[0, 0]
+            by_q[0, 1 + i] -= b[i] * np.sin(t) * u[1 + i, 0]
+    columns = np.zeros((half, width))
+    columns[:, 0] = f[:half]
+    columns[:, 1:] = Z[:half, 1:]
+    turned = -(by_q @ columns)
+    _solved(M, turned)
+    hit = np.zeros(width)
+    for i in range(half):
+        for k in range(width):
+            hit[k] += n[i] * columns[i, k]
+    carried = f.copy()
+    carried[half:] += turned[:, 0]
+    Z[half:, 0] += u[:, 0]
+    Z[half:, 1:] += turned[:, 1:]
+    after = np.empty_like(Z)
+    rate(Z, first, scene, room[0], room[1], room[2], room[3], after)
+    for k in range(1, width):
+        for i in range(len(Z)):
+            Z[i, k] += (after[i, 0] - carried[i]) * hit[k] / hit[0]
+    side[joint] = -side[joint]
+
+
+@compiled
+def _flow(Z, first, scene, whole, tolerance, scale, table, errors, joints, side, path):  # type: ignore[no-untyped-def]
+    """Z becomes the end of the flow; the number of ends of steps that were kept in `path`, 0 where it fails."""
     size, width = Z.shape
     half, stages = size // 2, len(table) - 1
-    M, by_q, by_v = np.zeros((half, half)), np.zeros((half, half)), np.zeros((half, half))
-    force, K, z = np.zeros(half), np.zeros((stages + 1, size, width)), np.empty_like(Z)
-    if not rate(Z, first, scene, M, by_q, by_v, force, K[0]):
+    room = (np.zeros((half, half)), np.zeros((half, half)), np.zeros((half, half)), np.zeros(half))
+    K, z = np.zeros((stages + 1, size, width)), np.empty_like(Z)
+    times, states, rates = path
+    if not rate(Z, first, scene, room[0], room[1], room[2], room[3], K[0]):
         return 0
     times[0], states[0], rates[0] = 0.0, Z[:, 0], K[0, :, 0]
     time, length, kept = 0.0, whole * FIRST, 1
@@ -155,51 +302,59 @@ def _flow(Z, first, scene, whole, tolerance, scale, table, errors, times, states
         length = min(length, whole - time)
         if length <= LEAST * whole:
             return kept
-        good = True
-        for stage in range(1, stages + 1):
-            z[:] = 0.0
-            for k in range(stage):
-                if table[stage, k] != 0.0:
-                    z += table[stage, k] * K[k]
-            z *= length
-            z += Z
-            good = good and rate(z, first, scene, M, by_q, by_v, force, K[stage])
-        fifth = third = 0.0
-        for i in range(size):
-            one = other = 0.0
-            for k in range(stages + 1):
-                one += errors[0, k] * K[k, i, 0]
-                other += errors[1, k] * K[k, i, 0]
-            allowed = tolerance * (scale[i] + max(abs(Z[i, 0]), abs(z[i, 0])))
-            fifth += (one / allowed) ** 2
-            third += (other / allowed) ** 2
-        both = fifth + 0.01 * third
-        error = length * fifth / np.sqrt(both * size) if both != 0.0 else 0.0
+        good = _attempt(Z, K, z, length, first, scene, room, table)
+        error = _error(Z, z, K, length, tolerance, scale, errors)
         if not good or not error < 1:
             length *= max(SHRINKS, SAFETY * error ** (-1 / 8)) if good and np.isfinite(error) else SHRINKS
             if length <= LEAST * whole:
                 return 0
             continue
-        time += length
-        length *= min(GROWS, SAFETY * error ** (-1 / 8)) if error != 0.0 else GROWS
-        Z[:] = z
-        K[0] = K[stages]
-        if kept == len(times):
+        grown = length * (min(GROWS, SAFETY * error ** (-1 / 8)) if error != 0.0 else GROWS)
+        part, joint = _met(Z, K, z, length, first, scene, room, table, joints, side) if len(side) else (0.0, -1)
+        if kept + 2 > len(times):
             return 0
+        if joint >= 0:
+            if part > 0.0:
+                _attempt(Z, K, z, part, first, scene, room, table)
+                Z[:] = z
+                time += part
+                K[0] = K[stages]
+            times[kept], states[kept], rates[kept] = time, Z[:, 0], K[0, :, 0]
+            kept += 1
+            _kicked(Z, K[0, :, 0].copy(), joint, first, scene, room, joints, side)
+            rate(Z, first, scene, room[0], room[1], room[2], room[3], K[0])
+        else:
+            time += length
+            Z[:] = z
+            K[0] = K[stages]
+        length = grown
         times[kept], states[kept], rates[kept] = time, Z[:, 0], K[0, :, 0]
         kept += 1
     return 0
 
 
 def passed(
-    equations: Variational, y: Floats, V: Floats, time: float, tolerance: float, scale: Floats, most: int = 2000
+    equations: Variational,
+    y: Floats,
+    V: Floats,
+    time: float,
+    tolerance: float,
+    scale: Floats,
+    joints: Escaping | None = None,
+    side: Floats | None = None,
+    most: int = 2000,
 ) -> Passed:
-    """The same as `Flow` in compiled steps."""
+    """The same as `Flow` in compiled steps; `side` (J,) of the `joints` with escapements as there."""
     Z, size = np.column_stack((y, V)), len(y)
-    times, states, rates = np.empty(most), np.empty((most, size)), np.empty((most, size))
+    path = (np.empty(most), np.empty((most, size)), np.empty((most, size)))
+    none, nowhere = np.empty(0), np.empty(0, dtype=np.int64)
+    watched = (joints.below, joints.above, joints.bent, joints.impulse, joints.angle) if joints else None
+    watched = watched or (nowhere, nowhere, none, none, none)
+    turned = side.copy() if side is not None else none
     first = int(equations.layout.on_cart)
     with undisturbed():
-        kept = _flow(Z, first, equations.constants, time, tolerance, scale, TABLE, ERRORS, times, states, rates)
+        kept = _flow(Z, first, equations.constants, time, tolerance, scale, TABLE, ERRORS, watched, turned, path)
     if not kept:
         raise ComputationError("the motion takes too many steps to be followed over a period")
-    return Passed(Z[:, 0], Z[:, 1:], np.empty(0), Path(times[:kept], states[:kept], rates[:kept]))
+    times, states, rates = (part[:kept] for part in path)
+    return Passed(Z[:, 0], Z[:, 1:], turned, Path(times, states, rates))

@@ -15,6 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path as File
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -24,6 +25,7 @@ from modal.errors import ComputationError
 from modal.types import Floats, Ints
 from nonlinear.dynamics.variational import Variational
 from nonlinear.integration import Escaping, escaping
+from nonlinear.integration.costs import cached
 from nonlinear.orbits.steps import (
     ERRORS,
     FIRST,
@@ -32,16 +34,19 @@ from nonlinear.orbits.steps import (
     MOST,
     SAFETY,
     SHARES,
+    SHARP,
     SHRINKS,
     STAGES,
+    TOGETHER,
     WEIGHTS,
     Passed,
     Path,
 )
 from nonlinear.system import System
 
-NEWTON, SHARP = 8, 1e-12  # steps to the time of a kick, and the last of them over the step
-TOGETHER = 1e-11  # rad by which a kick may come early to coincide with another
+NEWTON = 8  # steps to the time of a kick
+MANY = 6  # links from which on the kernel is worth compiling
+KERNELS = File(__file__).parent / "compiled.py"
 Force = Callable[[float], Floats]
 
 
@@ -73,21 +78,26 @@ class Flow:
         """The equilibrium, (n,)."""
         return np.concatenate((np.zeros(int(self.equations.layout.on_cart)), self.system.rest))
 
-    @property
+    @cached_property
     def compiled(self) -> bool:
-        """Whether steps are compiled: where numba is installed, unless `fast` says otherwise."""
-        if self.force is not None or self.joints is not None or self.fast is False:
+        """Whether steps are compiled, unless `fast` says so.
+
+        They are where numba is installed and either has the kernel in its cache or there are so many links that
+        compiling it, which takes some twenty seconds once, is worth it.
+        """
+        if self.force is not None or self.fast is False:
             return False
         from modal.eigen.compiling import available
 
-        return available()
+        return available() and bool(self.fast or self.system.n_links >= MANY or cached(KERNELS, "_flow"))
 
     def __call__(self, y: Floats, V: Floats, time: float, side: Floats | None = None, start: float = 0.0) -> Passed:
         """The end of a motion from y, with V carried along; `side` (J,) as in `Escapements`."""
         if self.compiled:
             from nonlinear.orbits.compiled import passed
 
-            return passed(self.equations, y, V, time, self.tolerance, self.scale)
+            side = self.sides(y) if side is None and self.joints else side
+            return passed(self.equations, y, V, time, self.tolerance, self.scale, self.joints, side)
         return self._plain(y, V, time, side, start)
 
     def _plain(self, y: Floats, V: Floats, whole: float, side: Floats | None, start: float) -> Passed:

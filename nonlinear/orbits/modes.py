@@ -29,6 +29,7 @@ def nonlinear_mode(
     number: int,
     to: float = radians(90),
     *,
+    energy: float | None = None,
     first: float = SMALL,
     longest: float = STEP,
     tolerance: float = TOLERANCE,
@@ -39,6 +40,7 @@ def nonlinear_mode(
 ) -> Branch:
     """The orbits from mode `number` of the table (from 1) up to a largest angle `to` (rad), which the last one has.
 
+    With an `energy` (J, above that of the equilibrium) the last one has this energy instead, if that comes first.
     Dampers and drives are left out.  The branch ends before `to` where it ends by itself or after `most` (MOST) orbits,
     and is then not `complete`.  Raises SceneError for a mode that the scene does not have or that is no oscillation
     along the rail, ComputationError where no orbit is found beside the linear mode.
@@ -47,9 +49,15 @@ def nonlinear_mode(
     problem = quarter_of(modes.scene, tolerance, fast)
     first = min(first, to / 2)
     steps = follow(problem, beginning(problem, modes, row, first), step=first, longest=longest)
-    points, complete = _until(problem, steps, lambda here: here.orbit.amplitude - to, most or MOST, report)
+    points, complete = _until(problem, steps, lambda here: _beyond(here.orbit, to, energy), most or MOST, report)
     special = tuple(along_backbone(problem, points)) if locate else ()
     return Branch(f"mode {number}", tuple(points), special, problem, complete=complete, linear=float(modes.omega[row]))
+
+
+def _beyond(orbit: Orbit, to: float, energy: float | None) -> float:
+    """How far an orbit is beyond the largest angle or the energy asked for, whichever is nearer."""
+    over = orbit.amplitude - to
+    return over if energy is None else max(over, orbit.energy / energy - 1)
 
 
 def _until(

@@ -35,8 +35,8 @@ class Special:
 def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Special]:
     """The special points of a branch of symmetric orbits, in order.
 
-    Energy or frequency turn at folds.  At c = −1 away from them symmetric orbits branch off, at c = 1 orbits of less
-    symmetry (`breaks`).
+    Energy or frequency turn at folds.  At c = −1 away from them orbits branch off that are still the same to the left
+    and to the right, though they need not come to rest; at c = 1 orbits that are not (`breaks`).
     """
 
     def energy(here: Point) -> float:

@@ -16,6 +16,8 @@ ERRORS = np.array([DOP853.E5, DOP853.E3])
 SAFETY, SHRINKS, GROWS, FIRST = 0.9, 0.2, 10.0, 1 / 24
 LEAST = 1e-12  # shortest step over the whole time
 MOST = 20_000  # steps
+SHARP = 1e-12  # last step to the time of a kick over the whole one
+TOGETHER = 1e-11  # rad by which a kick may come early to coincide with another
 
 
 class Path(NamedTuple):

@@ -57,6 +57,19 @@ def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(point["stable"] for point in branch["points"])
 
 
+def test_a_mode_of_one_amplitude_along_gravity_keeps_its_shape_and_scales_its_frequency(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ("--mode", "2", "--to", "40", "--vary", "gravity=5:20:2", "--format", "json")
+    record = json.loads(told(capsys, "chain-2", *words))
+    points = record["branches"][0]["points"]
+    assert points[-1]["parameter"] == pytest.approx(20.0)
+    assert [point["amplitude_deg"] for point in points] == pytest.approx([40.0] * len(points), abs=1e-6)
+    scaled = [point["omega_rad_per_s"] / point["parameter"] ** 0.5 for point in points]
+    assert scaled == pytest.approx([scaled[0]] * len(points), rel=1e-8)
+    assert record["special"] == []
+
+
 def test_the_text_names_special_points_and_entered_branches(capsys: pytest.CaptureFixture[str]) -> None:
     text = told(capsys, "chain-2", "--mode", "2", "--to", "66", "--enter")
     assert "branch point at 61.946°" in text
@@ -77,7 +90,8 @@ def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.Captur
     "words",
     [
         ["chain-2"],
-        ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2"],
+        ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--enter"],
+        ["chain-2", "--mode", "1", "--vary", "gravity=1:2:2", "--start", "mode:1:5"],
         ["chain-2", "--mode", "3"],
         ["chain-spatial", "--mode", "1"],
         ["chain-2", "--mode", "1", "--start", "mode:1:5"],

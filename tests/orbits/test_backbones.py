@@ -12,9 +12,10 @@ from scipy.special import ellipk
 
 from modal import Bob, Pendulum, Rod, Scene, load, natural_modes
 from modal.errors import ComputationError, SceneError
+from modal.scene.parameters import parse_variations
 from nonlinear.dynamics import Mechanics
 from nonlinear.integration import modes_of
-from nonlinear.orbits import Branch, nonlinear_mode
+from nonlinear.orbits import Branch, mode_along, nonlinear_mode
 from nonlinear.orbits.continuation import located
 from nonlinear.orbits.symmetric import quarter_of
 from nonlinear.simulation import simulate
@@ -70,9 +71,10 @@ def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
     assert np.rad2deg(found.orbit.amplitude) == pytest.approx(truth, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "angle"), [(3.005, 23), (3.0125, 34), (3.036, 52), (3.069, 68)])
 def test_mode_1_turns_in_frequency_just_above_one_to_three(ratio: float, angle: float) -> None:
-    branch = nonlinear_mode(with_ratio(ratio), 1, radians(75), longest=0.15)
+    branch = nonlinear_mode(with_ratio(ratio), 1, radians(72), longest=0.25)
     turns = [special.orbit for special in branch.special if special.kind == "fold" and special.of == "omega"]
     assert branch.complete
     assert len(turns) == 2
@@ -123,6 +125,27 @@ def test_kappa_is_the_slope_of_a_backbone_at_rest(name: str, number: int, to: fl
         squares.append(size)
     slope = slopes[0] - squares[0] * (slopes[1] - slopes[0]) / (squares[1] - squares[0])
     assert slope == pytest.approx(mode.kappa, rel=1e-5)
+
+
+@pytest.mark.slow
+def test_orbits_of_one_amplitude_turn_where_the_lower_rod_tunes_the_modes_to_one_to_three() -> None:
+    (variation,) = parse_variations(["pendulum[0].links[1].length=0.5:0.6:2"])
+    branch = mode_along(rods(0.55), 1, variation, radians(30))
+    folds = [special for special in branch.special if special.of == variation.path]
+    assert branch.value[0] == branch.value[-1] == pytest.approx(0.5)
+    assert len(folds) == 1
+    assert np.rad2deg(branch.amplitude) == pytest.approx(30.0, abs=1e-6)
+    middle = branch.orbits[2]
+    assert middle.value is not None
+    alone = nonlinear_mode(rods(middle.value), 1, radians(30), longest=0.2, locate=False).orbits[-1]
+    assert middle.omega == pytest.approx(alone.omega, rel=1e-9)
+
+
+def test_an_orbit_of_given_energy_has_it() -> None:
+    orbit = nonlinear_mode(load("paper-cart-2"), 3, energy=4.0, longest=0.3, locate=False).orbits[-1]
+    heights = Mechanics(orbit.flow.system, orbit.motion(orbit.y[None])).potential.sum()
+    assert orbit.energy == pytest.approx(4.0, rel=1e-9)
+    assert heights == pytest.approx(4.0, rel=1e-9)
 
 
 def test_what_is_no_mode_is_refused() -> None:

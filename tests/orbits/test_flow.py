@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.scenes import motion_scene, plane_scene, random_state
 
+from modal import load
 from modal.eigen.compiling import available
 from nonlinear.dynamics import Minimal, Recursion
 from nonlinear.dynamics.variational import Variational
@@ -69,3 +70,17 @@ def test_the_compiled_flow_agrees_with_the_plain_one(seed: int) -> None:
     assert len(one.path.times) == len(other.path.times)
     assert one.y == pytest.approx(other.y, rel=1e-11, abs=1e-11)
     assert pytest.approx(other.V, rel=1e-10, abs=1e-11 * np.abs(one.V).max()) == one.V
+
+
+@pytest.mark.skipif(not available(), reason="needs numba")
+def test_compiled_kicks_agree_with_the_plain_ones() -> None:
+    """Clocks that are kicked one after the other, and both at once."""
+    for turned in ((0.11, -0.1), (0.1, 0.1)):
+        system = system_of(load("huygens"))
+        plain, fast = (Flow(system, 1e-12, fast=choice) for choice in (False, True))
+        y = np.array([0.0, *turned, 0.0, 0.0, 0.0])
+        one, other = (flow(y, np.eye(6), 1.3) for flow in (plain, fast))
+        assert one.side.tolist() == other.side.tolist()
+        assert np.sum(np.diff(one.path.times) == 0) >= 2
+        assert one.y == pytest.approx(other.y, abs=1e-11)
+        assert pytest.approx(other.V, rel=1e-8, abs=1e-8 * np.abs(one.V).max()) == one.V

@@ -1,0 +1,163 @@
+"""Symmetric orbits of one amplitude along a number of the scene.
+
+To the equations of `symmetric` comes the largest angle of any link over the period, A(q) = A_0.  It is reached by one
+link at an instant t at which that link turns back, so that its derivative is that of the link's angle at t.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import pairwise
+from math import degrees, radians
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.scene import Scene
+from modal.scene.parameters import Variation, validate_variations, vary
+from modal.types import Floats
+from nonlinear.orbits.branch import Branch, Report
+from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
+from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
+from nonlinear.orbits.orbit import Orbit
+from nonlinear.orbits.special import Special
+from nonlinear.orbits.symmetric import Quarter, quarter_of
+
+NUDGE = 1e-6  # of the range, for derivatives by the number
+LONGEST, MOST = 0.1, 400  # step in natural units and parts of the range; orbits
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """Equations of orbits with the largest angle `amplitude` (rad): the u of `Quarter`, then the place in the range."""
+
+    quarter_at: Callable[[float], Quarter]
+    variation: Variation
+    amplitude: float
+
+    def value(self, place: float) -> float:
+        """The value at a place in the range, 0 at its lower end and 1 at its upper one."""
+        low, high = self.variation.values[0], self.variation.values[-1]
+        return float(low * (high / low) ** place if self.variation.log else low + (high - low) * place)
+
+    def equations(self, u: Floats) -> tuple[Floats, Floats]:
+        """The coordinates a quarter of a period later and the excess of the largest angle, and their derivatives."""
+        here, beside = self.quarter_at(self.value(u[-1])), self.quarter_at(self.value(u[-1] + NUDGE))
+        r, J = here.equations(u[:-1])
+        moved, _ = beside.equations(u[:-1])
+        angle, slope = _largest(here, u[:-1])
+        other, _ = _largest(beside, u[:-1])
+        rows = np.vstack((np.column_stack((J, (moved - r) / NUDGE)), np.append(slope, (other - angle) / NUDGE)))
+        return np.append(r, angle - self.amplitude), rows
+
+    def orbit(self, u: Floats) -> Orbit:
+        """The orbit with its multipliers."""
+        value = self.value(u[-1])
+        return replace(self.quarter_at(value).orbit(u[:-1]), value=value)
+
+
+def _largest(problem: Quarter, u: Floats) -> tuple[float, Floats]:
+    """The largest angle (rad) of any link over a quarter of a period, and its derivative by u."""
+    n, scale, first = problem.half, problem.flow.scale, int(problem.flow.equations.layout.on_cart)
+    y, quarter = problem.start(u), float(u[-1]) / problem.clock
+    path = problem.flow(y, np.zeros((2 * n, 0)), quarter).path
+    angles = np.abs(path.states[:, first:n] - problem.flow.rest[first:])
+    at, link = np.unravel_index(int(angles.argmax()), angles.shape)
+    time, column = float(path.times[at]), first + int(link)
+    for _ in range(4 if at else 0):
+        end = problem.flow(y, np.zeros((2 * n, 0)), time)
+        time -= float(end.y[n + column] / end.path.rates[-1][n + column])
+    if time <= 0:
+        end_y, V = y, np.eye(2 * n)[:, :n] * scale[:n]
+    else:
+        passed = problem.flow(y, np.eye(2 * n)[:, :n] * scale[:n], time)
+        end_y, V = passed.y, passed.V
+    turned = float(end_y[column] - problem.flow.rest[column])
+    return abs(turned), np.append(np.sign(turned) * V[column], 0.0)
+
+
+def mode_along(
+    scene: Scene,
+    number: int,
+    variation: Variation,
+    amplitude: float = radians(30),
+    *,
+    tolerance: float = TOLERANCE,
+    report: Report = lambda reached: None,
+) -> Branch:
+    """The orbits of mode `number` of the table with this largest angle (rad), along a number of the scene.
+
+    They begin at the first value and are followed, through folds, until they leave the range.  Raises what
+    `nonlinear_mode` does, and SceneError for a place that the scene does not have.
+    """
+    validate_variations(scene, [variation])
+
+    @lru_cache(maxsize=8)
+    def quarter_at(value: float) -> Quarter:
+        return quarter_of(vary(scene, {variation.path: value}).conservative, tolerance)
+
+    problem = Held(quarter_at, variation, amplitude)
+    begun = vary(scene, {variation.path: variation.values[0]})
+    begin = nonlinear_mode(begun, number, amplitude, longest=0.2, locate=False)
+    if not begin.complete:
+        raise ComputationError(f"the orbits of mode {number} do not reach {degrees(amplitude):.4g} deg")
+    u = np.append(begin.points[-1].u, 0.0)
+    up = np.append(np.zeros(len(u) - 1), 1.0)
+    if (found := corrected(problem, u, up)) is None:
+        raise ComputationError("no periodic orbit was found at the first value")
+    first = Point(found[0], tangent_of(found[1], up), problem.orbit(found[0]))
+    points: list[Point] = []
+    complete = False
+    for here in follow(problem, first, step=LONGEST / 4, longest=LONGEST):
+        points.append(here)
+        report(len(points))
+        if len(points) > 1 and not 0 < here.u[-1] < 1:
+            points[-1] = _at_edge(problem, points[-2], here)
+            complete = True
+            break
+        if len(points) >= MOST:
+            break
+    modes, row = oscillating(begun, number)
+    special = tuple(_specials(problem, points))
+    return Branch(
+        f"mode {number}", tuple(points), special, problem, variation, complete=complete, linear=float(modes.omega[row])
+    )
+
+
+def _at_edge(problem: Held, before: Point, here: Point) -> Point:
+    edge = float(here.u[-1] > 0.5)
+    return located(problem, before, here, lambda each: float(each.u[-1]) - edge)
+
+
+def _specials(problem: Held, points: Sequence[Point]) -> Iterator[Special]:
+    """Folds of the number, and what the orbits of one scene do there: folds of their energy, and branch points."""
+
+    def turning(here: Point) -> float:
+        return float(here.tangent[-1])
+
+    def meeting(which: int) -> Callable[[Point], float]:
+        return lambda here: here.orbit.floquet.meeting[which]
+
+    for after, (one, other) in enumerate(pairwise(points)):
+        if turning(one) * turning(other) < 0:
+            found = located(problem, one, other, turning)
+            yield Special("fold", found.orbit, after, found, problem.variation.path)
+        for which in (0, 1):
+            if meeting(which)(one) * meeting(which)(other) < 0:
+                found = located(problem, one, other, meeting(which))
+                turned = which == 1 and _energy_turns(problem, one, other)
+                kind, of = ("fold", "energy") if turned else ("branch point", "")
+                yield Special(kind, found.orbit, after, found, of, breaks=which == 0)
+
+
+def _energy_turns(problem: Held, one: Point, other: Point) -> bool:
+    """Whether the energy along the orbits of one scene grows at one point and falls at the other."""
+    before = np.zeros(len(one.u) - 1)
+    slopes = []
+    for here in (one, other):
+        quarter = problem.quarter_at(problem.value(here.u[-1]))
+        before = tangent_of(quarter.equations(here.u[:-1])[1], before)
+        slopes.append(quarter.energy_slope(here.u[:-1], before))
+    return slopes[0] * slopes[1] < 0

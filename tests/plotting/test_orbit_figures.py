@@ -1,0 +1,51 @@
+"""Figures of periodic orbits: what they draw, and that everything is legible in both themes."""
+
+from __future__ import annotations
+
+import io
+from math import radians
+
+import numpy as np
+import pytest
+
+from modal import load, natural_modes
+from modal.errors import ComputationError
+from modal.scene.parameters import parse_variations
+from nonlinear.orbits import follow_cycles, nonlinear_mode
+from nonlinear.plotting import draw_orbits, orbits_figure
+
+PAIR = load("chain-2")
+
+
+def test_a_backbone_has_the_orbits_the_linear_frequency_and_the_kappa_curve() -> None:
+    mode, branch = natural_modes(PAIR)[1], nonlinear_mode(PAIR, 2, radians(70), longest=0.2)
+    figure = orbits_figure(PAIR, (branch,), mode)
+    (axis,) = figure.axes
+    curves = [np.array(line.get_xydata()) for line in axis.lines]
+    drawn = np.vstack([curve for curve in curves if len(curve) > 1])
+    for omega, angle in zip(branch.omega, np.rad2deg(branch.amplitude), strict=True):
+        assert np.abs(drawn - [omega, angle]).sum(axis=1).min() < 1e-9
+    assert any(np.allclose(curve[:, 0], mode.omega) for curve in curves)
+    special = branch.special[0].orbit
+    assert any(np.allclose(curve, [special.omega, np.rad2deg(special.amplitude)]) for curve in curves)
+    styles = {line.get_linestyle() for line in axis.lines}
+    assert {"-", "--"} <= styles
+    low, high = axis.get_xlim()
+    assert low < branch.omega.min() < mode.omega < high
+
+
+def test_limit_cycles_are_drawn_along_their_number_and_written() -> None:
+    scene = load("metronomes")
+    branches = follow_cycles(scene, parse_variations(["support.mass=0.5:1:2log"])[0])
+    figure = orbits_figure(scene, branches)
+    upper, lower = figure.axes
+    assert lower.get_xscale() == "log"
+    assert upper.get_xlim() == pytest.approx((0.5, 1.0))
+    stream = io.BytesIO()
+    draw_orbits(scene, branches, stream, "svg")
+    assert b"support.mass" in stream.getvalue() or len(stream.getvalue()) > 10_000
+
+
+def test_too_many_branches_are_refused() -> None:
+    with pytest.raises(ComputationError, match="do not fit"):
+        orbits_figure(PAIR, ())
