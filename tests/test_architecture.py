@@ -92,6 +92,7 @@ def test_every_module_stands_in_a_room_of_the_list() -> None:
     assert len(set(ROOMS)) == len(ROOMS)
 
 
+@pytest.mark.slow
 def test_rooms_import_only_from_rooms_above_them() -> None:
     assert upward(ROOMS, imported_by()) == set()
 
@@ -128,6 +129,7 @@ def test_rooms_speak_of_what_is_there() -> None:
             assert {f"{room}.{module}" for module in start if module} <= sources().keys(), room
 
 
+@pytest.mark.slow
 def test_nobody_imports_the_command_and_modal_nothing_of_nonlinear() -> None:
     for name, path in sources().items():
         package = name.partition(".")[0]

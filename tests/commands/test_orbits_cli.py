@@ -22,6 +22,7 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> str:
     return capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_json_has_the_promised_keys_and_the_librarys_numbers(capsys: pytest.CaptureFixture[str]) -> None:
     record = json.loads(told(capsys, "chain-2", "--mode", "2", "--to", "70", "--format", "json"))
     branch = nonlinear_mode(load("chain-2"), 2, radians(70))
@@ -41,6 +42,7 @@ def test_json_has_the_promised_keys_and_the_librarys_numbers(capsys: pytest.Capt
     assert special["amplitude_deg"] == pytest.approx(61.95, abs=0.01)
 
 
+@pytest.mark.slow
 def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFixture[str]) -> None:
     text = told(capsys, "metronomes", "--vary", "support.mass=0.5:1:2", "--format", "csv")
     rows = list(csv.DictReader(io.StringIO(text)))
@@ -49,6 +51,7 @@ def test_csv_has_a_line_for_every_orbit_along_a_number(capsys: pytest.CaptureFix
     assert {row["stable"].lower() for row in rows} == {"true", "false"}
 
 
+@pytest.mark.slow
 def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
     words = ("--vary", "support.mass=0.5:0.6:2", "--start", "mode:4:40", "--duration", "60", "--format", "json")
     record = json.loads(told(capsys, "metronomes", *words))
@@ -57,6 +60,7 @@ def test_a_run_may_be_the_beginning(capsys: pytest.CaptureFixture[str]) -> None:
     assert all(point["stable"] for point in branch["points"])
 
 
+@pytest.mark.slow
 def test_a_mode_of_one_amplitude_along_gravity_keeps_its_shape_and_scales_its_frequency(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -70,6 +74,7 @@ def test_a_mode_of_one_amplitude_along_gravity_keeps_its_shape_and_scales_its_fr
     assert record["special"] == []
 
 
+@pytest.mark.slow
 def test_the_text_names_special_points_and_entered_branches(capsys: pytest.CaptureFixture[str]) -> None:
     text = told(capsys, "chain-2", "--mode", "2", "--to", "66", "--enter")
     assert "branch point at 61.946°" in text
@@ -78,6 +83,7 @@ def test_the_text_names_special_points_and_entered_branches(capsys: pytest.Captu
     assert f"{linear:.5f}"[:4] in text
 
 
+@pytest.mark.slow
 def test_figure_and_film_are_written_whole(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     figure, film = tmp_path / "a.png", tmp_path / "a.gif"
     told(capsys, "chain-1", "--mode", "1", "--to", "60", "-o", str(figure), "--film", str(film))

@@ -484,6 +484,7 @@ EVERY = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 def test_every_number_has_its_formula(name: str) -> None:
     found = explain(EVERY[name])

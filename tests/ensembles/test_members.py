@@ -104,6 +104,7 @@ def random_state(scene: Scene, seed: int) -> State:
     return State(links, rng.uniform(-1, 1, system.n_links), *map(float, cart))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("first", usually([0], range(0, 200, 50)))
 def test_members_agree_with_runs_by_themselves(first: int) -> None:
     """Random scenes of all kinds, 200 in all: carts, unequal pendula, joint springs and dampers, drives."""

@@ -109,6 +109,7 @@ def test_what_dead_workers_leave_is_done_by_the_next_call(tmp_path: Path, alone:
     assert found.column("links_rad").shape == (60, 2)
 
 
+@pytest.mark.slow
 def test_kill_9_loses_at_most_a_chunk(tmp_path: Path, alone: dict[str, bytes]) -> None:
     """A process is killed as soon as two chunks are there; the next goes on, and all is the same to the byte."""
     code = (

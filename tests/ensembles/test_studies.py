@@ -90,6 +90,7 @@ def test_a_section_downwards_has_other_crossings() -> None:
     assert (both < 0).any()
 
 
+@pytest.mark.slow
 def test_the_spread_of_a_simple_pendulum_is_that_of_the_formula() -> None:
     """ω = √(g/l): (σ_ω/ω)² = ¼ ((σ_g/g)² + (σ_l/l)²), and each share in proportion."""
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])

@@ -147,6 +147,7 @@ ROUTES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ROUTES)
 def test_lapack_gets_what_the_audit_tells(name: str, handed: list[tuple[str, int, bool]]) -> None:
     """`largest` order, by hand: of the coordinates or, with dampers, of the states; tables of shapes ask no more.

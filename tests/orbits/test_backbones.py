@@ -44,6 +44,7 @@ def backbone(name: str, number: int, to: float) -> Branch:
     return nonlinear_mode(load(name), number, radians(to))
 
 
+@pytest.mark.slow
 def test_a_simple_pendulum_to_179_degrees_has_the_period_of_the_elliptic_integral() -> None:
     scene = Scene(gravity=G, pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0),)),))
     branch = nonlinear_mode(scene, 1, radians(179), tolerance=1e-14, longest=0.4)
@@ -56,6 +57,7 @@ def test_a_simple_pendulum_to_179_degrees_has_the_period_of_the_elliptic_integra
     assert all(branch.is_stable)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lower", "printed", "shift", "truth"), TUNED)
 def test_near_one_to_three_shifts_and_the_angle_of_1_percent(
     lower: float, printed: float, shift: float, truth: float
@@ -82,6 +84,7 @@ def test_mode_1_turns_in_frequency_just_above_one_to_three(ratio: float, angle: 
     assert turns[1].amplitude < turns[0].amplitude / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [2.85, 2.93, 2.998])
 def test_mode_1_does_not_turn_below_one_to_three(ratio: float) -> None:
     branch = nonlinear_mode(with_ratio(ratio), 1, radians(60), longest=0.2)
@@ -93,6 +96,7 @@ BACKBONES = [("chain-2", number, 60.0 / number) for number in (1, 2)]
 BACKBONES += [("paper-cart-2", number, 60.0 if number < 4 else 25.0) for number in (2, 3, 4, 5)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "number", "to"), BACKBONES)
 def test_orbits_of_a_backbone_close_keep_their_energy_and_have_the_frequency_of_a_run(
     name: str, number: int, to: float

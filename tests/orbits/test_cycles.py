@@ -85,6 +85,7 @@ def divergence(orbit: Orbit) -> float:
     return float(total)
 
 
+@pytest.mark.slow
 def test_the_product_of_multipliers_is_the_exponential_of_the_divergence() -> None:
     own, _ = cycle(floquet.metronomes(9.0), "antiphase")
     assert np.prod(own.floquet.all).real == pytest.approx(exp(divergence(own)), rel=1e-8)
@@ -93,6 +94,7 @@ def test_the_product_of_multipliers_is_the_exponential_of_the_divergence() -> No
 DRIVEN = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=0.2)])])
 
 
+@pytest.mark.slow
 def test_under_a_periodic_force_the_orbit_is_where_a_long_run_ends() -> None:
     rate = 2.5
     start = State(np.array([0.3]), np.zeros(1))

@@ -58,6 +58,7 @@ def test_at_a_period_doubling_a_branch_of_twice_the_period_leaves() -> None:
     assert np.abs(once - orbit.y).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_a_branch_leaves_on_a_free_cart_too() -> None:
     pendula = [Pendulum(links=(Bob(mass=1.0, length=length),)) for length in (1.0, 0.7)]
     scene = Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=pendula)
@@ -68,6 +69,7 @@ def test_a_branch_leaves_on_a_free_cart_too() -> None:
     assert returns(orbit) < 1e-6
 
 
+@pytest.mark.slow
 def test_nothing_leaves_at_a_fold() -> None:
     fold = backbone().special[0].__class__("fold", backbone().orbits[0], 0, backbone().points[0], "energy")
     with pytest.raises(ComputationError, match="no other branch leaves"):

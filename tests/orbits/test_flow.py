@@ -26,6 +26,7 @@ def test_the_jacobian_agrees_with_complex_steps_through_the_recursion(seed: int)
     assert slope == pytest.approx(stepped.imag / 1e-30, rel=1e-10, abs=1e-11 * np.abs(slope).max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_the_flows_derivative_has_the_determinant_of_the_divergence(seed: int) -> None:
     """d(log det V)/dt = tr J (Liouville), with the integral by Gauss's rule on the steps of the flow."""
@@ -60,6 +61,7 @@ def test_gradients_of_energy_and_momentum_are_carried_by_the_flow(seed: int) -> 
         assert gradient(passed.y) @ passed.V == pytest.approx(before, abs=1e-9 * np.abs(before).max())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not available(), reason="needs numba")
 @pytest.mark.parametrize("seed", range(8))
 def test_the_compiled_flow_agrees_with_the_plain_one(seed: int) -> None:

@@ -67,6 +67,7 @@ def test_a_neighbour_no_window_resolves_is_owned_up_to() -> None:
     assert 1e-4 < abs(found.omega - 3) <= found.error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("decay", [1e-4, 1e-3, 1e-2])
 def test_a_decay_shifts_nothing(decay: float) -> None:
     t = np.linspace(0, 120.0, 4000)
