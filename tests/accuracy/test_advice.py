@@ -75,6 +75,7 @@ def test_it_takes_few_times_the_derivatives_of_the_loosest_tolerance_that_would_
     assert ratios.max() < 6
 
 
+@pytest.mark.slow
 def test_two_runs_that_share_an_error_are_not_believed() -> None:
     """Both have the phase of the fastest swing, on a stiff joint, wrong by nearly the same."""
     scene, start, duration, accuracy = held(910_167)

@@ -292,6 +292,7 @@ def test_two_planes_and_back() -> None:
     assert np.abs([none.links, none.link_rates]).max() < 1e-14
 
 
+@pytest.mark.slow
 def test_small_swings_in_space_are_linear() -> None:
     errors = []
     for size in (2e-2, 1e-2):

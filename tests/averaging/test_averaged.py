@@ -240,6 +240,7 @@ def test_the_last_passage_counts() -> None:
     assert below_for_good(np.arange(5.0), values, 2.0) == 0.0
 
 
+@pytest.mark.slow
 def test_steps_are_short_enough() -> None:
     """Eight times as many steps change nothing that is asked."""
     import nonlinear.averaging.slow_flow as slow
@@ -359,6 +360,7 @@ def test_a_wide_start_is_doubted() -> None:
     assert any("170 deg" in doubt for doubt in predict(in_units(1.0, 170.0, -169.0, drive=FEED)).doubts)
 
 
+@pytest.mark.slow
 def test_amplitudes_that_diverge_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Steps are halved as long as any may be: five hundred of them say the same as all."""
     monkeypatch.setattr("nonlinear.averaging.slow_flow.MOST_STEPS", 500)

@@ -61,6 +61,7 @@ def test_the_simulator_comes_back_at_the_same_rate() -> None:
     assert slope == pytest.approx(exact(STRONG, "in phase").growth, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("pair", "words", "within"),
     [

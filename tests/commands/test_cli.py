@@ -236,6 +236,7 @@ def test_a_closed_pipe_is_quiet() -> None:
     assert done.stdout == "Hanging rope of 1000 links\n"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["png", "svg", "pdf"])
 def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str) -> None:
     path = tmp_path / f"shapes.{form}"
@@ -243,6 +244,7 @@ def test_pictures(capsys: pytest.CaptureFixture[str], tmp_path: Path, form: str)
     assert path.stat().st_size > 10_000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper-cart-2", "rope", "thousand-pendula", "metronomes", "chain-spatial"])
 def test_no_panel_is_empty_and_nothing_touches_the_edge(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str
@@ -452,6 +454,7 @@ def test_a_model_without_a_swing_can_be_truncated(capsys: pytest.CaptureFixture[
     assert len(strict(path.read_text(encoding="utf-8"))["states"]) == 2
 
 
+@pytest.mark.slow
 def test_an_unseen_position_leaves_the_minimal_model(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     path = tmp_path / "speed.json"
     for drive, states in (("cart_force", 5), ("cart_acceleration", 1)):
@@ -470,6 +473,7 @@ def test_gains_say_what_grows(capsys: pytest.CaptureFixture[str]) -> None:
 LINE = "support.mass=90:110:3"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "begins"),
     [

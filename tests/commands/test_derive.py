@@ -211,6 +211,7 @@ def test_the_papers_as_printed_and_as_corrected(capsys: pytest.CaptureFixture[st
     assert CORRECTED in printed(capsys, "derive", "paper:000")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -63,6 +63,7 @@ def central(f: Callable[[np.ndarray], Any], at: np.ndarray, along: np.ndarray, s
 # the plane
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(50))
 def test_in_the_plane_of_the_rail_space_is_the_plane(seed: int) -> None:
     scene, rng = spatial_scene(seed, odd=True), np.random.default_rng(seed)
@@ -410,6 +411,7 @@ def test_project_mends_what_is_violated_and_says_how_much() -> None:
     np.testing.assert_allclose(mended, y, atol=1e-14)
 
 
+@pytest.mark.slow
 def test_projection_keeps_a_run_on_its_constraints() -> None:
     equations, rng = spatial_of(spatial_scene(4)), np.random.default_rng(4)
     begun = equations.begin(any_state(equations, rng))

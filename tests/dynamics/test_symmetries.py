@@ -21,6 +21,7 @@ def doubled(seed: int) -> Scene:
     return scene.model_copy(update={"pendulum": (*again, scene.pendulum[0])})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_pendula_that_start_equally_move_as_one(seed: int) -> None:
     scene, duration = doubled(seed), 3.0

@@ -93,6 +93,7 @@ def test_energies_are_conserved_and_stated() -> None:
     assert found().energy_drift.max() < 1e-7
 
 
+@pytest.mark.slow
 def test_the_order_parameter_is_that_of_a_run() -> None:
     scene = load("huygens")
     found = ensemble(scene, 20.0, vary={"pendulum[0].start.angles_deg[0]": [5.0, 20.0]}, measures=["order"], workers=1)

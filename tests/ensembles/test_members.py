@@ -45,6 +45,7 @@ def driven_scene(seed: int) -> Scene:
     return Scene(gravity=9.81, support=cart if seed % 3 else Fixed(), pendulum=pendula)
 
 
+@pytest.mark.slow
 def test_equations_of_members_are_those_of_their_scenes() -> None:
     """Written out and by the recursion, with numbers that differ and that do not."""
     for seed in range(30):

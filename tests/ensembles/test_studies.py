@@ -151,6 +151,7 @@ def test_studies_that_cannot_be_are_told() -> None:
         find_basins(load("chain-2"), vary=GRID, measure="colour")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["light", "dark"])
 def test_nothing_is_wrong_with_pictures(name: str) -> None:
     from modal.plotting.style import theme

@@ -43,6 +43,7 @@ PAIRS += [(floquet.huygens(10.0), "in phase"), (floquet.huygens(40.0), "in phase
 PAIRS += [(floquet.huygens(10.0, 10.0), "in phase")]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("pair", "words"), PAIRS)
 def test_cycles_and_multipliers_are_those_of_other_equations_kicks_included(pair: floquet.Pair, words: str) -> None:
     own, other = cycle(pair, words)
@@ -55,6 +56,7 @@ def test_cycles_and_multipliers_are_those_of_other_equations_kicks_included(pair
     assert found == pytest.approx([-pair.drift], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_multipliers_of_kicked_clocks_are_those_of_a_perturbed_run() -> None:
     """Central differences of runs of the simulator over one period, projected on the phase's complement."""
     scene = floquet.Pair(0.082, 0.14, 0.14, 0.0, 1.35e-4, 10.0, 4.0, floquet.huygens(1).drive, extra=2e-6).scene

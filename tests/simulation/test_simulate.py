@@ -43,6 +43,7 @@ def minimal(scene: Scene) -> Equations:
 # ---------------------------------------------------------------------------------------------- equations
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(12))
 def test_accelerations_solve_lagranges_equations_from_cartesian_positions(seed: int) -> None:
     scene = motion_scene(seed, longest=2)
@@ -83,6 +84,7 @@ def test_small_motion_obeys_the_linear_matrices(seed: int) -> None:
     assert abs(J - expected).max() < 1e-7 * abs(expected).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_energy_changes_by_the_work_of_dampers_and_of_what_pushes(seed: int) -> None:
     def load(time: float, state: State) -> AppliedForces:

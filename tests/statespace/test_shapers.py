@@ -229,6 +229,7 @@ def test_under_a_force_a_shaper_is_for_modes_of_the_table() -> None:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drive", ["cart_acceleration", "cart_force"])
 def test_simulated_cranes_come_to_rest(drive: str) -> None:
     scene = load("crane-hook")

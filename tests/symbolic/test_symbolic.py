@@ -147,6 +147,7 @@ def test_from_the_lagrangian_to_the_printed_polynomial(n: int) -> None:
     assert sp.Poly(lines[1].formula.lhs, lam).all_coeffs() == printed[n]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [2, 3])
 def test_the_recursion_in_symbols_is_the_determinant(n: int) -> None:
     """Also of partly equal symbols and on a cart."""

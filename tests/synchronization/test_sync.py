@@ -264,6 +264,7 @@ def test_every_mistake_of_a_call_is_named(tmp_path: Path, capsys: pytest.Capture
     assert "there is no folder" in said
 
 
+@pytest.mark.slow
 def test_a_scene_in_space_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sync", "chain-spatial", "--duration", "5"]) == 1
     assert "only for motion in the plane" in capsys.readouterr().err
@@ -309,6 +310,7 @@ def test_what_dampers_took_is_said_only_of_dampers() -> None:
     assert "dampers took" not in words
 
 
+@pytest.mark.slow
 def test_a_start_in_a_mode_counts_modes_as_the_page_does(capsys: pytest.CaptureFixture[str]) -> None:
     """Row 3 of the table is antiphase; row 2 is the beam against its dampers, from which nothing can swing."""
     assert main(["sync", "huygens", "--start", "mode:2:6", "--duration", "10"]) == 2

@@ -445,6 +445,7 @@ def test_crowds_are_drawn_as_bands_and_what_cannot_be_told_is_said(monkeypatch: 
     assert names == [f"pendulum {number}" for number in (1, 7, 13, 18, 24, 30)]
 
 
+@pytest.mark.slow
 def test_many_rows_are_drawn_as_one_and_pictures_are_written() -> None:
     scene = bobs(*np.linspace(0.8, 1.2, 9))
     run = simulate(scene, 20.0, start=state_at_rest(scene, np.linspace(-5, 9, 9).tolist()))

@@ -202,6 +202,7 @@ def test_tables(paper: Check) -> None:
     assert digits(2.68011, 1e-3, 9) == "2.68"
 
 
+@pytest.mark.slow
 def test_a_general_motion_has_the_lines_of_the_table() -> None:
     run = simulate(PAPER, 300.0, output=4001, start=state_at_rest(PAPER, [0.02, 0.01, -0.015, 0.03]))
     found = compare(run)
