@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, in_a_folder, picture
+from multipendula.commands.shared import bar, drawn, film_form, picture, validated
 from multipendula.completion import mode_numbers, places
 from multipendula.options import (
     FILMS,
@@ -36,19 +36,7 @@ TO, LONG = 90.0, 100
 
 def orbits(options: argparse.Namespace) -> None:
     """Follow periodic orbits: a mode to large angles, or limit cycles along a number, with their stability."""
-    from modal.scene import load
-    from modal.scene.parameters import parse_variations
-    from nonlinear.integration import validate
-
-    scene, *_ = validate(
-        lambda: load(options.scene),
-        lambda: options.vary and parse_variations([options.vary]),
-        lambda: _fitting(options),
-        lambda: options.output and picture(options.output),
-        lambda: options.film and film_form(options.film, "--film"),
-        lambda: in_a_folder(options.output),
-        lambda: in_a_folder(options.film),
-    )
+    scene = validated(options, options.output, lambda: _fitting(options))
     found = _mode(scene, options) if options.mode else _cycles(scene, options)
     if options.enter:
         found = (*found, *_entered(found))

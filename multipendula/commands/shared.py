@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -57,6 +58,25 @@ def in_a_folder(path: str | None) -> None:
 
     if path and not Path(path).absolute().parent.is_dir():
         raise SceneError([f"-o {path}: there is no folder {Path(path).parent}"])
+
+
+def validated(options: argparse.Namespace, image: str | None, fitting: Callable[[], None]) -> Scene:
+    """The scene of a command with --vary, a picture and a film; SceneError names the mistakes in all of them."""
+    from modal.scene import load
+    from modal.scene.parameters import parse_variations
+    from nonlinear.integration import validate
+
+    scene, *_ = validate(
+        lambda: load(options.scene),
+        lambda: options.vary and parse_variations([options.vary]),
+        fitting,
+        lambda: image and picture(image),
+        lambda: options.film and film_form(options.film, "--film"),
+        lambda: in_a_folder(image),
+        lambda: in_a_folder(options.film),
+    )
+    found: Scene = scene
+    return found
 
 
 @contextmanager

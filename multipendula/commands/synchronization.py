@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, in_a_folder, picture
+from multipendula.commands.shared import bar, drawn, film_form, picture, validated
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
@@ -30,19 +30,7 @@ if TYPE_CHECKING:
 
 def sync(options: argparse.Namespace) -> None:
     """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
-    from modal.scene import load
-    from modal.scene.parameters import parse_variations
-    from nonlinear.integration import validate
-
-    scene, *_ = validate(
-        lambda: load(options.scene),
-        lambda: options.vary and parse_variations([options.vary]),
-        lambda: _fitting(options),
-        lambda: options.picture and picture(options.picture),
-        lambda: options.film and film_form(options.film, "--film"),
-        lambda: in_a_folder(options.picture),
-        lambda: in_a_folder(options.film),
-    )
+    scene = validated(options, options.picture, lambda: _fitting(options))
     (_branches if options.vary else _run)(scene, options)
 
 

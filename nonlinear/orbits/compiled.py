@@ -122,6 +122,22 @@ def _solved(L, X):  # type: ignore[no-untyped-def]
 
 
 @compiled
+def _add_mass_slope(by_q, Z, u, first, A, b):  # type: ignore[no-untyped-def]
+    """Add ∂(M u)/∂q at constant u to `by_q`."""
+    links = len(b)
+    for i in range(links):
+        t = Z[first + i, 0]
+        for j in range(links):
+            if A[i, j] != 0.0 and i != j:
+                inner = A[i, j] * np.sin(t - Z[first + j, 0]) * u[first + j, 0]
+                by_q[first + i, first + j] += inner
+                by_q[first + i, first + i] -= inner
+        if first:
+            by_q[1 + i, 1 + i] -= b[i] * np.sin(t) * u[0, 0]
+            by_q[0, 1 + i] -= b[i] * np.sin(t) * u[1 + i, 0]
+
+
+@compiled
 def rate(Z, first, scene, M, by_q, by_v, force, found):  # type: ignore[no-untyped-def]
     """The derivative of (y, V) into `found`; whether the mass matrix is positive definite."""
     A, b, gravity, total, cart, rows = scene
@@ -133,16 +149,7 @@ def rate(Z, first, scene, M, by_q, by_v, force, found):  # type: ignore[no-untyp
     found[:half] = Z[half:]
     a = force.reshape(half, 1).copy()
     _solved(M, a)
-    for i in range(links):
-        t = Z[first + i, 0]
-        for j in range(links):
-            if A[i, j] != 0.0 and i != j:
-                inner = A[i, j] * np.sin(t - Z[first + j, 0]) * a[first + j, 0]
-                by_q[first + i, first + j] += inner
-                by_q[first + i, first + i] -= inner
-        if first:
-            by_q[1 + i, 1 + i] -= b[i] * np.sin(t) * a[0, 0]
-            by_q[0, 1 + i] -= b[i] * np.sin(t) * a[1 + i, 0]
+    _add_mass_slope(by_q, Z, a, first, A, b)
     found[half:, 0] = a[:, 0]
     if Z.shape[1] > 1:
         right = found[half:, 1:]
@@ -243,7 +250,7 @@ def _kicked(Z, f, joint, first, scene, room, joints, side):  # type: ignore[no-u
     """Z becomes what it is after a kick, V by the saltation matrix; f is y' before it."""
     A, b = scene[0], scene[1]
     M, by_q = room[0], room[1]
-    links, half, width = len(b), len(Z) // 2, Z.shape[1]
+    half, width = len(Z) // 2, Z.shape[1]
     _forces(Z[:, 0].copy(), first, A, b, scene[2], scene[4], scene[5], M, by_q, room[2], room[3], scene[3])
     _factored(M)
     u, n = np.zeros((half, 1)), np.zeros(half)
@@ -255,16 +262,7 @@ def _kicked(Z, f, joint, first, scene, room, joints, side):  # type: ignore[no-u
         n[first + joints[1][joint]] = -1.0
     _solved(M, u)
     by_q[:] = 0.0
-    for i in range(links):
-        t = Z[first + i, 0]
-        for j in range(links):
-            if A[i, j] != 0.0 and i != j:
-                inner = A[i, j] * np.sin(t - Z[first + j, 0]) * u[first + j, 0]
-                by_q[first + i, first + j] += inner
-                by_q[first + i, first + i] -= inner
-        if first:
-            by_q[1 + i, 1 + i] -= b[i] * np.sin(t) * u[0, 0]
-            by_q[0, 1 + i] -= b[i] * np.sin(t) * u[1 + i, 0]
+    _add_mass_slope(by_q, Z, u, first, A, b)
     columns = np.zeros((half, width))
     columns[:, 0] = f[:half]
     columns[:, 1:] = Z[:half, 1:]
