@@ -9,7 +9,9 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices, matrices_of
+from modal.assembly.dense import Columns, assembled, dampers
+from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
+from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.stacks import Group, Stack, can_stack, stacked
 
 __all__ = [
@@ -19,6 +21,7 @@ __all__ = [
     "Columns",
     "Group",
     "Matrices",
+    "RatioAt",
     "Rig",
     "Stack",
     "Units",
@@ -26,9 +29,13 @@ __all__ = [
     "can_stack",
     "coordinate_labels",
     "dampers",
+    "frequencies",
     "masses_below",
     "matrices",
     "matrices_of",
+    "modal_dampers",
+    "modal_factor",
+    "ratio_at",
     "rig_of",
     "stacked",
 ]

@@ -29,6 +29,7 @@ from modal.scene.validation import (
     list_of,
     number,
     one_of,
+    one_or_list,
     optional,
     parts,
 )
@@ -37,6 +38,7 @@ MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 Way = Literal["down", "up"]
 Scalar = Callable[[float], Any]
+RATIO = number(ge=0, lt=1)
 
 
 class VanDerPol(Part):
@@ -209,12 +211,17 @@ def _one_line(title: str) -> str:
 
 
 class Scene(Part):
-    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space."""
+    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space.
+
+    `damping_ratio` ζ is that of all modes of the scene without dampers, or of each by its number in the table; it is
+    added to the dampers (`modal.assembly.modal_damping`).
+    """
 
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
     support: Fixed | Cart = field(any_kind(Fixed, Cart), default=Fixed())
+    damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
 
     @property
@@ -230,6 +237,16 @@ class Scene(Part):
     @property
     def has_damping(self) -> bool:
         """Whether anything in the scene dissipates energy."""
+        return self.has_modal_damping or self.has_dampers
+
+    @property
+    def has_modal_damping(self) -> bool:
+        """Whether any mode has a damping ratio of its own."""
+        return any(self.damping_ratio) if isinstance(self.damping_ratio, tuple) else self.damping_ratio > 0
+
+    @property
+    def has_dampers(self) -> bool:
+        """Whether the cart or any joint has a damper."""
         return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
             link.damping > 0 for link in self.links()
         )
@@ -247,7 +264,7 @@ class Scene(Part):
     @property
     def conservative(self) -> Scene:
         """The same scene without drives and dampers."""
-        still = self._with(drive=None, damping=0.0)
+        still = self._with(drive=None, damping=0.0).replace(damping_ratio=0.0)
         held = isinstance(self.support, Cart)
         return still.replace(support=self.support.replace(damping=0.0)) if held else still
 

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
-from modal.scene import Fixed, Scene
-from modal.statespace.model import StateSpace
+from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, Signal
 from modal.types import Complexes, Floats
 
@@ -122,11 +121,6 @@ def held(modes: Modes) -> Modes:
     return natural_modes(fixed(modes.scene)) if modes.on_cart else modes
 
 
-def fixed(scene: Scene) -> Scene:
-    """The same pendula on a fixed support."""
-    return scene.replace(support=Fixed())
-
-
 def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
     """The prescribed cart: its position and, where its acceleration is given, its velocity."""
     places, eye = [0, size + 1][:states], np.eye(len(model.A))
@@ -146,7 +140,8 @@ def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
             phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
             vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
-            make = _swing if np.isrealobj(phi) and not vectors[2].any() else _pair if value.imag else _single
+            alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
+            make = _swing if alone else _pair if value.imag else _single
             made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)
             right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
             right[first : first + size], right[n - size :] = made.right

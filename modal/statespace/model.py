@@ -12,12 +12,14 @@ and for a velocity w the rates become p = θ' + A_θ⁻¹ b w, which does not ju
 
     x' = w,    θ' = p − A_θ⁻¹ b w,    p' = −A_θ⁻¹ (K_θ θ + D_θ θ' − F_θ u).
 
+Under a prescribed motion the modes are those on a fixed support, and a scene's `damping_ratio` is theirs.
+
 In space the model is that of the motion along the rail.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +27,7 @@ import numpy as np
 from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, validate_scene
+from modal.scene import Fixed, Scene, validate_scene
 from modal.statespace.signals import (
     DRIVES,
     INPUTS,
@@ -91,7 +93,8 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     wanted = validate_signals(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
     read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
-    found, motion = matrices(scene), {None: _free, "cart_acceleration": _accelerated, "cart_velocity": _moved}[drive]
+    motion = {None: _free, "cart_acceleration": _accelerated, "cart_velocity": _moved}[drive]
+    found = _held(scene) if drive and scene.has_modal_damping else matrices(scene)
     with np.errstate(all="ignore"):
         moved = motion(found, geometry, push.F)
         C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
@@ -114,6 +117,26 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
         operating_point=tuple(resting),
         scene=scene,
     )
+
+
+def fixed(scene: Scene) -> Scene:
+    """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes."""
+    if isinstance(scene.damping_ratio, tuple) and scene.support.kind == "cart":
+        raise SceneError(
+            [
+                "damping_ratio: is listed by the modes with the cart free, but under a prescribed motion of the cart "
+                "the modes are those on a fixed support: give one ratio for all modes"
+            ]
+        )
+    return scene.replace(support=Fixed())
+
+
+def _held(scene: Scene) -> Matrices:
+    """M, K and D with the modal dampers of the pendula on a fixed support, whose modes a prescribed motion excites."""
+    found, own = matrices(scene.replace(damping_ratio=0.0)), matrices(fixed(scene))
+    D = found.D.copy()
+    D[1:, 1:] = own.D
+    return replace(found, D=D)
 
 
 def _drive(wanted: tuple[str, ...]) -> str | None:

@@ -203,6 +203,8 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     """
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
+    if scene.has_modal_damping:
+        raise SceneError(["damping_ratio: has no exact matrix; derivations take dampers of the cart and the joints"])
     several = scene.n_pendula > 1
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     chains = tuple(_chain_of(pendulum, f"{p}_" if several else "", symbolic) for p, pendulum in enumerate(copies, 1))

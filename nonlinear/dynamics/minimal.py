@@ -17,7 +17,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.dynamics.joints import cart_force, joint_torques
+from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
 from nonlinear.dynamics.recursion import downward, links_of, upward
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
 
@@ -70,11 +70,12 @@ class Suspended(ABC):
         push = self.load(time, layout.state(y)) if self.load else NOTHING
         found = np.empty_like(y)
         found[:half] = v
-        mass, force, power, solved = self._pulls(q[first:], v[first:], push)
+        drag = None if self.system.modal_damping is None else modal_drag(self.system, v)
+        mass, force, power, solved = self._pulls(q[first:], v[first:], push, None if drag is None else drag[first:])
         x2 = 0.0
         if cart:
             kept, working = cart_force(self.system, q[0], v[0])
-            outside = push.cart + working
+            outside = push.cart + working + (0.0 if drag is None else drag[0])
             x2 = found[half] = (outside + kept - force) / (cart.mass + mass)
             power = power + v[0] * outside
         turned = found[half + first : 2 * half]
@@ -84,12 +85,16 @@ class Suspended(ABC):
             found[-1] = power
         return found
 
-    def _pulls(self, links: Any, rates: Any, push: AppliedForces) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
+    def _pulls(
+        self, links: Any, rates: Any, push: AppliedForces, drag: Any | None
+    ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
         given = None if push.moments is None else np.ravel(push.moments)
         for group, place, body in zip(self.system.groups, self.places, self.bodies, strict=True):
             own, speed = links[place], rates[place]
             torques, work = self.acting(group, own, speed, None if given is None else given[place])
+            if drag is not None:
+                torques, work = torques + drag[place], work + np.sum(drag[place] * speed, axis=(0, 1))
             one_mass, one_force, memory = body.pull(own, speed, torques, self.system.gravity)
             mass, force, power = mass + one_mass, force + one_force, power + work
             solved.append((place, body, memory))

@@ -134,6 +134,8 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     scene = members.scene
     if scene.space == "space":
         return "the scene is in space"
+    if scene.has_modal_damping:
+        return "the scene has a damping_ratio"
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
         return "the scene has escapements"
     if any(place[-1] == "count" for path in members.paths for place in find_places(scene, path)):

@@ -83,9 +83,15 @@ def choose(
     form = form if form != "auto" else "spatial" if space else "minimal"
     if form in {"spatial", "maximal"} and method in SCIPY and method not in EXPLICIT:
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
+    modal = scene.has_modal_damping
+    if modal and scene.space == "space":
+        problems.append(
+            'damping_ratio: acts on the rates of angles, and a simulation in space has none: set space = "plane"'
+        )
     if problems:
         raise SceneError(problems)
-    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not driven else {}
+    plain = driven or modal
+    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not plain else {}
     if method == "auto":
         method, why = _automatic(
             scene, system, duration, tolerance, form, seconds if tolerance * size >= TIGHTEST else {}

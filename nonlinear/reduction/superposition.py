@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
 from modal.scene import Fixed, Scene
 from modal.types import Complexes, Floats
@@ -144,6 +144,8 @@ def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
+    if scene.has_modal_damping:
+        raise SceneError(['damping_ratio: the closed form of motion in space has none: set space = "plane"'])
     along, across = split(scene, start)
     plane = scene.in_plane
     held = plane.replace(support=Fixed())
@@ -165,7 +167,14 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
         raise ComputationError(INCOMPLETE) from None
     kappa = [mode.kappa if corrected and np.isfinite(mode.kappa) else 0.0 for mode in modes]
     each = [
-        Swing(phi, complex(modes.eigenvalue[number]), kappa[number], eta, rate, scene.has_damping)
+        Swing(
+            phi,
+            complex(modes.eigenvalue[number]),
+            kappa[number],
+            eta,
+            rate,
+            scene.has_damping and not modes.is_classical,
+        )
         for number, phi, eta, rate in zip(found.number, found.shapes.T, found.coordinate[0], found.rate[0], strict=True)
     ]
     each += [_drift(scene, modes, number, *deflection(scene, here)) for number in drifting]

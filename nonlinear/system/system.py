@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Block, CartNumbers, coordinate_labels, rig_of
+from modal.assembly import Block, CartNumbers, coordinate_labels, modal_dampers, rig_of
 from modal.scene import Escapement, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
 
@@ -140,13 +140,17 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units."""
+    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
+
+    `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None.
+    """
 
     gravity: float
     cart: CartNumbers | None
     groups: tuple[Group, ...]
     spatial: bool
     labels: tuple[str, ...]
+    modal_damping: Floats | None = None
 
     @cached_property
     def n_links(self) -> int:
@@ -202,7 +206,11 @@ class System:
     @property
     def dissipates(self) -> bool:
         """Whether there is any damper."""
-        return bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
+        return (
+            self.modal_damping is not None
+            or bool(self.cart and np.any(self.cart.damping))
+            or any(group.damped for group in self.groups)
+        )
 
     @property
     def excites(self) -> bool:
@@ -245,4 +253,5 @@ def system_of(scene: Scene) -> System:
         index = first[pendula] + np.arange(block.n)[:, None]
         excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig))
+    modal = modal_dampers(rig) if scene.has_modal_damping and not rig.spatial else None
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig), modal)
