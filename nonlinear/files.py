@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.errors import SceneError
 from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite_array, index, reading, require_keys
@@ -38,6 +39,8 @@ REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """Write a .npz or .csv file atomically; SceneError for any other file name."""
+    if trajectory.system.hoisting and trajectory.system.hoisting.given:
+        raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
     content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)
     with whole_file(path) as stream:
         stream.write(content)

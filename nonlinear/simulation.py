@@ -26,7 +26,7 @@ from nonlinear.integration import (
     validate_numbers,
     validate_observable,
 )
-from nonlinear.system import NO_KICKS, Event, Kicks, Load, State, initial_state, system_of, validate_state
+from nonlinear.system import NO_KICKS, Event, Hoists, Kicks, Load, State, initial_state, system_of, validate_state
 
 USUAL = 1e-9  # default tolerance
 
@@ -48,6 +48,7 @@ def simulate(
     load: Load | None = None,
     breaks: Sequence[float] | Floats | None = None,
     max_step: float | None = None,
+    hoist: Hoists | None = None,
     events: Sequence[Event] = (),
     before: Kicks = NO_KICKS,
     report: Report = silent,
@@ -63,9 +64,11 @@ def simulate(
     replaces the initial condition of the scene file, at `start_time` (s).  `load(t, state)` returns the external
     `AppliedForces`.  A load that acts for less than a step may be missed: steps end and the integrator restarts at the
     times `breaks` (s), and no step is longer than `max_step` (s).  An accuracy under a load needs one of them;
-    `breaks=[]` states that the load changes no faster than the scene swings.  `before` holds the escapements' kicks up
-    to the start, which determine on which side each kicks next.  `report` is called with the simulated time after every
-    step.
+    `breaks=[]` states that the load changes no faster than the scene swings.  `hoist` prescribes lengths of bobs in
+    place of the scene's, by the indices of pendulum and link from 0, {(0, 0): law}: a spline with `derivative`, such as
+    SciPy's, or a function of time that returns length, speed and acceleration (m, m/s, m/s²).  `before` holds the
+    escapements' kicks up to the start, which determine on which side each kicks next.  `report` is called with the
+    simulated time after every step.
 
     On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.  Raises SceneError for
     invalid arguments, SimulationError (with the part computed so far) where the integrator fails or an accuracy cannot
@@ -76,7 +79,7 @@ def simulate(
         raise SceneError(["accuracy: cannot be combined with a tolerance"])
     used = USUAL if tolerance is None else tolerance
     more: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
-    more |= {"load": load, "breaks": breaks, "max_step": max_step}
+    more |= {"load": load, "breaks": breaks, "max_step": max_step, "hoist": hoist}
     request = _request(scene, duration, used, accuracy, output, start, start_time, more)
     if accuracy is not None:
         return certain(seek_accuracy(Goal(request, float(accuracy))))
@@ -114,7 +117,7 @@ def _request(
     more: dict[str, Any],
 ) -> Request:
     """The validated request; SceneError lists every mistake."""
-    system, load = system_of(scene), more.get("load")
+    system, load = system_of(scene, more.pop("hoist", None)), more.get("load")
     told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
     *_, pace = validate(
         lambda: validate_numbers(duration, tolerance, start_time),
@@ -129,6 +132,8 @@ def _request(
         lambda: sample_times(scene, duration, start_time, output),
     )
     validate_forces(load, system, state, start_time)
+    if system.hoisting is not None:
+        system.hoisting.at(times)
     return Request(scene, system, state, times, pace=pace, **more)
 
 
@@ -164,6 +169,7 @@ def resume(
         tolerance = run.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)
+    options.setdefault("hoist", trajectory.system.hoisting and trajectory.system.hoisting.given)
     return simulate(trajectory.scene, duration, start=trajectory.final, start_time=last, **options)
 
 

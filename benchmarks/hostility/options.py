@@ -34,6 +34,7 @@ BASES = {
     "table": "small.toml",
     "shapes": "small.toml -o a.png",
     "matrices": "small.toml",
+    "hoist": "hoisting-crane --samples 3",
     "explain": "small.toml",
     "simulate": "small.toml --duration 0.1",
     "plot": "small.toml --duration 0.1 -o a.png",

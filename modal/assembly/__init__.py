@@ -10,6 +10,7 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.dense import Columns, assembled, dampers
+from modal.assembly.hoisting import Hoisting, Hoists, hoisting_of, matrices_along, matrices_at, require_constant_lengths
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.stacks import Group, Stack, can_stack, stacked
@@ -20,6 +21,8 @@ __all__ = [
     "CartNumbers",
     "Columns",
     "Group",
+    "Hoisting",
+    "Hoists",
     "Matrices",
     "RatioAt",
     "Rig",
@@ -30,12 +33,16 @@ __all__ = [
     "coordinate_labels",
     "dampers",
     "frequencies",
+    "hoisting_of",
     "masses_below",
     "matrices",
+    "matrices_along",
+    "matrices_at",
     "matrices_of",
     "modal_dampers",
     "modal_factor",
     "ratio_at",
+    "require_constant_lengths",
     "rig_of",
     "stacked",
 ]

@@ -33,6 +33,7 @@ from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
 
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
+HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 CHUNK = 400_000
@@ -176,7 +177,13 @@ class Modes(Sequence[Mode]):
         with np.errstate(all="ignore"):
             found = notes(self._natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        return *found, *[GROWING] * grows, *[UNDRIVEN] * self.scene.is_driven, *[SELECTED] * self.selected
+        return (
+            *found,
+            *[HOISTED] * self.scene.is_hoisted,
+            *[GROWING] * grows,
+            *[UNDRIVEN] * self.scene.is_driven,
+            *[SELECTED] * self.selected,
+        )
 
     @cached_property
     def route(self) -> str:

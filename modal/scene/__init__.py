@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
+from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.model import (
     AnyLink,
     Bob,
@@ -37,7 +38,9 @@ __all__ = [
     "Cart",
     "Escapement",
     "Fixed",
+    "Hoist",
     "InitialCondition",
+    "LengthLaw",
     "Pendulum",
     "Rod",
     "Scene",

@@ -14,7 +14,7 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.model import Scene, describe, scene_from
+from modal.scene.model import AnyLink, Scene, describe, scene_from
 
 LARGEST_FILE = 256_000_000
 STANDARD = "-"
@@ -40,9 +40,31 @@ def load(source: str | os.PathLike[str]) -> Scene:
     """
     name = os.fspath(source)
     try:
-        return parse(_read(name))
+        return _beside(parse(_read(name)), Path(name).parent)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
+
+
+def _beside(scene: Scene, folder: Path) -> Scene:
+    """The scene with the records that it names taken from the folder of its file, where they are read once."""
+    if not scene.is_hoisted:
+        return scene
+    pendula = tuple(
+        one.replace(links=tuple(_with_record(link, folder) for link in one.links)) for one in scene.pendulum
+    )
+    for p, pendulum in enumerate(pendula):
+        for i, link in enumerate(pendulum.links):
+            try:
+                link.length_at(0.0)
+            except SceneError as error:
+                raise SceneError([f"pendulum[{p}].links[{i}].{problem}" for problem in error.problems]) from None
+    return scene.replace(pendulum=pendula)
+
+
+def _with_record(link: AnyLink, folder: Path) -> AnyLink:
+    if link.hoist is None or link.hoist.file is None:
+        return link
+    return link.replace(hoist=link.hoist.replace(file=str((folder / link.hoist.file).absolute())))
 
 
 def parse(text: bytes) -> Scene:

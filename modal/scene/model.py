@@ -17,6 +17,7 @@ from unicodedata import category
 
 from modal import pair
 from modal.errors import SceneError
+from modal.scene.hoist import Hoist
 from modal.scene.validation import (
     COUNT,
     NON_NEGATIVE,
@@ -69,13 +70,17 @@ Drive = VanDerPol | Escapement
 
 
 class Link(Part):
-    """Mass (kg) and length (m) of a link, and the damper (N m s/rad), spring (N m/rad) and drive at its upper joint."""
+    """Mass (kg) and length (m) of a link, and the damper (N m s/rad), spring (N m/rad) and drive at its upper joint.
+
+    `hoist` prescribes the length of a bob's rope from a time on, `length` being that before.
+    """
 
     mass: float = field(POSITIVE)
     length: float = field(POSITIVE)
     damping: float = field(NON_NEGATIVE, default=0.0)
     stiffness: float = field(NON_NEGATIVE, default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
+    hoist: Hoist | None = field(optional(Hoist.schema()), default=None)
     count: int = field(COUNT, default=1)
 
     is_uniform: ClassVar[bool] = True
@@ -85,6 +90,15 @@ class Link(Part):
     def heavier(self, factor: int) -> Self:
         """That many copies as one."""
         return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
+
+    def problems(self) -> Iterator[str]:
+        """A hoist of anything but a bob."""
+        if self.hoist and getattr(self, "kind", "") != "bob":
+            yield '.hoist: only the massless rope of a bob can change its length: write kind = "bob"'
+
+    def length_at(self, time: float) -> float:
+        """The length (m) at a time (s)."""
+        return float(self.hoist.law(self.length)(time)[0]) if self.hoist else self.length
 
 
 class _Simple(Link):
@@ -134,7 +148,8 @@ class Body(Link):
         return scalar(self.centre), scalar(self.inertia)
 
     def problems(self) -> Iterator[str]:
-        """A body without moment of inertia about its pivot."""
+        """A body without moment of inertia about its pivot, or with a hoist."""
+        yield from super().problems()
         if self.centre == 0 and self.inertia == 0:
             yield ".inertia = 0.0: must be positive if the centre is at the pivot"
 
@@ -257,6 +272,19 @@ class Scene(Part):
         return any(link.drive for link in self.links())
 
     @property
+    def is_hoisted(self) -> bool:
+        """Whether the length of any link changes in time."""
+        return any(link.hoist for link in self.links())
+
+    def at(self, time: float) -> Scene:
+        """The same scene with all lengths fixed at their values at a time (s)."""
+        pendula = tuple(
+            one.replace(links=tuple(link.replace(length=link.length_at(time), hoist=None) for link in one.links))
+            for one in self.pendulum
+        )
+        return self.replace(pendulum=pendula) if self.is_hoisted else self
+
+    @property
     def undriven(self) -> Scene:
         """The same scene without drives."""
         return self._with(drive=None) if self.is_driven else self
@@ -293,6 +321,8 @@ class Scene(Part):
         """Too many links, and features that this space does not allow."""
         if self.n_links > MAX_LINKS:
             yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
+        if self.has_modal_damping and self.is_hoisted:
+            yield ".damping_ratio: belongs to modes of constant lengths, and a hoist changes them: give dampers instead"
         for index, pendulum in enumerate(self.pendulum):
             if self.space == "plane" and pendulum.start and pendulum.start.azimuths_deg:
                 yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'

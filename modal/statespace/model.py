@@ -86,7 +86,16 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     absolute angles.  Raises SceneError for groups that the scene does not have, ComputationError where M is singular or
     the model has more than LARGEST_STATE states.
     """
-    if 2 * validate_scene(scene).n_links > LARGEST_STATE:
+    if validate_scene(scene).is_hoisted:
+        raise SceneError(["hoist: its linear model varies in time, and this one is constant: export one to npz or mat"])
+    return assembled(scene, None, inputs, outputs)
+
+
+def assembled(
+    scene: Scene, given: Matrices | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
+) -> StateSpace:
+    """The model of a scene of constant lengths as in `state_space`, with other matrices if `given`."""
+    if 2 * scene.n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)
     default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
@@ -94,7 +103,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
     motion = {None: _free, "cart_acceleration": _accelerated, "cart_velocity": _moved}[drive]
-    found = _held(scene) if drive and scene.has_modal_damping else matrices(scene)
+    found = given or (_held(scene) if drive and scene.has_modal_damping else matrices(scene))
     with np.errstate(all="ignore"):
         moved = motion(found, geometry, push.F)
         C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])

@@ -203,6 +203,8 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     """
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
+    if scene.is_hoisted:
+        raise SceneError(["hoist: derivations have constant lengths: remove the hoist"])
     if scene.has_modal_damping:
         raise SceneError(["damping_ratio: has no exact matrix; derivations take dampers of the cart and the joints"])
     several = scene.n_pendula > 1

@@ -8,6 +8,7 @@ from multipendula.commands import (
     coupling,
     derivation,
     ensembles,
+    hoisting,
     modes,
     motion,
     orbits,
@@ -31,6 +32,7 @@ GROUPS = (
     synchronization,
     ensembles,
     statespace,
+    hoisting,
     derivation,
 )
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)

@@ -272,6 +272,8 @@ def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """
     if scene.space == "space" or scene.stands:
         raise ComputationError("averaged equations need hanging links in the plane")
+    if scene.is_hoisted:
+        raise ComputationError("averaged equations need constant lengths, and this scene has a hoist")
     if scene.has_modal_damping:
         raise ComputationError("averaged equations know the dampers of the cart and the joints, not a damping_ratio")
     if scene.n_links > MOST:

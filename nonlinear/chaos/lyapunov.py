@@ -27,7 +27,7 @@ from nonlinear.dynamics import Lanes, Mechanics
 from nonlinear.integration.lanes import Task, integrate
 from nonlinear.integration.pacing import longest_first, units_of
 from nonlinear.integration.watches import Gains
-from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
+from nonlinear.system import State, initial_state, numbers_of, require_constant_lengths, system_of, validate_state
 
 TRANSIENT = 0.5
 """Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
@@ -217,6 +217,7 @@ def lyapunov_exponent(
     """
     duration = usual_duration(scene) if duration is None else duration
     _check(scene, duration, SHORTEST / USUAL * usual_duration(scene), ensemble)
+    require_constant_lengths(scene, "a Lyapunov exponent")
     tangent = Tangent(system_of(scene))
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(initial_state(scene), ensemble, spread, rng)

@@ -14,6 +14,8 @@ from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
+from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
+from nonlinear.dynamics.hoisting import Hoisted
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
@@ -30,6 +32,8 @@ __all__ = [
     "Elimination",
     "Generated",
     "Hamiltonian",
+    "Hoisted",
+    "HoistedMaximal",
     "Lanes",
     "Maximal",
     "Mechanics",

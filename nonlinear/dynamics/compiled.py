@@ -127,6 +127,8 @@ class Compiled(Minimal):
     def __post_init__(self) -> None:
         if not available():
             raise MissingExtraError("numba", "fast")
+        if self.system.hoisting is not None:
+            raise SceneError(["hoist: compiled equations have constant lengths; those in minimal coordinates do not"])
         if self.system.modal_damping is not None:
             raise SceneError(["damping_ratio: compiled equations have none; those in minimal coordinates do"])
 

@@ -71,7 +71,8 @@ class Suspended(ABC):
         found = np.empty_like(y)
         found[:half] = v
         drag = None if self.system.modal_damping is None else modal_drag(self.system, v)
-        mass, force, power, solved = self._pulls(q[first:], v[first:], push, None if drag is None else drag[first:])
+        own = None if drag is None else drag[first:]
+        mass, force, power, solved = self._pulls(self.bodies_at(time), q[first:], v[first:], push, own)
         x2 = 0.0
         if cart:
             kept, working = cart_force(self.system, q[0], v[0])
@@ -85,12 +86,16 @@ class Suspended(ABC):
             found[-1] = power
         return found
 
+    def bodies_at(self, time: float) -> tuple[Body, ...]:
+        """The solvers of the groups at a time (s)."""
+        return self.bodies
+
     def _pulls(
-        self, links: Any, rates: Any, push: AppliedForces, drag: Any | None
+        self, bodies: tuple[Body, ...], links: Any, rates: Any, push: AppliedForces, drag: Any | None
     ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
         given = None if push.moments is None else np.ravel(push.moments)
-        for group, place, body in zip(self.system.groups, self.places, self.bodies, strict=True):
+        for group, place, body in zip(self.system.groups, self.places, bodies, strict=True):
             own, speed = links[place], rates[place]
             torques, work = self.acting(group, own, speed, None if given is None else given[place])
             if drag is not None:

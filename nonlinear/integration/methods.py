@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.util import find_spec
 
@@ -88,9 +88,11 @@ def choose(
         problems.append(
             'damping_ratio: acts on the rates of angles, and a simulation in space has none: set space = "plane"'
         )
+    if system.hoisting is not None:
+        problems += _unhoisted(system, method, form)
     if problems:
         raise SceneError(problems)
-    plain = driven or modal
+    plain = driven or modal or system.hoisting is not None
     seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not plain else {}
     if method == "auto":
         method, why = _automatic(
@@ -102,6 +104,18 @@ def choose(
     compiled = method in SCIPY and not written and bool(seconds) and seconds["compiled"] < seconds["DOP853"]
     finest = SMALLEST if method in SCIPY else TIGHTEST / size
     return Choice(form, method, compiled, why + (", compiled" if compiled else ""), max(tolerance, finest))
+
+
+def _unhoisted(system: System, method: str, form: str) -> Iterator[str]:
+    """What cannot take lengths that change."""
+    if system.spatial:
+        yield 'hoist: lengths change in the plane only: set space = "plane"'
+    elif form not in {"auto", "minimal", "maximal"}:
+        yield f"form {form}: has constant lengths, and this scene has a hoist; minimal and maximal take it"
+    if method == "taylor":
+        yield "method taylor: has constant lengths, and this scene has a hoist; DOP853 takes it"
+    if system.kicked:
+        yield "hoist: cannot be combined with the kicks of escapements"
 
 
 def _automatic(
@@ -166,6 +180,12 @@ def equations_of(
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
+    if system.hoisting is not None:
+        from nonlinear.dynamics import Hoisted, HoistedMaximal
+
+        if problems := list(_unhoisted(system, choice.method, choice.form)):
+            raise SceneError(problems)
+        return HoistedMaximal(system, load) if choice.form == "maximal" else Hoisted(system, load=load)
     if choice.form == "spatial":
         from nonlinear.dynamics import Spatial
         from nonlinear.dynamics import SpatialRecursion as InSpace

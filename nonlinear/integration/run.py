@@ -12,7 +12,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics import Generated, Minimal, Reduced, Symmetry, find_symmetries
+from nonlinear.dynamics import Generated, HoistedMaximal, Minimal, Reduced, Symmetry, find_symmetries
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
@@ -104,7 +104,8 @@ def prepare(
 
     ComputationError where the motion cannot begin.
     """
-    y = equations.begin(start)
+    hoisted = isinstance(equations, HoistedMaximal)
+    y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if hoisted else equations.begin(start)
     slope = _slope(equations, float(times[0]), y)
     return Prepared(
         scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before
@@ -170,7 +171,10 @@ class Request:
         """The run prepared with this choice."""
         validate_room(self.scene, self.integrated)
         equations = equations_of(self.system, choice, self.load, self.smaller)
-        return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, self.pace)
+        pace = self.pace
+        if self.system.hoisting is not None:
+            pace = replace(pace, breaks=tuple(sorted({*pace.breaks, *self.system.hoisting.breaks})))
+        return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion computed with this choice; SimulationError where the integrator fails."""

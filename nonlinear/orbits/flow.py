@@ -61,6 +61,8 @@ class Flow:
     equations: Variational = field(init=False)
 
     def __post_init__(self) -> None:
+        if self.system.hoisting is not None:
+            raise SceneError(["hoist: periodic orbits need constant lengths"])
         if self.system.modal_damping is not None:
             raise SceneError(["damping_ratio: periodic orbits know the dampers of the cart and the joints only"])
         object.__setattr__(self, "equations", Variational(self.system))

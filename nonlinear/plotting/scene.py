@@ -109,10 +109,13 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     places = [np.flatnonzero(system.pendulum == pendulum) for pendulum in pendula]
     moved = [resample(trajectory.times, picked(trajectory.motion, place), fine) for place in places]
     length, centre = system.by_link("length"), system.by_link("centre")
-    depth = max(float(length[place].sum()) for place in places)
+    if system.hoisting is not None:
+        length = system.hoisting.at(fine)[0]
+        centre = np.where(system.hoisting.moving, length, centre)
+    depth = max(float(length[..., place].sum(-1).max()) for place in places)
     pivots = side_by_side(len(places), depth)
     shapes = [
-        _shape(motion, length[place], centre[place], pivot)
+        _shape(motion, length[..., place], centre[..., place], pivot)
         for motion, place, pivot in zip(moved, places, pivots, strict=True)
     ]
     floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if system.spatial else None
@@ -126,10 +129,10 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
 def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float) -> tuple[Floats, Floats]:
     """Joints (G, n + 1, d) and centres (G, n, d)."""
     along = vectors(motion)[0]
-    joints = np.cumsum(length[:, None] * along, axis=1)
+    joints = np.cumsum(length[..., None] * along, axis=1)
     joints = np.concatenate((np.zeros_like(joints[:, :1]), joints), axis=1)
     joints[..., 0] += pivot + motion.cart[:, None]
-    return joints, joints[:, :-1] + centre[:, None] * along
+    return joints, joints[:, :-1] + centre[..., None] * along
 
 
 def _actor(links: tuple[AnyLink, ...], joints: Floats, centres: Floats, floor: float | None) -> Actor:
@@ -160,6 +163,6 @@ def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
 
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
     """Kinetic energy and potential energy above equilibrium of every pendulum and, last, of the cart."""
-    found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at))
+    found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
     kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
     return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

@@ -30,7 +30,7 @@ from modal.scene import Fixed, Scene
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
-from nonlinear.system import Motion, State
+from nonlinear.system import Motion, State, require_constant_lengths
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is too large for a correction
@@ -142,6 +142,7 @@ def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
 
     Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide.
     """
+    require_constant_lengths(scene, "motion in closed form")
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
     if scene.has_modal_damping:

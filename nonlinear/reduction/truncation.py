@@ -42,7 +42,7 @@ from nonlinear.integration import (
     validate_numbers,
 )
 from nonlinear.reduction.truncated import Truncated
-from nonlinear.system import State, System, initial_state, system_of, validate_state
+from nonlinear.system import State, System, initial_state, require_constant_lengths, system_of, validate_state
 
 SAFETY = 2.0
 NEGLIGIBLE = 1e-8  # fraction of the start's energy that an automatic choice may neglect
@@ -170,6 +170,7 @@ def simulate_truncated(
     infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
     be computed, SimulationError where the integrator fails.
     """
+    require_constant_lengths(scene, "motion in a few modes")
     validate_numbers(duration, tolerance, 0.0)
     _validate(scene, modes, method)
     system = system_of(scene)

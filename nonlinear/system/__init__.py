@@ -4,6 +4,7 @@ In: a `Scene` and a start.  Out: a `System`, a `State` (positions and velocities
 with `system`.
 """
 
+from modal.assembly import Hoisting, Hoists, require_constant_lengths
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.events import NO_KICKS, Event, EventRecord, Kicks, level_crossing, turning_point
 from nonlinear.system.initial import initial_state, state_at_rest, validate_state
@@ -18,6 +19,8 @@ __all__ = [
     "Event",
     "EventRecord",
     "Group",
+    "Hoisting",
+    "Hoists",
     "Kicks",
     "Layout",
     "Load",
@@ -31,6 +34,7 @@ __all__ = [
     "numbers_of",
     "numbers_of_all",
     "of_plane",
+    "require_constant_lengths",
     "state_at_rest",
     "system_of",
     "system_with",

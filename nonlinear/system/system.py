@@ -14,7 +14,16 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly import Block, CartNumbers, coordinate_labels, modal_dampers, rig_of
+from modal.assembly import (
+    Block,
+    CartNumbers,
+    Hoisting,
+    Hoists,
+    coordinate_labels,
+    hoisting_of,
+    modal_dampers,
+    rig_of,
+)
 from modal.scene import Escapement, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
 
@@ -142,7 +151,8 @@ class Group:
 class System:
     """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
 
-    `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None.
+    `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
+    `hoisting` the lengths that change in time, of which the groups hold the first.
     """
 
     gravity: float
@@ -151,6 +161,7 @@ class System:
     spatial: bool
     labels: tuple[str, ...]
     modal_damping: Floats | None = None
+    hoisting: Hoisting | None = None
 
     @cached_property
     def n_links(self) -> int:
@@ -230,7 +241,7 @@ class System:
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites
+        return self.dissipates or self.excites or self.hoisting is not None
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
@@ -240,8 +251,8 @@ class System:
         return found
 
 
-def system_of(scene: Scene) -> System:
-    """The arrays of a scene, with an entry for each copy."""
+def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
+    """The arrays of a scene, with an entry for each copy; `hoists` are laws of lengths in place of its own."""
     rig = rig_of(scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
@@ -254,4 +265,5 @@ def system_of(scene: Scene) -> System:
         excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
     modal = modal_dampers(rig) if scene.has_modal_damping and not rig.spatial else None
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig), modal)
+    labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, modal, hoisting)

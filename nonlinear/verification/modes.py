@@ -23,6 +23,7 @@ from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
 from nonlinear.reduction import along_rail
+from nonlinear.system import require_constant_lengths
 from nonlinear.verification.measurement import PERIODS, Measurement, measure_mode
 
 AMPLITUDES_DEG = (1.0, 5.0, 10.0, 30.0)
@@ -94,6 +95,7 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
+    require_constant_lengths(scene, "a check of modes")
     given, scene = scene, scene.undriven
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
