@@ -128,7 +128,7 @@ def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
 def require_constant_lengths(scene: Scene, what: str) -> None:
     """SceneError for a scene with a hoist; `what` needs constant lengths."""
     if scene.is_hoisted:
-        raise SceneError([f"hoist: {what} needs constant lengths; simulate and hoist take one"])
+        raise SceneError([f"hoist: {what} needs constant lengths: remove the hoist"])
 
 
 def _validated(given: Any, link: Any, place: str) -> Spline:

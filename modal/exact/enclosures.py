@@ -48,6 +48,8 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     and where no precision decides a sign, MissingExtraError without python-flint.
     """
     flint()
+    if scene.is_hoisted:
+        raise ComputationError("enclosures need constant lengths: remove the hoist")
     if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
         raise ComputationError("enclosures need a scene without dampers, joint springs and inverted links")
     rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
