@@ -84,11 +84,19 @@ class Spline:
     def __call__(self, times: Any) -> tuple[Any, Any, Any]:
         """Length, speed and acceleration."""
         if hasattr(self.given, "derivative"):
-            return self.given(times), self.given.derivative(1)(times), self.given.derivative(2)(times)
+            return self.given(times), self._speed(times), self._acceleration(times)
         if np.ndim(times):
             columns = np.array([self.given(float(time)) for time in np.ravel(times)]).T
             return tuple(column.reshape(np.shape(times)) for column in columns)
         return self.given(float(times))  # type: ignore[no-any-return]
+
+    @cached_property
+    def _speed(self) -> Any:
+        return self.given.derivative(1)
+
+    @cached_property
+    def _acceleration(self) -> Any:
+        return self.given.derivative(2)
 
     @property
     def breaks(self) -> tuple[float, ...]:
@@ -103,6 +111,8 @@ def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
     """
     if not (given or scene.is_hoisted):
         return None
+    if not isinstance(given or {}, Mapping):
+        raise SceneError(["hoist: must be a mapping such as {(0, 0): spline}"])
     told = dict(given or {})
     base: list[float] = []
     laws: list[tuple[Ints, Law]] = []
@@ -121,7 +131,7 @@ def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
             elif link.hoist:
                 laws.append((index, link.hoist.law(link.length)))
     if told:
-        raise SceneError([f"hoist: there is no pendulum[{p}].links[{i}]" for p, i in told])
+        raise SceneError([f"hoist: {place!r} is no pair of a pendulum and a link of this scene" for place in told])
     return Hoisting(np.array(base), tuple(laws), given or None)
 
 

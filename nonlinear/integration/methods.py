@@ -114,6 +114,8 @@ def _unhoisted(system: System, method: str, form: str) -> Iterator[str]:
         yield f"form {form}: has constant lengths, and this scene has a hoist; minimal and maximal take it"
     if method == "taylor":
         yield "method taylor: has constant lengths, and this scene has a hoist; DOP853 takes it"
+    if system.modal_damping is not None:
+        yield "hoist: cannot be combined with a damping_ratio, which belongs to modes of constant lengths"
     if system.kicked:
         yield "hoist: cannot be combined with the kicks of escapements"
 

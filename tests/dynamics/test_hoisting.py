@@ -216,9 +216,10 @@ def test_splines_and_functions_are_laws() -> None:
 def test_wrong_laws_are_named(tmp_path) -> None:
     start = State(np.array([0.5]), np.zeros(1))
     for hoist, words in (
-        ({(0, 1): lambda t: (1.0, 0.0, 0.0)}, r"there is no pendulum\[0\].links\[1\]"),
+        ({(0, 1): lambda t: (1.0, 0.0, 0.0)}, r"\(0, 1\) is no pair of a pendulum and a link"),
         ({(0, 0): lambda t: 1.0}, r"pendulum\[0\].links\[0\]: must be a spline"),
         ({(0, 0): 3.0}, r"pendulum\[0\].links\[0\]: must be a spline"),
+        (3.0, "must be a mapping"),
         ({(0, 0): lambda t: (1.0 - t, -1.0, 0.0)}, "a length must be a positive number"),
     ):
         with pytest.raises(SceneError, match=words):
@@ -282,5 +283,8 @@ def test_what_needs_constant_lengths_says_so() -> None:
     ):
         with pytest.raises(SceneError, match=r"hoist.*constant lengths"):
             refused()
+    damped = single(1.0).replace(damping_ratio=0.1)
+    with pytest.raises(SceneError, match="damping_ratio"):
+        simulate(damped, 1.0, start=State(np.ones(1), np.zeros(1)), hoist={(0, 0): lambda t: (1.0, 0.0, 0.0)})
     with pytest.raises(ComputationError, match="need times"):
         _ = Mechanics(system_of(scene), simulate(scene, 0.1, output=2).motion).joints
