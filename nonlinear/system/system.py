@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import radians
 from typing import Any
 
@@ -251,6 +251,14 @@ class System:
         return found
 
 
+@lru_cache(maxsize=4)
+def _modal_dampers(scene: Scene) -> Floats:
+    """D_modal of a scene, computed once for all that ask for its system."""
+    found = modal_dampers(rig_of(scene))
+    found.flags.writeable = False
+    return found
+
+
 def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     """The arrays of a scene, with an entry for each copy; `hoists` are laws of lengths in place of its own."""
     rig = rig_of(scene)
@@ -264,6 +272,6 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
         index = first[pendula] + np.arange(block.n)[:, None]
         excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
-    modal = modal_dampers(rig) if scene.has_modal_damping and not rig.spatial else None
+    modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
     return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, modal, hoisting)

@@ -96,6 +96,8 @@ def check(
     reason; after Ctrl-C, so are those not done.
     """
     require_constant_lengths(scene, "a check of modes")
+    if scene.has_modal_damping and scene.space == "space":
+        raise SceneError(['damping_ratio: acts on the rates of angles, which space has not: set space = "plane"'])
     given, scene = scene, scene.undriven
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers

@@ -8,6 +8,7 @@ from modal import load, natural_modes
 from modal.assembly import matrices
 from modal.coupling import explain
 from modal.errors import ComputationError, SceneError
+from modal.modes.solution_report import report_solution
 from modal.scene import Bob, Cart, Pendulum, Scene, dumps, parse
 from modal.scene.parameters import vary
 from modal.statespace import shaper_for, state_space, swings_of, to_modal_form
@@ -20,6 +21,7 @@ from nonlinear.orbits.flow import Flow
 from nonlinear.reduction import superpose
 from nonlinear.simulation import simulate
 from nonlinear.system import State, system_of
+from nonlinear.verification import check
 from tests.support.scenes import decimal_scene, mild_scene
 
 
@@ -111,6 +113,14 @@ def test_it_is_written_and_varied_like_other_numbers() -> None:
     assert vary(scene, {"damping_ratio[1]": 0.05}).damping_ratio == (0.01, 0.05)
     assert scene.has_damping
     assert not scene.conservative.has_damping
+
+
+def test_the_report_of_the_solution_says_why_there_is_no_damping_matrix() -> None:
+    scene = load("crane-hook")
+    words = report_solution(natural_modes(scene.replace(damping_ratio=0.02))).text()
+    assert "no complex eigenproblem: the scene's damping_ratio" in words
+    assert "nothing damps" not in words
+    assert "nothing damps" in report_solution(natural_modes(scene)).text()
 
 
 def test_a_growing_mode_has_none_and_the_table_says_so() -> None:
@@ -235,8 +245,9 @@ def test_what_knows_no_modal_damping_says_so() -> None:
         of_scene(scene)
     with pytest.raises(SceneError, match="damping_ratio"):
         Flow(system_of(scene))
-    with pytest.raises(SceneError, match="damping_ratio"):
-        simulate(load("chain-spatial").replace(damping_ratio=0.01), 1.0)
+    for refused in (check, lambda scene: simulate(scene, 1.0)):
+        with pytest.raises(SceneError, match="damping_ratio"):
+            refused(load("chain-spatial").replace(damping_ratio=0.01))
 
 
 def test_members_of_an_ensemble_run_one_by_one() -> None:
