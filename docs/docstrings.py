@@ -23,9 +23,24 @@ INDENT = 4
 
 def rst(lines: Iterable[str]) -> Iterator[str]:
     """The lines of a docstring as reStructuredText."""
+    for example, part in groupby(_examples(lines), key=lambda pair: pair[0]):
+        chosen = [line for _, line in part]
+        yield from chosen if example else _prose(chosen)
+
+
+def _examples(lines: Iterable[str]) -> Iterator[tuple[bool, str]]:
+    """Each line, and whether it belongs to an example: from `>>>` to the next blank line all stands as it is."""
+    inside = False
+    for line in lines:
+        inside = line.startswith(">>>") or (inside and bool(line.strip()))
+        yield inside, line
+
+
+def _prose(lines: Iterable[str]) -> Iterator[str]:
+    """Words and layouts as reStructuredText."""
     for indented, group in groupby(_spread(lines), key=_is_layout):
         if not indented:
-            yield from (line if line.startswith(">>>") else _words(line) for line in group)
+            yield from map(_words, group)
             continue
         layout = list(group)
         yield from ("", ".. code-block:: none", "", *layout, "")

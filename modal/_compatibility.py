@@ -22,6 +22,11 @@ NAMESAKE = (
     "the distribution 'modal' (the Modal cloud client) is installed beside 'multipendula' in {place}; both own the "
     "import name 'modal' and overwrite each other's files: give each its own virtual environment"
 )
+OVERWRITTEN = (
+    "the package 'modal' in {place} is not multipendula's, or not whole: the Modal cloud client, whose distribution is "
+    "called 'modal' too, was installed over it or removed with files of it; give each its own virtual environment, or "
+    "mend this one: pip uninstall modal, then install multipendula again with pip's --force-reinstall --no-deps"
+)
 
 MOVED = {
     "modal.assembly": "linear=linearization rig=arrays",
@@ -283,4 +288,12 @@ def warn_about_namesake(search: Iterable[str] | None = None) -> None:
             return
 
 
+def require_own_package(package: ModuleType) -> None:
+    """ImportError with the way out unless `modal` is multipendula's, which imports this module while it begins."""
+    begins = getattr(package.__spec__, "_initializing", False)
+    if not (begins or "natural_modes" in getattr(package, "__all__", ())):
+        raise ImportError(OVERWRITTEN.format(place=next(iter(package.__path__), "")))
+
+
+require_own_package(sys.modules["modal"])
 sys.meta_path.append(_Finder())

@@ -12,14 +12,31 @@ MOST_TOLD = 50
 
 
 class MultipendulaError(Exception):
-    """Base of every error raised on purpose; whatever its message quotes is escaped, and safe on a terminal."""
+    """Base of every error raised on purpose; whatever its message quotes is escaped, and safe on a terminal.
+
+    >>> from modal import MultipendulaError, load
+    >>> try:
+    ...     load("nosuch")
+    ... except MultipendulaError as error:
+    ...     print(type(error).__name__)
+    SceneError
+    """
 
     def __init__(self, message: object = "") -> None:
         super().__init__("\n".join(map(visible, str(message).split("\n"))))
 
 
 class SceneError(MultipendulaError, ValueError):
-    """A scene that cannot be used: `problems` lists its mistakes with their places, the message the first ones."""
+    """A scene that cannot be used: `problems` lists its mistakes with their places, the message the first ones.
+
+    >>> from modal import Bob, SceneError
+    >>> try:
+    ...     Bob(mass=-1.0, length=0.0)
+    ... except SceneError as error:
+    ...     print(error)
+    mass = -1.0: must be positive
+    length = 0.0: must be positive
+    """
 
     def __init__(self, problems: Sequence[str]) -> None:
         self.problems = tuple(map(visible, problems))
@@ -31,7 +48,17 @@ class SceneError(MultipendulaError, ValueError):
 
 
 class ComputationError(MultipendulaError, ArithmeticError):
-    """A valid scene whose answer exceeds double precision or this machine's memory."""
+    """A valid scene whose answer exceeds double precision or this machine's memory.
+
+    >>> from modal import ComputationError, load, matrices
+    >>> scene = load("rope")
+    >>> many = scene.replace(pendulum=[scene.pendulum[0].replace(count=100)])
+    >>> try:
+    ...     matrices(many)
+    ... except ComputationError:
+    ...     print("too large for dense matrices")
+    too large for dense matrices
+    """
 
 
 class MissingExtraError(MultipendulaError, ImportError):

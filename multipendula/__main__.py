@@ -1,16 +1,34 @@
 """`python -m multipendula` and the installed command: Ctrl-C is answered from the first import on."""
 
 import sys
+from importlib.util import find_spec
+
+NAMESAKE = (
+    "multipendula: the package 'modal' is not multipendula's, or not whole: the Modal cloud client, whose distribution is "
+    "called 'modal' too, was installed over it or removed with files of it\n"
+    "multipendula: give each its own virtual environment, or mend this one: pip uninstall modal, then install "
+    "multipendula again with pip's --force-reinstall --no-deps\n"
+)
 
 
 def main() -> int:
     """Run one command and return its exit code."""
     try:
+        if not _has_own_modal():
+            sys.stderr.write(NAMESAKE)
+            return 1
         from multipendula import cli
     except KeyboardInterrupt:
         sys.stderr.write("multipendula: interrupted\n")
         return 130
     return cli.main()
+
+
+def _has_own_modal() -> bool:
+    """Whether the package `modal` is ours, told from its source: another one may fail on import."""
+    found = find_spec("modal")
+    read = getattr(found and found.loader, "get_data", None)
+    return bool(found and found.origin and read and b"natural_modes" in read(found.origin))
 
 
 if __name__ == "__main__":

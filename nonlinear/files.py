@@ -38,7 +38,19 @@ REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
-    """Write a .npz or .csv file atomically; SceneError for any other file name."""
+    """Write a .npz or .csv file atomically; SceneError for any other file name.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from modal import load as load_scene
+    >>> from nonlinear import load, save, simulate
+    >>> run = simulate(load_scene("chain-1"), 1.0)
+    >>> with TemporaryDirectory() as folder:
+    ...     save(run, path := Path(folder) / "run.npz")
+    ...     same = load(path)
+    >>> bool((same.motion.links == run.motion.links).all())
+    True
+    """
     if trajectory.system.hoisting and trajectory.system.hoisting.given:
         raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
     content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)
@@ -50,6 +62,14 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     """Read a trajectory from a file written by `save`; SceneError says what is wrong with any other file.
 
     Applied forces are code and are not saved: a driven run can be read, but its reaction forces cannot be computed.
+
+    >>> from modal import SceneError
+    >>> from nonlinear import load
+    >>> try:
+    ...     load("nosuch.npz")
+    ... except SceneError as error:
+    ...     print(error)
+    nosuch.npz: cannot be read: No such file or directory
     """
     name, kind = os.fspath(path), checked_kind(path)
     with reading(name, "trajectory"):

@@ -73,6 +73,12 @@ def simulate(
     On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.  Raises SceneError for
     invalid arguments, SimulationError (with the part computed so far) where the integrator fails or an accuracy cannot
     be met to the end.
+
+    >>> from modal import load
+    >>> from nonlinear import simulate
+    >>> run = simulate(load("chain-2"), 5.0, output=11)
+    >>> run.motion.links.shape, run.energy_drift() < 1e-7
+    ((11, 2), True)
     """
     validate_scene(scene)
     if accuracy is not None and tolerance is not None:
@@ -159,6 +165,13 @@ def resume(
     Form (in the plane), tolerance and an explicitly chosen method are those of the trajectory unless given, or an
     accuracy instead of a tolerance; the work restarts from 0.  A run in a few modes or in closed form continues as a
     simulation of the whole scene.  Raises SceneError for a driven trajectory without its `load`.
+
+    >>> from modal import load
+    >>> from nonlinear import resume, simulate
+    >>> first = simulate(load("chain-2"), 2.0)
+    >>> second = resume(first, 3.0)
+    >>> float(second.times[0]), float(second.times[-1])
+    (2.0, 5.0)
     """
     if trajectory.driven and load is None:
         raise SceneError(["load: this run had applied forces, which are not saved with it"])

@@ -25,7 +25,13 @@ LARGEST_DENSE = 4000
 
 @dataclass(frozen=True, eq=False)
 class Matrices:
-    """Symmetric M, K and D of one plane, with the name of each coordinate (units: m for x, rad for angles)."""
+    """Symmetric M, K and D of one plane, with the name of each coordinate (units: m for x, rad for angles).
+
+    >>> from modal import load, matrices
+    >>> found = matrices(load("paper-cart-1"))
+    >>> found.labels, found.M.shape, bool((found.M == found.M.T).all())
+    (('x', 'theta[1,1]', 'theta[1,2]'), (3, 3), True)
+    """
 
     M: Floats
     K: Floats
@@ -38,6 +44,13 @@ def matrices(scene: Scene) -> Matrices:
 
     For a scene in space these describe the motion along the rail; across it a cart is a fixed support.
     Raises ComputationError beyond LARGEST_DENSE coordinates.
+
+    >>> from modal import Bob, Pendulum, Scene, matrices
+    >>> found = matrices(Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0, count=2)])]))
+    >>> found.M.tolist()  # m l² (2, 1; 1, 1)
+    [[8.0, 4.0], [4.0, 4.0]]
+    >>> found.K.tolist()  # m g l diag(2, 1)
+    [[36.0, 0.0], [0.0, 18.0]]
     """
     return matrices_of(rig_of(scene))
 

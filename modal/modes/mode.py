@@ -54,6 +54,11 @@ class Mode:
 
     NaN where a quantity is undefined: effective mass of a damped mode, κ above a damping ratio of 0.1 or where the
     parts of a shape are far out of phase, everything but `omega` and `residual` in a row that is uncertain.
+
+    >>> from modal import load, natural_modes
+    >>> mode = natural_modes(load("paper-cart-2"))[2]
+    >>> mode.number, mode.family, round(mode.linear_to_1_percent_deg, 1)
+    (3, 'cart moves: in phase, slow', 27.7)
     """
 
     number: int

@@ -104,6 +104,13 @@ class Modes(Sequence[Mode]):
     `eigenvalue`, `omega`, `multiplicity` and `error`, all (R,) and read-only, are available for all of them; indexing
     computes a `Mode`.  `rig` is the scene as arrays, `spectrum` the source of each mode in natural `units`;
     `first` is the index of the first of them among all modes of the scene, of which only some were `selected`.
+
+    >>> from modal import load, natural_modes
+    >>> modes = natural_modes(load("paper-cart-2"))
+    >>> len(modes), modes.multiplicity.tolist()
+    (5, [1, 1, 1, 1, 1])
+    >>> round(float(modes.omega[1]), 8), modes[1].family
+    (2.68011401, 'cart still: antiphase, slow')
     """
 
     scene: Scene

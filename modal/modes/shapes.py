@@ -26,6 +26,12 @@ class Shape:
     everything along the rail, or across it where `across` says that the shape moves that way (scenes in space); their
     product Γ²φᵀMφ is the modal effective mass (Clough & Penzien, Dynamics of Structures, §26-4).  NaN for damped modes.
     `uncertain` tells that no digit of the mode's frequency is certain; the shape may then contain any other mode.
+
+    >>> from modal import Bob, Pendulum, Scene, natural_modes
+    >>> scene = Scene(gravity=9.0, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=2)])])
+    >>> shape = natural_modes(scene).shape(0)
+    >>> [round(float(angle), 6) for angle in shape.angles]  # 1 : √2, the lower angle being the larger
+    [0.707107, 1.0]
     """
 
     cart: complex

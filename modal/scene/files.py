@@ -37,6 +37,10 @@ def load(source: str | os.PathLike[str]) -> Scene:
     """The scene at a path, of a shipped name, or from standard input for "-".
 
     Raises SceneError, every line of which begins with the name of the source.
+
+    >>> from modal import load
+    >>> load("paper-cart-2").n_links
+    4
     """
     name = os.fspath(source)
     try:
@@ -89,14 +93,33 @@ def _line(found: re.Match[str]) -> int:
 
 
 def dumps(scene: Scene) -> str:
-    """The TOML document that reads back as an equal scene, bit for bit."""
+    """The TOML document that reads back as an equal scene, bit for bit.
+
+    >>> from modal import Bob, Pendulum, Scene, dumps
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])
+    >>> dumps(scene).splitlines()[0]
+    'gravity = 9.81'
+    >>> parse(dumps(scene).encode()) == scene
+    True
+    """
     import tomli_w
 
     return tomli_w.dumps(describe(scene))
 
 
 def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
-    """Write a scene file atomically; OSError names `path` where it cannot be written."""
+    """Write a scene file atomically; OSError names `path` where it cannot be written.
+
+    >>> from pathlib import Path
+    >>> from tempfile import TemporaryDirectory
+    >>> from modal import dump, load
+    >>> scene = load("chain-2")
+    >>> with TemporaryDirectory() as folder:
+    ...     path = Path(folder) / "mine.toml"
+    ...     dump(scene, path)
+    ...     load(path) == scene
+    True
+    """
     with whole_file(path) as stream:
         stream.write(dumps(scene).encode())
 
@@ -107,7 +130,12 @@ def schema() -> dict[str, Any]:
 
 
 def example_names() -> list[str]:
-    """Names of the scenes that come with the package."""
+    """Names of the scenes that come with the package.
+
+    >>> from modal import example_names
+    >>> "paper-cart-2" in example_names()
+    True
+    """
     return sorted(entry.name.removesuffix(".toml") for entry in SHIPPED.iterdir() if entry.name.endswith(".toml"))
 
 

@@ -122,19 +122,37 @@ class _Simple(Link):
 
 
 class Bob(_Simple):
-    """A point mass at the end of a massless rod: c = l, I = 0."""
+    """A point mass at the end of a massless rod: c = l, I = 0.
+
+    >>> from modal import Bob
+    >>> bob = Bob(mass=2.0, length=1.5, damping=0.1)
+    >>> bob.centre, bob.inertia
+    (1.5, 0.0)
+    """
 
     kind: Literal["bob"] = field(one_of("bob"), default="bob")
 
 
 class Rod(_Simple):
-    """A uniform rod: c = l/2, I = m l²/12."""
+    """A uniform rod: c = l/2, I = m l²/12.
+
+    >>> from modal import Rod
+    >>> rod = Rod(mass=3.0, length=2.0)
+    >>> rod.centre, rod.inertia
+    (1.0, 1.0)
+    """
 
     kind: Literal["rod"] = field(one_of("rod"), default="rod")
 
 
 class Body(Link):
-    """A rigid body: any centre of mass c ≥ 0 (m), on the link or beyond it, and any inertia I ≥ 0 (kg m²)."""
+    """A rigid body: any centre of mass c ≥ 0 (m), on the link or beyond it, and any inertia I ≥ 0 (kg m²).
+
+    >>> from modal import Body
+    >>> body = Body(mass=2.0, length=1.0, centre=0.4, inertia=0.05)
+    >>> body.centre, body.inertia
+    (0.4, 0.05)
+    """
 
     kind: Literal["body"] = field(one_of("body"), default="body")
     centre: float = field(NON_NEGATIVE)
@@ -161,6 +179,11 @@ class InitialCondition(Part):
     """The initial condition of a simulation: one angle (deg) and one rate (deg/s) per link, top to bottom.
 
     `azimuths_deg` turns each link's plane about the vertical; only a scene in space may have it.
+
+    >>> from modal import Bob, InitialCondition, Pendulum
+    >>> start = InitialCondition(angles_deg=[30.0, 0.0])
+    >>> Pendulum(links=[Bob(mass=1.0, length=1.0, count=2)], start=start).start.angles_deg
+    (30.0, 0.0)
     """
 
     angles_deg: tuple[float, ...] = field(list_of(REAL))
@@ -172,6 +195,11 @@ class Pendulum(Part):
     """A chain of links, top to bottom, in `count` copies.
 
     `equilibrium` gives for each link whether it points down or up; the scene is linearized about that equilibrium.
+
+    >>> from modal import Bob, Pendulum, Rod
+    >>> pendulum = Pendulum(links=[Rod(mass=1.0, length=0.5), Bob(mass=1.0, length=1.0)], count=3)
+    >>> pendulum.n_links, pendulum.ways
+    (2, ('down', 'down'))
     """
 
     links: tuple[AnyLink, ...] = field(parts(any_kind(Bob, Rod, Body)))
@@ -205,13 +233,25 @@ class Pendulum(Part):
 
 
 class Fixed(Part):
-    """A support that does not move."""
+    """A support that does not move.
+
+    >>> from modal import Bob, Fixed, Pendulum, Scene
+    >>> scene = Scene(gravity=9.81, support=Fixed(), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    >>> scene.support == Scene(gravity=9.81, pendulum=scene.pendulum).support  # supports are fixed unless given
+    True
+    """
 
     kind: Literal["fixed"] = field(one_of("fixed"), default="fixed")
 
 
 class Cart(Part):
-    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground."""
+    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground.
+
+    >>> from modal import Bob, Cart, Pendulum, Scene, natural_frequencies
+    >>> scene = Scene(gravity=9.0, support=Cart(mass=1.0), pendulum=[Pendulum(links=[Bob(mass=3.0, length=1.0)])])
+    >>> [round(float(omega), 12) for omega in natural_frequencies([scene])[0]]  # 0 and √(g/l (1 + 3/1))
+    [0.0, 6.0]
+    """
 
     kind: Literal["cart"] = field(one_of("cart"), default="cart")
     mass: float = field(NON_NEGATIVE)
@@ -230,6 +270,13 @@ class Scene(Part):
 
     `damping_ratio` ζ is that of all modes of the scene without dampers, or of each by its number in the table; it is
     added to the dampers (`modal.assembly.modal_damping`).
+
+    >>> from modal import Bob, Pendulum, Scene
+    >>> scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)], count=5)])
+    >>> scene.n_pendula, scene.support.kind
+    (5, 'fixed')
+    >>> scene.replace(gravity=1.62).gravity  # scenes are immutable: this is another one
+    1.62
     """
 
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")

@@ -206,10 +206,14 @@ class Part:
 
     @classmethod
     def model_json_schema(cls) -> dict[str, Any]:
-        """The JSON Schema of the mappings that `model_validate` accepts."""
+        """The JSON Schema of the mappings that `model_validate` accepts; descriptions leave out examples in Python."""
         from pydantic.json_schema import GenerateJsonSchema
 
-        return GenerateJsonSchema().generate(_named(cls.schema()))
+        found = GenerateJsonSchema().generate(_named(cls.schema()))
+        for part in (found, *found.get("$defs", {}).values()):
+            if "description" in part:
+                part["description"] = part["description"].partition("\n\n>>>")[0]
+        return found
 
     def model_dump(self) -> dict[str, Any]:
         """All fields as nested mappings, which `model_validate` reads back."""

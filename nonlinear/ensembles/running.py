@@ -44,7 +44,15 @@ Numbered = tuple[int, Chunk]
 
 @dataclass(frozen=True, eq=False)
 class Ensemble:
-    """What was found of S members, in chunks; `reason` says why this engine, `interrupted` whether all are done."""
+    """What was found of S members, in chunks; `reason` says why this engine, `interrupted` whether all are done.
+
+    >>> import numpy as np
+    >>> from modal import load
+    >>> from nonlinear import ensemble
+    >>> found = ensemble(load("chain-1"), 1.0, starts=np.radians([[10.0], [20.0]]), engine="numpy", workers=1)
+    >>> found.size, bool((found.energy_drift < 1e-6).all())
+    (2, True)
+    """
 
     question: Question
     chunks: Sequence[Chunk] | Parts
@@ -171,6 +179,12 @@ def ensemble(
     either.  `report` hears how many members are done.  On Ctrl-C what is known is returned.
 
     Raises SceneError for arguments that cannot be, MissingExtraError without what an engine needs.
+
+    >>> from modal import load
+    >>> from nonlinear import ensemble
+    >>> found = ensemble(load("chain-1"), 1.0, vary={"gravity": [9.8, 1.6]}, engine="numpy", workers=1)
+    >>> found.final.links.shape
+    (2, 1)
     """
     validate_scene(scene)
     question, reason = _question(scene, duration, starts, vary, output, tolerance, measures, engine, check, chunk)

@@ -32,7 +32,17 @@ NEAR_ZERO = 0.1  # fraction of the motion's size to which the tolerance is relat
 
 
 class SimulationError(ComputationError):
-    """A run that could not reach its end; `trajectory` holds the part that was computed."""
+    """A run that could not reach its end; `trajectory` holds the part that was computed.
+
+    >>> from modal import Bob, Cart, Pendulum, Scene
+    >>> from nonlinear import SimulationError, simulate, state_at_rest
+    >>> scene = Scene(gravity=9.81, support=Cart(mass=0.0), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    >>> try:
+    ...     simulate(scene, 5.0, start=state_at_rest(scene, [20.0]))
+    ... except SimulationError as error:
+    ...     print(f"{error.trajectory.times[-1]:.2f} s were computed")
+    0.11 s were computed
+    """
 
     def __init__(self, problem: str, trajectory: Trajectory) -> None:
         self.trajectory = trajectory

@@ -27,6 +27,12 @@ class SolverInfo:
     `drift` is the largest constraint violation before projection, relative to the lengths of the scene; `reduced`
     describes what was integrated where that was less than the whole scene.  `error` is the estimated bound on the error
     of any angle (rad) where an accuracy was requested, inf where it is unknown.
+
+    >>> from modal import load
+    >>> from nonlinear import simulate
+    >>> how = simulate(load("chain-2"), 1.0, method="RK45", form="minimal").run
+    >>> how.form, how.method, how.tolerance, how.steps > 0
+    ('minimal', 'RK45', 1e-09, True)
     """
 
     form: str
@@ -48,6 +54,12 @@ class Trajectory:
 
     `kicks` are those of escapements; `driven` tells whether anything acted from outside, `equations` holds the
     equations of a run made in this process.
+
+    >>> from modal import load
+    >>> from nonlinear import simulate
+    >>> run = simulate(load("chain-2"), 1.0, output=5)
+    >>> run.times.tolist(), run.motion.links.shape, run.complete
+    ([0.0, 0.25, 0.5, 0.75, 1.0], (5, 2), True)
     """
 
     scene: Scene

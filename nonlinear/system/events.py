@@ -20,6 +20,13 @@ class Event:
 
     `stop` ends the run there.  Every step is searched for sign changes at `looks` points: a value that varies faster
     than the motion needs more of them.
+
+    >>> from modal import load
+    >>> from nonlinear import Event, simulate
+    >>> passing = Event("vertical", lambda state: state.links[0], direction=-1, stop=True)
+    >>> run = simulate(load("chain-1"), 5.0, events=[passing])
+    >>> [happening.name for happening in run.happenings]
+    ['vertical']
     """
 
     name: str
@@ -34,7 +41,16 @@ class Event:
 
 
 class EventRecord(NamedTuple):
-    """An event that occurred, with its time (s) and the state at that time."""
+    """An event that occurred, with its time (s) and the state at that time.
+
+    >>> from modal import load
+    >>> from nonlinear import level_crossing, simulate, system_of
+    >>> scene = load("chain-1")
+    >>> crossing = level_crossing(system_of(scene), system_of(scene).labels[0], stop=True)
+    >>> run = simulate(scene, 5.0, events=[crossing])
+    >>> bool(run.happenings[0].time == run.times[-1])
+    True
+    """
 
     name: str
     time: float
@@ -59,13 +75,27 @@ NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros
 def level_crossing(
     system: System, coordinate: str, level: float = 0.0, direction: int = 0, *, stop: bool = False
 ) -> Event:
-    """The angle (rad) or cart position (m), named as in `modal.assembly.coordinate_labels`, passes a level."""
+    """The angle (rad) or cart position (m), named as in `modal.assembly.coordinate_labels`, passes a level.
+
+    >>> from modal import load
+    >>> from nonlinear import level_crossing, system_of
+    >>> level_crossing(system_of(load("chain-1")), "theta[1,1]", 0.1, direction=1).name
+    'theta[1,1] = 0.1'
+    """
     read = _reader(system, coordinate, rate=False)
     return Event(f"{coordinate} = {level:g}", lambda state: read(state) - level, direction, stop)
 
 
 def turning_point(system: System, coordinate: str, *, stop: bool = False) -> Event:
-    """An angle or the cart position reverses its direction."""
+    """An angle or the cart position reverses its direction.
+
+    >>> from modal import load
+    >>> from nonlinear import simulate, system_of, turning_point
+    >>> scene = load("chain-1")
+    >>> run = simulate(scene, 5.0, events=[turning_point(system_of(scene), "theta[1,1]")])
+    >>> len(run.happenings)
+    4
+    """
     return Event(f"{coordinate} turns", _reader(system, coordinate, rate=True), 0, stop)
 
 

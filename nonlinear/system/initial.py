@@ -23,6 +23,12 @@ def initial_state(scene: Scene) -> State:
     """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
 
     Raises SceneError where no pendulum has a start.
+
+    >>> from modal import load
+    >>> from nonlinear import initial_state
+    >>> state = initial_state(load("chain-2"))
+    >>> state.links.shape, state.link_rates.tolist()
+    ((2,), [0.0, 0.0])
     """
     if not any(pendulum.start for pendulum in scene.pendulum):
         raise SceneError([NO_START])
@@ -45,6 +51,13 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     """The state at rest with an angle (deg) per link of the scene, or of one pendulum where all have equally many.
 
     Raises SceneError for any other number of angles or a non-finite one.
+
+    >>> from math import degrees
+    >>> from modal import load
+    >>> from nonlinear import state_at_rest
+    >>> state = state_at_rest(load("chain-2"), [30.0, 45.0])
+    >>> [round(degrees(angle), 9) for angle in state.links]
+    [30.0, 45.0]
     """
     given, total = np.array(angles_deg, dtype=float), scene.n_links
     sizes = {pendulum.n_links for pendulum in scene.pendulum}

@@ -22,6 +22,13 @@ class State:
 
     In space `links` is (L, 3) with components along the rail, across it and down, `link_rates` (L, 3) its derivative
     (1/s).  `cart` (m) and `cart_rate` (m/s) are 0 on a fixed support.
+
+    >>> import numpy as np
+    >>> from modal import load
+    >>> from nonlinear import State, simulate
+    >>> run = simulate(load("chain-2"), 1.0, start=State(np.radians([10.0, 0.0]), np.zeros(2)))
+    >>> round(float(np.degrees(run.motion[0].links[0])), 9)
+    10.0
     """
 
     links: Floats
@@ -35,6 +42,12 @@ class Motion:
     """States at T times: `links` and `link_rates` (T, L) or (T, L, 3), `cart` and `cart_rate` (T,).
 
     `work` (T,) is the work of dampers and applied forces since the start (J).
+
+    >>> from modal import load
+    >>> from nonlinear import simulate
+    >>> motion = simulate(load("chain-2"), 1.0, output=5).motion
+    >>> motion.links.shape, motion[-1].links.shape, motion.cart.tolist()
+    ((5, 2), (2,), [0.0, 0.0, 0.0, 0.0, 0.0])
     """
 
     links: Floats
@@ -61,7 +74,16 @@ def apart(one: Motion, other: Motion) -> Floats:
 
 
 class AppliedForces(NamedTuple):
-    """External loads: a force on the cart (N) and moments on links, (L,) or in space (L, 3) (N m)."""
+    """External loads: a force on the cart (N) and moments on links, (L,) or in space (L, 3) (N m).
+
+    >>> from modal import load
+    >>> from nonlinear import AppliedForces, simulate, state_at_rest
+    >>> scene = load("paper-cart-1")
+    >>> start = state_at_rest(scene, [0.0, 0.0])
+    >>> run = simulate(scene, 1.0, start=start, load=lambda t, state: AppliedForces(cart=2.0), breaks=[])
+    >>> run.driven, bool(run.motion.cart[-1] > 0)
+    (True, True)
+    """
 
     cart: float = 0.0
     moments: Floats | None = None

@@ -153,6 +153,12 @@ class System:
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
     `hoisting` the lengths that change in time, of which the groups hold the first.
+
+    >>> from modal import load
+    >>> from nonlinear import system_of
+    >>> system = system_of(load("paper-cart-2"))
+    >>> system.labels, system.spatial
+    (('x', 'theta[1,1]', 'theta[1,2]', 'theta[2,1]', 'theta[2,2]'), False)
     """
 
     gravity: float
@@ -260,7 +266,13 @@ def _modal_dampers(scene: Scene) -> Floats:
 
 
 def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
-    """The arrays of a scene, with an entry for each copy; `hoists` are laws of lengths in place of its own."""
+    """The arrays of a scene, with an entry for each copy; `hoists` are laws of lengths in place of its own.
+
+    >>> from modal import load
+    >>> from nonlinear import system_of
+    >>> len(system_of(load("paper-cart-2")).groups)
+    1
+    """
     rig = rig_of(scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])

@@ -1,0 +1,31 @@
+"""Refuse to install beside the Modal cloud client, whose package has the same import name, before a file is written."""
+
+from pathlib import Path
+from sysconfig import get_path
+from typing import Any
+
+from hatchling.builders.hooks.plugin.interface import BuildHookInterface
+
+REFUSAL = """\
+The distribution 'modal' (the Modal cloud client) is installed in
+{place}.
+Its package and one of multipendula's are both called 'modal' and would overwrite each other's files, so nothing was
+installed. Install multipendula in a virtual environment of its own:
+
+    python3 -m venv pendula
+    pendula/bin/pip install .
+"""
+
+
+def namesake(*places: str) -> str | None:
+    """The first of these folders of packages in which the Modal cloud client is installed."""
+    return next((place for place in places if any(Path(place).glob("modal-*.dist-info"))), None)
+
+
+class NamesakeHook(BuildHookInterface[Any]):
+    """Looks where pip is going to install: it builds with the interpreter of that environment."""
+
+    def initialize(self, version: str, build_data: dict[str, Any]) -> None:
+        """Stop a build of a wheel."""
+        if place := namesake(get_path("purelib"), get_path("platlib")):
+            self.app.abort(REFUSAL.format(place=place))
