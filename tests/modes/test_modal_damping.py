@@ -22,7 +22,7 @@ from nonlinear.reduction import superpose
 from nonlinear.simulation import simulate
 from nonlinear.system import State, system_of
 from nonlinear.verification import check
-from tests.support.scenes import decimal_scene, mild_scene
+from scenes import decimal_scene, mild_scene
 
 
 def quadratic(scene: Scene) -> np.ndarray:
