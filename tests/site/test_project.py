@@ -1,0 +1,177 @@
+"""What a stranger relies on: versions, requirements and names that stand in several files, examples, proofs of claims."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+import tomllib
+from importlib import import_module
+from pathlib import Path
+from types import FunctionType
+
+import pytest
+import yaml
+
+import modal
+import nonlinear
+
+pytestmark = pytest.mark.site
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+METADATA = PROJECT["project"]
+CITATION = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+RECIPE = yaml.safe_load((ROOT / ".ci" / "conda" / "recipe.yaml").read_text(encoding="utf-8"))
+WORKFLOWS = {path.name: path.read_text(encoding="utf-8") for path in (ROOT / ".github" / "workflows").glob("*.yml")}
+WITHOUT_EXAMPLE: dict[str, str] = {}
+"""Public names whose docstrings need no example, and why; none so far."""
+
+
+def group(name: str) -> set[str]:
+    """The requirements of a dependency group, with those of the groups that it includes."""
+    found: set[str] = set()
+    for one in PROJECT["dependency-groups"][name]:
+        found |= {one} if isinstance(one, str) else group(one["include-group"])
+    return found
+
+
+def test_one_version_and_the_same_authors_everywhere() -> None:
+    assert {CITATION["version"], RECIPE["context"]["version"]} == {METADATA["version"]}
+    assert [author["name"] for author in CITATION["authors"]] == [author["name"] for author in METADATA["authors"]]
+
+
+def test_the_group_dev_is_the_extra() -> None:
+    assert group("dev") == set(METADATA["optional-dependencies"]["dev"])
+    assert len(METADATA["optional-dependencies"]["dev"]) == len(group("dev"))
+
+
+def test_every_extra_is_tested() -> None:
+    extras = METADATA["optional-dependencies"]
+    needed = {re.split(r"[><=;\[]", one)[0] for name in extras.keys() - {"dev", "docs"} for one in extras[name]}
+    assert needed <= {re.split(r"[><=;\[]", one)[0] for one in extras["dev"]}
+
+
+def test_every_requirement_has_a_lowest_version() -> None:
+    listed = [*METADATA["dependencies"], *(one for extra in METADATA["optional-dependencies"].values() for one in extra)]
+    assert [one for one in listed if ">=" not in one] == []
+
+
+def test_conda_asks_for_what_the_wheel_asks_for() -> None:
+    wheel = {"python" + METADATA["requires-python"], *METADATA["dependencies"]}
+    conda = {one.replace(" ", "").replace("matplotlib-base", "matplotlib") for one in RECIPE["requirements"]["run"]}
+    assert conda == wheel
+    assert {f"{name} = {door}" for name, door in METADATA["scripts"].items()} == set(
+        RECIPE["build"]["python"]["entry_points"]
+    )
+
+
+def test_workflows_test_the_lowest_and_the_newest_python_on_every_system() -> None:
+    jobs = yaml.safe_load(WORKFLOWS["ci.yml"])["jobs"]
+    named = {line.rsplit(" ", 1)[1] for line in METADATA["classifiers"] if re.search(r":: 3\.\d+$", line)}
+    matrix = jobs["locked"]["strategy"]["matrix"]
+    newest = max(named, key=lambda version: int(version[2:]))
+    assert matrix["python"] == [METADATA["requires-python"].removeprefix(">="), newest]
+    assert {"macos-latest", "windows-latest"} == set(matrix["os"])
+    assert {one["python"] for one in matrix["include"]} | set(matrix["python"]) == named
+    assert ".ci/run" in [step.get("run") for step in jobs["everything"]["steps"]]
+
+
+@pytest.mark.parametrize("name", WORKFLOWS)
+def test_actions_are_those_that_were_read(name: str) -> None:
+    """By their hash: a tag can be moved."""
+    used = re.findall(r"uses: (\S+)", WORKFLOWS[name])
+    assert used
+    assert [one for one in used if not re.fullmatch(r"[\w/-]+@[0-9a-f]{40}", one)] == []
+
+
+def test_every_exception_from_the_review_has_its_reason() -> None:
+    assert all(len(reason) > 30 for reason in PROJECT["tool"]["repo-review"]["ignore"].values())
+
+
+def test_a_bug_report_asks_for_a_scene() -> None:
+    form = yaml.safe_load((ROOT / ".github" / "ISSUE_TEMPLATE" / "bug.yml").read_text(encoding="utf-8"))
+    required = {part["id"] for part in form["body"] if part.get("validations", {}).get("required")}
+    assert {"scene", "command", "seen"} <= required
+
+
+@pytest.mark.parametrize("name", ["CODE_OF_CONDUCT", "GOVERNANCE", "RELEASING", "SECURITY", "SUPPORT"])
+def test_pages_for_the_community_lead_somewhere(name: str) -> None:
+    page = ROOT / ".github" / f"{name}.md"
+    links = re.findall(r"\]\(([^)\s#]+)", page.read_text(encoding="utf-8"))
+    assert [link for link in links if ":" not in link and not (page.parent / link).exists()] == []
+
+
+# ------------------------------------------------------------------------------------------------ examples
+
+
+def without_example(package: object) -> set[str]:
+    """Functions and classes in `__all__` of a package whose docstrings have no example."""
+    public = {name: getattr(package, name) for name in package.__all__}  # type: ignore[attr-defined]
+    documented = {name: thing for name, thing in public.items() if isinstance(thing, FunctionType | type)}
+    assert documented
+    return {name for name, thing in documented.items() if ">>> " not in (vars(thing).get("__doc__") or thing.__doc__ or "")}
+
+
+@pytest.mark.parametrize("package", [modal, nonlinear], ids=["modal", "nonlinear"])
+def test_every_public_name_has_an_example(package: object) -> None:
+    name = package.__name__  # type: ignore[attr-defined]
+    assert {f"{name}.{one}" for one in without_example(package)} == {
+        one for one in WITHOUT_EXAMPLE if one.startswith(f"{name}.")
+    }
+
+
+def test_the_search_for_examples_bites() -> None:
+    assert "Mechanics" in without_example(import_module("nonlinear.dynamics"))
+
+
+def test_examples_are_in_the_docstring_of_the_thing_itself() -> None:
+    """A class without one would show that of its base."""
+    for package in (modal, nonlinear):
+        classes = [getattr(package, name) for name in package.__all__ if inspect.isclass(getattr(package, name))]
+        assert all("__doc__" in vars(one) and vars(one)["__doc__"] for one in classes)
+
+
+# ------------------------------------------------------------------------------------------------ how we know
+
+KNOWN = ROOT / "docs" / "explanation" / "how-we-know.md"
+PROOF = re.compile(r"\[`([\w./-]+)`\]\(([^)#\s]+)\)((?:[:,] `test_\w+`)*)")
+
+
+def missing(page: str, folder: Path) -> list[str]:
+    """Tests and files that a page names and that are not there."""
+    wrong: list[str] = []
+    for name, target, tests in PROOF.findall(page):
+        path = (folder / target).resolve()
+        if not path.is_file() or not path.as_posix().endswith(name):
+            wrong.append(name)
+            continue
+        there = {node.name for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.FunctionDef)}
+        wrong += [test for test in re.findall(r"`(test_\w+)`", tests) if test not in there]
+    return wrong
+
+
+def rows(page: str) -> list[list[str]]:
+    """The rows of a page's tables, without heads."""
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("|")]
+    return [row for k, row in enumerate(cells) if not re.match(r":?-", row[0]) and not re.match(r":?-", (cells + [[""]])[k + 1][0])]
+
+
+def test_every_claim_has_its_proof_and_the_proof_is_there() -> None:
+    page = KNOWN.read_text(encoding="utf-8")
+    assert missing(page, KNOWN.parent) == []
+    claims = rows(page)
+    assert len(claims) >= 25
+    assert [claim for claim, proof in claims if not PROOF.search(proof) and "](" not in proof] == []
+
+
+def test_a_proof_that_is_not_there_is_missed() -> None:
+    page = "[`tests/site/test_project.py`](../../tests/site/test_project.py): `test_nothing`, [`tests/gone.py`](../../tests/gone.py)"
+    assert missing(page, KNOWN.parent) == ["test_nothing", "tests/gone.py"]
+
+
+def test_every_section_of_the_readme_that_promises_is_in_the_list() -> None:
+    """Each section of the list is about one of the README, and each of these is there."""
+    readme = re.findall(r"^## (.*)$", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.MULTILINE)
+    listed = re.findall(r"^## (.*)$", KNOWN.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    assert listed == ["The first paragraph", *(title for title in readme if title != "Manual")]
