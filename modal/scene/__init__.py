@@ -4,7 +4,7 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `files` reads and writes, `sealed` detects damaged files, `validation` checks every part and words
+Start with `model`; `motion` moves a support, `records` reads its records; `files` reads and writes, `sealed` detects damaged files, `validation` checks every part and words
 the messages, `parameters` finds and varies numbers by path.
 """
 
@@ -25,9 +25,11 @@ from modal.scene.model import (
     Scene,
     VanDerPol,
     describe,
+    refuse_motion,
     scene_from,
     validate_scene,
 )
+from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
 
 __all__ = [
     "STANDARD",
@@ -38,9 +40,15 @@ __all__ = [
     "Escapement",
     "Fixed",
     "InitialCondition",
+    "Moved",
     "Pendulum",
+    "RandomMotion",
+    "RecordMotion",
     "Rod",
     "Scene",
+    "SineMotion",
+    "SupportMotion",
+    "SweepMotion",
     "VanDerPol",
     "describe",
     "dump",
@@ -49,6 +57,7 @@ __all__ = [
     "kind_of",
     "load",
     "parse",
+    "refuse_motion",
     "scene_from",
     "validate_scene",
     "whole_file",

@@ -40,13 +40,13 @@ def load(source: str | os.PathLike[str]) -> Scene:
     """
     name = os.fspath(source)
     try:
-        return parse(_read(name))
+        return parse(_read(name), Path(name).parent)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 
 
-def parse(text: bytes) -> Scene:
-    """The scene in a TOML document."""
+def parse(text: bytes, folder: Path = Path()) -> Scene:
+    """The scene in a TOML document; files that it names are relative to `folder`."""
     try:
         document = text.decode("utf-8-sig").replace("\r\n", "\n")
         for found in _DEEP.finditer(document):
@@ -59,6 +59,10 @@ def parse(text: bytes) -> Scene:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
+    if "motion" in document:
+        from modal.scene.records import with_files_read
+
+        return scene_from(with_files_read(data, folder))
     return scene_from(data)
 
 

@@ -39,6 +39,9 @@ UNITS = {
     "angles_deg": "°",
     "azimuths_deg": "°",
     "rates_deg": "°/s",
+    "amplitude": "m",
+    "duration": "s",
+    "phase_deg": "°",
 }
 CART_UNITS = {"damping": "N s/m", "stiffness": "N/m"}
 SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2"}

@@ -108,7 +108,9 @@ class Goal:
     def free(self) -> bool:
         """Whether the whole scene need not be integrated."""
         asked = self.request
-        return asked.method == asked.form == "auto" and not (asked.load or asked.events or asked.system.excites)
+        return asked.method == asked.form == "auto" and not (
+            asked.load or asked.events or asked.system.excites or asked.system.support
+        )
 
 
 def in_closed_form(goal: Goal) -> Iterator[Found]:

@@ -14,6 +14,7 @@ from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
+from nonlinear.dynamics.inertial import Inertial, applied, with_inertial_forces
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
@@ -30,6 +31,7 @@ __all__ = [
     "Elimination",
     "Generated",
     "Hamiltonian",
+    "Inertial",
     "Lanes",
     "Maximal",
     "Mechanics",
@@ -42,6 +44,7 @@ __all__ = [
     "SpatialRecursion",
     "Symmetry",
     "acting",
+    "applied",
     "children_without_interrupts",
     "exactly_symmetric",
     "find_symmetries",
@@ -51,4 +54,5 @@ __all__ = [
     "synchronous",
     "undisturbed",
     "vectors",
+    "with_inertial_forces",
 ]

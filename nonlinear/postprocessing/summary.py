@@ -77,7 +77,7 @@ def _drift(share: float) -> str:
 def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     run = trajectory.run
     yield "equations", FORMS[run.form]
-    if is_unstable_equilibrium(trajectory.system, trajectory.motion[0]):
+    if trajectory.system.support is None and is_unstable_equilibrium(trajectory.system, trajectory.motion[0]):
         yield "start", "an unstable equilibrium: the motion is due to rounding"
     if run.reduced:
         yield "integrated", run.reduced

@@ -10,13 +10,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import radians
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.assembly import Block, CartNumbers, coordinate_labels, rig_of
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.scene import Escapement, Moved, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from nonlinear.system.support import MovingSupport
 
 NONE = (0.0, 0.0, 0.0, 0.0)
 
@@ -140,13 +143,17 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units."""
+    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
+
+    `support` is the motion of a support that moves as prescribed, in whose frame the scene is then described.
+    """
 
     gravity: float
     cart: CartNumbers | None
     groups: tuple[Group, ...]
     spatial: bool
     labels: tuple[str, ...]
+    support: MovingSupport | None = None
 
     @cached_property
     def n_links(self) -> int:
@@ -222,7 +229,7 @@ class System:
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites
+        return self.dissipates or self.excites or self.support is not None
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
@@ -245,4 +252,12 @@ def system_of(scene: Scene) -> System:
         index = first[pendula] + np.arange(block.n)[:, None]
         excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig))
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig), _support(scene))
+
+
+def _support(scene: Scene) -> MovingSupport | None:
+    if not isinstance(scene.support, Moved):
+        return None
+    from nonlinear.system.support import moving_support
+
+    return moving_support(scene.support)
