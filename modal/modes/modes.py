@@ -33,6 +33,7 @@ from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
 
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
+AT_REST = "The support's motion is left out: the modes are those about a support at rest."
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 CHUNK = 400_000
 A = TypeVar("A", bound=NDArray[Any])
@@ -172,7 +173,7 @@ class Modes(Sequence[Mode]):
         """What was omitted or approximated, and why."""
         with np.errstate(all="ignore"):
             found = notes(self._natural, self.spectrum.sources)
-        return *found, *[UNDRIVEN] * self.scene.is_driven, *[SELECTED] * self.selected
+        return *found, *[UNDRIVEN] * self.scene.is_driven, *[AT_REST] * self.scene.is_moved, *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import inf, pi, radians, sin, cos, tau
 from typing import Any
 
@@ -187,6 +187,7 @@ class RandomProcess(PrescribedMotion):
         return np.asarray(np.cos(turned) @ lines.real - np.sin(turned) @ lines.imag)
 
 
+@lru_cache(maxsize=8)
 def prescribed_motion(motion: SupportMotion) -> PrescribedMotion:
     """A support's motion as functions of time."""
     kinds: dict[type, Callable[[Any], PrescribedMotion]] = {

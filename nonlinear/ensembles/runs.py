@@ -28,8 +28,8 @@ REASON = "side by side with others of its form"
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that go together; None for those in space and with escapements."""
-    if scene.space == "space" or any(isinstance(link.drive, Escapement) for link in scene.links()):
+    """Equal for scenes that go together; None for those in space, with escapements and on moved supports."""
+    if scene.space == "space" or scene.is_moved or any(isinstance(link.drive, Escapement) for link in scene.links()):
         return None
     pendula = tuple(
         (one.count, one.ways, tuple((link.count, link.drive is not None) for link in one.links))

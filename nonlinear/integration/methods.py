@@ -80,7 +80,7 @@ def choose(
     if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
         problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
     if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
-        more = " on a support that does not move" if system.support else ""
+        more = ", and this support moves" if system.support else ""
         problems.append(f"method taylor: runs plane scenes in minimal coordinates without applied forces{more}")
     form = form if form != "auto" else "spatial" if space else "minimal"
     if form in {"spatial", "maximal"} and method in SCIPY and method not in EXPLICIT:

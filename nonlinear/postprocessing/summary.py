@@ -95,6 +95,11 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     down = np.clip(motion.links[..., -1], -1.0, 1.0) if trajectory.system.spatial else None
     angles = np.rad2deg(motion.links if down is None else np.arccos(down))
     yield "angles", f"{angles.min():.6g} to {angles.max():.6g} deg" + (" from the vertical" if down is not None else "")
+    if support := trajectory.system.support:
+        moved, way = support.motion.displacement(trajectory.times), "upwards" if support.vertical else "along the rail"
+        yield "support", f"{moved.min():.6g} to {moved.max():.6g} m {way}; angles and energies are in its frame"
+        if support.motion.words:
+            yield "", support.motion.words
     if trajectory.system.cart:
         yield "cart", f"{motion.cart.min():.6g} to {motion.cart.max():.6g} m"
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
-from modal.scene import Scene
+from modal.scene import Scene, refuse_motion
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
@@ -94,6 +94,7 @@ def check(
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
+    refuse_motion(scene, "the check of modes")
     given, scene = scene, scene.undriven
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
