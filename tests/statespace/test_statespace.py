@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scenes import decimal_scene
@@ -167,4 +169,5 @@ def test_what_needs_a_cart_or_an_inertia() -> None:
     assert state_space(massless, ("cart_acceleration",)).A[3, 1] == pytest.approx(-9.81)
     with pytest.raises(ComputationError, match="at most 4000"):
         state_space(load("paper-cart-2").model_copy(update={"pendulum": load("rope").pendulum * 3}))
-    assert set(INPUTS) == {"cart_force", "joint_torques", "link_forces", "cart_acceleration", "cart_velocity"}
+    moved = {f"{what}_{kind}" for what, kind in product(("cart", "support"), ("acceleration", "velocity"))}
+    assert set(INPUTS) == {"cart_force", "joint_torques", "link_forces", "support_displacement"} | moved
