@@ -302,9 +302,12 @@ def _rates(geometry: Geometry) -> list[Signal]:
     return [signal for name in groups for signal in READINGS[name](geometry).signals]
 
 
+READ = {True: "pivot_forces", False: "tip_accelerations"}
+
+
 def _impulsive(reading: OutputGroup, moved: _Motion) -> str:
     if not moved.support:
-        return "output pivot_forces: a cart whose velocity jumps has impulses there"
+        return f"output {READ[reading.pushed]}: a cart whose velocity jumps has impulses there"
     names = ", ".join(signal.name for signal in reading.signals[:2])
     if reading.acceleration is not None:
         return f"output {names}: a support whose velocity jumps has impulses there: give its acceleration"

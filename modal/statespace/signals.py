@@ -169,6 +169,11 @@ def _tips(geometry: Geometry) -> OutputGroup:
     return OutputGroup(signals, geometry.joints[geometry.tips], translation=np.ones(len(signals)))
 
 
+def _tip_accelerations(geometry: Geometry) -> OutputGroup:
+    signals = [Signal(f"tip_ddot_{p}", "m/s^2", "acceleration of a pendulum's end") for p in _pendula(geometry)]
+    return OutputGroup(signals, acceleration=geometry.joints[geometry.tips], translation=np.ones(len(signals)))
+
+
 def _pivot_forces(geometry: Geometry) -> OutputGroup:
     signals = [
         Signal(f"pivot_force_{p}", "N", "horizontal force of a pendulum on its pivot") for p in _pendula(geometry)
@@ -201,6 +206,7 @@ READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
         translation=np.ones(len(g.labels)),
     ),
     "tip_positions": _tips,
+    "tip_accelerations": _tip_accelerations,
     "pivot_forces": _pivot_forces,
 }
 OUTPUTS = tuple(READINGS)

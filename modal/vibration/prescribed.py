@@ -14,12 +14,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import cached_property, lru_cache
-from math import inf, pi, radians, sin, cos, tau
+from math import factorial, inf, pi, radians, sin, tau
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import PPoly, make_interp_spline
 from scipy.optimize import brentq
 
 from modal.scene import RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
@@ -137,6 +137,16 @@ class Record(PrescribedMotion):
             return band_words
         drift = f"the record ends at {self.left:.4g} m/s, and the support moves on at that velocity"
         return f'{band_words}; {drift} (baseline = "velocity" takes such a drift out)'
+
+    @cached_property
+    def pieces(self) -> tuple[Floats, Floats]:
+        """Times (J + 1,) between which the acceleration is a polynomial, and all its derivatives after each (K, J)."""
+        found = PPoly.from_spline(self._splines[2])
+        wide = np.diff(found.x) > 0
+        wide &= (found.x[:-1] >= self.first) & (found.x[1:] <= self.last)
+        derivatives = found.c[::-1, wide] * np.array([factorial(k) for k in range(len(found.c))])[:, None]
+        derivatives[0] -= self.steady
+        return np.append(found.x[:-1][wide], self.last), derivatives
 
     def derivative(self, time: Any, order: int) -> Any:
         """Of the spline less its baseline; at constant velocity outside the record."""

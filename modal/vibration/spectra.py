@@ -10,12 +10,11 @@ from math import tau
 
 import numpy as np
 
-from modal.scene.motion import Quantity
+from modal.scene.records import Spectrum
 from modal.types import Floats
 
-BEND = 0.02
-"""Largest relative deviation of a straight line over linear axes from one over logarithmic axes (`finely`)."""
-POWERS: dict[Quantity, int] = {"acceleration": 0, "velocity": 2, "displacement": 4}
+POWERS = {"acceleration": 0, "velocity": 2, "displacement": 4}
+"""Powers of ω that make the PSD of an acceleration of each quantity's."""
 
 
 def psd_at(frequencies: Floats, psd: Floats, f: Floats) -> Floats:
@@ -29,3 +28,9 @@ def psd_at(frequencies: Floats, psd: Floats, f: Floats) -> Floats:
         curved = left * (f / low) ** power
     inside = (f >= frequencies[0]) & (f <= frequencies[-1])
     return np.where(inside, np.where(positive, curved, straight), 0.0)
+
+
+def acceleration_psd(spectrum: Spectrum, f: Floats) -> Floats:
+    """The PSD of the acceleration, in (m/s²)²/Hz, at the frequencies `f` (Hz)."""
+    found = psd_at(np.array(spectrum.frequency_hz), np.array(spectrum.psd), f)
+    return np.asarray(found * (tau * f) ** POWERS[spectrum.of])
