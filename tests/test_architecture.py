@@ -21,6 +21,7 @@ HEAVY = {
     "scipy": {
         "modal.statespace.sampling",
         "modal.statespace.transfer",
+        "modal.vibration",
         "modal.exports.matlab",
         "modal.exports.objects",
         "nonlinear",

@@ -4,8 +4,9 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `motion` moves a support, `records` reads its records; `files` reads and writes, `sealed` detects damaged files, `validation` checks every part and words
-the messages, `parameters` finds and varies numbers by path.
+Start with `model`; `motion` moves a support and `records` reads its records; `files` reads and writes scenes, `sealed`
+detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
+path.
 """
 
 from typing import TYPE_CHECKING

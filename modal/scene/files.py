@@ -85,7 +85,10 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of a scene file, for editors."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scene.model_json_schema()}
+    found = Scene.model_json_schema()
+    random = found["$defs"]["RandomMotion"]["properties"]
+    random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
 def example_names() -> list[str]:

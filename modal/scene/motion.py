@@ -1,7 +1,8 @@
 """How a support moves: a sine, a sweep, a record, or one realization of a random process.
 
-Displacements are in metres, positive along the rail (`direction = "horizontal"`) or upwards (`"vertical"`).  A file named
-by a record or by a PSD is read with the scene file that names it (`modal.scene.records`); the scene holds its numbers.
+Displacements are in metres, positive along the rail (`direction = "horizontal"`) or upwards (`"vertical"`).  A file
+named by a record or by a PSD is read with the scene file that names it (`modal.scene.records`); the scene holds its
+numbers.
 """
 
 from __future__ import annotations

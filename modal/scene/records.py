@@ -33,7 +33,7 @@ class Spectrum(NamedTuple):
 
 
 def read_record(path: str | PathLike[str]) -> dict[str, Any]:
-    """The fields `time_s` and one quantity of a `RecordMotion`; SceneError, with the file's name, for any other file."""
+    """The fields `time_s` and one quantity of a `RecordMotion`; SceneError, with its name, for any other file."""
     columns = _columns(path)
     time = next((name for name in TIMES if name in columns), None)
     found = {key: name for key, word in RECORDED.items() for name in (key, word) if name in columns}

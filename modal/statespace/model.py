@@ -334,7 +334,7 @@ def _outputs(
             if part is not None and reading.translation is not None and moved.support:
                 own = moved.support[order]
                 assert own is not None
-                rows = tuple(row + reading.translation[:, None] * each for row, each in zip(rows, own, strict=True))
+                rows = rows[0] + reading.translation[:, None] * own[0], rows[1] + reading.translation[:, None] * own[1]
         if reading.pushed and push.signals:
             rows[1][:, -len(push.signals) :] += push.thrust
         C.append(rows[0])

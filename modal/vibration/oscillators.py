@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.types import Complexes, Floats
 from modal.vibration.prescribed import Record
 
-PER_PERIOD = 40  # steps in a period
+PER_PERIOD, BETWEEN = 100, 4  # steps in a period, and at least between two samples of the record
 MOST_STEPS = 1_000_000
 SERIES, NEAR = 18, 1.0  # terms of the series of φ, and |z| up to which it is used
 
@@ -25,8 +25,8 @@ SERIES, NEAR = 18, 1.0  # terms of the series of φ, and |z| up to which it is u
 def fine_times(record: Record, period: float, until: float) -> tuple[Floats, Floats]:
     """Times (T,) from the record's beginning to `until` (s), and the derivatives of its acceleration after each (K, T).
 
-    A step is at most one part in PER_PERIOD of `period` (s) and ends at every knot.  ComputationError where there would
-    be too many.
+    A step is at most one part in PER_PERIOD of `period` (s) and in BETWEEN of the interval between two knots.
+    ComputationError where there would be too many.
     """
     knots, derivatives = record.pieces
     beyond = max(until - record.last, 0.0)
@@ -34,10 +34,10 @@ def fine_times(record: Record, period: float, until: float) -> tuple[Floats, Flo
     if beyond:
         knots = np.append(knots, until)
         derivatives = np.hstack([derivatives, np.zeros((len(derivatives), 1))])
-    counts = np.maximum(np.ceil(widths * PER_PERIOD / period), 1.0)
+    counts = np.maximum(np.ceil(widths * PER_PERIOD / period), BETWEEN)
     if counts.sum() > MOST_STEPS:
         raise ComputationError(
-            f"the record takes {counts.sum():.3g} steps of a fortieth of the fastest period, {period:.3g} s: at most "
+            f"the record takes {counts.sum():.3g} steps of a hundredth of the fastest period, {period:.3g} s: at most "
             f"{MOST_STEPS} are followed"
         )
     number = counts.astype(np.int64)

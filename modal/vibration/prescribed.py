@@ -1,7 +1,7 @@
 """The prescribed motion of a support as functions of time: displacement, velocity and acceleration.
 
-A record is joined by an interpolating spline of degree 5 (3 where it has fewer than 6 samples) of the recorded quantity; the
-others are its derivatives and integrals, exactly.  The integral of an acceleration begins at zero velocity, every
+A record is joined by an interpolating spline of degree 5 (3 where it has fewer than 6 samples) of the recorded quantity;
+the others are its derivatives and integrals, exactly.  The integral of an acceleration begins at zero velocity, every
 integral at zero displacement.  Outside the record the acceleration is zero.
 
 A random process of the PSD S (one-sided, per hertz) is the sum of sines √(2 S(f_k) Δf) cos(2π f_k t + φ_k) at all
@@ -175,7 +175,9 @@ class RandomProcess(PrescribedMotion):
         size = np.sqrt(2 * psd / motion.duration) / self.omega ** ORDERS[motion.of]
         self.lines = size * np.exp(1j * (phases + {0: 0.0, 1: -pi / 2, 2: pi}[ORDERS[motion.of]]))
         self.shortest = 0.5 / float(f[-1])
-        self.words = f"a sum of {len(f)} sines from {f[0]:.4g} to {f[-1]:.4g} Hz that repeats after {motion.duration:g} s"
+        self.words = (
+            f"a sum of {len(f)} sines from {f[0]:.4g} to {f[-1]:.4g} Hz that repeats after {motion.duration:g} s"
+        )
 
     @cached_property
     def _orders(self) -> list[Any]:
@@ -215,6 +217,7 @@ def band(degree: int, derivatives: int) -> float:
     The spline of degree n through evenly spaced samples of e^{2πift} consists of e^{2πi(f−k)t} for all whole k, with
     the weights (f−k)^{−n−1} / Σ_k (f−k)^{−n−1} (Schoenberg, Cardinal Spline Interpolation, 1973, lecture 4).
     """
+
     def excess(f: float) -> float:
         weights = (f / (f - IMAGES)) ** (degree + 1)
         own = 1 / (1 + weights.sum())

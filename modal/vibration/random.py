@@ -29,7 +29,7 @@ from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.response import Term, terms
 from modal.statespace.signals import Signal
-from modal.types import Complexes, Floats
+from modal.types import Booleans, Complexes, Floats
 from modal.vibration.spectra import acceleration_psd
 
 USUAL = ("angles", "tip_accelerations")
@@ -38,7 +38,7 @@ NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 GROWTH = 4.0
 """Ratio of the distances of an interval's ends from a resonance: Gauss's error is then below 3⁻³²."""
 BLOCK = 500_000  # numbers at once
-FROM = 1e-9  # lowest frequency, over the highest, where a PSD begins at 0
+FROM = 1e-9  # first interval, over the highest frequency, where a PSD begins at 0
 STEEP = -0.99  # power of ω from which on an integral down to 0 is infinite
 DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
 DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output follows the support's own drift"
@@ -94,7 +94,7 @@ class RandomResponse:
             own = [(term, pole) for term, pole in self._terms if term.mode == number]
             if not own or not own[0][1].imag > 0:
                 continue
-            omega, decay = abs(own[0][1]), -own[0][1].real
+            omega, decay = abs(own[0][1]), abs(own[0][1].real)
             N1, N0 = (sum(getattr(term, name)[:, 0] for term, _ in own) for name in ("N1", "N0"))
             S = float(self.input_psd(np.array([omega / tau]))[0])
             with np.errstate(all="ignore"):
@@ -140,9 +140,9 @@ class RandomResponse:
         """The intervals (rad/s) between points of the PSD in which it is not zero."""
         f, psd = np.array(self.spectrum.frequency_hz), np.array(self.spectrum.psd)
         for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
-            yield tau * max(f[k], FROM * f[-1]), tau * f[k + 1]
+            yield tau * f[k], tau * f[k + 1]
 
-    def _drifting(self) -> Floats:
+    def _drifting(self) -> Booleans:
         """Which outputs have an infinite integral down to 0 Hz, (p,)."""
         f, psd = self.spectrum.frequency_hz, self.spectrum.psd
         if f[0] > 0 or not (psd[0] > 0 or psd[1] > 0):
@@ -169,9 +169,10 @@ class RandomResponse:
         return H, alone
 
 
-def _felt(every: list[tuple[Term, complex]], mode: int) -> Floats:
+def _felt(every: list[tuple[Term, complex]], mode: int) -> Booleans:
     """The outputs in which a mode is felt, (p,)."""
-    return np.any([(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in every if term.mode == mode], axis=0)
+    own = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in every if term.mode == mode]
+    return np.asarray(np.any(own, axis=0))
 
 
 def _pole(term: Term) -> complex:
@@ -185,11 +186,11 @@ def _pole(term: Term) -> complex:
 
 
 def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Floats, Floats]]:
-    """Nodes and weights of Gauss's rule from `low` to `high` on intervals that shrink towards poles σ + iω, in blocks."""
+    """Nodes and weights of Gauss's rule from `low` to `high`, on intervals that shrink towards poles, in blocks."""
     edges = {low, high}
     for pole in {*poles, 0j}:
         middle, width = pole.imag, abs(pole.real)
-        width = max(width, low - middle, middle - high) / 2 or low
+        width = max(width, low - middle, middle - high) / 2 or FROM * high
         while width < high:
             edges |= {edge for edge in (middle - width, middle + width) if low < edge < high}
             width *= GROWTH

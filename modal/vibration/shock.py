@@ -19,7 +19,7 @@ from modal.scene import RecordMotion, Scene
 from modal.statespace import ModalForm, state_space, to_modal_form
 from modal.statespace.response import Term, terms
 from modal.statespace.signals import Signal
-from modal.types import Floats
+from modal.types import Booleans, Floats
 from modal.vibration.combination import cqc, srss
 from modal.vibration.oscillators import driven, fine_times, peak
 from modal.vibration.prescribed import Record, prescribed_motion
@@ -65,10 +65,10 @@ class ShockResponse:
                 leading = term.N0[:, 0] if np.any(term.N0) else term.N1[:, 0]
                 signs[term.mode] = np.where(leading < 0, -1.0, 1.0)
         sizes = [[peak(self.times, values)[0] for values in own] for own in self.by_mode]
-        return signs * np.array(sizes)
+        return np.asarray(signs * np.array(sizes))
 
     @cached_property
-    def follows_support(self) -> Floats:
+    def follows_support(self) -> Booleans:
         """Which outputs contain the support's own motion besides that of the modes, (p,)."""
         whole = self.by_mode.sum(0)
         rest = np.abs(self.history - whole).max(1)
@@ -113,7 +113,9 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     record, modes = prescribed_motion(motion), natural_modes(scene)
     assert isinstance(record, Record)
     form = to_modal_form(modes, state_space(scene, (INPUT,), tuple(outputs)))
-    rates = [value.imag for value in modes.eigenvalue.tolist() if value.imag > 0] or [2 * pi / (record.last - record.first)]
+    rates = [value.imag for value in modes.eigenvalue.tolist() if value.imag > 0] or [
+        2 * pi / (record.last - record.first)
+    ]
     times, derivatives = fine_times(record, 2 * pi / max(rates), record.last + AFTER * 2 * pi / min(rates))
     by_mode = np.zeros((len(modes), len(form.model.outputs), len(times)))
     history = form.model.D[:, :1] * record.acceleration(np.minimum(times, record.last)) * (times <= record.last)

@@ -1,7 +1,7 @@
 """One-sided power spectral densities (PSDs) given at points, per hertz.
 
-Between two points a PSD is a straight line over logarithmic axes, S = S₁ (f/f₁)^p, as test specifications draw it, and a
-straight line over linear axes where an end or its frequency is zero; outside its points it is zero.
+Between two points a PSD is a straight line over logarithmic axes, S = S₁ (f/f₁)^p, as test specifications draw it, and
+a straight line over linear axes where an end or its frequency is zero; outside its points it is zero.
 """
 
 from __future__ import annotations

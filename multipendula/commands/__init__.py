@@ -16,6 +16,7 @@ from multipendula.commands import (
     sweeps,
     synchronization,
     verification,
+    vibration,
 )
 
 __all__ = ["ABOUT", "COMMANDS", "FIRST"]
@@ -31,6 +32,7 @@ GROUPS = (
     synchronization,
     ensembles,
     statespace,
+    vibration,
     derivation,
 )
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)

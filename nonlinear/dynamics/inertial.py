@@ -1,8 +1,8 @@
 """The inertial forces −m a in the frame of a moved support, as a load.
 
-They are those of a uniform field f = −a that varies with time, so that with b as in `modal.pair` the generalized force on
-the unit vector u of a link is b f: b (f_x cos θ − f_z sin θ) on its angle, the moment b u × f in space.  Their power is
-that by which the energy in the support's frame changes.
+They are those of a uniform field f = −a that varies with time, so that with b as in `modal.pair` the generalized force
+on the unit vector u of a link is b f: b (f_x cos θ − f_z sin θ) on its angle, the moment b u × f in space.  Their power
+is that by which the energy in the support's frame changes.
 """
 
 from __future__ import annotations

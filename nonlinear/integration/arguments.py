@@ -18,6 +18,7 @@ from nonlinear.system import AppliedForces, Load, State, System
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
+LOOKS = 2000  # times at which the push of a support is looked at
 PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # default numbers of samples
 MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # numbers kept in all: as requested, by default
 
@@ -136,6 +137,23 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
         problems.append("load: must be finite")
     if problems:
         raise SceneError(problems)
+
+
+def shaken(state: State, system: System, times: Floats) -> float:
+    """The size of a motion on a moved support: of its start, or the largest acceleration over gravity, at most 1."""
+    assert system.support is not None
+    looked = np.linspace(times[0], times[-1], LOOKS)
+    push = float(np.abs(system.support.motion.acceleration(looked)).max()) / system.gravity
+    started = extent(state, system)
+    at_rest = started == 1.0 and push < 1 and _rests(state, system)
+    return min(1.0, push if at_rest else max(push, started)) or 1.0
+
+
+def _rests(state: State, system: System) -> bool:
+    """Whether every link is exactly at equilibrium."""
+    sigma = system.by_link("sigma")
+    rest = np.outer(sigma, [0.0, 0.0, 1.0]) if system.spatial else system.rest
+    return bool(np.all(state.links == rest) and not np.any(state.link_rates))
 
 
 def extent(state: State, system: System) -> float:

@@ -13,7 +13,7 @@ from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import Generated, Minimal, Reduced, Symmetry, applied, find_symmetries
-from nonlinear.integration.arguments import extent
+from nonlinear.integration.arguments import extent, shaken
 from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
@@ -146,8 +146,10 @@ class Request:
 
     @cached_property
     def size(self) -> float:
-        """The size of the motion, at most 1; 1 where something drives it."""
-        return 1.0 if self.load or self.system.support else extent(self.start, self.system)
+        """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
+        if self.system.support and not self.load:
+            return shaken(self.start, self.system, self.times)
+        return 1.0 if self.load else extent(self.start, self.system)
 
     @property
     def duration(self) -> float:

@@ -66,7 +66,7 @@ class Trajectory:
     def mechanics(self) -> Mechanics:
         """Positions, energies and momenta."""
         support = self.system.support
-        moved = support and support.displacements(self.times, 3 if self.system.spatial else 2)
+        moved = support.displacements(self.times, 3 if self.system.spatial else 2) if support else None
         return Mechanics(self.system, self.motion, moved)
 
     def at(self, rows: Any) -> Trajectory:

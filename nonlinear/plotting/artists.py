@@ -76,7 +76,12 @@ class Scenery:
         """What a frame draws anew, and the axis' own lines over it."""
         cart = [self.cart.box, *self.cart.circles] if self.cart else []
         beam = self.ceiling.moving if self.ceiling else []
-        return [*cart, *beam, *chain.from_iterable(player.moving for player in self.players), *self.axis.spines.values()]
+        return [
+            *cart,
+            *beam,
+            *chain.from_iterable(player.moving for player in self.players),
+            *self.axis.spines.values(),
+        ]
 
     def show(self, frame: int) -> None:
         """Update everything to a frame."""

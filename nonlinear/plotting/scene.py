@@ -57,8 +57,8 @@ class Energies:
 class Stage:
     """The drawn pendula, the position of the cart (F,) in m, the pivots on it and the length (m) of the longest chain.
 
-    `floor` is the depth of the floor below the rail (m), None in the plane; `support` (F, 2) the place of a moved support
-    to the right and up (m), zero elsewhere.
+    `floor` is the depth of the floor below the rail (m), None in the plane; `support` (F, 2) the place of a moved
+    support to the right and up (m), zero elsewhere.
     """
 
     actors: tuple[Actor, ...]
@@ -130,9 +130,7 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     return Stage(actors, cart, pivots, depth, system.cart is not None, floor, support)
 
 
-def _shape(
-    motion: Motion, length: Floats, centre: Floats, pivot: float, support: Floats
-) -> tuple[Floats, Floats]:
+def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float, support: Floats) -> tuple[Floats, Floats]:
     """Joints (G, n + 1, d) and centres (G, n, d)."""
     along = vectors(motion)[0]
     joints = np.cumsum(length[:, None] * along, axis=1)

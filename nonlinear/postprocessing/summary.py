@@ -16,6 +16,7 @@ from modal.eigen import counted
 from modal.errors import ComputationError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
+from modal.scene import Moved, SineMotion
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.reduction import CORRECTED, LINEAR
@@ -100,8 +101,21 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "support", f"{moved.min():.6g} to {moved.max():.6g} m {way}; angles and energies are in its frame"
         if support.motion.words:
             yield "", support.motion.words
+        yield from _parametric(trajectory)
     if trajectory.system.cart:
         yield "cart", f"{motion.cart.min():.6g} to {motion.cart.max():.6g} m"
+
+
+def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    """Whether small angles grow under a vertical sine."""
+    support = trajectory.scene.support
+    if not isinstance(support, Moved) or not isinstance(support.motion, SineMotion):
+        return
+    if support.motion.direction == "vertical":
+        from modal.vibration import MOST_LINKS, parametric_stability
+
+        if trajectory.scene.n_links <= MOST_LINKS:
+            yield "parametric", parametric_stability(trajectory.scene).words
 
 
 @dataclass(frozen=True)
@@ -182,7 +196,7 @@ def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
 def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
     run = trajectory.run
     if trajectory.system.cart is None:
-        yield "no cart coordinate: the support is fixed"
+        yield f"no cart coordinate: the support {'moves as prescribed' if trajectory.system.support else 'is fixed'}"
     if run.reduced:
         yield f"all but {run.reduced}"
     if run.form == TRUNCATED:

@@ -57,6 +57,7 @@ def test_transfer_functions_of_forces_and_torques(seed: int) -> None:
         "relative_rates": s * geometry.relative @ q,
         "joint_positions": geometry.joints @ q,
         "tip_positions": geometry.joints[geometry.tips] @ q,
+        "tip_accelerations": s**2 * geometry.joints[geometry.tips] @ q,
         "pivot_forces": pushes - s**2 * (own * geometry.mass) @ geometry.centres @ q,
     }
     np.testing.assert_allclose(transfer(model, s), np.vstack([rows[name] for name in outputs]), rtol=1e-9, atol=1e-10)
