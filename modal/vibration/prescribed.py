@@ -1,8 +1,8 @@
 """The prescribed motion of a support as functions of time: displacement, velocity and acceleration.
 
-A record is joined by an interpolating spline of degree 5 (3 where it has fewer than 6 samples) of the recorded quantity;
-the others are its derivatives and integrals, exactly.  The integral of an acceleration begins at zero velocity, every
-integral at zero displacement.  Outside the record the acceleration is zero.
+A record is joined by an interpolating spline of degree 5 (3 where it has fewer than 6 samples) of the recorded
+quantity; the others are its derivatives and integrals, exactly.  The integral of an acceleration begins at zero
+velocity, every integral at zero displacement.  Outside the record the acceleration is zero.
 
 A random process of the PSD S (one-sided, per hertz) is the sum of sines √(2 S(f_k) Δf) cos(2π f_k t + φ_k) at all
 multiples f_k of Δf = 1/duration within the PSD, with independent uniform phases φ_k (Shinozuka & Jan, J. Sound Vib. 25,

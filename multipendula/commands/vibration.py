@@ -109,9 +109,11 @@ COMMANDS = (
             "equation; an undamped mode that the noise reaches has no finite RMS. CSV and JSON contain the PSDs."
         ),
         examples=(
-            ("scenes damped-cart > mine.toml", "a scene with dampers"),
-            ("vibration mine.toml --psd ground.csv", "RMS of angles and of the acceleration of the ends"),
-            ("vibration mine.toml --psd ground.csv --signals tip_positions --picture psd.png", "with a figure"),
+            ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
+            (
+                "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
+                "how the mirror moves in the laboratory, with a figure",
+            ),
         ),
     ),
     Command(
@@ -125,7 +127,7 @@ COMMANDS = (
             "and the effective masses with the number of modes that hold 90 % of the mass."
         ),
         examples=(
-            ("shock crane-hook quake.csv", "peaks by output and by mode"),
+            ("shock crane-hook quake.csv", "peaks by output and by mode; the record is in the folder examples"),
             ("shock crane-hook quake.csv --baseline velocity --picture shock.png", "without a drift, with a figure"),
         ),
     ),
