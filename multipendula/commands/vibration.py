@@ -39,10 +39,10 @@ def vibration(options: argparse.Namespace) -> None:
 def _vibration_arguments(page: Page) -> None:
     add_scene(page)
     words = (
-        "CSV of the one-sided PSD of the support's motion along the rail: frequency_hz, and psd in (m/s²)²/Hz or "
+        "one-sided PSD of the support's motion along the rail, a CSV file with frequency_hz, and psd in (m/s²)²/Hz or "
         "velocity_psd or displacement_psd"
     )
-    offer(page.asked.add_argument("--psd", metavar="FILE", required=True, help=words), files((".csv",)))
+    offer(page.asked.add_argument("--psd", metavar="CSV", required=True, help=words), files((".csv",)))
     _add_written(page)
 
 
@@ -67,7 +67,7 @@ def shock(options: argparse.Namespace) -> None:
 def _shock_arguments(page: Page) -> None:
     add_scene(page)
     words = (
-        "CSV of the support's motion along the rail: time_s, and displacement_m, velocity_m_per_s or "
+        "CSV file of the support's motion along the rail: time_s, and displacement_m, velocity_m_per_s or "
         "acceleration_m_per_s2"
     )
     offer(page.asked.add_argument("record", metavar="RECORD", help=words), files((".csv",)))
