@@ -18,6 +18,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import groupby
 from math import tau
 
 import numpy as np
@@ -37,7 +38,7 @@ INPUT = "support_acceleration"
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
 GROWTH = 4.0
 """Ratio of the distances of an interval's ends from a resonance: Gauss's error is then below 3⁻³²."""
-BLOCK = 500_000  # numbers at once
+BLOCK = 4096  # frequencies at once
 FROM = 1e-9  # first interval, over the highest frequency, where a PSD begins at 0
 STEEP = -0.99  # power of ω from which on an integral down to 0 is infinite
 DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
@@ -127,10 +128,13 @@ class RandomResponse:
                     endless[term.mode] |= _felt(self._terms, term.mode)
             poles = [pole for _, pole in reached if not (pole.real == 0 and low <= pole.imag <= high)]
             for omega, weight in nodes(low, high, poles):
-                H, alone = self._responses(omega)
                 S = weight * acceleration_psd(self.spectrum, omega / tau) / tau
+                H = np.repeat(self.form.model.D[:, :1], len(omega), axis=1).astype(np.complex128)
+                for mode, own in self._responses(omega):
+                    H += own
+                    if mode is not None:
+                        each[mode] += (np.abs(own) ** 2) @ S
                 total += (np.abs(H) ** 2) @ S
-                each += (np.abs(alone) ** 2) @ S
         found, parts = np.sqrt(total), np.sqrt(each)
         parts[endless] = np.inf
         found[endless.any(0) | self._drifting()] = np.inf
@@ -153,20 +157,17 @@ class RandomResponse:
             power = np.log10(size[:, 1] / size[:, 0])
         return np.asarray((size[:, 0] > 0) & (power <= STEEP))
 
-    def _responses(self, omega: Floats) -> tuple[Complexes, Complexes]:
-        """H (p, W) of everything, and (R, p, W) of each mode."""
+    def _responses(self, omega: Floats) -> Iterator[tuple[int | None, Complexes]]:
+        """What each mode adds to H, (p, W); None for the support itself."""
         s = 1j * omega
-        alone = np.zeros((len(self.modes), len(self.outputs), len(s)), dtype=np.complex128)
-        H = np.repeat(self.form.model.D[:, :1], len(s), axis=1).astype(np.complex128)
-        for term, pole in self._terms:
-            twice = term.c[0] == 1.0
-            other = (-term.c[1] - pole) if twice and not pole.imag else np.conj(pole)
-            below = (s - pole) * (s - other) if twice else s - pole
-            own = (term.N1[:, :1] * s + term.N0[:, :1]) / below
-            H += own
-            if term.mode is not None:
-                alone[term.mode] += own
-        return H, alone
+        for mode, group in groupby(self._terms, key=lambda each: each[0].mode):
+            found = np.zeros((len(self.outputs), len(s)), dtype=np.complex128)
+            for term, pole in group:
+                twice = term.c[0] == 1.0
+                other = (-term.c[1] - pole) if twice and not pole.imag else np.conj(pole)
+                below = (s - pole) * (s - other) if twice else s - pole
+                found += (term.N1[:, :1] * s + term.N0[:, :1]) / below
+            yield mode, found
 
 
 def _felt(every: list[tuple[Term, complex]], mode: int) -> Booleans:
@@ -197,9 +198,8 @@ def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Float
     ends = np.array(sorted(edges))
     half = np.diff(ends) / 2
     omega, weight = (half[:, None] * NODES + (ends[:-1] + half)[:, None]).ravel(), np.outer(half, WEIGHTS).ravel()
-    rows = max(1, BLOCK // max(1, len(poles)))
-    for at in range(0, len(omega), rows):
-        yield omega[at : at + rows], weight[at : at + rows]
+    for at in range(0, len(omega), BLOCK):
+        yield omega[at : at + BLOCK], weight[at : at + BLOCK]
 
 
 def random_response(scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL) -> RandomResponse:
