@@ -76,9 +76,13 @@ def _columns(path: str | PathLike[str]) -> dict[str, tuple[float, ...]]:
     """The numbers under each name of the first line."""
     name = fspath(path)
     try:
+        if Path(name).exists() and not Path(name).is_file():
+            raise SceneError([f"{name}: not a file"])
         if Path(name).stat().st_size > LARGEST_FILE:
             raise SceneError([f"{name}: is larger than {LARGEST_FILE} bytes"])
         text = Path(name).read_text(encoding="utf-8-sig")
+    except SceneError:
+        raise
     except UnicodeDecodeError as error:
         raise SceneError([f"{name}: byte {error.start} is not UTF-8 text"]) from None
     except (OSError, ValueError) as error:

@@ -28,8 +28,9 @@ from modal.modes import Modes, natural_modes
 from modal.scene import Scene
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
+from modal.statespace.gains import without_noise
 from modal.statespace.response import Term, terms
-from modal.statespace.signals import Signal
+from modal.statespace.signals import Signal, geometry_of
 from modal.types import Booleans, Complexes, Floats
 from modal.vibration.spectra import acceleration_psd
 
@@ -40,7 +41,10 @@ GROWTH = 4.0
 """Ratio of the distances of an interval's ends from a resonance: Gauss's error is then below 3⁻³²."""
 BLOCK = 4096  # frequencies at once
 FROM = 1e-9  # first interval, over the highest frequency, where a PSD begins at 0
+NAMED = 6  # most modes named in a sentence
 STEEP = -0.99  # power of ω from which on an integral down to 0 is infinite
+MOST = 5e6
+"""Most modes, squared, times outputs."""
 DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
 DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output follows the support's own drift"
 
@@ -74,8 +78,8 @@ class RandomResponse:
 
     @cached_property
     def _terms(self) -> list[tuple[Term, complex]]:
-        """Every term that the support excites, and its pole in the upper half-plane."""
-        return [(term, pole) for term in terms(self.form) for pole in [_pole(term)]]
+        """Every term without rounding, and its pole in the upper half-plane."""
+        return [(term, _pole(term)) for term in exact_terms(self.form)]
 
     @cached_property
     def rms(self) -> Floats:
@@ -110,7 +114,8 @@ class RandomResponse:
         found = []
         for k in np.flatnonzero(np.isinf(self.rms)).tolist():
             numbers = np.flatnonzero(endless[:, k]) + 1
-            named = ", ".join(map(str, numbers.tolist()))
+            named = ", ".join(map(str, numbers[:NAMED].tolist()))
+            named += f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
             which = f"mode {named} is {DIVERGES}" if len(numbers) == 1 else f"modes {named} are {DIVERGES}"
             found.append(f"{self.outputs[k].name}: {which if len(numbers) else DRIFTS}")
         return tuple(found)
@@ -170,6 +175,21 @@ class RandomResponse:
             yield mode, found
 
 
+def exact_terms(form: ModalForm) -> Iterator[Term]:
+    """The terms of H for the support's acceleration, zero where it does not reach or an output does not see a mode.
+
+    Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
+    momentum of everything at unit velocity along the rail.
+    """
+    modes, geometry = form.modes, geometry_of(form.modes.scene)
+    p = modes.matrices.M[:, 0] if modes.on_cart else geometry.centres.T @ geometry.mass
+    for block, term in zip(form.blocks, terms(form), strict=True):
+        phi = block.right[1 : len(p) + 1]
+        reached = block.mode is None or bool(np.any(without_noise(phi.T, p[:, None])))
+        seen = np.any(np.atleast_2d(without_noise(block.right.T, form.model.C.T)), axis=0).astype(float)
+        yield term._replace(N1=term.N1 * seen[:, None] * reached, N0=term.N0 * seen[:, None] * reached)
+
+
 def _felt(every: list[tuple[Term, complex]], mode: int) -> Booleans:
     """The outputs in which a mode is felt, (p,)."""
     own = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in every if term.mode == mode]
@@ -211,5 +231,8 @@ def random_response(scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] =
     modes = natural_modes(scene)
     if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
         raise ComputationError(f"mode {growing[0]} grows by itself: there is no stationary random vibration")
-    form = to_modal_form(modes, state_space(scene, (INPUT,), tuple(outputs)))
-    return RandomResponse(form, spectrum)
+    model = state_space(scene, (INPUT,), tuple(outputs))
+    if len(modes) ** 2 * len(model.outputs) > MOST:
+        sizes = f"{len(modes)} modes and {len(model.outputs)} outputs"
+        raise ComputationError(f"{sizes}: modes² times outputs may be at most {MOST:g}; choose fewer outputs")
+    return RandomResponse(to_modal_form(modes, model), spectrum)

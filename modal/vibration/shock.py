@@ -17,18 +17,19 @@ from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
 from modal.scene import RecordMotion, Scene
 from modal.statespace import ModalForm, state_space, to_modal_form
-from modal.statespace.response import Term, terms
+from modal.statespace.response import Term
 from modal.statespace.signals import Signal
 from modal.types import Booleans, Floats
 from modal.vibration.combination import cqc, srss
 from modal.vibration.oscillators import driven, fine_times, peak
 from modal.vibration.prescribed import Record, prescribed_motion
-from modal.vibration.random import INPUT, USUAL
+from modal.vibration.random import INPUT, USUAL, exact_terms
 
 ENOUGH = 0.9
 """Share of the mass that the modes considered must have."""
 AFTER = 2.0  # slowest periods by which a history exceeds the record
 DIRECT = 1e-9
+MOST = 5e7  # numbers of all histories
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +61,7 @@ class ShockResponse:
     def mode_peaks(self) -> Floats:
         """The largest |value| of every mode alone, (R, p), with the sign of the mode in that output."""
         signs = np.ones(self.by_mode.shape[:2])
-        for term in terms(self.form):
+        for term in exact_terms(self.form):
             if term.mode is not None:
                 leading = term.N0[:, 0] if np.any(term.N0) else term.N1[:, 0]
                 signs[term.mode] = np.where(leading < 0, -1.0, 1.0)
@@ -117,10 +118,16 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
         2 * pi / (record.last - record.first)
     ]
     times, derivatives = fine_times(record, 2 * pi / max(rates), record.last + AFTER * 2 * pi / min(rates))
+    size = len(modes) * len(form.model.outputs) * len(times)
+    if size > MOST:
+        raise ComputationError(
+            f"{len(modes)} modes, {len(form.model.outputs)} outputs and {len(times)} times: their product may be at "
+            f"most {MOST:g}; choose fewer outputs"
+        )
     by_mode = np.zeros((len(modes), len(form.model.outputs), len(times)))
     history = form.model.D[:, :1] * record.acceleration(np.minimum(times, record.last)) * (times <= record.last)
-    own = [_history(term, record, times, derivatives) for term in terms(form)]
-    for term, values in zip(terms(form), own, strict=True):
+    for term in exact_terms(form):
+        values = _history(term, record, times, derivatives)
         history = history + values
         if term.mode is not None:
             by_mode[term.mode] += values

@@ -79,7 +79,7 @@ def _shock_arguments(page: Page) -> None:
 def _add_written(page: Page) -> None:
     """The outputs of the model, and the files."""
     page.rephrase(r"^output (\S+):", r"--signals \1:")
-    page.rephrase(r"choose at most \d+$", r"\g<0> with --signals")
+    page.rephrase(r"choose (at most \d+|fewer outputs)$", r"\g<0> with --signals")
     words = f"angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}"
     add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
     add_format(page, ("text", "csv", "json"))

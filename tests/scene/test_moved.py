@@ -107,6 +107,12 @@ def test_a_psd_file_is_checked(tmp_path: Path) -> None:
             read_spectrum(tmp_path / "p.csv")
 
 
+def test_a_device_is_no_record() -> None:
+    for read in (read_record, read_spectrum):
+        with pytest.raises(SceneError, match="/dev/zero: not a file"):
+            read("/dev/zero")
+
+
 def test_linear_results_are_those_at_rest() -> None:
     moved = load(ROOT / "examples" / "suspension.toml")
     assert natural_modes(moved).omega == pytest.approx(natural_modes(moved.still).omega, rel=0)

@@ -99,6 +99,24 @@ def test_an_undamped_mode_has_no_finite_rms() -> None:
     assert np.isfinite(one.by_mode[1, 0])
 
 
+def test_a_mode_that_the_noise_does_not_reach_is_silent() -> None:
+    """Two equal pendula on a free cart, which does not feel the ground at all."""
+    pair = double(0.0, Cart(mass=3.0))
+    pair = pair.replace(pendulum=(pair.pendulum[0].replace(count=2),))
+    found = random_response(pair, Spectrum((0.1, 10.0), (1.0, 1.0), "acceleration"), ("angles", "cart_position"))
+    assert found.rms == pytest.approx(np.zeros(5), abs=1e-12)
+    assert not found.words
+    held = pair.replace(support=Cart(mass=3.0, damping=1.0))
+    damped = random_response(held, Spectrum((0.1, 10.0), (1.0, 1.0), "acceleration"), ("angles",))
+    assert np.all(np.isfinite(damped.rms))
+
+
+def test_too_many_modes_and_outputs_are_refused() -> None:
+    rope = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1.0, length=0.1, damping=0.1, count=180),)),))
+    with pytest.raises(ComputationError, match="choose fewer outputs"):
+        random_response(rope, WHITE, ("angles",))
+
+
 def test_a_position_in_the_laboratory_drifts_under_white_noise() -> None:
     found = random_response(double(0.1), WHITE, ("tip_positions",))
     assert np.isinf(found.rms[0])
