@@ -19,6 +19,15 @@ if TYPE_CHECKING:
 DEEPEST = 1e-26
 """Lowest PSD drawn, over the largest of its panel."""
 POINTS = 4000
+QUANTITIES = {
+    "m": "position",
+    "m/s": "velocity",
+    "m/s^2": "acceleration",
+    "rad": "angle",
+    "rad/s": "rate",
+    "N": "force",
+}
+"""What a unit measures."""
 BAR = 0.36
 
 
@@ -87,7 +96,7 @@ def shock_figure(found: ShockResponse) -> Figure:
         for place, k in enumerate(k for k, signal in enumerate(found.outputs) if signal.unit == unit):
             line = {"color": colour(place), "ls": dash(place), "lw": thickness(place, 1.5)}
             axis.plot(times, found.history[k, rows], label=found.outputs[k].name, **line)
-        framed(axis, "", f"({_pretty(unit)})", "response")
+        framed(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
         legend(axis)
     for axis in histories:
         axis.set_xlim(times[0], times[-1])

@@ -45,6 +45,7 @@ def test_vibration_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path:
     assert rms == pytest.approx(found.rms.tolist())
 
 
+@pytest.mark.slow
 def test_shock_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     found = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))
     text = said(capsys, "shock", SUSPENSION, QUAKE)

@@ -15,6 +15,7 @@ from modal.scene import Moved, RandomMotion, RecordMotion, SineMotion, SupportMo
 from nonlinear import files, simulate
 from nonlinear.dynamics import Maximal
 from nonlinear.postprocessing import reaction_forces_of
+from nonlinear.postprocessing.summary import text
 from nonlinear.reduction import superpose
 from nonlinear.simulation import resume
 from nonlinear.system import AppliedForces, State, initial_state, system_of
@@ -85,13 +86,13 @@ def test_the_motion_is_that_of_equations_written_by_hand(motion: SupportMotion) 
 @pytest.mark.parametrize("motion", EVERY[::3], ids=lambda motion: f"{motion.kind}-{motion.direction}")
 def test_all_forms_agree_and_their_books_close(motion: SupportMotion) -> None:
     scene = double(motion, damping=0.05)
-    first = simulate(scene, 2.0, tolerance=1e-11, output=41)
+    first = simulate(scene, 1.2, tolerance=1e-11, output=13)
     for form in ("maximal", "hamiltonian"):
-        other = simulate(scene, 2.0, tolerance=1e-11, form=form, output=41)
+        other = simulate(scene, 1.2, tolerance=1e-11, form=form, output=13)
         assert other.motion.links == pytest.approx(first.motion.links, abs=1e-7)
         assert other.motion.work == pytest.approx(first.motion.work, abs=1e-7)
         assert other.energy_drift() < 1e-9
-    spatial = simulate(scene.replace(space="space"), 2.0, tolerance=1e-11, output=41)
+    spatial = simulate(scene.replace(space="space"), 1.2, tolerance=1e-11, output=13)
     u = np.stack((np.sin(first.motion.links), 0 * first.motion.links, np.cos(first.motion.links)), axis=-1)
     assert spatial.motion.links == pytest.approx(u, abs=1e-7)
     assert spatial.energy_drift() < 1e-9
@@ -215,7 +216,7 @@ def test_kapitzas_pendulum_stands_and_swings_at_its_averaged_frequency() -> None
     start = InitialCondition(angles_deg=(177.0,))
     pendulum = Pendulum(links=(link,), equilibrium=("up",), start=start)
     scene = Scene(gravity=G, support=Moved(motion=motion), pendulum=(pendulum,))
-    run = simulate(scene, 2.0, output=4001)
+    run = simulate(scene, 1.5, output=3001)
     away = np.abs(run.motion.links[:, 0] - pi)
     assert away.max() < np.deg2rad(6.0)
     averaged = sqrt((amplitude * tau * frequency) ** 2 / (2 * length**2) - G / length)
@@ -225,6 +226,17 @@ def test_kapitzas_pendulum_stands_and_swings_at_its_averaged_frequency() -> None
     assert tau / period == pytest.approx(averaged, rel=0.02)
     fallen = simulate(scene.still, 3.0, output=301)
     assert np.abs(fallen.motion.links[:, 0] - pi).max() > 1.0
+
+
+def test_the_summary_tells_of_the_support() -> None:
+    told = text(simulate(double(EVERY[2]), 6.0, output=61))
+    assert "along the rail; angles and energies are in its frame" in told
+    assert "the support moves on at that velocity" in told
+    shaken = text(simulate(double(EVERY[4]), 1.0, output=11))
+    assert "m upwards" in shaken
+    assert "the largest Floquet multiplier of a period is" in shaken
+    still = text(simulate(double(EVERY[0]).still, 1.0, output=11))
+    assert "support" not in still
 
 
 def test_an_accuracy_is_met() -> None:
