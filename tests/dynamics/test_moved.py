@@ -105,8 +105,8 @@ def test_many_pendula_and_long_chains() -> None:
     start = InitialCondition(angles_deg=(20.0, -5.0))
     own = double(motion).pendulum[0].replace(start=start)
     chain = Pendulum(links=(Rod(mass=0.1, length=0.05, count=30),))
-    alone = simulate(double(motion).replace(pendulum=(own,)), 1.0, tolerance=1e-11, output=5)
-    many = simulate(double(motion).replace(pendulum=(own.replace(count=20), chain)), 1.0, tolerance=1e-11, output=5)
+    alone = simulate(double(motion).replace(pendulum=(own,)), 0.5, tolerance=1e-11, output=5)
+    many = simulate(double(motion).replace(pendulum=(own.replace(count=20), chain)), 0.5, tolerance=1e-11, output=5)
     assert many.run.reduced == ""
     assert many.motion.links[:, :2] == pytest.approx(alone.motion.links, abs=1e-7)
     assert many.motion.links[:, 38:40] == pytest.approx(alone.motion.links, abs=1e-7)
@@ -149,6 +149,7 @@ def test_uniform_motion_changes_nothing_but_the_place() -> None:
     assert run.mechanics.energy == pytest.approx(still.mechanics.energy, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_reaction_forces_are_the_constraint_forces_and_newtons_law() -> None:
     scene = double(EVERY[0], damping=0.1)
     run = simulate(scene, 2.0, tolerance=1e-12, output=2001)
@@ -175,6 +176,7 @@ def test_a_load_acts_besides() -> None:
     assert pushed[0].energy_drift() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["npz", "csv"])
 def test_a_saved_run_has_its_record_and_goes_on(tmp_path: Path, kind: str) -> None:
     scene = double(EVERY[2])
@@ -196,6 +198,7 @@ def test_a_saved_run_has_its_record_and_goes_on(tmp_path: Path, kind: str) -> No
         assert first.endswith("0.0,0.0,0.0")
 
 
+@pytest.mark.slow
 def test_small_shaking_is_the_linear_response() -> None:
     """After long, a damped pendulum swings by |H(iω)| times the amplitude of its support."""
     frequency = 0.9
@@ -246,6 +249,7 @@ def test_an_accuracy_is_met() -> None:
     assert run.motion.links == pytest.approx(by_hand(scene, run.times)[:, :2], abs=1e-6)
 
 
+@pytest.mark.slow
 def test_steps_end_at_the_kinks_of_a_motion() -> None:
     """A short pulse late in a long rest is not stepped over."""
     t = (20.0, 20.01, 20.02, 20.03, 20.04, 20.05)
