@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene
+from modal.scene import Moved, Scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
@@ -68,7 +68,9 @@ def sample_times(
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
-        wished = sample_count(duration, estimate_timescales(scene).swing, PER_PERIOD, FEWEST, MOST)
+        wished = sample_count(
+            duration, max(estimate_timescales(scene).swing, _shaking(scene)), PER_PERIOD, FEWEST, MOST
+        )
         output = max(2, min(wished, USUAL_NUMBERS // size)) + 1
     if isinstance(output, Integral) and not isinstance(output, bool):
         count, most = int(output), MOST_NUMBERS // size
@@ -80,6 +82,15 @@ def sample_times(
     if np.any(np.diff(times) <= 0):
         raise SceneError([f"duration {duration:g}: too short beside the start at {start_time:g} s"])
     return np.asarray(times)
+
+
+def _shaking(scene: Scene) -> float:
+    """The fastest oscillation (rad/s) of a moved support, 0 for any other."""
+    if not isinstance(scene.support, Moved):
+        return 0.0
+    from modal.vibration import prescribed_motion
+
+    return pi / prescribed_motion(scene.support.motion).shortest
 
 
 def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
