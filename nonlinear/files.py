@@ -34,6 +34,8 @@ VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 TIMES = "times_s"
 AXES = ("x", "y", "z")
+SUPPORT = ("support_m", "support_dot_m_per_s", "support_ddot_m_per_s2")
+"""Columns of a moved support, in its direction: along the rail, or upwards; computed when the file is written."""
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
@@ -173,7 +175,7 @@ def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
 
 
 def columns(system: System) -> list[str]:
-    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work."""
+    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moved support."""
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels if label != "x"]
     if system.spatial:
         links = [f"u{axis}_{place}" for place in places for axis in AXES]
@@ -181,12 +183,16 @@ def columns(system: System) -> list[str]:
     else:
         links = [f"theta_{place}_rad" for place in places]
         rates = [f"theta_dot_{place}_rad_per_s" for place in places]
-    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J"]
+    support = SUPPORT if system.support else ()
+    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J", *support]
 
 
 def _csv(trajectory: Trajectory) -> bytes:
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
+    if trajectory.system.support:
+        moved = trajectory.system.support.motion
+        blocks += [own(trajectory.times)[:, None] for own in (moved.displacement, moved.velocity, moved.acceleration)]
     rows = np.hstack([trajectory.times[:, None], *blocks])
     return as_csv(_header(trajectory), [columns(trajectory.system), *rows.tolist()])
 
@@ -199,6 +205,7 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     system = system_of(scene_from(header["scene"]))
     if names.split(",") != columns(system):
         raise ValueError
+    rows = rows[:, : len(rows[0]) - len(SUPPORT)] if system.support else rows
     size, width = len(rows), 3 if system.spatial else 1
     count = system.n_links * width
     shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)

@@ -112,6 +112,11 @@ def _scene(coupling: Coupling) -> Iterator[str]:
     )
     if coupling.on_cart:
         yield f"{what} from a cart of {short(dynamic.cart)} kg: {short(dynamic.at_rest)} kg [M = m_c + Σ m]."
+    elif scene.is_moved:
+        yield (
+            f"{what} from a support that moves as prescribed, whatever hangs from it: nothing couples pendula "
+            "[m_c = ∞], and each swings alone. All of this is about the support at rest."
+        )
     else:
         yield f"{what} from a fixed support. It does not move, so nothing couples pendula [m_c = ∞]: each swings alone."
     if coupling.on_cart and scene.n_pendula == 1:

@@ -35,6 +35,7 @@ from modal.types import Booleans, Floats, Ints
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
+AT_REST = "The support's motion is left out: the modes are those about a support at rest."
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 CHUNK = 400_000
 LIGHTLY = 0.1
@@ -182,6 +183,7 @@ class Modes(Sequence[Mode]):
             *[HOISTED] * self.scene.is_hoisted,
             *[GROWING] * grows,
             *[UNDRIVEN] * self.scene.is_driven,
+            *[AT_REST] * self.scene.is_moved,
             *[SELECTED] * self.selected,
         )
 

@@ -18,6 +18,7 @@ from unicodedata import category
 from modal import pair
 from modal.errors import SceneError
 from modal.scene.hoist import Hoist
+from modal.scene.motion import Moved
 from modal.scene.validation import (
     COUNT,
     NON_NEGATIVE,
@@ -235,7 +236,7 @@ class Scene(Part):
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: Fixed | Cart = field(any_kind(Fixed, Cart), default=Fixed())
+    support: Fixed | Cart | Moved = field(any_kind(Fixed, Cart, Moved), default=Fixed())
     damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
 
@@ -285,6 +286,16 @@ class Scene(Part):
         return self.replace(pendulum=pendula) if self.is_hoisted else self
 
     @property
+    def is_moved(self) -> bool:
+        """Whether the support moves as prescribed."""
+        return isinstance(self.support, Moved)
+
+    @property
+    def still(self) -> Scene:
+        """The same scene with its support at rest."""
+        return self.replace(support=Fixed()) if self.is_moved else self
+
+    @property
     def undriven(self) -> Scene:
         """The same scene without drives."""
         return self._with(drive=None) if self.is_driven else self
@@ -293,8 +304,8 @@ class Scene(Part):
     def conservative(self) -> Scene:
         """The same scene without drives and dampers."""
         still = self._with(drive=None, damping=0.0).replace(damping_ratio=0.0)
-        held = isinstance(self.support, Cart)
-        return still.replace(support=self.support.replace(damping=0.0)) if held else still
+        cart = self.support
+        return still.replace(support=cart.replace(damping=0.0)) if isinstance(cart, Cart) else still
 
     @property
     def in_plane(self) -> Scene:
@@ -337,6 +348,12 @@ def validate_scene(given: object) -> Scene:
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
+
+
+def refuse_motion(scene: Scene, what: str) -> None:
+    """SceneError where the support moves and `what`, the beginning of a sentence, needs it at rest."""
+    if scene.is_moved:
+        raise SceneError([f'support = "moved": {what} needs a support at rest; simulate follows a moved one'])
 
 
 def scene_from(data: object) -> Scene:

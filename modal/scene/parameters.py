@@ -42,6 +42,8 @@ UNITS = {
     "to": "m",
     "begin": "s",
     "duration": "s",
+    "amplitude": "m",
+    "phase_deg": "°",
 }
 CART_UNITS = {"damping": "N s/m", "stiffness": "N/m"}
 SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2"}

@@ -25,7 +25,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import Cart, Pendulum, Scene
+from modal.scene import Cart, Pendulum, Scene, refuse_motion
 from modal.symbolic.lagrange import Coordinate, coordinate
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart")
@@ -201,6 +201,7 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
 
     Raises SceneError above MOST_LINKS links.
     """
+    refuse_motion(scene, "a derivation")
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
     if scene.is_hoisted:

@@ -109,7 +109,7 @@ class Goal:
         """Whether the whole scene need not be integrated."""
         asked = self.request
         return asked.method == asked.form == "auto" and not (
-            asked.load or asked.events or asked.system.excites or asked.system.hoisting
+            asked.load or asked.events or asked.system.excites or asked.system.hoisting or asked.system.support
         )
 
 

@@ -40,7 +40,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
-from modal.scene import Scene
+from modal.scene import Scene, refuse_motion
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls
 from nonlinear.integration import Escaping, escaping
@@ -278,6 +278,7 @@ def average(scene: Scene, system: System | None = None) -> AveragedEquations:
         raise ComputationError("averaged equations know the dampers of the cart and the joints, not a damping_ratio")
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
+    refuse_motion(scene, "averaging")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)
     phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
     if len(phi.row) < scene.n_links + bool(system.cart and system.cart.stiffness):

@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 
 from modal.errors import ComputationError, SceneError
 from modal.report import visible
-from modal.scene import Escapement, Scene
+from modal.scene import Escapement, Scene, refuse_motion
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
@@ -215,6 +215,7 @@ def lyapunov_exponent(
     times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long enough. Raises SceneError
     for a scene in space or a duration that is too short.
     """
+    refuse_motion(scene, "a Lyapunov exponent")
     duration = usual_duration(scene) if duration is None else duration
     _check(scene, duration, SHORTEST / USUAL * usual_duration(scene), ensemble)
     require_constant_lengths(scene, "a Lyapunov exponent")

@@ -16,6 +16,7 @@ from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
 from nonlinear.dynamics.hoisting import Hoisted
+from nonlinear.dynamics.inertial import Inertial, applied, with_inertial_forces
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
@@ -34,6 +35,7 @@ __all__ = [
     "Hamiltonian",
     "Hoisted",
     "HoistedMaximal",
+    "Inertial",
     "Lanes",
     "Maximal",
     "Mechanics",
@@ -46,6 +48,7 @@ __all__ = [
     "SpatialRecursion",
     "Symmetry",
     "acting",
+    "applied",
     "children_without_interrupts",
     "exactly_symmetric",
     "find_symmetries",
@@ -55,4 +58,5 @@ __all__ = [
     "synchronous",
     "undisturbed",
     "vectors",
+    "with_inertial_forces",
 ]

@@ -28,10 +28,14 @@ REASON = "side by side with others of its form"
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that go together; None for those in space, with escapements and with damping ratios."""
+    """Equal for scenes that go together.
+
+    None for those in space, with escapements, with damping ratios and on moved supports.
+    """
     if (
         scene.space == "space"
         or scene.has_modal_damping
+        or scene.is_moved
         or any(isinstance(link.drive, Escapement) for link in scene.links())
     ):
         return None

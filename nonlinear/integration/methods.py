@@ -21,6 +21,7 @@ from nonlinear.dynamics import (
     Symmetry,
     loses_digits,
     undisturbed,
+    with_inertial_forces,
 )
 from nonlinear.integration.costs import WRITTEN, costs
 from nonlinear.integration.steppers import EXPLICIT, SCIPY, SMALLEST
@@ -66,7 +67,7 @@ def choose(
     `system` is what is integrated, where that is less than the whole scene.
     """
     system = system or system_of(scene)
-    space = system.spatial
+    space, driven = system.spatial, driven or system.support is not None
     problems = [] if method in METHODS else [f"method {method}: must be one of {', '.join(METHODS)}"]
     if form not in FORMS:
         problems.append(f"form {form}: must be one of {', '.join(FORMS)}")
@@ -79,7 +80,8 @@ def choose(
     if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
         problems.append(f"form maximal: cannot tell the ends of a link {least:.1g} times as long as the longest apart")
     if method == "taylor" and (space or form not in {"auto", "minimal"} or driven):
-        problems.append("method taylor: runs plane scenes in minimal coordinates without applied forces")
+        more = ", and this support moves" if system.support else ""
+        problems.append(f"method taylor: runs plane scenes in minimal coordinates without applied forces{more}")
     form = form if form != "auto" else "spatial" if space else "minimal"
     if form in {"spatial", "maximal"} and method in SCIPY and method not in EXPLICIT:
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
@@ -118,6 +120,8 @@ def _unhoisted(system: System, method: str, form: str) -> Iterator[str]:
         yield "hoist: cannot be combined with a damping_ratio, which belongs to modes of constant lengths"
     if system.kicked:
         yield "hoist: cannot be combined with the kicks of escapements"
+    if system.support is not None:
+        yield "hoist: cannot be combined with a moved support: put the pendula on a cart or on a fixed one"
 
 
 def _automatic(
@@ -182,6 +186,7 @@ def equations_of(
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
+    load = with_inertial_forces(system, load)
     if system.hoisting is not None:
         from nonlinear.dynamics import Hoisted, HoistedMaximal
 

@@ -12,8 +12,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics import Generated, HoistedMaximal, Minimal, Reduced, Symmetry, find_symmetries
-from nonlinear.integration.arguments import extent
+from nonlinear.dynamics import Generated, HoistedMaximal, Minimal, Reduced, Symmetry, applied, find_symmetries
+from nonlinear.integration.arguments import extent, shaken
 from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
@@ -76,7 +76,7 @@ class Prepared:
             reduced=equations.words if isinstance(equations, Reduced) else "",
         )
         motion, events = equations.read(record.rows), tuple(record.happenings)
-        driven = equations.load is not None
+        driven = applied(equations.load) is not None
         return Trajectory(
             self.scene,
             equations.system,
@@ -137,7 +137,8 @@ class Request:
     def smaller(self) -> tuple[Symmetry, ...]:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
-        return () if self.load or self.system.kicked else find_symmetries(self.system, self.start, planar=flat)
+        alone = not (self.load or self.system.kicked or self.system.support)
+        return () if not alone else find_symmetries(self.system, self.start, planar=flat)
 
     @property
     def integrated(self) -> System:
@@ -146,7 +147,9 @@ class Request:
 
     @cached_property
     def size(self) -> float:
-        """The size of the motion, at most 1; 1 where something drives it."""
+        """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
+        if self.system.support and not self.load:
+            return shaken(self.start, self.system, self.times)
         return 1.0 if self.load else extent(self.start, self.system)
 
     @property

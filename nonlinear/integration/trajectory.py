@@ -65,7 +65,9 @@ class Trajectory:
     @cached_property
     def mechanics(self) -> Mechanics:
         """Positions, energies and momenta."""
-        return Mechanics(self.system, self.motion, self.times)
+        support = self.system.support
+        moved = support.displacements(self.times, 3 if self.system.spatial else 2) if support else None
+        return Mechanics(self.system, self.motion, self.times, moved)
 
     def at(self, rows: Any) -> Trajectory:
         """The trajectory at some of its times: a slice, indices or a mask."""

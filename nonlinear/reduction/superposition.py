@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
-from modal.scene import Fixed, Scene
+from modal.scene import Fixed, Scene, refuse_motion
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
@@ -143,6 +143,7 @@ def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide.
     """
     require_constant_lengths(scene, "motion in closed form")
+    refuse_motion(scene, "a sum of free modes")
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
     if scene.has_modal_damping:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import radians
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,8 +24,11 @@ from modal.assembly import (
     modal_dampers,
     rig_of,
 )
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.scene import Escapement, Moved, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from nonlinear.system.support import MovingSupport
 
 NONE = (0.0, 0.0, 0.0, 0.0)
 
@@ -152,7 +155,8 @@ class System:
     """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
-    `hoisting` the lengths that change in time, of which the groups hold the first.
+    `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
+    that moves as prescribed, in whose frame the scene is then described.
     """
 
     gravity: float
@@ -162,6 +166,7 @@ class System:
     labels: tuple[str, ...]
     modal_damping: Floats | None = None
     hoisting: Hoisting | None = None
+    support: MovingSupport | None = None
 
     @cached_property
     def n_links(self) -> int:
@@ -241,7 +246,7 @@ class System:
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites or self.hoisting is not None
+        return self.dissipates or self.excites or self.hoisting is not None or self.support is not None
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
@@ -274,4 +279,12 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, modal, hoisting)
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, modal, hoisting, _support(scene))
+
+
+def _support(scene: Scene) -> MovingSupport | None:
+    if not isinstance(scene.support, Moved):
+        return None
+    from nonlinear.system.support import moving_support
+
+    return moving_support(scene.support)

@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
-from modal.scene import Scene
+from modal.scene import Scene, refuse_motion
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
@@ -96,6 +96,7 @@ def check(
     reason; after Ctrl-C, so are those not done.
     """
     require_constant_lengths(scene, "a check of modes")
+    refuse_motion(scene, "the check of modes")
     if scene.has_modal_damping and scene.space == "space":
         raise SceneError(['damping_ratio: acts on the rates of angles, which space has not: set space = "plane"'])
     given, scene = scene, scene.undriven
