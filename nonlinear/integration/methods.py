@@ -13,12 +13,14 @@ from modal.scene import Scene
 from nonlinear.dynamics import (
     Body,
     Dense,
+    Frictional,
     Generated,
     Minimal,
     Recursion,
     Reduced,
     Small,
     Symmetry,
+    contacts_of,
     loses_digits,
     undisturbed,
 )
@@ -74,6 +76,11 @@ def choose(
         problems.append(f"form {form}: works in the plane only, and this scene is in space")
     elif not space and form == "spatial":
         problems.append("form spatial: works in space only, and this scene is in the plane")
+    if system.rubs and form not in {"auto", "minimal"}:
+        problems.append(f"form {form}: cannot take dry friction, which sticks and slips; minimal can")
+    if method == "taylor" and (system.rubs or system.dragged):
+        what = "dry friction" if system.rubs else "drag"
+        problems.append(f"method taylor: has no series for {what}; {', '.join(SCIPY)} take it")
     if system.kicked and form not in {"auto", "minimal"}:
         problems.append(f"form {form}: cannot take the kicks of escapements; minimal can")
     if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
@@ -85,7 +92,8 @@ def choose(
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
         raise SceneError(problems)
-    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not driven else {}
+    plain = driven or system.rubs or system.dragged
+    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not plain else {}
     if method == "auto":
         method, why = _automatic(
             scene, system, duration, tolerance, form, seconds if tolerance * size >= TIGHTEST else {}
@@ -158,6 +166,8 @@ def equations_of(
     system: System, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()
 ) -> Equations:
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
+    if system.rubs:
+        return Frictional(_free(system, load), contacts_of(system))
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if choice.form == "spatial":
@@ -178,6 +188,11 @@ def equations_of(
             from nonlinear.dynamics.compiled import Compiled
 
             return Compiled(system)
+    return _free(system, load)
+
+
+def _free(system: System, load: Load | None) -> Minimal:
+    """The equations in minimal coordinates in the plane, without dry friction."""
     if load is None and system.n_links <= WRITTEN:
         return Generated(system)
     if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):
