@@ -360,6 +360,16 @@ def validate_scene(given: object) -> Scene:
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
 
 
+def unsupported(scene: Scene, why: str, *names: str) -> list[str]:
+    """One problem for each of these features that a scene has: "friction", "drag", "quadratic_drag"."""
+    has = {
+        "friction": scene.has_friction,
+        "drag": any(link.drag > 0 for link in scene.links()),
+        "quadratic_drag": any(link.quadratic_drag > 0 for link in scene.links()),
+    }
+    return [f"{name}: {why}" for name in names if has[name]]
+
+
 def scene_from(data: object) -> Scene:
     """The scene described by nested mappings, as in a scene file; SceneError lists every mistake."""
     return Scene.model_validate(data)
