@@ -19,6 +19,8 @@ from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.steppers import Stepper, Sweeper
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
+BESIDE = 1e-6
+"""Fraction of a step before a change of friction within which an event that was found there is the same."""
 SILENT = 1e-9
 """An event's value that starts below this fraction of its value after the first step starts at zero: no crossing."""
 
@@ -151,8 +153,11 @@ class Drive:
             self.friction.passed(self.stepper, before, now)
         if self.friction and change:
             if not record.stopped:
-                record.last = now, self.friction.changed(change, y)
-                self.stepper.restart(record.last[1], now)
+                changed = self.friction.changed(change, y)
+                known = {one.name for one in record.happenings if one.time > now - BESIDE * (now - before)}
+                _first_stop(record, (one for one in self._jumps(now, y, changed) if one[0].name not in known))
+                record.last = now, changed
+                self.stepper.restart(changed, now)
         elif self.escapements and kick:
             if not record.stopped:
                 kicked = self.escapements.kicked(kick, y)
