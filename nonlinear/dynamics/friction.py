@@ -14,7 +14,7 @@ On the rail the limit may be μ|N|, N = N₀ + nᵀτ being the reaction of the 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from math import inf
@@ -102,6 +102,8 @@ def friction_of(a: Floats, G: Floats, limit: Floats, sign: Floats) -> Floats:
     """The friction τ (J,) where contacts with a `sign` slide and all others stick."""
     stuck = sign == 0
     tau = -sign * np.where(stuck, 0.0, limit)
+    if len(a) == 1 and stuck[0]:
+        return np.array([-a[0] / G[0, 0]])
     if stuck.any():
         tau[stuck] = np.linalg.solve(G[np.ix_(stuck, stuck)], -(a + G @ tau)[stuck])
     return tau
@@ -120,17 +122,26 @@ class Rubbing:
 class Frictional:
     """The equations `free` with dry friction: contacts slide the way `sign` (J,) says, 0 sticking, until it is changed.
 
-    `placed` (J,) are the angles or the position of contacts at rest.  Events decide when the sign changes.
+    `placed` (J,) are the angles or the position of contacts at rest.  Events decide when the sign changes.  A load of
+    few links acts as the `pushed` one, through M⁻¹ like friction, others as that of the free equations.
     """
 
     free: Minimal
     contacts: Contacts
+    pushed: Load | None = None
     sign: Floats = field(init=False)
     placed: Floats = field(init=False)
 
     def __post_init__(self) -> None:
-        self.sign = np.zeros(len(self.contacts.below))
+        self.set_sign(np.zeros(len(self.contacts.below)))
         self.placed = self.sign.copy()
+
+    def set_sign(self, sign: Floats) -> None:
+        """Let the contacts slide or stick like this from now on."""
+        self.sign = sign
+        self._slides = np.asarray(sign != 0)
+        stuck = np.flatnonzero(sign == 0).tolist()
+        self._held = [(int(self.contacts.below[j]), int(self.contacts.above[j])) for j in stuck]
 
     @property
     def system(self) -> System:
@@ -140,7 +151,7 @@ class Frictional:
     @property
     def load(self) -> Load | None:
         """The external load."""
-        return self.free.load
+        return self.pushed or self.free.load
 
     @property
     def layout(self) -> Layout:
@@ -163,7 +174,7 @@ class Frictional:
     def sliding(self, rows: Floats) -> Floats:
         """The velocity γ' of every contact (..., J) in rows (..., size)."""
         half = self.layout.half
-        return self.contacts.relative(rows[..., half : 2 * half])
+        return np.asarray(rows[..., half : 2 * half] @ self._jacobian.T)
 
     def place(self, rows: Floats) -> Floats:
         """The angle or position γ of every contact (..., J)."""
@@ -176,20 +187,27 @@ class Frictional:
 
     def derivative(self, time: float, y: Any) -> Any:
         """The derivative y' (size,), sticking contacts having no relative acceleration."""
-        half, found = self.layout.half, self.free.derivative(time, y)
+        half, found = self.layout.half, self._unrubbed(time, y)
         response = self.response(y)
         rubbing = self._rubbing(y, found, response, self.sign)
         found[half : 2 * half] += response @ rubbing.tau
-        found[-1] += rubbing.tau @ (self.sliding(y) * (self.sign != 0))
-        for below, above in self._held():
+        found[-1] += rubbing.tau @ (self.sliding(y) * self._slides)
+        for below, above in self._held:
             for part in (found[:half], found[half : 2 * half]):
                 part[below] = part[above] if above >= 0 else 0.0
         return found
 
-    def _held(self) -> Iterator[tuple[int, int]]:
-        """The coordinates of every sticking contact, top down."""
-        for j in np.flatnonzero(self.sign == 0).tolist():
-            yield int(self.contacts.below[j]), int(self.contacts.above[j])
+    def _unrubbed(self, time: float, y: Floats) -> Floats:
+        """The derivative y' without friction."""
+        found: Floats = self.free.derivative(time, y)
+        if self.pushed:
+            half, first = self.layout.half, int(self.layout.on_cart)
+            push, p = self.pushed(time, self.layout.state(y)), np.zeros(half)
+            p[:first] = push.cart
+            p[first:] = 0.0 if push.moments is None else push.moments
+            found[half : 2 * half] += self._inverted(y, p[None])[:, 0]
+            found[-1] += p @ y[half : 2 * half]
+        return found
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """The same y without the rounding by which sticking contacts move."""
@@ -197,7 +215,7 @@ class Frictional:
             return y, 0.0
         found, half = y.copy(), self.layout.half
         stuck = self.placed[self.sign == 0].tolist()
-        for (below, above), placed in zip(self._held(), stuck, strict=True):
+        for (below, above), placed in zip(self._held, stuck, strict=True):
             found[below] = placed + (found[above] if above >= 0 else 0.0)
             found[half + below] = found[half + above] if above >= 0 else 0.0
         return found, 0.0
@@ -228,26 +246,29 @@ class Frictional:
 
     def response(self, y: Floats) -> Floats:
         """M⁻¹Jᵀ, (half, J)."""
+        return self._inverted(y, self._jacobian)
+
+    def _inverted(self, y: Floats, p: Floats) -> Floats:
+        """M⁻¹pᵀ, (half, K), of generalized forces p (K, half)."""
         links = y[int(self.layout.on_cart) : self.layout.half]
         if inverse := self._inverse:
             angles = links.tolist()
-            return np.array([inverse([*angles, *row]) for row in self._jacobian.tolist()]).T
-        count = len(self.sign)
-        return np.asarray(velocities(self.system, np.repeat(links[:, None], count, 1), self._jacobian.T))
+            return np.array([inverse([*angles, *row]) for row in p.tolist()]).T
+        return np.asarray(velocities(self.system, np.repeat(links[:, None], len(p), 1), p.T))
 
     def rubbing(self, time: float, y: Floats, sign: Floats | None = None) -> Rubbing:
         """Friction at one y, contacts sliding the way `sign` (J,) says (by default, the present one), 0 sticking."""
-        found = self.free.derivative(time, y)
+        found = self._unrubbed(time, y)
         return self._rubbing(y, found, self.response(y), self.sign if sign is None else sign)
 
     def settled(self, time: float, y: Floats, sign: Floats) -> Rubbing:
         """Friction at one y, where contacts of sign 0 are at rest and may begin to slide: its `sign` has the result."""
-        found, response = self.free.derivative(time, y), self.response(y)
+        found, response = self._unrubbed(time, y), self.response(y)
         return self._solved(y, found, response, sign, deciding=True)
 
     def release(self, time: float, y: Floats) -> None:
         """Set the state of every contact to what it is at this y."""
-        self.sign = self.settled(time, y, np.sign(self.sliding(y))).sign
+        self.set_sign(self.settled(time, y, np.sign(self.sliding(y))).sign)
         self.placed = self.place(y)
 
     def _rubbing(self, y: Floats, found: Floats, response: Floats, sign: Floats) -> Rubbing:
@@ -255,7 +276,7 @@ class Frictional:
 
     def _solved(self, y: Floats, found: Floats, response: Floats, sign: Floats, *, deciding: bool) -> Rubbing:
         half = self.layout.half
-        a, G = self.contacts.relative(found[half : 2 * half]), self._jacobian @ response
+        a, G = self._jacobian @ found[half : 2 * half], self._jacobian @ response
         if not self.contacts.coefficient:
             return _consistent(a, G, self.contacts.limit, sign, deciding)
         reaction = self._reaction(y, found[half : 2 * half], response)

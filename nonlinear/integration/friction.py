@@ -66,7 +66,10 @@ class StickSlip:
             return None
         looks = np.linspace(before, stepper.time, LOOKS + 1)
         rows = np.vstack((stepper.inside(looks[:-1]), stepper.y))
-        values = np.array([self._values(time, row) for time, row in zip(looks.tolist(), rows, strict=True)])
+        if self.equations.sign.all():
+            values = -self.equations.sign * self.equations.sliding(rows)
+        else:
+            values = np.array([self._values(time, row) for time, row in zip(looks.tolist(), rows, strict=True)])
         fresh = self._changed >= before
         for k, (start, end) in enumerate(pairwise(looks.tolist())):
             low, high = values[k], values[k + 1]
@@ -178,7 +181,7 @@ class StickSlip:
         begun = (found == 0) & np.isnan(self._since)
         self._since[begun] = time
         self._changed[begun | (before != found)] = time
-        equations.sign = found
+        equations.set_sign(found)
         equations.placed = np.where(begun, equations.place(y), equations.placed)
         if equations.at_rest and equations.load is None:
             self.rest = time

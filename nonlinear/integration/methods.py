@@ -36,6 +36,7 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
+SEPARATE = 8  # links up to which a load acts apart from equations with dry friction
 FEWEST = 24  # links of a scene up to which it is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
@@ -167,7 +168,8 @@ def equations_of(
 ) -> Equations:
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
     if system.rubs:
-        return Frictional(_free(system, load), contacts_of(system))
+        few = system.n_links <= SEPARATE
+        return Frictional(_free(system, None if few else load), contacts_of(system), load if few else None)
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if choice.form == "spatial":

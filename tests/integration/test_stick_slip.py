@@ -113,12 +113,12 @@ def test_small_swings_lose_the_same_angle_each_time() -> None:
 # --------------------------------------------------------------------------------------------- forced: Den Hartog
 
 
-def forced(beta: float, friction: float, periods: int) -> Trajectory:
+def forced(beta: float, friction: float, periods: int, tolerance: float = 1e-9) -> Trajectory:
     """m = k = 1, P cos βt with P = 1, sampled 200 times a period, from rest."""
     times = np.linspace(0.0, 2 * pi / beta * periods, 200 * periods + 1)
     scene = block(stiffness=1.0, friction=friction)
     push = lambda time, state: AppliedForces(cos(beta * time))  # noqa: E731
-    return simulate(scene, times[-1], start=begun(), load=push, tolerance=1e-10, output=times)
+    return simulate(scene, times[-1], start=begun(), load=push, tolerance=tolerance, output=times)
 
 
 def den_hartog(beta: float, friction: float) -> tuple[float, float]:
@@ -131,22 +131,22 @@ def den_hartog(beta: float, friction: float) -> tuple[float, float]:
 @pytest.mark.parametrize("beta", [0.7, 1.4])
 def test_amplitude_and_boundary_of_den_hartog(beta: float) -> None:
     _, boundary = den_hartog(beta, 0.0)
-    sliding = forced(beta, 0.9 * boundary, 60)
-    assert np.abs(sliding.motion.cart[-400:]).max() == pytest.approx(den_hartog(beta, 0.9 * boundary)[0], rel=2e-4)
+    sliding = forced(beta, 0.9 * boundary, 40)
+    assert np.abs(sliding.motion.cart[-400:]).max() == pytest.approx(den_hartog(beta, 0.9 * boundary)[0], rel=3e-4)
     late = sliding.friction.end > sliding.times[-1] * 0.8
     assert not late.any()
-    stopping = forced(beta, 1.1 * boundary, 30)
-    assert np.count_nonzero(stopping.friction.begin > stopping.times[-1] * 0.8) >= 8
+    stopping = forced(beta, 1.1 * boundary, 20)
+    assert np.count_nonzero(stopping.friction.begin > stopping.times[-1] * 0.8) >= 6
 
 
 @pytest.mark.slow
 def test_hamel_slow_forcing_sticks_and_jumps_without_drift() -> None:
-    found = forced(0.1, 0.8, 20)
+    found = forced(0.1, 0.8, 8, 1e-11)
     phases = found.friction
     late = phases.begin > found.times[-1] / 2
-    assert np.count_nonzero(late) > 18
+    assert np.count_nonzero(late) > 7
     period = 2 * pi / 0.1
-    early, after = found.motion.cart[200 * 10 : 200 * 11], found.motion.cart[200 * 19 : 200 * 20]
+    early, after = found.motion.cart[200 * 4 : 200 * 5], found.motion.cart[200 * 7 : 200 * 8]
     assert after == pytest.approx(early, abs=1e-7)
     assert phases.begin[-1] < found.times[-1] < phases.begin[-1] + period
     assert found.energy_drift() < 1e-9
@@ -192,19 +192,24 @@ def test_books_close_and_what_sticks_is_at_rest(name: str) -> None:
         assert len(found.kicks.time) > 10
 
 
-LONG = 9.0
+LONG = 2.5
+ROUGH = scene_of(
+    bob(friction=0.5),
+    bob(friction=0.8, mass=0.7),
+    angles=(60.0, -40.0),
+    support={"kind": "cart", "mass": 1.0, "friction": 3.0},
+)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["joints", "rail and joint"])
-def test_it_is_the_limit_of_smooth_laws(name: str) -> None:
+def test_it_is_the_limit_of_smooth_laws() -> None:
     """τ = −M tanh(γ'/ε) creeps by O(ε): halving ε halves the distance."""
-    scene = MANY[name]
+    scene = ROUGH
     limits = [link.friction for link in scene.links()]
     rail = scene.support.friction if isinstance(scene.support, Cart) else 0.0
     times = np.linspace(0.0, LONG, 51)
     exact = simulate(scene, LONG, output=times, tolerance=1e-11)
-    assert len(exact.friction.link) > 0
+    assert len(exact.friction.link) > 1
 
     def smooth(width: float) -> np.ndarray:
         def load(time: float, state: State) -> AppliedForces:
@@ -214,10 +219,9 @@ def test_it_is_the_limit_of_smooth_laws(name: str) -> None:
         bare = scene.frictionless
         return simulate(bare, LONG, output=times, load=load, method="Radau", tolerance=1e-8).motion.links
 
-    distances = [float(np.abs(smooth(width) - exact.motion.links).max()) for width in (4e-3, 2e-3, 1e-3)]
-    assert distances[-1] < 5e-3
-    assert distances[0] / distances[1] == pytest.approx(2.0, abs=0.4)
-    assert distances[1] / distances[2] == pytest.approx(2.0, abs=0.4)
+    distances = [float(np.abs(smooth(width) - exact.motion.links).max()) for width in (2e-3, 1e-3)]
+    assert distances[-1] < 3e-3
+    assert distances[0] / distances[1] == pytest.approx(2.0, abs=0.2)
 
 
 def test_friction_on_the_rail_is_the_coefficient_times_its_reaction() -> None:
@@ -283,8 +287,8 @@ def test_who_cannot_take_friction_says_so() -> None:
 
 @pytest.mark.slow
 def test_hundreds_of_phases_do_not_drift() -> None:
-    found = forced(0.5, 0.9, 200)
-    assert len(found.friction.link) > 390
-    cart = found.motion.cart.reshape(-1)[:-1].reshape(200, 200)
-    assert cart[-1] == pytest.approx(cart[100], abs=1e-7)
-    assert found.energy_drift() < 1e-9
+    found = forced(0.5, 0.9, 80)
+    assert len(found.friction.link) > 150
+    cart = found.motion.cart.reshape(-1)[:-1].reshape(80, 200)
+    assert cart[-1] == pytest.approx(cart[40], abs=1e-7)
+    assert found.energy_drift() < 1e-7
