@@ -142,8 +142,6 @@ LINEAR = scene_of(
 STANDING = scene_of(
     {"links": [bob(drag=0.3), bob(drag=0.2, stiffness=90.0)], "equilibrium": ["down", "up"]}, support=CART
 )
-    {"links": [bob(drag=0.3), bob(drag=0.2, stiffness=90.0)], "equilibrium": ["down", "up"]}, support=CART
-)
 
 
 @pytest.mark.parametrize("scene", [LINEAR, STANDING], ids=["hanging", "standing"])
