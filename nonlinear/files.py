@@ -22,6 +22,7 @@ from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
+from nonlinear.dynamics import links_of_contacts
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import NO_FRICTION, NO_KICKS, EventRecord, Friction, Kicks, Motion, State, System, system_of
@@ -112,6 +113,7 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
+    rubbed = header.pop("friction", None)
     require_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
     if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
         raise ValueError
@@ -125,7 +127,9 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
         raise ValueError
     events = tuple(_happening(event, shape[1:]) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
-    friction = _friction(header, system.n_links) if system.rubs else NO_FRICTION
+    if system.rubs != (rubbed is not None):
+        raise ValueError
+    friction = _friction(rubbed, system) if system.rubs else NO_FRICTION
     run = _run(header["run"], system, scene)
     return Trajectory(scene, system, times, motion, run, events, kicks, friction, driven=header["driven"])
 
@@ -159,14 +163,14 @@ def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
     return Kicks(link=link, **{name: finite_array(found[name], size) for name in ("time", "impulse", "energy")})
 
 
-def _friction(header: dict[str, Any], n_links: int) -> Friction:
-    require_keys(header, "friction")
-    found = header["friction"]
+def _friction(found: dict[str, Any], system: System) -> Friction:
     require_keys(found, *NO_FRICTION._fields)
     link, places = (
-        np.array([own if own == -1 else index(own, n_links) for own in found[name]], dtype=np.int64)
+        np.array([index(own + 1, system.n_links + 1) - 1 for own in found[name]], dtype=np.int64)
         for name in ("link", "places")
     )
+    if not np.array_equal(places, links_of_contacts(system)) or not np.all(np.isin(link, places)):
+        raise ValueError
     begin, end = (finite_array(found[name], len(link)) for name in ("begin", "end"))
     work = finite_array(found["work"], len(places))
     rest = nan if found["rest"] is None else float(finite_array([found["rest"]], 1)[0])

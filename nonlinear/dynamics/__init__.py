@@ -12,7 +12,7 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
-from nonlinear.dynamics.friction import Frictional, contacts_of
+from nonlinear.dynamics.friction import Frictional, contacts_of, links_of_contacts
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
@@ -49,6 +49,7 @@ __all__ = [
     "exactly_symmetric",
     "find_symmetries",
     "is_unstable_equilibrium",
+    "links_of_contacts",
     "loses_digits",
     "symmetrize",
     "synchronous",

@@ -292,3 +292,16 @@ def test_hundreds_of_phases_do_not_drift() -> None:
     cart = found.motion.cart.reshape(-1)[:-1].reshape(80, 200)
     assert cart[-1] == pytest.approx(cart[40], abs=1e-7)
     assert found.energy_drift() < 1e-7
+
+
+@pytest.mark.parametrize("kind", ["npz", "csv"])
+def test_files_keep_what_friction_did(tmp_path: Any, kind: str) -> None:
+    from nonlinear import files
+
+    path = tmp_path / f"run.{kind}"
+    for scene in (MANY["joints"], scene_of(bob(friction=1.0), angles=(5.0,))):
+        found = simulate(scene, 15.0, output=31)
+        files.save(found, path)
+        read = files.load(path)
+        assert repr(read.friction) == repr(found.friction)
+        assert resume(read, 1.0).final.links == pytest.approx(found.final.links)
