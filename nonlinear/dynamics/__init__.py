@@ -12,7 +12,7 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
-from nonlinear.dynamics.friction import Frictional, contacts_of, links_of_contacts
+from nonlinear.dynamics.friction import Contacts, Frictional, contacts_of, links_of_contacts
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
@@ -27,6 +27,7 @@ from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, 
 __all__ = [
     "Banded",
     "Body",
+    "Contacts",
     "Dense",
     "Elimination",
     "Frictional",

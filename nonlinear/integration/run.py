@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from nonlinear.dynamics.compiled import Compiled
 
 FIRST = 0.1  # longest first step of SciPy's methods over sqrt(l/g)
-LOOKED = 0.5  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
+LOOKED = 1.0  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
 HASTE = 1e6  # phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run
 NEAR_ZERO = 0.1  # fraction of the motion's size to which the tolerance is relative where a quantity passes zero
 

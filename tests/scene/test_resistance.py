@@ -105,12 +105,14 @@ def test_who_has_no_place_for_them_says_so(scene: Scene) -> None:
         simulate(scene, 1.0, method="taylor")
 
 
-def test_closed_forms_and_averages_refuse_dry_friction() -> None:
+def test_closed_forms_and_averages_refuse_what_they_cannot_take() -> None:
     for scene in (RUBBING, AIRY):
         with pytest.raises(ComputationError, match="simulate the scene instead"):
             superpose(scene, initial_state(scene), corrected=False)
-    with pytest.raises(ComputationError, match="never sticks"):
-        average(RUBBING)
+    with pytest.raises(ComputationError, match="when a cart sticks"):
+        average(scene_from(data({"friction": 0.1})))
+    with pytest.raises(ComputationError, match="quadratic_drag: has no exact mean"):
+        average(AIRY)
     with pytest.raises(SceneError, match="few modes"):
         simulate_truncated(RUBBING, 1.0, modes=1)
 
