@@ -43,9 +43,8 @@ def main() -> None:
     lengths = (found.friction.end - found.friction.begin)[2 * SETTLED : -2]
     changes = 2 * len(found.friction.link)
     print(f"{changes} changes of state in {spent:.0f} s, {1e3 * spent / changes:.2f} ms each, {found.run.steps} steps")
-    print(
-        f"last period against period {SETTLED}: {np.abs(cart[-1] - cart[SETTLED]).max():.1e} m of {np.ptp(cart[-1]):.3g} m"
-    )
+    apart = float(np.abs(cart[-1] - cart[SETTLED]).max())
+    print(f"last period against period {SETTLED}: {apart:.1e} m of {np.ptp(cart[-1]):.3g} m")
     print(f"energy: drift {found.energy_drift():.1e}; phases: {lengths.mean():.9f} s, spread {np.ptp(lengths):.1e} s")
 
 

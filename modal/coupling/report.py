@@ -487,6 +487,11 @@ def _unsaid(coupling: Coupling) -> Iterator[str]:
             "family then wins depends on both, and on the amplitude. What is said of damping and of a drive here holds "
             "at small angles."
         )
+    if coupling.on_cart and any(link.drag for link in coupling.scene.links()):
+        yield (
+            "The exchange of energy counts the drag of pendula on a cart at rest, to first order: what it does to the "
+            "cart, and through the cart to others, is in the damped modes alone."
+        )
     yield (
         "All frequencies are those of small angles. The table, whose numbers the modes have here, says how far each "
         "can be trusted."

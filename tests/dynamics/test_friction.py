@@ -9,10 +9,10 @@ import pytest
 
 from modal.errors import ComputationError
 from modal.scene import scene_from
-from nonlinear.dynamics import Frictional, Mechanics, Minimal, Recursion, contacts_of
+from nonlinear.dynamics import Frictional, Mechanics, Minimal, Recursion, Small, contacts_of
 from nonlinear.dynamics.friction import Contacts, _on_rail, hold
 from nonlinear.integration import Choice, equations_of
-from nonlinear.system import State, system_of
+from nonlinear.system import AppliedForces, State, system_of
 
 
 def every_state(a: np.ndarray, G: np.ndarray, limit: np.ndarray) -> list[np.ndarray]:
@@ -93,3 +93,22 @@ def test_written_out_and_by_the_recursion_it_is_the_same() -> None:
     assert isinstance(written, Frictional)
     written.release(0.0, y)
     assert written.derivative(0.0, y) == pytest.approx(long.derivative(0.0, y), rel=1e-9, abs=1e-9)
+
+
+def test_a_load_acts_alike_apart_and_within() -> None:
+    links = [{"kind": "rod", "mass": 1.0, "length": 0.5, "friction": 0.1, "count": 3}]
+    support = {"kind": "cart", "mass": 1.0, "friction": 0.2}
+    system = system_of(scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": links}]}))
+
+    def load(time: float, state: State) -> AppliedForces:
+        return AppliedForces(0.3 + state.cart, np.array([0.1, -0.2, 0.3]) * time)
+
+    apart = equations_of(system, Choice("minimal", "DOP853", False, ""), load)
+    within = Frictional(Small(system, load=load), contacts_of(system))
+    assert isinstance(apart, Frictional)
+    assert apart.pushed
+    rng = np.random.default_rng(8)
+    y = within.begin(State(rng.normal(size=3), rng.normal(size=3), 0.4, -0.3))
+    for equations in (apart, within):
+        equations.release(2.0, y)
+    assert apart.derivative(2.0, y) == pytest.approx(within.derivative(2.0, y), rel=1e-9)
