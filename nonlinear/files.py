@@ -13,7 +13,7 @@ import os
 import warnings
 from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
-from math import isnan
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,10 @@ from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
+from nonlinear.dynamics import links_of_contacts
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
-from nonlinear.system import NO_KICKS, EventRecord, Kicks, Motion, State, System, system_of
+from nonlinear.system import NO_FRICTION, NO_KICKS, EventRecord, Friction, Kicks, Motion, State, System, system_of
 
 KINDS = ("npz", "csv")
 HEADER = "header"
@@ -102,6 +103,9 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         {"name": e.name, "time_s": e.time, **{part: np.asarray(getattr(e.state, part)).tolist() for part in PARTS[:4]}}
         for e in trajectory.happenings
     ]
+    rubbed = {"friction": {name: np.asarray(part).tolist() for name, part in trajectory.friction._asdict().items()}}
+    if isnan(trajectory.friction.rest):
+        rubbed["friction"]["rest"] = None
     return {
         "multipendula_trajectory": VERSION,
         "scene": describe(trajectory.scene),
@@ -109,10 +113,12 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         "driven": trajectory.driven,
         "events": events,
         "kicks": {name: part.tolist() for name, part in trajectory.kicks._asdict().items()},
+        **(rubbed if trajectory.system.rubs else {}),
     }
 
 
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
+    rubbed = header.pop("friction", None)
     require_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
     if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
         raise ValueError
@@ -126,7 +132,11 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
         raise ValueError
     events = tuple(_happening(event, shape[1:]) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
-    return Trajectory(scene, system, times, motion, _run(header["run"], system, scene), events, kicks, header["driven"])
+    if system.rubs != (rubbed is not None):
+        raise ValueError
+    friction = _friction(rubbed, system) if system.rubs else NO_FRICTION
+    run = _run(header["run"], system, scene)
+    return Trajectory(scene, system, times, motion, run, events, kicks, friction, driven=header["driven"])
 
 
 def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
@@ -156,6 +166,20 @@ def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
     if len(link) != size:
         raise ValueError
     return Kicks(link=link, **{name: finite_array(found[name], size) for name in ("time", "impulse", "energy")})
+
+
+def _friction(found: dict[str, Any], system: System) -> Friction:
+    require_keys(found, *NO_FRICTION._fields)
+    link, places = (
+        np.array([index(own + 1, system.n_links + 1) - 1 for own in found[name]], dtype=np.int64)
+        for name in ("link", "places")
+    )
+    if not np.array_equal(places, links_of_contacts(system)) or not np.all(np.isin(link, places)):
+        raise ValueError
+    begin, end = (finite_array(found[name], len(link)) for name in ("begin", "end"))
+    work = finite_array(found["work"], len(places))
+    rest = nan if found["rest"] is None else float(finite_array([found["rest"]], 1)[0])
+    return Friction(link, begin, end, places, work, rest)
 
 
 # ---------------------------------------------------------------------------------------------------------- NPZ

@@ -29,6 +29,7 @@ from modal.scene.model import (
     describe,
     refuse_motion,
     scene_from,
+    unsupported,
     validate_scene,
 )
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
@@ -63,6 +64,7 @@ __all__ = [
     "parse",
     "refuse_motion",
     "scene_from",
+    "unsupported",
     "validate_scene",
     "whole_file",
 ]

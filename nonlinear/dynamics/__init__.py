@@ -12,6 +12,7 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
+from nonlinear.dynamics.friction import Contacts, Frictional, contacts_of, links_of_contacts
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
@@ -29,8 +30,10 @@ from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, 
 __all__ = [
     "Banded",
     "Body",
+    "Contacts",
     "Dense",
     "Elimination",
+    "Frictional",
     "Generated",
     "Hamiltonian",
     "Hoisted",
@@ -50,9 +53,11 @@ __all__ = [
     "acting",
     "applied",
     "children_without_interrupts",
+    "contacts_of",
     "exactly_symmetric",
     "find_symmetries",
     "is_unstable_equilibrium",
+    "links_of_contacts",
     "loses_digits",
     "symmetrize",
     "synchronous",

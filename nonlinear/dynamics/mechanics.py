@@ -19,6 +19,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.joints import spring_energy
 from nonlinear.system import Group, Motion, System
 
@@ -210,7 +211,8 @@ class Mechanics:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
         `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d), `support` (T, d) is the
-        acceleration of a moved support: Newton's second law for the link and all below it.
+        acceleration of a moved support: Newton's second law for the link and all below it, on which their drag acts
+        as well.
         """
         u, w = self.vectors
         bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
@@ -218,6 +220,8 @@ class Mechanics:
             bodily += support[:, None]
         bodily[..., -1] -= self.system.gravity
         needed = self.system.mass[:, None] * bodily
+        if self.system.dragged:
+            needed -= forces_of(self.system, self.speeds)
         for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]
