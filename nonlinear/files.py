@@ -13,7 +13,7 @@ import os
 import warnings
 from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
-from math import isnan
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
@@ -23,9 +23,10 @@ from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
+from nonlinear.dynamics import links_of_contacts
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
-from nonlinear.system import NO_KICKS, EventRecord, Kicks, Motion, State, System, system_of
+from nonlinear.system import NO_FRICTION, NO_KICKS, EventRecord, Friction, Kicks, Motion, State, System, system_of
 
 KINDS = ("npz", "csv")
 HEADER = "header"
@@ -34,6 +35,8 @@ VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 TIMES = "times_s"
 AXES = ("x", "y", "z")
+SUPPORT = ("support_m", "support_dot_m_per_s", "support_ddot_m_per_s2")
+"""Columns of a moved support, in its direction: along the rail, or upwards; computed when the file is written."""
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
@@ -120,6 +123,9 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         {"name": e.name, "time_s": e.time, **{part: np.asarray(getattr(e.state, part)).tolist() for part in PARTS[:4]}}
         for e in trajectory.happenings
     ]
+    rubbed = {"friction": {name: np.asarray(part).tolist() for name, part in trajectory.friction._asdict().items()}}
+    if isnan(trajectory.friction.rest):
+        rubbed["friction"]["rest"] = None
     return {
         "multipendula_trajectory": VERSION,
         "scene": describe(trajectory.scene),
@@ -127,10 +133,12 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         "driven": trajectory.driven,
         "events": events,
         "kicks": {name: part.tolist() for name, part in trajectory.kicks._asdict().items()},
+        **(rubbed if trajectory.system.rubs else {}),
     }
 
 
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
+    rubbed = header.pop("friction", None)
     require_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
     if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
         raise ValueError
@@ -144,7 +152,11 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
         raise ValueError
     events = tuple(_happening(event, shape[1:]) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
-    return Trajectory(scene, system, times, motion, _run(header["run"], system, scene), events, kicks, header["driven"])
+    if system.rubs != (rubbed is not None):
+        raise ValueError
+    friction = _friction(rubbed, system) if system.rubs else NO_FRICTION
+    run = _run(header["run"], system, scene)
+    return Trajectory(scene, system, times, motion, run, events, kicks, friction, driven=header["driven"])
 
 
 def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
@@ -176,6 +188,20 @@ def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
     return Kicks(link=link, **{name: finite_array(found[name], size) for name in ("time", "impulse", "energy")})
 
 
+def _friction(found: dict[str, Any], system: System) -> Friction:
+    require_keys(found, *NO_FRICTION._fields)
+    link, places = (
+        np.array([index(own + 1, system.n_links + 1) - 1 for own in found[name]], dtype=np.int64)
+        for name in ("link", "places")
+    )
+    if not np.array_equal(places, links_of_contacts(system)) or not np.all(np.isin(link, places)):
+        raise ValueError
+    begin, end = (finite_array(found[name], len(link)) for name in ("begin", "end"))
+    work = finite_array(found["work"], len(places))
+    rest = nan if found["rest"] is None else float(finite_array([found["rest"]], 1)[0])
+    return Friction(link, begin, end, places, work, rest)
+
+
 # ---------------------------------------------------------------------------------------------------------- NPZ
 
 
@@ -193,7 +219,7 @@ def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
 
 
 def columns(system: System) -> list[str]:
-    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work."""
+    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moved support."""
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels if label != "x"]
     if system.spatial:
         links = [f"u{axis}_{place}" for place in places for axis in AXES]
@@ -201,12 +227,16 @@ def columns(system: System) -> list[str]:
     else:
         links = [f"theta_{place}_rad" for place in places]
         rates = [f"theta_dot_{place}_rad_per_s" for place in places]
-    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J"]
+    support = SUPPORT if system.support else ()
+    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J", *support]
 
 
 def _csv(trajectory: Trajectory) -> bytes:
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
+    if trajectory.system.support:
+        moved = trajectory.system.support.motion
+        blocks += [own(trajectory.times)[:, None] for own in (moved.displacement, moved.velocity, moved.acceleration)]
     rows = np.hstack([trajectory.times[:, None], *blocks])
     return as_csv(_header(trajectory), [columns(trajectory.system), *rows.tolist()])
 
@@ -219,6 +249,7 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     system = system_of(scene_from(header["scene"]))
     if names.split(",") != columns(system):
         raise ValueError
+    rows = rows[:, : len(rows[0]) - len(SUPPORT)] if system.support else rows
     size, width = len(rows), 3 if system.spatial else 1
     count = system.n_links * width
     shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)

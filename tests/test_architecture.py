@@ -22,6 +22,7 @@ HEAVY = {
         "modal.statespace.hoisting",
         "modal.statespace.sampling",
         "modal.statespace.transfer",
+        "modal.vibration",
         "modal.exports.matlab",
         "modal.exports.objects",
         "nonlinear",

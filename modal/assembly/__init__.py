@@ -9,7 +9,7 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.dense import Columns, assembled, dampers
+from modal.assembly.dense import Columns, assembled, centres, dampers, drag_of
 from modal.assembly.hoisting import Hoisting, Hoists, hoisting_of, matrices_along, matrices_at, require_constant_lengths
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
@@ -30,8 +30,10 @@ __all__ = [
     "Units",
     "assembled",
     "can_stack",
+    "centres",
     "coordinate_labels",
     "dampers",
+    "drag_of",
     "frequencies",
     "hoisting_of",
     "masses_below",

@@ -40,7 +40,30 @@ def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
         _add_joints(D[own, own], block.damping[:, column])
     if cart:
         D[0, 0] = cart.damping
+    if any(block.drag[:, column].any() for block, column in columns):
+        strength, rows = drag_of(columns, cart)
+        D += (rows.T * strength) @ rows
     return D
+
+
+def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]:
+    """The linear drag (N s/m) of every link with any, (R,), and the displacement of its centre, rows (R, size)."""
+    strength, rows = [], []
+    for block, column, own in _placed(columns, cart):
+        dragged = np.flatnonzero(block.drag[:, column])
+        moved = np.zeros((len(dragged), len(_zeros(columns, cart))))
+        moved[:, own] = centres(block, column)[dragged]
+        if cart:
+            moved[:, 0] = 1.0
+        strength.append(block.drag[dragged, column])
+        rows.append(moved)
+    return np.concatenate(strength), np.vstack(rows)
+
+
+def centres(block: Block, column: int) -> Floats:
+    """The displacement of the centre of every link along the rail by every angle of its chain, (n, n)."""
+    sigma, length = block.sigma[:, column], block.length[:, column]
+    return np.tril(np.tile(sigma * length, (block.n, 1)), -1) + np.diag(sigma * block.centre[:, column])
 
 
 def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:

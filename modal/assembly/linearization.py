@@ -1,12 +1,13 @@
 """M, K and D about a scene's equilibrium as dense matrices: for printing, small problems and reference results.
 
     M = [[M_tot, σ_i b_i], [σ_i b_i, σ_i σ_j A_ij]],   K = diag(k_c, g σ_i b_i) + torsion springs,
-    D = diag(c_c, 0) + joint dampers
+    D = diag(c_c, 0) + joint dampers + Σ_k drag_k h_k h_kᵀ
 
 over the coordinates x (on a cart), then the absolute angle of every link from equilibrium, pendulum by pendulum, top to
 bottom; σ_i is 1 for a hanging link and −1 for an inverted one.  A spring or damper at a joint acts on the
-difference of two neighbouring angles, the spring being relaxed at equilibrium.  A scene's `damping_ratio` adds
-D_modal (`modal.assembly.modal_damping`).
+difference of two neighbouring angles, the spring being relaxed at equilibrium.  The row h_k is the displacement of the
+centre of link k along the rail, (1, σ_1 l_1, …, σ_{k−1} l_{k−1}, σ_k c_k); in space h_k without the cart describes the
+motion across it.  A scene's `damping_ratio` adds D_modal (`modal.assembly.modal_damping`).
 """
 
 from __future__ import annotations

@@ -35,6 +35,9 @@ from modal.types import Booleans, Floats, Ints
 GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
 HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
+AT_REST = "The support's motion is left out: the modes are those about a support at rest."
+RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
+FAST_AIR = "Quadratic drag is left out: it dies out with the square of the speed."
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 CHUNK = 400_000
 LIGHTLY = 0.1
@@ -95,6 +98,18 @@ class ModalMatrix:
         """Some of the columns, by index or by a mask."""
         row, copy, across = (part[columns] for part in (self.row, self.copy, self.across))
         return ModalMatrix(self.shapes.T[columns].T, row, copy, across, self.M)
+
+
+def omitted(scene: Scene) -> tuple[str, ...]:
+    """What the linear model of a scene leaves out, a sentence each."""
+    quadratic = any(link.quadratic_drag for link in scene.links())
+    return (
+        *[HOISTED] * scene.is_hoisted,
+        *[UNDRIVEN] * scene.is_driven,
+        *[AT_REST] * scene.is_moved,
+        *[RUBBING] * scene.has_friction,
+        *[FAST_AIR] * quadratic,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,13 +199,7 @@ class Modes(Sequence[Mode]):
         with np.errstate(all="ignore"):
             found = notes(self._natural, self.spectrum.sources)
         grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
-        return (
-            *found,
-            *[HOISTED] * self.scene.is_hoisted,
-            *[GROWING] * grows,
-            *[UNDRIVEN] * self.scene.is_driven,
-            *[SELECTED] * self.selected,
-        )
+        return *found, *[GROWING] * grows, *omitted(self.scene), *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:

@@ -4,8 +4,9 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `files` reads and writes, `sealed` detects damaged files, `validation` checks every part and words
-the messages, `parameters` finds and varies numbers by path.
+Start with `model`; `motion` moves a support and `records` reads its records; `files` reads and writes scenes, `sealed`
+detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
+path.
 """
 
 from typing import TYPE_CHECKING
@@ -26,9 +27,12 @@ from modal.scene.model import (
     Scene,
     VanDerPol,
     describe,
+    refuse_motion,
     scene_from,
+    unsupported,
     validate_scene,
 )
+from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
 
 __all__ = [
     "STANDARD",
@@ -41,9 +45,15 @@ __all__ = [
     "Hoist",
     "InitialCondition",
     "LengthLaw",
+    "Moved",
     "Pendulum",
+    "RandomMotion",
+    "RecordMotion",
     "Rod",
     "Scene",
+    "SineMotion",
+    "SupportMotion",
+    "SweepMotion",
     "VanDerPol",
     "describe",
     "dump",
@@ -52,7 +62,9 @@ __all__ = [
     "kind_of",
     "load",
     "parse",
+    "refuse_motion",
     "scene_from",
+    "unsupported",
     "validate_scene",
     "whole_file",
 ]

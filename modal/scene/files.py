@@ -44,7 +44,7 @@ def load(source: str | os.PathLike[str]) -> Scene:
     """
     name = os.fspath(source)
     try:
-        return _beside(parse(_read(name)), Path(name).parent)
+        return _beside(parse(_read(name), Path(name).parent), Path(name).parent)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 
@@ -71,8 +71,8 @@ def _with_record(link: AnyLink, folder: Path) -> AnyLink:
     return link.replace(hoist=link.hoist.replace(file=str((folder / link.hoist.file).absolute())))
 
 
-def parse(text: bytes) -> Scene:
-    """The scene in a TOML document."""
+def parse(text: bytes, folder: Path = Path()) -> Scene:
+    """The scene in a TOML document; files that it names are relative to `folder`."""
     try:
         document = text.decode("utf-8-sig").replace("\r\n", "\n")
         for found in _DEEP.finditer(document):
@@ -85,6 +85,10 @@ def parse(text: bytes) -> Scene:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
+    if "motion" in document:
+        from modal.scene.records import with_files_read
+
+        return scene_from(with_files_read(data, folder))
     return scene_from(data)
 
 
@@ -126,7 +130,10 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of a scene file, for editors."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scene.model_json_schema()}
+    found = Scene.model_json_schema()
+    random = found["$defs"]["RandomMotion"]["properties"]
+    random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
 def example_names() -> list[str]:

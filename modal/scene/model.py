@@ -6,6 +6,8 @@ Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i alo
 about that centre.  All numbers are SI; angles in a scene file are degrees from the downward vertical.
 A drive sustains the swing of a clock or a metronome: it acts on the angle γ between a link and the one above, measured
 from equilibrium (at a top joint: from the vertical), and with opposite sign on the link above.
+Dry friction at a joint or on the rail opposes sliding with a constant torque or force, and holds what is at rest up to
+that limit.  Drag, −(drag + quadratic_drag |v|) v, acts at the centre of mass of a link against still air.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from unicodedata import category
 from modal import pair
 from modal.errors import SceneError
 from modal.scene.hoist import Hoist
+from modal.scene.motion import Moved
 from modal.scene.validation import (
     COUNT,
     NON_NEGATIVE,
@@ -70,22 +73,27 @@ Drive = VanDerPol | Escapement
 
 
 class Link(Part):
-    """Mass (kg) and length (m) of a link, and the damper (N m s/rad), spring (N m/rad) and drive at its upper joint.
+    """Mass (kg) and length (m) of a link, and what acts on it besides gravity.
 
-    `hoist` prescribes the length of a bob's rope from a time on, `length` being that before.
+    At its upper joint a damper (N m s/rad), a spring (N m/rad), dry `friction` (N m) and a drive; at its centre the
+    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `hoist` prescribes the length of a bob's rope from a
+    time on, `length` being that before.
     """
 
     mass: float = field(POSITIVE)
     length: float = field(POSITIVE)
     damping: float = field(NON_NEGATIVE, default=0.0)
     stiffness: float = field(NON_NEGATIVE, default=0.0)
+    friction: float = field(NON_NEGATIVE, default=0.0)
+    drag: float = field(NON_NEGATIVE, default=0.0)
+    quadratic_drag: float = field(NON_NEGATIVE, default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
     hoist: Hoist | None = field(optional(Hoist.schema()), default=None)
     count: int = field(COUNT, default=1)
 
     is_uniform: ClassVar[bool] = True
     """Whether the centre scales with the length and the inertia with mass times length²."""
-    extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness")
+    extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag")
 
     def heavier(self, factor: int) -> Self:
         """That many copies as one."""
@@ -245,7 +253,10 @@ class Fixed(Part):
 
 
 class Cart(Part):
-    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground.
+    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground, and dry friction.
+
+    Friction is either a force, `friction` (N), or `friction_coefficient` times the size of the rail's reaction: the
+    rail holds the cart from above and below.
 
     >>> from modal import Bob, Cart, Pendulum, Scene, natural_frequencies
     >>> scene = Scene(gravity=9.0, support=Cart(mass=1.0), pendulum=[Pendulum(links=[Bob(mass=3.0, length=1.0)])])
@@ -257,6 +268,18 @@ class Cart(Part):
     mass: float = field(NON_NEGATIVE)
     damping: float = field(NON_NEGATIVE, default=0.0)
     stiffness: float = field(NON_NEGATIVE, default=0.0)
+    friction: float = field(NON_NEGATIVE, default=0.0)
+    friction_coefficient: float = field(NON_NEGATIVE, default=0.0)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether dry friction acts on the rail."""
+        return self.friction > 0 or self.friction_coefficient > 0
+
+    def problems(self) -> Iterator[str]:
+        """Friction given twice."""
+        if self.friction and self.friction_coefficient:
+            yield f".friction_coefficient = {self.friction_coefficient!r}: cannot be combined with friction"
 
 
 def _one_line(title: str) -> str:
@@ -282,7 +305,7 @@ class Scene(Part):
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: Fixed | Cart = field(any_kind(Fixed, Cart), default=Fixed())
+    support: Fixed | Cart | Moved = field(any_kind(Fixed, Cart, Moved), default=Fixed())
     damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
 
@@ -298,7 +321,7 @@ class Scene(Part):
 
     @property
     def has_damping(self) -> bool:
-        """Whether anything in the scene dissipates energy."""
+        """Whether anything in the linearized scene dissipates energy."""
         return self.has_modal_damping or self.has_dampers
 
     @property
@@ -308,10 +331,36 @@ class Scene(Part):
 
     @property
     def has_dampers(self) -> bool:
-        """Whether the cart or any joint has a damper."""
+        """Whether the cart or any joint has a damper, or any link linear drag."""
         return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
-            link.damping > 0 for link in self.links()
+            link.damping > 0 or link.drag > 0 for link in self.links()
         )
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether there is dry friction at a joint or on the rail."""
+        on_rail = isinstance(self.support, Cart) and self.support.has_friction
+        return on_rail or any(link.friction > 0 for link in self.links())
+
+    @property
+    def has_drag(self) -> bool:
+        """Whether there is drag on any link, linear or quadratic."""
+        return any(link.drag > 0 or link.quadratic_drag > 0 for link in self.links())
+
+    @property
+    def frictionless(self) -> Scene:
+        """The same scene without dry friction."""
+        if not self.has_friction:
+            return self
+        still = self._with(friction=0.0)
+        rail = {"friction": 0.0, "friction_coefficient": 0.0}
+        return still.replace(support=self.support.replace(**rail)) if isinstance(self.support, Cart) else still
+
+    @property
+    def linearizable(self) -> Scene:
+        """The same scene without what its linear equations leave out: drives, dry friction and quadratic drag."""
+        scene = self.undriven.frictionless
+        return scene._with(quadratic_drag=0.0) if any(link.quadratic_drag for link in scene.links()) else scene
 
     @property
     def is_driven(self) -> bool:
@@ -332,16 +381,27 @@ class Scene(Part):
         return self.replace(pendulum=pendula) if self.is_hoisted else self
 
     @property
+    def is_moved(self) -> bool:
+        """Whether the support moves as prescribed."""
+        return isinstance(self.support, Moved)
+
+    @property
+    def still(self) -> Scene:
+        """The same scene with its support at rest."""
+        return self.replace(support=Fixed()) if self.is_moved else self
+
+    @property
     def undriven(self) -> Scene:
         """The same scene without drives."""
         return self._with(drive=None) if self.is_driven else self
 
     @property
     def conservative(self) -> Scene:
-        """The same scene without drives and dampers."""
-        still = self._with(drive=None, damping=0.0).replace(damping_ratio=0.0)
-        held = isinstance(self.support, Cart)
-        return still.replace(support=self.support.replace(damping=0.0)) if held else still
+        """The same scene without drives, dampers, dry friction and drag."""
+        loose = self._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
+        still, cart = loose.replace(damping_ratio=0.0), self.support
+        rail = {"damping": 0.0, "friction": 0.0, "friction_coefficient": 0.0}
+        return still.replace(support=cart.replace(**rail)) if isinstance(cart, Cart) else still
 
     @property
     def in_plane(self) -> Scene:
@@ -376,6 +436,33 @@ class Scene(Part):
             for at, link in enumerate(pendulum.links if self.space == "space" else ()):
                 if link.drive:
                     yield f'.pendulum[{index}].links[{at}].drive: needs space = "plane"'
+                if link.friction:
+                    yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
+        yield from self._rail_problems()
+        yield from self._drag_problems()
+
+    def _drag_problems(self) -> Iterator[str]:
+        """Drag acts against still air, which passes a moved support."""
+        for index, pendulum in enumerate(self.pendulum if self.is_moved else ()):
+            for at, link in enumerate(pendulum.links):
+                for name in ("drag", "quadratic_drag"):
+                    if value := getattr(link, name):
+                        where = f".pendulum[{index}].links[{at}].{name} = {value!r}"
+                        yield f"{where}: needs a fixed support or a cart: the air stands still, and this support moves"
+
+    def _rail_problems(self) -> Iterator[str]:
+        if not isinstance(self.support, Cart) or not self.support.has_friction:
+            return
+        name = "friction" if self.support.friction else "friction_coefficient"
+        at = f".support.{name} = {getattr(self.support, name)!r}"
+        if self.space == "space":
+            yield f'{at}: needs space = "plane"'
+        if self.support.friction_coefficient and self._kicks:
+            yield f"{at}: cannot be combined with escapements, whose kicks the rail would feel: give friction"
+
+    @property
+    def _kicks(self) -> bool:
+        return any(isinstance(link.drive, Escapement) for link in self.links())
 
 
 def validate_scene(given: object) -> Scene:
@@ -384,6 +471,22 @@ def validate_scene(given: object) -> Scene:
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
+
+
+def refuse_motion(scene: Scene, what: str) -> None:
+    """SceneError where the support moves and `what`, the beginning of a sentence, needs it at rest."""
+    if scene.is_moved:
+        raise SceneError([f'support = "moved": {what} needs a support at rest; simulate follows a moved one'])
+
+
+def unsupported(scene: Scene, why: str, *names: str) -> list[str]:
+    """One problem for each of these features that a scene has: "friction", "drag", "quadratic_drag"."""
+    has = {
+        "friction": scene.has_friction,
+        "drag": any(link.drag > 0 for link in scene.links()),
+        "quadratic_drag": any(link.quadratic_drag > 0 for link in scene.links()),
+    }
+    return [f"{name}: {why}" for name in names if has[name]]
 
 
 def scene_from(data: object) -> Scene:

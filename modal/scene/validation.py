@@ -338,7 +338,9 @@ def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     location = tuple(part for part in location if part not in (ONE, LIST))
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
-        behind = before[-1:] in {("support",), ("drive",)} or (before[:1] == ("links",) and isinstance(before[-1], int))
+        behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
+            before[:1] == ("links",) and isinstance(before[-1], int)
+        )
         added = part in TAGS and behind and not (is_key and position == len(location) - 1)
         if not added:
             parts.append(f"[{part}]" if isinstance(part, int) else f".{_key(part)}")

@@ -8,7 +8,8 @@ With φ as in `Modes.shape` (which separates equal and zero frequencies as well 
 
 (Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
 whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
-the fixed-base modes of the pendula.
+the fixed-base modes of the pendula.  So is a support whose acceleration or velocity is prescribed; the modes are then
+those of the scene.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from numpy.typing import NDArray
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
 from modal.statespace.model import StateSpace, fixed
-from modal.statespace.signals import DRIVES, Signal
+from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
 
 Numbers = NDArray[Any]
@@ -100,12 +101,15 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """The model of `modes.scene` decomposed into modes.
 
     Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
-    two modes coincide.
+    two modes coincide, or where drag couples them with the velocity of a cart whose acceleration is prescribed.
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
-    driven = any(signal.name in DRIVES for signal in model.inputs)
-    found = held(modes) if driven else modes
+    given = {signal.name for signal in model.inputs}
+    if "cart_acceleration" in given and any(link.drag for link in modes.scene.links()):
+        raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
+    found = held(modes) if given & DRIVES.keys() else modes
+    driven = bool(given & {*DRIVES, *SUPPORT} - {"support_displacement"})
     n, on_cart = len(model.A), int(found.on_cart)
     size = found.scene.n_links + on_cart
     if n - 2 * size not in ((1, 2) if driven else (0,)):

@@ -17,6 +17,7 @@ from multipendula.commands import (
     sweeps,
     synchronization,
     verification,
+    vibration,
 )
 
 __all__ = ["ABOUT", "COMMANDS", "FIRST"]
@@ -33,6 +34,7 @@ GROUPS = (
     ensembles,
     statespace,
     hoisting,
+    vibration,
     derivation,
 )
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)

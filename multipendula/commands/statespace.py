@@ -175,19 +175,22 @@ def _shaper_arguments(page: Page) -> None:
 def _add_signals(page: Page) -> None:
     """The groups of inputs and outputs of a model."""
     page.rephrase(r"^(input|output)(?=[ :])", r"--\1")
-    inputs = ("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces")
+    inputs = (
+        *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
+        *("support_displacement", "support_velocity", "support_acceleration"),
+    )
     outputs = (
         *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
-        *("joint_positions", "tip_positions", "pivot_forces"),
+        *("joint_positions", "tip_positions", "tip_accelerations", "pivot_forces"),
     )
     words = (
         "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces"
+        "support), link_forces; support_displacement, support_velocity or support_acceleration"
     )
     add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
     words = (
         "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
-        "tip_positions, pivot_forces"
+        "tip_positions, tip_accelerations, pivot_forces"
     )
     add_words(page.asked, "--output", outputs, metavar="WORDS", help=words)
 

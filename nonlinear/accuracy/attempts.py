@@ -108,9 +108,10 @@ class Goal:
     def free(self) -> bool:
         """Whether the whole scene need not be integrated."""
         asked = self.request
-        return asked.method == asked.form == "auto" and not (
-            asked.load or asked.events or asked.system.excites or asked.system.hoisting
-        )
+        system = asked.system
+        acted_on = asked.load or asked.events or system.excites or system.rubs or system.dragged
+        prescribed = system.hoisting or system.support
+        return asked.method == asked.form == "auto" and not (acted_on or prescribed)
 
 
 def in_closed_form(goal: Goal) -> Iterator[Found]:

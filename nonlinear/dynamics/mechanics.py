@@ -3,6 +3,9 @@
 Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.  Potential energy is
 measured from the scene's equilibrium, by σ − cos θ = 2 σ sin² ((θ − rest)/2) and, in space, σ − u·e_z =
 σ |u − σ e_z|²/2, with σ = 1 for a link that hangs there and −1 for an inverted one: small motions keep their digits.
+
+On a support that moves as prescribed positions are those in the laboratory; velocities, energies and momenta are those
+in the support's frame.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.joints import spring_energy
 from nonlinear.system import Group, Motion, System
 
@@ -56,11 +60,16 @@ def chained(
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """Quantities of T states, computed on demand; their `times` (T,) in s are needed where lengths change."""
+    """Quantities of T states, computed on demand.
+
+    Their `times` (T,) in s are needed where lengths change; `support` (T, d) are the places (m) of a moved support in
+    the laboratory.
+    """
 
     system: System
     motion: Motion
     times: Floats | None = None
+    support: Floats | None = None
 
     @cached_property
     def lengths(self) -> tuple[Floats, Floats, Floats] | None:
@@ -95,7 +104,10 @@ class Mechanics:
     @cached_property
     def _positions(self) -> tuple[Floats, Floats]:
         u = self.vectors[0]
-        return self._chained(self.motion.cart, u, lambda l, v, a: 0.0 * u)
+        ends, centres = self._chained(self.motion.cart, u, lambda l, v, a: 0.0 * u)
+        if self.support is not None:
+            ends, centres = (values + self.support[:, None] for values in (ends, centres))
+        return ends, centres
 
     @cached_property
     def speeds(self) -> Floats:
@@ -195,16 +207,21 @@ class Mechanics:
         own = (u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]) @ self.system.by_link("inertia")
         return np.asarray(orbital + own)
 
-    def pivot_forces(self, accelerations: tuple[Floats, Floats]) -> Floats:
+    def pivot_forces(self, accelerations: tuple[Floats, Floats], support: Floats | None = None) -> Floats:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
-        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d): Newton's second law for
-        the link and all below it.
+        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d), `support` (T, d) is the
+        acceleration of a moved support: Newton's second law for the link and all below it, on which their drag acts
+        as well.
         """
         u, w = self.vectors
         bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
+        if support is not None:
+            bodily += support[:, None]
         bodily[..., -1] -= self.system.gravity
         needed = self.system.mass[:, None] * bodily
+        if self.system.dragged:
+            needed -= forces_of(self.system, self.speeds)
         for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]

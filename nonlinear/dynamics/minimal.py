@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from modal.types import Floats, Ints
+from nonlinear.dynamics.drag import plane_drag
 from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
 from nonlinear.dynamics.recursion import downward, links_of, upward
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
@@ -71,8 +72,8 @@ class Suspended(ABC):
         found = np.empty_like(y)
         found[:half] = v
         drag = None if self.system.modal_damping is None else modal_drag(self.system, v)
-        own = None if drag is None else drag[first:]
-        mass, force, power, solved = self._pulls(self.bodies_at(time), q[first:], v[first:], push, own)
+        own, rate = None if drag is None else drag[first:], v[0] if cart else 0.0
+        mass, force, power, solved = self._pulls(self.bodies_at(time), q[first:], v[first:], push, own, rate)
         x2 = 0.0
         if cart:
             kept, working = cart_force(self.system, q[0], v[0])
@@ -90,8 +91,18 @@ class Suspended(ABC):
         """The solvers of the groups at a time (s)."""
         return self.bodies
 
+    @abstractmethod
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+        """Generalized forces of drag like those of `acting`, its force on the cart (N), and its power (W)."""
+
     def _pulls(
-        self, bodies: tuple[Body, ...], links: Any, rates: Any, push: AppliedForces, drag: Any | None
+        self,
+        bodies: tuple[Body, ...],
+        links: Any,
+        rates: Any,
+        push: AppliedForces,
+        drag: Any | None,
+        cart_rate: Any,
     ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
         given = None if push.moments is None else np.ravel(push.moments)
@@ -100,6 +111,9 @@ class Suspended(ABC):
             torques, work = self.acting(group, own, speed, None if given is None else given[place])
             if drag is not None:
                 torques, work = torques + drag[place], work + np.sum(drag[place] * speed, axis=(0, 1))
+            if group.dragged:
+                resisting, braking, lost = self.dragged(group, own, speed, cart_rate)
+                torques, force, work = torques + resisting, force - braking, work + lost
             one_mass, one_force, memory = body.pull(own, speed, torques, self.system.gravity)
             mass, force, power = mass + one_mass, force + one_force, power + work
             solved.append((place, body, memory))
@@ -161,3 +175,7 @@ class Minimal(Suspended):
             torques = hinges if torques is None else torques + hinges
             power = power + drained
         return np.zeros_like(links) if torques is None else torques, power
+
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+        """Torques (n, P, ...) on the absolute angles, the force on the cart, and the power."""
+        return plane_drag(group, links, rates, cart_rate)

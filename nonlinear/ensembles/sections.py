@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import as_csv, as_json, finite, titled
-from modal.scene import Scene, describe
+from modal.scene import Scene, describe, refuse_motion
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -75,11 +75,14 @@ def find_section(
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
     require_constant_lengths(scene, "a Poincaré section")
+    refuse_motion(scene, "a section")
     system = system_of(scene)
     text = at or f"{next(label for label in system.labels if label != 'x')}>0"
     section = section_of(f"section:{text}", system)
     if system.spatial or system.works:
-        raise SceneError(["a section needs motion in the plane without dampers and drives, which keeps its energy"])
+        raise SceneError(
+            ["a section needs motion in the plane without dampers, friction, drag and drives, which keeps its energy"]
+        )
     if energy is None:
         energy = energy_of(scene, initial_state(scene))
     starts = starts_at(scene, section, energy, orbits)

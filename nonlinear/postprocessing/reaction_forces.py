@@ -6,7 +6,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics import Reactions, vectors
+from nonlinear.dynamics import Frictional, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
 from nonlinear.system import Motion
 
@@ -19,7 +19,9 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     if trajectory.driven and trajectory.equations is None:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
     system, motion = trajectory.system, trajectory.motion
-    pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion))
+    support = system.support
+    pushed = support.accelerations(trajectory.times, 3 if system.spatial else 2) if support else None
+    pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion), pushed)
     tops = np.zeros(system.n_links, dtype=bool)
     tops[np.concatenate([group.index[0] for group in system.groups])] = True
     weight = system.cart.mass * system.gravity if system.cart else 0.0
@@ -32,7 +34,12 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floa
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if system.spatial else "minimal"
     equations = equations_of(system, Choice(form, "", compiled=False, reason=""), load)
-    rows = [equations.derivative(float(time), equations.begin(motion[at])) for at, time in enumerate(trajectory.times)]
+    rows = []
+    for at, time in enumerate(trajectory.times.tolist()):
+        y = equations.begin(motion[at])
+        if isinstance(equations, Frictional):
+            equations.release(time, y)
+        rows.append(equations.derivative(time, y))
     found = equations.read(np.array(rows))
     if system.spatial:
         return found.cart_rate, found.link_rates

@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.modes import Modes
-from modal.scene import Scene
+from modal.scene import Scene, refuse_motion, unsupported
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -219,12 +219,14 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
 
 
 def _validate(scene: Scene, modes: int | None, method: str) -> None:
+    refuse_motion(scene, "modal truncation")
     problems = [] if scene.space == "plane" else ["space: modal truncation is implemented in the plane only"]
     whole = isinstance(modes, Integral) and not isinstance(modes, bool)
     if modes is not None and not (whole and modes >= 1):
         problems.append(f"modes {modes!r}: must be a whole number from 1")
     if scene.is_driven:
         problems.append("drive: a scene with drives cannot be reduced to a few modes")
+    problems += unsupported(scene, "a scene with dry friction cannot be reduced to a few modes", "friction")
     if method not in SCIPY:
         problems.append(f"method {method}: must be one of {', '.join(SCIPY)}")
     if problems:

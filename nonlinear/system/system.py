@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from math import radians
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -24,8 +24,11 @@ from modal.assembly import (
     modal_dampers,
     rig_of,
 )
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from nonlinear.system.support import MovingSupport
 
 NONE = (0.0, 0.0, 0.0, 0.0)
 
@@ -84,17 +87,26 @@ def _numbers(drive: VanDerPol | Escapement | None) -> tuple[float, float, float,
     return drive.strength, drive.strength / angle**2, 0.0, 0.0
 
 
+def _each(pendula: Sequence[Pendulum], name: str) -> Floats | None:
+    """A number of every link, (n, P), of pendula with equally many links; None where all are 0."""
+    found = np.array([[getattr(link, name) for link in own.links for _ in range(link.count)] for own in pendula]).T
+    return np.ascontiguousarray(found) if found.any() else None
+
+
 @dataclass(frozen=True, eq=False)
 class Group:
     """P pendula of n links: their arrays (n, P), the position of every link in the file (n, P), their numbers (P,).
 
-    `excitation` is the drive of their joints, or None.
+    `excitation` is the drive of their joints, `friction` their dry friction (N m) and `quadratic_drag` (N s²/m²) that
+    of their links, both (n, P); each may be None.
     """
 
     block: Block
     index: Ints
     pendula: Ints
     excitation: Excitation | None = None
+    friction: Floats | None = None
+    quadratic_drag: Floats | None = None
 
     @property
     def n(self) -> int:
@@ -132,6 +144,11 @@ class Group:
         return bool(self.block.damping.any())
 
     @cached_property
+    def dragged(self) -> bool:
+        """Whether any link has drag."""
+        return self.quadratic_drag is not None or bool(self.block.drag.any())
+
+    @cached_property
     def excited(self) -> bool:
         """Whether any joint has a van der Pol torque."""
         return self.excitation is not None and self.excitation.steady
@@ -147,12 +164,20 @@ class Group:
         return self.sprung or self.damped or self.excited
 
 
+class Rail(NamedTuple):
+    """Dry friction on the rail: a force (N), or a coefficient of the rail's reaction."""
+
+    friction: float
+    coefficient: float
+
+
 @dataclass(frozen=True, eq=False)
 class System:
     """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
-    `hoisting` the lengths that change in time, of which the groups hold the first.
+    `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
+    that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail.
 
     >>> from modal import load
     >>> from nonlinear import system_of
@@ -168,6 +193,8 @@ class System:
     labels: tuple[str, ...]
     modal_damping: Floats | None = None
     hoisting: Hoisting | None = None
+    support: MovingSupport | None = None
+    rail: Rail | None = None
 
     @cached_property
     def n_links(self) -> int:
@@ -222,12 +249,19 @@ class System:
 
     @property
     def dissipates(self) -> bool:
-        """Whether there is any damper."""
-        return (
-            self.modal_damping is not None
-            or bool(self.cart and np.any(self.cart.damping))
-            or any(group.damped for group in self.groups)
-        )
+        """Whether there is any damper, drag or dry friction."""
+        damped = bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
+        return self.modal_damping is not None or damped or self.dragged or self.rubs
+
+    @property
+    def dragged(self) -> bool:
+        """Whether any link has drag."""
+        return any(group.dragged for group in self.groups)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is dry friction at a joint or on the rail."""
+        return self.rail is not None or any(group.friction is not None for group in self.groups)
 
     @property
     def excites(self) -> bool:
@@ -247,7 +281,7 @@ class System:
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites or self.hoisting is not None
+        return self.dissipates or self.excites or self.hoisting is not None or self.support is not None
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
@@ -282,8 +316,27 @@ def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
     for number, block in enumerate(rig.blocks):
         pendula = np.flatnonzero(hung[:, 0] == number)
         index = first[pendula] + np.arange(block.n)[:, None]
-        excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
-        groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
+        own = [hanging[one] for one in pendula]
+        excitation = excitation_of(own) if scene.is_driven else None
+        friction = _each(own, "friction") if scene.has_friction else None
+        drag = _each(own, "quadratic_drag") if scene.has_drag else None
+        groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation, friction, drag))
     modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
     labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, modal, hoisting)
+    prescribed = modal, hoisting, _support(scene), _rail(scene)
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed)
+
+
+def _support(scene: Scene) -> MovingSupport | None:
+    if not isinstance(scene.support, Moved):
+        return None
+    from nonlinear.system.support import moving_support
+
+    return moving_support(scene.support)
+
+
+def _rail(scene: Scene) -> Rail | None:
+    support = scene.support
+    if not (isinstance(support, Cart) and support.has_friction):
+        return None
+    return Rail(support.friction, support.friction_coefficient)

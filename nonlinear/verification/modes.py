@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
-from modal.scene import Scene
+from modal.scene import Scene, refuse_motion
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
@@ -91,14 +91,16 @@ def check(
 ) -> Check:
     """Check the modes with these indices (from 0; by default all) at these largest angles over this many periods.
 
-    For a scene in space, the modes along the rail are used; drives are ignored.  `method` is that of `simulate`;
+    For a scene in space, the modes along the rail are used; drives, dry
+    friction and quadratic drag are ignored.  `method` is that of `simulate`;
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
     require_constant_lengths(scene, "a check of modes")
+    refuse_motion(scene, "the check of modes")
     if scene.has_modal_damping and scene.space == "space":
         raise SceneError(['damping_ratio: acts on the rates of angles, which space has not: set space = "plane"'])
-    given, scene = scene, scene.undriven
+    given, scene = scene, scene.linearizable
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}

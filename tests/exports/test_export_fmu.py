@@ -85,7 +85,7 @@ def test_fmpy_finds_no_problem(scene: str, dt: float, tmp_path: Path) -> None:
         assert [v.unit for v in by_role[role]] == [s.unit.replace(" ", ".").replace("^", "") for s in signals]
     assert [v.valueReference for v in found.modelVariables] == list(range(len(found.modelVariables)))
     assert found.coSimulation.canHandleVariableCommunicationStepSize is (dt == 0)
-    assert found.defaultExperiment.stepSize == repr(DT)
+    assert float(found.defaultExperiment.stepSize) == DT
     through = [[names(model.inputs).index(v.name) for v in unknown.dependencies] for unknown in found.outputs]
     assert through == [list(np.flatnonzero(row)) for row in model.D]
 

@@ -53,7 +53,10 @@ def test_every_extra_is_tested() -> None:
 
 
 def test_every_requirement_has_a_lowest_version() -> None:
-    listed = [*METADATA["dependencies"], *(one for extra in METADATA["optional-dependencies"].values() for one in extra)]
+    listed = [
+        *METADATA["dependencies"],
+        *(one for extra in METADATA["optional-dependencies"].values() for one in extra),
+    ]
     assert [one for one in listed if ">=" not in one] == []
 
 
@@ -110,7 +113,9 @@ def without_example(package: object) -> set[str]:
     public = {name: getattr(package, name) for name in package.__all__}  # type: ignore[attr-defined]
     documented = {name: thing for name, thing in public.items() if isinstance(thing, FunctionType | type)}
     assert documented
-    return {name for name, thing in documented.items() if ">>> " not in (vars(thing).get("__doc__") or thing.__doc__ or "")}
+    return {
+        name for name, thing in documented.items() if ">>> " not in (vars(thing).get("__doc__") or thing.__doc__ or "")
+    }
 
 
 @pytest.mark.parametrize("package", [modal, nonlinear], ids=["modal", "nonlinear"])
@@ -153,8 +158,14 @@ def missing(page: str, folder: Path) -> list[str]:
 
 def rows(page: str) -> list[list[str]]:
     """The rows of a page's tables, without heads."""
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("|")]
-    return [row for k, row in enumerate(cells) if not re.match(r":?-", row[0]) and not re.match(r":?-", (cells + [[""]])[k + 1][0])]
+    cells = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("|")
+    ]
+    return [
+        row
+        for k, row in enumerate(cells)
+        if not re.match(r":?-", row[0]) and not re.match(r":?-", (cells + [[""]])[k + 1][0])
+    ]
 
 
 def test_every_claim_has_its_proof_and_the_proof_is_there() -> None:
