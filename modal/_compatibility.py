@@ -25,7 +25,7 @@ NAMESAKE = (
 OVERWRITTEN = (
     "the package 'modal' in {place} is not multipendula's, or not whole: the Modal cloud client, whose distribution is "
     "called 'modal' too, was installed over it or removed with files of it; give each its own virtual environment, or "
-    "mend this one: pip uninstall modal, then install multipendula again with pip's --force-reinstall --no-deps"
+    "mend this one: pip uninstall modal multipendula, then install multipendula again"
 )
 
 MOVED = {
@@ -289,9 +289,10 @@ def warn_about_namesake(search: Iterable[str] | None = None) -> None:
 
 
 def require_own_package(package: ModuleType) -> None:
-    """ImportError with the way out unless `modal` is multipendula's, which imports this module while it begins."""
-    begins = getattr(package.__spec__, "_initializing", False)
-    if not (begins or "natural_modes" in getattr(package, "__all__", ())):
+    """ImportError with the way out unless the source of `modal` is multipendula's."""
+    spec = package.__spec__
+    read = getattr(spec and spec.loader, "get_data", None)
+    if not (spec and spec.origin and read and b"natural_modes" in read(spec.origin)):
         raise ImportError(OVERWRITTEN.format(place=next(iter(package.__path__), "")))
 
 

@@ -4,10 +4,10 @@ import sys
 from importlib.util import find_spec
 
 NAMESAKE = (
-    "multipendula: the package 'modal' is not multipendula's, or not whole: the Modal cloud client, whose distribution is "
-    "called 'modal' too, was installed over it or removed with files of it\n"
-    "multipendula: give each its own virtual environment, or mend this one: pip uninstall modal, then install "
-    "multipendula again with pip's --force-reinstall --no-deps\n"
+    "multipendula: the package 'modal' is not multipendula's, or not whole: the Modal cloud client, whose distribution "
+    "is called 'modal' too, was installed over it or removed with files of it\n"
+    "multipendula: give each its own virtual environment, or mend this one: "
+    "pip uninstall modal multipendula, then install multipendula again\n"
 )
 
 

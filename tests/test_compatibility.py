@@ -1,8 +1,11 @@
 """Others that bear the import names: another distribution, and what version 0.1.0 called things."""
 
+import shutil
+import subprocess
+import sys
 import warnings
 from importlib import import_module
-from importlib.util import find_spec
+from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -25,6 +28,57 @@ def test_others_are_not(tmp_path: Path, folder: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warn_about_namesake([str(tmp_path), str(tmp_path / "nowhere")])
+
+
+ROOT = Path(__file__).parent.parent
+COPIED = ("modal/_compatibility.py", "nonlinear/__init__.py", "multipendula/__init__.py", "multipendula/__main__.py")
+
+
+def run_beside(folder: Path, *arguments: str) -> tuple[int, str]:
+    """Exit code and messages of Python where the packages of a folder come first."""
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=folder,
+        env={"PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    return done.returncode, done.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "client", ["class App: ...", "import a_package_that_is_missing", None], ids=["runs", "fails", "gone"]
+)
+def test_an_overwritten_package_is_told_with_the_way_out(tmp_path: Path, client: str | None) -> None:
+    """The client installed last, with and without what it needs, and removed again."""
+    for name in COPIED:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(ROOT / name, tmp_path / name)
+    if client is not None:
+        (tmp_path / "modal" / "__init__.py").write_text(client)
+    code, said = run_beside(tmp_path, "-m", "multipendula", "table", "chain-1")
+    assert code == 1
+    assert "pip uninstall modal multipendula" in said
+    assert "Traceback" not in said
+    if client != "import a_package_that_is_missing":
+        code, said = run_beside(tmp_path, "-c", "import nonlinear")
+        assert code == 1
+        assert "ImportError: the package 'modal' in" in said
+        assert "pip uninstall modal multipendula" in said
+
+
+def test_a_build_for_an_environment_with_the_client_is_refused(tmp_path: Path) -> None:
+    pytest.importorskip("hatchling")
+    spec = spec_from_file_location("hatch_build", ROOT / ".ci" / "hatch_build.py")
+    assert spec
+    assert spec.loader
+    hook = module_from_spec(spec)
+    spec.loader.exec_module(hook)
+    assert hook.namesake(str(tmp_path)) is None
+    (tmp_path / "modal-1.2.dist-info").mkdir()
+    assert hook.namesake(str(tmp_path / "nowhere"), str(tmp_path)) == str(tmp_path)
 
 
 DOCUMENTED = """

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy.linalg
+from scenes import decimal_scene, mild_scene
 
 from modal import load, natural_modes
 from modal.assembly import matrices
@@ -22,7 +23,6 @@ from nonlinear.reduction import superpose
 from nonlinear.simulation import simulate
 from nonlinear.system import State, system_of
 from nonlinear.verification import check
-from scenes import decimal_scene, mild_scene
 
 
 def quadratic(scene: Scene) -> np.ndarray:

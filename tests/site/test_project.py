@@ -1,4 +1,4 @@
-"""What a stranger relies on: versions, requirements and names that stand in several files, examples, proofs of claims."""
+"""What a stranger relies on: versions and requirements that stand in several files, examples, proofs of claims."""
 
 from __future__ import annotations
 
@@ -157,14 +157,9 @@ def missing(page: str, folder: Path) -> list[str]:
 
 
 def rows(page: str) -> list[list[str]]:
-    """The rows of a page's tables, without heads."""
-    cells = [
-        [cell.strip() for cell in line.strip("|").split("|")] for line in page.splitlines() if line.startswith("|")
-    ]
+    """The rows of a page's tables of two columns."""
     return [
-        row
-        for k, row in enumerate(cells)
-        if not re.match(r":?-", row[0]) and not re.match(r":?-", (cells + [[""]])[k + 1][0])
+        [claim.strip(), proof.strip()] for claim, proof in re.findall(r"^\| ([^|]+) \| ([^|]+) \|$", page, flags=re.M)
     ]
 
 
@@ -177,7 +172,8 @@ def test_every_claim_has_its_proof_and_the_proof_is_there() -> None:
 
 
 def test_a_proof_that_is_not_there_is_missed() -> None:
-    page = "[`tests/site/test_project.py`](../../tests/site/test_project.py): `test_nothing`, [`tests/gone.py`](../../tests/gone.py)"
+    here, gone = "tests/site/test_project.py", "tests/gone.py"
+    page = f"[`{here}`](../../{here}): `test_nothing`, `test_every_extra_is_tested`; [`{gone}`](../../{gone})"
     assert missing(page, KNOWN.parent) == ["test_nothing", "tests/gone.py"]
 
 
