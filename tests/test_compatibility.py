@@ -35,9 +35,9 @@ COPIED = ("modal/_compatibility.py", "nonlinear/__init__.py", "multipendula/__in
 
 
 def run_beside(folder: Path, *arguments: str) -> tuple[int, str]:
-    """Exit code and messages of Python where the packages of a folder come first."""
+    """Exit code and messages of Python that finds the packages of a folder and no others."""
     done = subprocess.run(
-        [sys.executable, *arguments],
+        [sys.executable, "-S", *arguments],
         cwd=folder,
         env={"PYTHONPATH": str(folder)},
         capture_output=True,
