@@ -166,7 +166,7 @@ def test_every_claim_has_its_proof_and_the_proof_is_there() -> None:
     assert missing(page, KNOWN.parent) == []
     claims = rows(page)
     assert len(claims) >= 25
-    assert [claim for claim, proof in claims if not PROOF.search(proof) and "](" not in proof] == []
+    assert [claim for claim, proof in claims if "](" not in proof and "no test holds it" not in proof] == []
 
 
 def test_a_proof_that_is_not_there_is_missed() -> None:
