@@ -38,11 +38,14 @@ class Body(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Suspended(ABC):
-    """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work."""
+    """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work.
+
+    A load is a function of time and state, or does not change.
+    """
 
     system: System
     bodies: tuple[Body, ...]
-    load: Load | None = None
+    load: Load | AppliedForces | None = None
     counts_work: bool = True
 
     width: ClassVar[int]
@@ -67,7 +70,7 @@ class Suspended(ABC):
         layout, cart = self.layout, self.system.cart
         first, half = int(layout.on_cart), layout.half
         q, v = y[:half], y[half : 2 * half]
-        push = self.load(time, layout.state(y)) if self.load else NOTHING
+        push = self._applied(time, y)
         found = np.empty_like(y)
         found[:half] = v
         mass, force, power, solved = self._pulls(q[first:], v[first:], push)
@@ -83,6 +86,11 @@ class Suspended(ABC):
         if layout.works:
             found[-1] = power
         return found
+
+    def _applied(self, time: float, y: Any) -> AppliedForces:
+        if isinstance(self.load, AppliedForces):
+            return self.load
+        return self.load(time, self.layout.state(y)) if self.load else NOTHING
 
     def _pulls(self, links: Any, rates: Any, push: AppliedForces) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
