@@ -13,7 +13,7 @@ import os
 import warnings
 from collections.abc import Iterable
 from dataclasses import asdict, fields, replace
-from math import isnan
+from math import isnan, nan
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
-from nonlinear.system import NO_KICKS, EventRecord, Kicks, Motion, State, System, system_of
+from nonlinear.system import NO_FRICTION, NO_KICKS, EventRecord, Friction, Kicks, Motion, State, System, system_of
 
 KINDS = ("npz", "csv")
 HEADER = "header"
@@ -97,6 +97,9 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         {"name": e.name, "time_s": e.time, **{part: np.asarray(getattr(e.state, part)).tolist() for part in PARTS[:4]}}
         for e in trajectory.happenings
     ]
+    rubbed = {"friction": {name: np.asarray(part).tolist() for name, part in trajectory.friction._asdict().items()}}
+    if isnan(trajectory.friction.rest):
+        rubbed["friction"]["rest"] = None
     return {
         "multipendula_trajectory": VERSION,
         "scene": describe(trajectory.scene),
@@ -104,6 +107,7 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
         "driven": trajectory.driven,
         "events": events,
         "kicks": {name: part.tolist() for name, part in trajectory.kicks._asdict().items()},
+        **(rubbed if trajectory.system.rubs else {}),
     }
 
 
@@ -121,7 +125,9 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
         raise ValueError
     events = tuple(_happening(event, shape[1:]) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
-    return Trajectory(scene, system, times, motion, _run(header["run"], system, scene), events, kicks, header["driven"])
+    friction = _friction(header, system.n_links) if system.rubs else NO_FRICTION
+    run = _run(header["run"], system, scene)
+    return Trajectory(scene, system, times, motion, run, events, kicks, friction, driven=header["driven"])
 
 
 def _run(found: dict[str, Any], system: System, scene: Scene) -> SolverInfo:
@@ -151,6 +157,20 @@ def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
     if len(link) != size:
         raise ValueError
     return Kicks(link=link, **{name: finite_array(found[name], size) for name in ("time", "impulse", "energy")})
+
+
+def _friction(header: dict[str, Any], n_links: int) -> Friction:
+    require_keys(header, "friction")
+    found = header["friction"]
+    require_keys(found, *NO_FRICTION._fields)
+    link, places = (
+        np.array([own if own == -1 else index(own, n_links) for own in found[name]], dtype=np.int64)
+        for name in ("link", "places")
+    )
+    begin, end = (finite_array(found[name], len(link)) for name in ("begin", "end"))
+    work = finite_array(found["work"], len(places))
+    rest = nan if found["rest"] is None else float(finite_array([found["rest"]], 1)[0])
+    return Friction(link, begin, end, places, work, rest)
 
 
 # ---------------------------------------------------------------------------------------------------------- NPZ

@@ -9,7 +9,17 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.linearization import Columns, Matrices, assembled, coordinate_labels, dampers, matrices, matrices_of
+from modal.assembly.linearization import (
+    Columns,
+    Matrices,
+    assembled,
+    centres,
+    coordinate_labels,
+    dampers,
+    drag_of,
+    matrices,
+    matrices_of,
+)
 from modal.assembly.stacks import Group, Stack, can_stack, stacked
 
 __all__ = [
@@ -24,8 +34,10 @@ __all__ = [
     "Units",
     "assembled",
     "can_stack",
+    "centres",
     "coordinate_labels",
     "dampers",
+    "drag_of",
     "masses_below",
     "matrices",
     "matrices_of",

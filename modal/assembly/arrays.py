@@ -20,7 +20,7 @@ from modal import pair
 from modal.scene import Cart, Pendulum, Scene, validate_scene
 from modal.types import Booleans, Floats, Ints
 
-ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "sigma")
+ARRAYS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "drag", "sigma")
 ONE = np.zeros(1, dtype=np.int64)
 
 
@@ -37,6 +37,7 @@ class Block:
     inertia: Floats
     damping: Floats
     stiffness: Floats
+    drag: Floats
     sigma: Floats
     count: Ints
 
@@ -52,9 +53,14 @@ class Block:
 
     @cached_property
     def is_plain(self) -> Booleans:
-        """Which chains (P,) have neither joint springs nor dampers nor inverted links."""
-        broken = (self.damping > 0) | (self.stiffness > 0) | (self.sigma < 0)
+        """Which chains (P,) have neither joint springs nor dampers nor drag nor inverted links."""
+        broken = (self.damping > 0) | (self.stiffness > 0) | (self.drag > 0) | (self.sigma < 0)
         return np.asarray(~broken.any(0), dtype=np.bool_)
+
+    @cached_property
+    def is_damped(self) -> bool:
+        """Whether there are dampers or drag."""
+        return bool(self.damping.any() or self.drag.any())
 
     @cached_property
     def below(self) -> Floats:
@@ -82,10 +88,10 @@ class Block:
         return Block(**arrays, count=np.ones(len(columns), dtype=np.int64))
 
     def heavier(self, factor: Floats | Ints) -> Block:
-        """Chain p with factor[p] times the mass, dampers and springs: that many equal copies moving as one."""
+        """Chain p with factor[p] times the mass, dampers, springs and drag: that many equal copies moving as one."""
         if (factor == 1).all():
             return self
-        extensive = ("mass", "inertia", "damping", "stiffness")
+        extensive = ("mass", "inertia", "damping", "stiffness", "drag")
         return replace(self, **{name: getattr(self, name) * factor for name in extensive})
 
 
@@ -130,6 +136,11 @@ class Rig:
         hanging = sum(float(np.sum(block.mass.sum(0) * block.count)) for block in self.blocks)
         return hanging + (self.cart.mass if self.cart else 0.0)
 
+    @property
+    def is_damped(self) -> bool:
+        """Whether there are dampers or drag."""
+        return bool(self.cart and self.cart.damping > 0) or any(block.is_damped for block in self.blocks)
+
     @cached_property
     def n_kinds(self) -> int:
         """Number of different chains."""
@@ -165,6 +176,7 @@ class Rig:
                 inertia=block.inertia / moment,
                 damping=block.damping / (moment * units.rate),
                 stiffness=block.stiffness / (spring * units.length),
+                drag=block.drag / (units.mass * units.rate),
             )
             for block in self.blocks
         )

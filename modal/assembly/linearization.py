@@ -1,11 +1,13 @@
 """M, K and D about a scene's equilibrium as dense matrices: for printing, small problems and reference results.
 
     M = [[M_tot, σ_i b_i], [σ_i b_i, σ_i σ_j A_ij]],   K = diag(k_c, g σ_i b_i) + torsion springs,
-    D = diag(c_c, 0) + joint dampers
+    D = diag(c_c, 0) + joint dampers + Σ_k drag_k h_k h_kᵀ
 
 over the coordinates x (on a cart), then the absolute angle of every link from equilibrium, pendulum by pendulum, top to
 bottom; σ_i is 1 for a hanging link and −1 for an inverted one.  A spring or damper at a joint acts on the
-difference of two neighbouring angles, the spring being relaxed at equilibrium.
+difference of two neighbouring angles, the spring being relaxed at equilibrium.  The row h_k is the displacement of the
+centre of link k along the rail, (1, σ_1 l_1, …, σ_{k−1} l_{k−1}, σ_k c_k); in space h_k without the cart describes the
+motion across it.
 """
 
 from __future__ import annotations
@@ -90,7 +92,30 @@ def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
         _add_joints(D[own, own], block.damping[:, column])
     if cart:
         D[0, 0] = cart.damping
+    if any(block.drag[:, column].any() for block, column in columns):
+        strength, rows = drag_of(columns, cart)
+        D += (rows.T * strength) @ rows
     return D
+
+
+def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]:
+    """The linear drag (N s/m) of every link with any, (R,), and the displacement of its centre, rows (R, size)."""
+    strength, rows = [], []
+    for block, column, own in _placed(columns, cart):
+        dragged = np.flatnonzero(block.drag[:, column])
+        moved = np.zeros((len(dragged), len(_zeros(columns, cart))))
+        moved[:, own] = centres(block, column)[dragged]
+        if cart:
+            moved[:, 0] = 1.0
+        strength.append(block.drag[dragged, column])
+        rows.append(moved)
+    return np.concatenate(strength), np.vstack(rows)
+
+
+def centres(block: Block, column: int) -> Floats:
+    """The displacement of the centre of every link along the rail by every angle of its chain, (n, n)."""
+    sigma, length = block.sigma[:, column], block.length[:, column]
+    return np.tril(np.tile(sigma * length, (block.n, 1)), -1) + np.diag(sigma * block.centre[:, column])
 
 
 def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:

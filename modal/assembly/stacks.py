@@ -15,7 +15,7 @@ import numpy as np
 from modal.scene import Cart, Pendulum, Scene
 from modal.types import Floats, Ints
 
-KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness"), attrgetter("mass", "length")
+KIND, SIZE = attrgetter("__class__", "count", "damping", "stiffness", "drag"), attrgetter("mass", "length")
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Stack:
 
 
 def can_stack(scenes: Sequence[Scene]) -> bool:
-    """Whether all scenes have the same form, without dampers, joint springs, massless carts or inverted links."""
+    """Whether all scenes have the same form, without dampers, drag, joint springs, massless carts or inverted links."""
     form = _form(scenes[0])
     return _is_plain(scenes[0]) and all(_form(scene) == form for scene in scenes)
 
@@ -64,7 +64,7 @@ def _form(scene: Scene) -> Hashable:
 
 def _is_plain(scene: Scene) -> bool:
     cart = scene.support if isinstance(scene.support, Cart) else None
-    still = all(not link.damping and not link.stiffness for pendulum in scene.pendulum for link in pendulum.links)
+    still = not any(link.damping or link.stiffness or link.drag for link in scene.links())
     return still and not scene.stands and not (cart and (cart.damping or not cart.mass))
 
 

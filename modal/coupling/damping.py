@@ -2,12 +2,13 @@
 
 To first order in the dampers a mode φ of the conservative scene, φᵀMφ = E, decays as exp(−σt) with
 
-    σ = φᵀDφ/2E = c_c φ_x²/2E + Σ d_i (θ_i − θ_{i−1})²/2E
+    σ = φᵀDφ/2E = c_c φ_x²/2E + Σ d_i (θ_i − θ_{i−1})²/2E + Σ drag_k (h_kᵀφ)²/2E
 
-(Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated until D is diagonal among them.  A drive that
-applies the torque e θ_1' to every pendulum's top link contributes a growth rate e F, F = Σ θ_1²/2E: in the linear scene
-a mode grows once e exceeds σ/F.  The van der Pol torques of the scene itself contribute Σ e_i (θ_i − θ_{i−1})²/2E at
-equilibrium.  σ is listed with the eigenvalue −ζω ± iω√(1 − ζ²) of the damped scene itself.
+with the displacement h_kᵀφ of a link's centre (Rayleigh, Theory of Sound, §102); modes of equal frequency are rotated
+until D is diagonal among them. A drive that applies the torque e θ_1' to every pendulum's top link contributes a growth
+rate e F, F = Σ θ_1²/2E: in the linear scene a mode grows once e exceeds σ/F. The van der Pol torques of the scene
+itself contribute Σ e_i (θ_i − θ_{i−1})²/2E at equilibrium. σ is listed with the eigenvalue −ζω ± iω√(1 − ζ²) of the
+damped scene itself.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Rig
+from modal.assembly import Rig, centres
 from modal.coupling.fixed_base import without_damping
 from modal.eigen import Part, Spectrum, find_spectrum
 from modal.errors import ComputationError
@@ -36,9 +37,9 @@ CHUNK = 400_000
 class Damped:
     """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
 
-    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart` and `from_joints` add up to σ,
-    `from_drives` is the growth rate by the scene's own drives.  `fed` is F in 1/(kg m²), `exact` the damped eigenvalue
-    (rad/s), None where it is not available.
+    `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, `from_joints` and `from_drag` add up
+    to σ, `from_drives` is the growth rate by the scene's own drives.  `fed` is F in 1/(kg m²), `exact` the damped
+    eigenvalue (rad/s), None where it is not available.
     """
 
     omega: float
@@ -50,11 +51,12 @@ class Damped:
     from_drives: float
     fed: float
     exact: complex | None
+    from_drag: float = 0.0
 
     @property
     def rate(self) -> float:
         """σ (1/s) to first order."""
-        return self.from_cart + self.from_joints
+        return self.from_cart + self.from_joints + self.from_drag
 
     @property
     def decay(self) -> float:
@@ -82,6 +84,7 @@ class _Mode(NamedTuple):
     joints: Floats
     drives: Floats
     fed: Floats
+    drag: Floats
 
 
 def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
@@ -106,6 +109,7 @@ def damped_modes(rig: Rig, strengths: tuple[Floats, ...]) -> tuple[Damped, ...]:
             from_drives=float(mode.drives[k]) * units.rate,
             fed=float(mode.fed[k]) / moment,
             exact=None if value is None else complex(value * units.rate),
+            from_drag=float(mode.drag[k]) * units.rate,
         )
         for mode, found in zip(modes, values, strict=True)
         for k, value in enumerate(found)
@@ -162,7 +166,7 @@ def _shapes(rig: Rig, found: Spectrum, source: int, parts: list[Part]) -> Iterat
 
 
 def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes, driven: tuple[Floats, ...]) -> _Mode:
-    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal."""
+    """φᵀDφ/2E by its sources, φᵀeφ/2E and φᵀFφ/2E, in the vectors that make D diagonal; drag comes last."""
     turns, damping, drive, top = _relative(rig, part, shapes, driven)
     scale = 1 / np.sqrt(2 * shapes.modal_mass)
     turns, cart = turns * scale, shapes.cart * scale
@@ -171,10 +175,24 @@ def _mode(rig: Rig, part: Part, omega: float, shapes: _Shapes, driven: tuple[Flo
         (turns.T * damping) @ turns,
         (turns.T * drive) @ turns,
         (turns.T * top) @ turns,
+        _dragged(rig, part, shapes, scale),
     )
-    vectors = np.linalg.eigh(parts[0] + parts[1])[1]
+    vectors = np.linalg.eigh(parts[0] + parts[1] + parts[-1])[1]
     rates = (np.einsum("ik,ij,jk->k", vectors, matrix, vectors) for matrix in parts)
     return _Mode(part, omega, part.still or not shapes.cart.any(), *rates)
+
+
+def _dragged(rig: Rig, part: Part, shapes: _Shapes, scale: Floats) -> Floats:
+    """φᵀDφ/2E of the drag alone, (d, d)."""
+    found = np.zeros((len(scale), len(scale)))
+    for number, block in enumerate(rig.blocks):
+        for column in np.flatnonzero(block.drag.any(0)).tolist():
+            if part.kind is not None and part.kind != (number, column):
+                continue
+            angles = shapes.angles[0][:, 0] if part.kind else shapes.angles[number][:, column]
+            moved = np.asarray(shapes.cart + centres(block, column) @ angles) * scale
+            found += (moved.T * block.drag[:, column] * (1 if part.kind else block.count[column])) @ moved
+    return found
 
 
 def _relative(
@@ -199,7 +217,7 @@ def _tops(n: int, count: Floats) -> Floats:
 
 def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
     """The damped eigenvalue of every vector: of the same pendula's, the one that best satisfies λ² + 2σλ + ω² = 0."""
-    if not (rig.cart and rig.cart.damping) and not any(block.damping.any() for block in rig.blocks):
+    if not rig.is_damped:
         return [[complex(0.0, mode.omega)] * len(mode.cart) for mode in modes]
     unknown: list[list[complex | None]] = [[None] * len(mode.cart) for mode in modes]
     try:
@@ -214,7 +232,7 @@ def _exact(rig: Rig, modes: list[_Mode]) -> list[list[complex | None]]:
     for m, mode in enumerate(modes):
         wanted.setdefault(mode.part.kind, []).extend((m, k) for k in range(len(mode.cart)))
     for kind, places in wanted.items():
-        first = [(modes[m].cart[k] + modes[m].joints[k], modes[m].omega) for m, k in places]
+        first = [(modes[m].cart[k] + modes[m].joints[k] + modes[m].drag[k], modes[m].omega) for m, k in places]
         slow = _slow(np.array(values.get(kind, [])), len(places))
         for (m, k), value in zip(places, _nearest(np.array(first), slow), strict=True):
             unknown[m][k] = value

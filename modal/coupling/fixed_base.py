@@ -5,8 +5,8 @@ A mode φ of K φ = ω² A φ pushes the support with the momentum φᵀb; its m
     μ_r = (φ_rᵀ b)² / (φ_rᵀ A φ_r),        Σ_r μ_r + residual mass = mass of the pendulum,
 
 is its contribution to the mass felt at the support (Clough & Penzien, Dynamics of Structures, §26-4).  These are the
-modes of the conservative scene, along the rail; to first order the dampers of its joints damp each at the rate
-σ = Σ d_i (φ_i − φ_{i−1})² / 2φᵀAφ.
+modes of the conservative scene, along the rail; to first order the dampers of its joints and the drag of its links damp
+each at the rate σ = [Σ d_i (φ_i − φ_{i−1})² + Σ drag_k (h_kᵀφ)²] / 2φᵀAφ, h_kᵀφ the displacement of a link's centre.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from modal.assembly import Rig
+from modal.assembly import Rig, centres
 from modal.eigen import find_spectrum
 from modal.types import Floats, Ints
 
@@ -37,8 +37,9 @@ class FixedBaseModes:
 
 
 def without_damping(rig: Rig) -> Rig:
-    """The rig without dampers, in the plane of the rail."""
-    blocks = tuple(replace(block, damping=np.zeros_like(block.damping)) for block in rig.blocks)
+    """The rig without dampers and drag, in the plane of the rail."""
+    none = [np.zeros_like(block.damping) for block in rig.blocks]
+    blocks = tuple(replace(block, damping=own, drag=own) for block, own in zip(rig.blocks, none, strict=True))
     return replace(rig, blocks=blocks, cart=rig.cart and rig.cart._replace(damping=0.0), spatial=False)
 
 
@@ -60,7 +61,12 @@ def fixed_base_modes(rig: Rig) -> FixedBaseModes:
         kinds = [part.kind for _, part in parts if part.kind and part.source == index]
         damping = np.column_stack([rig.blocks[block].damping[:, column] for block, column in kinds])
         turns = np.diff(details.angles[0][:, 0].real, axis=0, prepend=0.0)
-        rate[here] = np.sum(damping * turns**2, axis=0) / (2 * details.modal_mass * moment)
+        lost = np.sum(damping * turns**2, axis=0)
+        for at, (block, column) in enumerate(kinds):
+            own = rig.blocks[block]
+            if own.drag[:, column].any():
+                lost[at] += own.drag[:, column] @ (centres(own, column) @ details.angles[0][:, 0, at].real) ** 2
+        rate[here] = lost / (2 * details.modal_mass * moment)
     return FixedBaseModes(
         omega=np.abs(found.eigenvalue[[number for number, _ in parts]]) * units.rate,
         mass=mass,

@@ -89,6 +89,7 @@ def _damped(coupling: Coupling, mode: Damped) -> dict[str, Any]:
         "pendulum": mode.kind,
         "rate_from_cart_per_s": mode.from_cart,
         "rate_from_joints_per_s": mode.from_joints,
+        "rate_from_drag_per_s": mode.from_drag,
         "rate_fed_by_drives_per_s": mode.from_drives,
         "damping_ratio_first_order": mode.ratio,
         "exact_rate_per_s": None if mode.exact is None else mode.decay,

@@ -13,6 +13,7 @@ from modal.coupling.analysis import CartMode, Coupling, Family, family_name
 from modal.coupling.damping import Damped
 from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
 from modal.coupling.records import coupling_record
+from modal.modes.friction import stop_words
 from modal.report import WIDTH, as_json, capital, counted, listed, markdown, percent, rad, short, visible
 
 FORMS = ("text", "markdown", "json")
@@ -27,6 +28,8 @@ ELSEWHERE = "in the JSON form"
 HALF = 0.5
 MOST_DAMPED = 12
 NEGLIGIBLE = 1e-12
+LET_GO_DEG = 10.0
+"""Largest angle from which the report lets modes go that dry friction stops."""
 OFF = 0.1
 """Relative difference of the exact rate from first order that is mentioned."""
 
@@ -378,8 +381,11 @@ def _many(coupling: Coupling) -> Iterator[str]:
 
 def damping(coupling: Coupling) -> Iterator[str]:
     """Sentences about every mode, about the survivors, and about a drive."""
+    yield from map(capital, stop_words(coupling.scene, LET_GO_DEG)[:MOST_DAMPED])
     if not (coupling.scene.has_damping or coupling.scene.is_driven):
-        yield "Nothing dissipates energy [D = 0]: every mode keeps its amplitude."
+        rubbed = coupling.scene.has_friction or coupling.scene.has_drag
+        kept = "in the linear scene every mode keeps its amplitude" if rubbed else "every mode keeps its amplitude"
+        yield f"Nothing {'else ' if rubbed else ''}dissipates energy [D = 0]: {kept}."
         return
     modes = coupling.damped
     yield from (_mode(coupling, mode) for mode in modes[:MOST_DAMPED] if coupling.scene.has_damping)
@@ -410,6 +416,7 @@ def _mode(coupling: Coupling, mode: Damped) -> str:
         f"{capital(_named(coupling, mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
         f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from the cart's damper [c_c φ_x²/2φᵀMφ] and "
         f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
+        + (f", {short(mode.from_drag)} from drag [Σ drag_k(h_kᵀφ)²/2φᵀMφ]" if mode.from_drag else "")
     )
     if mode.exact is None:
         return first + "."

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, CartNumbers, Columns, assembled, dampers
+from modal.assembly import Block, CartNumbers, Columns, assembled, dampers, drag_of
 from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import bare_mass, is_singular
@@ -78,7 +78,7 @@ class FromMatrices:
     @cached_property
     def is_damped(self) -> bool:
         """Whether the modes are complex."""
-        return bool(self.cart and self.cart.damping > 0) or any(block.damping.any() for block in self.blocks)
+        return bool(self.cart and self.cart.damping > 0) or any(block.is_damped for block in self.blocks)
 
     @property
     def stands(self) -> bool:
@@ -106,12 +106,16 @@ class FromMatrices:
 
     @property
     def _dampers(self) -> quadratic.Dampers:
-        """Cart to ground, link to the link above."""
+        """Cart to ground, link to the link above, and the drag of the links."""
         ground = [-1] if self.cart else []
         above = np.array(ground + [-1 if i == 0 else 0 for block, _ in self._columns for i in range(block.n)])
         above = np.where(above < 0, -1, np.arange(self.size) - 1)
         dashpot = [[self.cart.damping]] if self.cart else []
-        return quadratic.Dampers(np.concatenate([*dashpot, *(b.damping[:, p] for b, p in self._columns)]), above)
+        strength = np.concatenate([*dashpot, *(b.damping[:, p] for b, p in self._columns)])
+        if not any(block.drag.any() for block in self.blocks):
+            return quadratic.Dampers(strength, above)
+        drag, rows = drag_of(self._columns, self.cart)
+        return quadratic.Dampers(strength, above, np.sqrt(drag)[:, None] * rows)
 
     @property
     def is_free(self) -> bool:

@@ -37,10 +37,14 @@ WISHED, LOST, NEAR, MOST = 1e-8, 1e-2, 30.0, 12
 
 
 class Dampers(NamedTuple):
-    """Strength of the damper between each coordinate and the one `above` it (−1: the ground), both (size,)."""
+    """Strength of the damper between each coordinate and the one `above` it (−1: the ground), both (size,).
+
+    Further ones, as drag, act on the coordinates with D = `roots`ᵀ `roots`, (R, size).
+    """
 
     strength: Floats
     above: Ints
+    roots: Floats | None = None
 
     @property
     def hung(self) -> Dampers:
@@ -61,6 +65,8 @@ class _Problem:
     def rates(self) -> list[float]:
         """√(k/m) or, where a damper dominates, d/m and k/d of every coordinate; those within SPAN merged."""
         m, d, k = np.diag(self.M), self.dampers.strength, np.diag(self.sizes)
+        if self.dampers.roots is not None:
+            d = d + (self.dampers.roots**2).sum(0)
         strong = d > np.sqrt(m) * np.sqrt(k)
         wished = np.concatenate([np.sqrt(k / m)[~strong], (d / m)[strong], (k[strong] / d[strong])])
         ascending = np.sort(wished[wished > 0])
@@ -77,7 +83,7 @@ class _Problem:
         A joint whose damper outweighs everything else on its link at this rate is described by the difference of its
         angles.
         """
-        strength, above = self.dampers
+        strength, above, _ = self.dampers
         held = (above >= 0) & (rate * strength > rate * (rate * np.diag(self.M)) + np.diag(self.sizes))
         turned = np.eye(len(strength))
         for i in np.flatnonzero(held):
@@ -132,7 +138,7 @@ def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, *, free: bool)
     refuse_singular(M)
     sizes = np.abs(K)
     np.fill_diagonal(sizes, terms)
-    coasts = free and dampers.strength[0] == 0
+    coasts = free and dampers.strength[0] == 0 and dampers.roots is None
     inertia, stiffness, lost = without_cart(M, K) if coasts else (M, K, 1.0)
     first = int(coasts)
     problem = _Problem(inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers)
@@ -158,7 +164,7 @@ def _solved_everywhere(problem: _Problem) -> tuple[_Solution, int]:
 
 
 class _Scaled(NamedTuple):
-    """γ²M, K and the roots of γD (one row per damper) in the coordinates given by the columns of `shape`, and P⁻¹."""
+    """γ²M, K and the roots of γD (a row per damper or drag) in coordinates given by the columns of `shape`, P⁻¹."""
 
     rate: float
     shape: Floats
@@ -177,6 +183,8 @@ def _scaled(problem: _Problem, rate: float) -> _Scaled:
     turned, seen = problem.turned(rate)
     M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
     friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
+    if problem.dampers.roots is not None:
+        friction = np.vstack((friction, np.sqrt(rate) * (problem.dampers.roots @ turned)))
     scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))
     M, K = (part * scale * scale[:, None] for part in (M, K))
     friction = friction * scale

@@ -142,7 +142,8 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], limits: Limits) ->
     matrices = FromMatrices(heavy, counts, cart)
     accelerance = cache(lambda: matrices.bare_accelerance if special else bare_accelerance(heavy, cart))
     if cart.stiffness == 0:
-        yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged=cart.damping > 0))
+        dragged = cart.damping > 0 or any(block.drag.any() for block in rig.blocks)
+        yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged))
     if special:
         yield _moving(_sprung(matrices))
     elif rig.n_kinds == 1:

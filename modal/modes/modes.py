@@ -33,6 +33,8 @@ from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
 
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
+RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
+FAST_AIR = "Quadratic drag is left out: it dies out with the square of the speed."
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 CHUNK = 400_000
 A = TypeVar("A", bound=NDArray[Any])
@@ -91,6 +93,12 @@ class ModalMatrix:
         """Some of the columns, by index or by a mask."""
         row, copy, across = (part[columns] for part in (self.row, self.copy, self.across))
         return ModalMatrix(self.shapes.T[columns].T, row, copy, across, self.M)
+
+
+def omitted(scene: Scene) -> tuple[str, ...]:
+    """What the linear model of a scene leaves out, a sentence each."""
+    quadratic = any(link.quadratic_drag for link in scene.links())
+    return (*[UNDRIVEN] * scene.is_driven, *[RUBBING] * scene.has_friction, *[FAST_AIR] * quadratic)
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +180,7 @@ class Modes(Sequence[Mode]):
         """What was omitted or approximated, and why."""
         with np.errstate(all="ignore"):
             found = notes(self._natural, self.spectrum.sources)
-        return *found, *[UNDRIVEN] * self.scene.is_driven, *[SELECTED] * self.selected
+        return *found, *omitted(self.scene), *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:

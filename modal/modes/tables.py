@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from math import isfinite, log10
+from math import isfinite, log10, nan, radians
 from typing import Any
 
 from modal.assembly import Matrices
@@ -108,29 +108,56 @@ COLUMNS = (
 )
 
 
-def table(modes: Modes, rows: Sequence[Mode], form: str, *, shapes: bool = False, starred: str = GUIDE) -> str:
+def table(
+    modes: Modes,
+    rows: Sequence[Mode],
+    form: str,
+    *,
+    shapes: bool = False,
+    starred: str = GUIDE,
+    amplitude_deg: float | None = None,
+) -> str:
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
     `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.  `starred` says what the
-    1 % amplitude of a starred mode is.
+    1 % amplitude of a starred mode is.  With `amplitude_deg` a column has the damping ratio at that largest angle, with
+    dry friction and quadratic drag; NaN for modes across the rail.
     """
+    every = list(COLUMNS)
+    if amplitude_deg is not None:
+        every.insert(1 + [column.key for column in COLUMNS].index("damping_ratio"), _at_amplitude(modes, amplitude_deg))
     if form == "json":
-        return _json(modes, rows, shapes=shapes)
+        return _json(modes, rows, every, shapes=shapes)
     if form == "csv":
-        return _csv(rows)
-    columns = [column for column in COLUMNS if column.shown and column.only_if(modes)]
+        return _csv(rows, every)
+    columns = [column for column in every if column.shown and column.only_if(modes)]
     cells = [[column.shown(row) for column in columns if column.shown] for row in rows]
     return _WRITERS[form](modes, columns, cells, _footnotes(modes, rows, starred))
 
 
-def _records(rows: Sequence[Mode]) -> list[dict[str, Any]]:
+def _at_amplitude(modes: Modes, amplitude_deg: float) -> Column:
+    """The damping ratio with dry friction and quadratic drag at a largest angle (deg)."""
+    from modal.modes.friction import damping_ratios
+
+    found = damping_ratios(modes, radians(amplitude_deg))
+    angle = f"{amplitude_deg:g}"
+
+    def ratio(mode: Mode) -> float:
+        return found.get(mode.number, nan)
+
+    heading = f"ζ({angle}°)", rf"$\zeta({angle}^\circ)$"
+    return Column(f"damping_ratio_at_{angle}_deg", ratio, *heading, _digits(4, ratio))
+
+
+def _records(rows: Sequence[Mode], columns: Sequence[Column]) -> list[dict[str, Any]]:
     """One mapping per mode, all columns, units in the names; None for an undefined value."""
-    return [{column.key: finite(column.value(row)) for column in COLUMNS} for row in rows]
+    return [{column.key: finite(column.value(row)) for column in columns} for row in rows]
 
 
-def _json(modes: Modes, rows: Sequence[Mode], *, shapes: bool) -> str:
+def _json(modes: Modes, rows: Sequence[Mode], columns: Sequence[Column], *, shapes: bool) -> str:
     """JSON: the scene, its modes, the routes taken and notes."""
-    found = [{**record, "resonances": list(row.resonances)} for record, row in zip(_records(rows), rows, strict=True)]
+    records = _records(rows, columns)
+    found = [{**record, "resonances": list(row.resonances)} for record, row in zip(records, rows, strict=True)]
     if shapes:
         numbers = sum(row.multiplicity for row in rows) * modes.scene.n_links
         if numbers > MOST_SHAPE_NUMBERS:
@@ -169,8 +196,8 @@ def _footnotes(modes: Modes, rows: Sequence[Mode], starred: str) -> list[str]:
     return notes
 
 
-def _csv(rows: Sequence[Mode]) -> str:
-    return csv_rows([[column.key for column in COLUMNS], *(record.values() for record in _records(rows))])
+def _csv(rows: Sequence[Mode], columns: Sequence[Column]) -> str:
+    return csv_rows([[column.key for column in columns], *(record.values() for record in _records(rows, columns))])
 
 
 def _formatted(name: str, columns: Sequence[Column], cells: list[list[str]], headings: list[str]) -> str:

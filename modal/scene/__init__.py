@@ -26,6 +26,7 @@ from modal.scene.model import (
     VanDerPol,
     describe,
     scene_from,
+    unsupported,
     validate_scene,
 )
 
@@ -50,6 +51,7 @@ __all__ = [
     "load",
     "parse",
     "scene_from",
+    "unsupported",
     "validate_scene",
     "whole_file",
 ]

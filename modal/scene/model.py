@@ -6,6 +6,8 @@ Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i alo
 about that centre.  All numbers are SI; angles in a scene file are degrees from the downward vertical.
 A drive sustains the swing of a clock or a metronome: it acts on the angle γ between a link and the one above, measured
 from equilibrium (at a top joint: from the vertical), and with opposite sign on the link above.
+Dry friction at a joint or on the rail opposes sliding with a constant torque or force, and holds what is at rest up to
+that limit.  Drag, −(drag + quadratic_drag |v|) v, acts at the centre of mass of a link against still air.
 """
 
 from __future__ import annotations
@@ -67,18 +69,25 @@ Drive = VanDerPol | Escapement
 
 
 class Link(Part):
-    """Mass (kg) and length (m) of a link, and the damper (N m s/rad), spring (N m/rad) and drive at its upper joint."""
+    """Mass (kg) and length (m) of a link, and what acts on it besides gravity.
+
+    At its upper joint a damper (N m s/rad), a spring (N m/rad), dry `friction` (N m) and a drive; at its centre the
+    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.
+    """
 
     mass: float = field(POSITIVE)
     length: float = field(POSITIVE)
     damping: float = field(NON_NEGATIVE, default=0.0)
     stiffness: float = field(NON_NEGATIVE, default=0.0)
+    friction: float = field(NON_NEGATIVE, default=0.0)
+    drag: float = field(NON_NEGATIVE, default=0.0)
+    quadratic_drag: float = field(NON_NEGATIVE, default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
     count: int = field(COUNT, default=1)
 
     is_uniform: ClassVar[bool] = True
     """Whether the centre scales with the length and the inertia with mass times length²."""
-    extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness")
+    extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag")
 
     def heavier(self, factor: int) -> Self:
         """That many copies as one."""
@@ -194,12 +203,28 @@ class Fixed(Part):
 
 
 class Cart(Part):
-    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground."""
+    """A cart on the rail: mass (kg, may be 0), damper (N s/m) and spring (N/m) to the ground, and dry friction.
+
+    Friction is either a force, `friction` (N), or `friction_coefficient` times the size of the rail's reaction: the
+    rail holds the cart from above and below.
+    """
 
     kind: Literal["cart"] = field(one_of("cart"), default="cart")
     mass: float = field(NON_NEGATIVE)
     damping: float = field(NON_NEGATIVE, default=0.0)
     stiffness: float = field(NON_NEGATIVE, default=0.0)
+    friction: float = field(NON_NEGATIVE, default=0.0)
+    friction_coefficient: float = field(NON_NEGATIVE, default=0.0)
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether dry friction acts on the rail."""
+        return self.friction > 0 or self.friction_coefficient > 0
+
+    def problems(self) -> Iterator[str]:
+        """Friction given twice."""
+        if self.friction and self.friction_coefficient:
+            yield f".friction_coefficient = {self.friction_coefficient!r}: cannot be combined with friction"
 
 
 def _one_line(title: str) -> str:
@@ -229,10 +254,36 @@ class Scene(Part):
 
     @property
     def has_damping(self) -> bool:
-        """Whether anything in the scene dissipates energy."""
+        """Whether anything dissipates energy in the linearized scene: dampers and linear drag."""
         return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
-            link.damping > 0 for link in self.links()
+            link.damping > 0 or link.drag > 0 for link in self.links()
         )
+
+    @property
+    def has_friction(self) -> bool:
+        """Whether there is dry friction at a joint or on the rail."""
+        on_rail = isinstance(self.support, Cart) and self.support.has_friction
+        return on_rail or any(link.friction > 0 for link in self.links())
+
+    @property
+    def has_drag(self) -> bool:
+        """Whether there is drag on any link, linear or quadratic."""
+        return any(link.drag > 0 or link.quadratic_drag > 0 for link in self.links())
+
+    @property
+    def frictionless(self) -> Scene:
+        """The same scene without dry friction."""
+        if not self.has_friction:
+            return self
+        still = self._with(friction=0.0)
+        rail = {"friction": 0.0, "friction_coefficient": 0.0}
+        return still.replace(support=self.support.replace(**rail)) if isinstance(self.support, Cart) else still
+
+    @property
+    def linearizable(self) -> Scene:
+        """The same scene without what its linear equations leave out: drives, dry friction and quadratic drag."""
+        scene = self.undriven.frictionless
+        return scene._with(quadratic_drag=0.0) if any(link.quadratic_drag for link in scene.links()) else scene
 
     @property
     def is_driven(self) -> bool:
@@ -246,10 +297,10 @@ class Scene(Part):
 
     @property
     def conservative(self) -> Scene:
-        """The same scene without drives and dampers."""
-        still = self._with(drive=None, damping=0.0)
-        held = isinstance(self.support, Cart)
-        return still.replace(support=self.support.replace(damping=0.0)) if held else still
+        """The same scene without drives, dampers, dry friction and drag."""
+        still = self._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
+        rail = {"damping": 0.0, "friction": 0.0, "friction_coefficient": 0.0}
+        return still.replace(support=self.support.replace(**rail)) if isinstance(self.support, Cart) else still
 
     @property
     def in_plane(self) -> Scene:
@@ -282,6 +333,23 @@ class Scene(Part):
             for at, link in enumerate(pendulum.links if self.space == "space" else ()):
                 if link.drive:
                     yield f'.pendulum[{index}].links[{at}].drive: needs space = "plane"'
+                if link.friction:
+                    yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
+        yield from self._rail_problems()
+
+    def _rail_problems(self) -> Iterator[str]:
+        if not isinstance(self.support, Cart) or not self.support.has_friction:
+            return
+        name = "friction" if self.support.friction else "friction_coefficient"
+        at = f".support.{name} = {getattr(self.support, name)!r}"
+        if self.space == "space":
+            yield f'{at}: needs space = "plane"'
+        if self.support.friction_coefficient and self._kicks:
+            yield f"{at}: cannot be combined with escapements, whose kicks the rail would feel: give friction"
+
+    @property
+    def _kicks(self) -> bool:
+        return any(isinstance(link.drive, Escapement) for link in self.links())
 
 
 def validate_scene(given: object) -> Scene:
@@ -290,6 +358,16 @@ def validate_scene(given: object) -> Scene:
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
+
+
+def unsupported(scene: Scene, why: str, *names: str) -> list[str]:
+    """One problem for each of these features that a scene has: "friction", "drag", "quadratic_drag"."""
+    has = {
+        "friction": scene.has_friction,
+        "drag": any(link.drag > 0 for link in scene.links()),
+        "quadratic_drag": any(link.quadratic_drag > 0 for link in scene.links()),
+    }
+    return [f"{name}: {why}" for name in names if has[name]]
 
 
 def scene_from(data: object) -> Scene:

@@ -36,12 +36,15 @@ UNITS = {
     "inertia": "kg m²",
     "damping": "N m s/rad",
     "stiffness": "N m/rad",
+    "friction": "N m",
+    "drag": "N s/m",
+    "quadratic_drag": "N s²/m²",
     "angles_deg": "°",
     "azimuths_deg": "°",
     "rates_deg": "°/s",
 }
-CART_UNITS = {"damping": "N s/m", "stiffness": "N/m"}
-SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2"}
+CART_UNITS = {"damping": "N s/m", "stiffness": "N/m", "friction": "N"}
+SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2", "N s²/m²": "N_s2_per_m2"}
 
 
 def find_places(scene: Scene, path: str) -> list[Place]:

@@ -101,10 +101,14 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """The model of `modes.scene` decomposed into modes.
 
     Raises ValueError for the model of another scene, ComputationError for one in discrete time and where dampers make
-    two modes coincide.
+    two modes coincide, or where drag couples them with the velocity of a cart whose acceleration is prescribed.
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
+    if any(signal.name == "cart_acceleration" for signal in model.inputs) and any(
+        link.drag for link in modes.scene.links()
+    ):
+        raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
     driven = any(signal.name in DRIVES for signal in model.inputs)
     found = held(modes) if driven else modes
     n, on_cart = len(model.A), int(found.on_cart)

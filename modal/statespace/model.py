@@ -147,12 +147,12 @@ def _free(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
 def _accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The cart's acceleration is the first input."""
     n, m = F.shape
-    load = np.hstack([found.K[1:, 1:], found.D[1:, 1:], found.M[1:, :1], -F[1:]])
+    load = np.hstack([found.K[1:, 1:], found.D[1:], found.M[1:, :1], -F[1:]])
     Ma = -_solved(found.M[1:, 1:], load)
     eye, none = np.eye(2 * n), np.zeros((n, m + 1))
     angular, forced = np.zeros((n, 2 * n)), np.zeros((n, m + 1))
-    angular[1:, 1:n], angular[1:, n + 1 :] = Ma[:, : n - 1], Ma[:, n - 1 : 2 * n - 2]
-    forced[0, 0], forced[1:] = 1.0, Ma[:, 2 * n - 2 :]
+    angular[1:, 1:n], angular[1:, n:] = Ma[:, : n - 1], Ma[:, n - 1 : 2 * n - 1]
+    forced[0, 0], forced[1:] = 1.0, Ma[:, 2 * n - 1 :]
     A, B = np.vstack([eye[n:], angular]), np.vstack([none, forced])
     states = _positions(geometry) + _rates(geometry)
     return _Motion(A, B, (eye[:n], none), (eye[n:], none), (angular, forced), states)
@@ -171,6 +171,7 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     rate = np.zeros((n, 2 * n - 1)), np.zeros((n, m + 1))
     rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n:], 1.0, -jump
     momentum = -K @ position[0][1:] - D @ rate[0][1:], -D @ rate[1][1:]
+    momentum[1][:, :1] -= _solved(inertia, found.D[1:, :1])
     momentum[1][:, 1:] += pushed
     A, B = np.vstack([rate[0], momentum[0]]), np.vstack([rate[1], momentum[1]])
     kept = [

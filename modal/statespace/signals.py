@@ -31,14 +31,15 @@ class Signal(NamedTuple):
 class Geometry:
     """Rows over q of every link's centre, lower joint and angle relative to the link above, each (links, q).
 
-    `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), `pendulum` (links,) from 0; `sigma`
-    (links,) their directions; `on_cart` tells whether q begins with x.
+    `labels` (links,) are "p_i", both from 1, every copy numbered; `mass` (links,), linear `drag` (links,), `pendulum`
+    (links,) from 0; `sigma` (links,) their directions; `on_cart` tells whether q begins with x.
     """
 
     centres: Floats
     joints: Floats
     relative: Floats
     mass: Floats
+    drag: Floats
     sigma: Floats
     pendulum: Floats
     labels: tuple[str, ...]
@@ -68,7 +69,7 @@ def geometry_of(scene: Scene) -> Geometry:
     total = sum(block.n for block, _ in hung)
     size, at = total + on_cart, int(on_cart)
     centres, joints, relative = (np.zeros((total, size)) for _ in range(3))
-    mass, sigma, pendulum, labels = [], [], [], []
+    mass, drag, sigma, pendulum, labels = [], [], [], [], []
     for p, (block, column) in enumerate(hung):
         here = np.arange(block.n) + at - int(on_cart)
         own = slice(at, at + block.n)
@@ -77,14 +78,15 @@ def geometry_of(scene: Scene) -> Geometry:
         centres[here, own] = joints[here, own] + np.diag(way * (block.centre[:, column] - length))
         relative[here, own] = np.eye(block.n) - np.eye(block.n, k=-1)
         mass.append(block.mass[:, column])
+        drag.append(block.drag[:, column])
         sigma.append(way)
         pendulum.append(np.full(block.n, float(p)))
         labels += [f"{p + 1}_{i}" for i in range(1, block.n + 1)]
         at += block.n
     if on_cart:
         centres[:, 0] = joints[:, 0] = 1.0
-    masses, ways, owners = (np.concatenate(values) for values in (mass, sigma, pendulum))
-    return Geometry(centres, joints, relative, masses, ways, owners, tuple(labels), on_cart)
+    masses, drags, ways, owners = (np.concatenate(values) for values in (mass, drag, sigma, pendulum))
+    return Geometry(centres, joints, relative, masses, drags, ways, owners, tuple(labels), on_cart)
 
 
 # ------------------------------------------------------------------------------------------------------- inputs
@@ -160,7 +162,9 @@ def _pivot_forces(geometry: Geometry) -> OutputGroup:
         Signal(f"pivot_force_{p}", "N", "horizontal force of a pendulum on its pivot") for p in _pendula(geometry)
     ]
     belongs = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
-    return OutputGroup(signals, acceleration=-(belongs * geometry.mass) @ geometry.centres, pushed=True)
+    dragged = -(belongs * geometry.drag) @ geometry.centres if geometry.drag.any() else None
+    inertia = -(belongs * geometry.mass) @ geometry.centres
+    return OutputGroup(signals, rate=dragged, acceleration=inertia, pushed=True)
 
 
 def _pendula(geometry: Geometry) -> range:

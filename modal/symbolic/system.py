@@ -25,7 +25,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import Cart, Pendulum, Scene
+from modal.scene import Cart, Pendulum, Scene, unsupported
 from modal.symbolic.lagrange import Coordinate, coordinate
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart")
@@ -199,10 +199,12 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
 def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     """A scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic` (of SYMBOLIC).
 
-    Raises SceneError above MOST_LINKS links.
+    Raises SceneError above MOST_LINKS links, and for dry friction and drag.
     """
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: at most {MOST_LINKS} are written in exact numbers"])
+    if found := unsupported(scene, "is not derived in symbols", "friction", "drag", "quadratic_drag"):
+        raise SceneError(found)
     several = scene.n_pendula > 1
     copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     chains = tuple(_chain_of(pendulum, f"{p}_" if several else "", symbolic) for p, pendulum in enumerate(copies, 1))

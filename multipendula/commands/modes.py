@@ -32,7 +32,8 @@ def table(options: argparse.Namespace) -> None:
     if options.orbits:
         rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
-        write(tables.table(modes, rows, options.format, shapes=options.shapes, starred=starred))
+        more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude}
+        write(tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution
 
@@ -50,6 +51,9 @@ def _table_arguments(page: Page) -> None:
         type=number("at least 1e-16 and at most 0.1", 0.1, 1e-16),
         help="frequencies within this relative error, at less cost for long chains (default: every digit)",
     )
+    words = "add the damping ratio at this largest angle, with dry friction and quadratic drag"
+    degrees = number("degrees above 0 and at most 90", most=90)
+    page.computed.add_argument("--amplitude", metavar="DEG", type=degrees, help=words)
     words = "where a mode is starred, take the 1 %% amplitude from its periodic orbits in the full equations"
     page.computed.add_argument("--orbits", action="store_true", help=words)
     page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
@@ -149,7 +153,8 @@ COMMANDS = (
         details=(
             "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
             "effective mass, the angle up to which the linear frequency is accurate to 1 %, and a bound on the "
-            "relative error. Dampers add damping ratios, an inverted equilibrium growth rates."
+            "relative error. Dampers and drag add damping ratios, an inverted equilibrium growth rates; dry friction "
+            "is left out, but for its damping ratio at an amplitude."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),

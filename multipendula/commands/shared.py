@@ -92,11 +92,11 @@ def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
 
 
 def small_swings(scene: Scene) -> Scene:
-    """The scene itself, with a note to standard error if it has drives, which the linear model omits."""
-    from modal.modes import UNDRIVEN
+    """The scene itself, with a note to standard error on drives, friction and quadratic drag, omitted if linear."""
+    from modal.modes import omitted
 
-    if scene.is_driven:
-        print(f"multipendula: {UNDRIVEN}", file=sys.stderr)
+    for words in omitted(scene):
+        print(f"multipendula: {words}", file=sys.stderr)
     return scene
 
 

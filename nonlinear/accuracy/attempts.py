@@ -108,7 +108,9 @@ class Goal:
     def free(self) -> bool:
         """Whether the whole scene need not be integrated."""
         asked = self.request
-        return asked.method == asked.form == "auto" and not (asked.load or asked.events or asked.system.excites)
+        system = asked.system
+        acted_on = asked.load or asked.events or system.excites or system.rubs or system.dragged
+        return asked.method == asked.form == "auto" and not acted_on
 
 
 def in_closed_form(goal: Goal) -> Iterator[Found]:

@@ -24,7 +24,7 @@ import numpy as np
 
 from modal._compatibility import former, former_argument
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene
+from modal.scene import Scene, unsupported
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
@@ -110,6 +110,10 @@ def measure_work_precision(
         raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
     if scene.is_driven:
         raise SceneError(["drive: methods are compared for scenes without drives only"])
+    if found := unsupported(
+        scene, "not every method takes it: none are compared", "friction", "drag", "quadratic_drag"
+    ):
+        raise SceneError(found)
     state = validate_state(start if start is not None else initial_state(scene), system_of(scene))
     asked = list_candidates(scene) if candidates is None else tuple(candidates)
     reference = _reference(scene, state, duration)

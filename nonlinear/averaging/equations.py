@@ -40,7 +40,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
-from modal.scene import Scene
+from modal.scene import Scene, unsupported
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls
 from nonlinear.integration import Escaping, escaping
@@ -272,6 +272,9 @@ def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """
     if scene.space == "space" or scene.stands:
         raise ComputationError("averaged equations need hanging links in the plane")
+    why = "averaged equations are for motion that never sticks: simulate the scene instead"
+    if found := unsupported(scene, why, "friction"):
+        raise ComputationError(found[0])
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)

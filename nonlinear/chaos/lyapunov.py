@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 
 from modal.errors import ComputationError, SceneError
 from modal.report import visible
-from modal.scene import Escapement, Scene
+from modal.scene import Escapement, Scene, unsupported
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
@@ -242,6 +242,8 @@ def _check(scene: Scene, duration: float, least: float, ensemble: int) -> None:
     problems = ['space = "space": Lyapunov exponents are computed in the plane'] if scene.space == "space" else []
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
         problems.append("drive: Lyapunov exponents need smooth motion, without the impulses of escapements")
+    why = "Lyapunov exponents are computed without friction and drag"
+    problems += unsupported(scene, why, "friction", "drag", "quadratic_drag")
     if not least <= duration < float("inf"):
         problems.append(f"duration {duration!r}: must be at least {least:.3g} s for this scene, {SHORTEST:g} sqrt(l/g)")
     if ensemble < 1:

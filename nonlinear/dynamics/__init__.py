@@ -12,6 +12,7 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
+from nonlinear.dynamics.friction import Frictional, contacts_of
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
@@ -28,6 +29,7 @@ __all__ = [
     "Body",
     "Dense",
     "Elimination",
+    "Frictional",
     "Generated",
     "Hamiltonian",
     "Lanes",
@@ -43,6 +45,7 @@ __all__ = [
     "Symmetry",
     "acting",
     "children_without_interrupts",
+    "contacts_of",
     "exactly_symmetric",
     "find_symmetries",
     "is_unstable_equilibrium",

@@ -63,7 +63,7 @@ class Small(Minimal):
         """Whether any force acts besides gravity."""
         cart, groups = self.system.cart, self.system.groups
         held = cart is not None and (cart.stiffness or cart.damping)
-        return bool(held or self.load or any(group.hinged for group in groups))
+        return bool(held or self.load or any(group.hinged or group.dragged for group in groups))
 
     @cached_property
     def _total(self) -> float:

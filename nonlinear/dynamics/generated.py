@@ -95,6 +95,18 @@ class Symbol:
     def __neg__(self) -> Any:
         return self.tape.symbol("-", self)
 
+    def sin(self) -> Any:
+        """The sine, which NumPy asks of the elements of an array."""
+        return self.tape.symbol("sin", self)
+
+    def cos(self) -> Any:
+        """The cosine."""
+        return self.tape.symbol("cos", self)
+
+    def sqrt(self) -> Any:
+        """The square root."""
+        return self.tape.symbol("sqrt", self)
+
     __radd__, __rmul__ = __add__, __mul__
 
 
@@ -158,6 +170,8 @@ def joined(operator: str, parts: Sequence[str]) -> str:
     """The text of an operation on what these words name."""
     if operator in {"sin", "cos"}:
         return f"{operator}({parts[0]})"
+    if operator == "sqrt":
+        return f"({parts[0]} ** 0.5)"
     return f"(-{parts[0]})" if len(parts) == 1 else f"({parts[0]} {operator} {parts[1]})"
 
 
@@ -182,7 +196,7 @@ def function_in(text: str, name: str) -> Callable[..., Any]:
     return found[name]  # type: ignore[no-any-return]
 
 
-def _body(group: Group, system: System, **how: Any) -> Body:
+def written_body(group: Group, system: System, **how: Any) -> Body:
     """The solver of one group: elimination for short chains whose dense matrix keeps its digits, else the recursion."""
     written_out = group.n <= SHORT and not loses_digits(group, system)
     return Elimination(group, **how) if written_out else Recursion(group, **how)
@@ -221,7 +235,7 @@ class Generated(Minimal):
         return self._with_bodies(tail=1)
 
     def _with_bodies(self, **how: Any) -> Minimal:
-        bodies = tuple(_body(group, self.system, **how) for group in self.system.groups)
+        bodies = tuple(written_body(group, self.system, **how) for group in self.system.groups)
         return Minimal(self.system, bodies, counts_work=self.counts_work)
 
     def derivative(self, time: float, y: Any) -> Any:

@@ -13,6 +13,7 @@ Vectors p are ordered like q, (x, links); further axes of angles and momenta are
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -21,7 +22,7 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics.joints import acting, spring_energy
-from nonlinear.dynamics.minimal import Recursion
+from nonlinear.dynamics.minimal import Body, Recursion
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
 
 
@@ -56,12 +57,12 @@ def momenta(system: System, state: State) -> Floats:
     return np.concatenate(([rail + system.cart.mass * state.cart_rate], on_links)) if system.cart else on_links
 
 
-def velocities(system: System, links: Any, p: Any) -> Any:
-    """The velocities q' = M⁻¹ p (half, ...) at the angles (L, ...)."""
+def velocities(system: System, links: Any, p: Any, make: Callable[..., Body] = Recursion) -> Any:
+    """The velocities q' = M⁻¹ p (half, ...) at the angles (L, ...), each group solved by the body that `make` gives."""
     first, found = int(system.cart is not None), np.zeros_like(p)
     solved, mass, force = [], 0.0, 0.0
     for group in system.groups:
-        body, angles = Recursion(group, p.ndim - 1), links[group.index]
+        body, angles = make(group, p.ndim - 1), links[group.index]
         one_mass, one_force, memory = body.pull(angles, 0 * angles, p[first:][group.index], 0.0)
         mass, force = mass + one_mass, force + one_force
         solved.append((group, body, memory))

@@ -1,11 +1,11 @@
-"""Forces on a plane scene besides gravity and the pivot forces: springs, dampers, drives and external loads.
+"""Forces on a plane scene besides gravity and the pivot forces: springs, dampers, drives, drag and external loads.
 
 At a joint, or between cart and rail, they depend on the displacement γ from the relaxed position and on its rate:
 
     −k γ + (e − curb γ² − d) γ'
 
 The first term is conservative, the second does work; γ of a joint is the angle between two neighbouring links less its
-equilibrium value.  A load is a force on the cart and a moment on every link.
+equilibrium value.  A load is a force on the cart and a moment on every link; dry friction acts as one (`friction`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics.drag import plane_drag
 from nonlinear.system import AppliedForces, Group, State, System
 
 
@@ -69,14 +70,18 @@ def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Fl
 
     Pivot forces are excluded; conservative forces do not count in the power.
     """
-    torques, power = state.links * 0.0, 0.0
+    torques, power, dragged = state.links * 0.0, 0.0, 0.0
     for group in system.groups:
+        own = group.index
         if group.hinged:
-            own = group.index
             torques[own], drained = joint_torques(group, state.links[own], state.link_rates[own])
             power += float(drained)
+        if group.dragged:
+            found = plane_drag(group, state.links[own], state.link_rates[own], state.cart_rate)
+            torques[own] += found[0]
+            dragged, power = dragged + float(found[1]), power + float(found[2])
     if push.moments is not None:
         torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
     kept, working = cart_force(system, state.cart, state.cart_rate)
     outside = push.cart + working if system.cart else 0.0
-    return outside + kept, torques, power + float(state.cart_rate * outside)
+    return outside + kept + dragged, torques, power + float(state.cart_rate * outside)

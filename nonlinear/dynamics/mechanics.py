@@ -14,6 +14,7 @@ import numpy as np
 
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.drag import forces_of
 from nonlinear.dynamics.joints import spring_energy
 from nonlinear.system import Group, Motion, System
 
@@ -159,11 +160,13 @@ class Mechanics:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
         `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d): Newton's second law for
-        the link and all below it.
+        the link and all below it, on which their drag acts as well.
         """
         bodily = chained(self.system, *accelerations)[1]
         bodily[..., -1] -= self.system.gravity
         needed = self.system.mass[:, None] * bodily
+        if self.system.dragged:
+            needed -= forces_of(self.system, self.speeds)
         for group in self.system.groups:
             own = needed[:, group.index]
             needed[:, group.index] = np.cumsum(own[:, ::-1], axis=1)[:, ::-1]

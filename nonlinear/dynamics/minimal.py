@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from modal.types import Floats, Ints
+from nonlinear.dynamics.drag import plane_drag
 from nonlinear.dynamics.joints import cart_force, joint_torques
 from nonlinear.dynamics.recursion import downward, links_of, upward
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
@@ -73,7 +74,7 @@ class Suspended(ABC):
         push = self._applied(time, y)
         found = np.empty_like(y)
         found[:half] = v
-        mass, force, power, solved = self._pulls(q[first:], v[first:], push)
+        mass, force, power, solved = self._pulls(q[first:], v[first:], push, v[0] if cart else 0.0)
         x2 = 0.0
         if cart:
             kept, working = cart_force(self.system, q[0], v[0])
@@ -92,12 +93,21 @@ class Suspended(ABC):
             return self.load
         return self.load(time, self.layout.state(y)) if self.load else NOTHING
 
-    def _pulls(self, links: Any, rates: Any, push: AppliedForces) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
+    @abstractmethod
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+        """Generalized forces of drag like those of `acting`, its force on the cart (N), and its power (W)."""
+
+    def _pulls(
+        self, links: Any, rates: Any, push: AppliedForces, cart_rate: Any
+    ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
         given = None if push.moments is None else np.ravel(push.moments)
         for group, place, body in zip(self.system.groups, self.places, self.bodies, strict=True):
             own, speed = links[place], rates[place]
             torques, work = self.acting(group, own, speed, None if given is None else given[place])
+            if group.dragged:
+                resisting, braking, lost = self.dragged(group, own, speed, cart_rate)
+                torques, force, work = torques + resisting, force - braking, work + lost
             one_mass, one_force, memory = body.pull(own, speed, torques, self.system.gravity)
             mass, force, power = mass + one_mass, force + one_force, power + work
             solved.append((place, body, memory))
@@ -159,3 +169,7 @@ class Minimal(Suspended):
             torques = hinges if torques is None else torques + hinges
             power = power + drained
         return np.zeros_like(links) if torques is None else torques, power
+
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+        """Torques (n, P, ...) on the absolute angles, the force on the cart, and the power."""
+        return plane_drag(group, links, rates, cart_rate)

@@ -9,6 +9,7 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.drag import drag
 from nonlinear.dynamics.minimal import Suspended
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.dynamics.spatial_joints import generalized
@@ -62,6 +63,11 @@ class Spatial(Suspended):
         if group.damped:
             power = power + ball_joints.damper_power(group, links, rates)
         return np.zeros_like(links) if moments is None else generalized(moments, links), power
+
+    def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+        """Generalized forces (3, n, P, ...) on u, the force on the cart, and the power."""
+        pushed, force, power = drag(group, rates, cart_rate)
+        return generalized(cross(links, pushed), links), force, power
 
     def project(self, y: Floats) -> tuple[Floats, float]:
         """Normalized u and w across it, and the largest of ||u| − 1| and |u·w| / (|w| + √(g/l)) removed."""

@@ -126,6 +126,7 @@ def _table(group: Group, start: State) -> Floats:
     columns += [part[group.index].reshape(group.n, -1, part[0].size) for part in (start.links, start.link_rates)]
     if group.excitation:
         columns += list(group.excitation.table)
+    columns += [part for part in (group.friction, group.quadratic_drag) if part is not None]
     return np.hstack([np.moveaxis(column, 1, 0).reshape(group.index.shape[1], -1) for column in columns])
 
 
@@ -160,6 +161,8 @@ def _mirrored(system: System, start: State) -> bool:
     """Whether the scene and its start equal their mirror image, modulo whole turns."""
     cart = system.cart
     if cart is None or start.cart * cart.stiffness or start.cart_rate * cart.damping:
+        return False
+    if start.cart_rate and (system.dragged or system.rail):
         return False
     if system.spatial:
         image = [part * [-1, 1, 1] + 0.0 for part in (start.links, start.link_rates)]

@@ -129,6 +129,10 @@ def chunk_of(scene: Scene, duration: float, tolerance: float, samples: int, engi
     return int(max(min(wished, fitting, MOST), FEWEST))
 
 
+LATER = {"friction", "friction_coefficient", "drag", "quadratic_drag"}
+"""Numbers that only `simulate` takes."""
+
+
 def refused(members: Members, duration: float, tolerance: float) -> str:
     """Why these members go one by one through `simulate`; "" where they go side by side."""
     scene = members.scene
@@ -136,6 +140,8 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
         return "the scene is in space"
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
         return "the scene has escapements"
+    if scene.has_friction or scene.has_drag or any(LATER & set(path.split(".")) for path in members.paths):
+        return "the scene has dry friction or drag"
     if any(place[-1] == "count" for path in members.paths for place in find_places(scene, path)):
         return "members differ in their number of links or pendula"
     if choose(scene, duration, tolerance).method == "Radau":

@@ -28,8 +28,10 @@ REASON = "side by side with others of its form"
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that go together; None for those in space and with escapements."""
+    """Equal for scenes that go together; None for those in space, and with escapements, dry friction or drag."""
     if scene.space == "space" or any(isinstance(link.drive, Escapement) for link in scene.links()):
+        return None
+    if scene.has_friction or scene.has_drag:
         return None
     pendula = tuple(
         (one.count, one.ways, tuple((link.count, link.drive is not None) for link in one.links))

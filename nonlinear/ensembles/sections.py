@@ -78,7 +78,9 @@ def find_section(
     text = at or f"{next(label for label in system.labels if label != 'x')}>0"
     section = section_of(f"section:{text}", system)
     if system.spatial or system.works:
-        raise SceneError(["a section needs motion in the plane without dampers and drives, which keeps its energy"])
+        raise SceneError(
+            ["a section needs motion in the plane without dampers, friction, drag and drives, which keeps its energy"]
+        )
     if energy is None:
         energy = energy_of(scene, initial_state(scene))
     starts = starts_at(scene, section, energy, orbits)

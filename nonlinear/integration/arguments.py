@@ -151,6 +151,6 @@ def extent(state: State, system: System) -> float:
     parts = [float(np.abs(aside).max()), float(np.abs(state.link_rates).max()) / system.rate]
     if cart and cart.stiffness:
         parts.append(abs(state.cart) / system.length)
-    if cart and (cart.stiffness or cart.damping):
+    if cart and (cart.stiffness or cart.damping or system.rail or system.dragged):
         parts.append(abs(state.cart_rate) / system.length / system.rate)
     return min(max(parts), 1.0) or 1.0

@@ -15,9 +15,12 @@ from scipy.optimize import brentq
 from modal.errors import ComputationError
 from modal.types import Floats
 from nonlinear.integration.escapements import Escapements
+from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.steppers import Stepper, Sweeper
-from nonlinear.system import NO_KICKS, Equations, Event, EventRecord, Kicks, State
+from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, Event, EventRecord, Friction, Kicks, State
 
+BESIDE = 1e-6
+"""Fraction of a step before a change of friction within which an event that was found there is the same."""
 SILENT = 1e-9
 """An event's value that starts below this fraction of its value after the first step starts at zero: no crossing."""
 
@@ -37,6 +40,7 @@ class Record:
     happenings: list[EventRecord] = field(default_factory=list)
     drift: float = 0.0
     kicks: Kicks = NO_KICKS
+    friction: Friction = NO_FRICTION
     steps: int = 0
     stopped: str = ""  # the reason, if it did not reach its end
     interrupted: bool = False
@@ -64,7 +68,7 @@ class Record:
 class Drive:
     """A stepper, the system it integrates, the sampled times (ascending, the first is the start) and the events.
 
-    `escapements` kick on the way; `report` is called with the simulated time.
+    `escapements` kick on the way, `friction` sticks and slips; `report` is called with the simulated time.
     """
 
     stepper: Stepper
@@ -73,24 +77,42 @@ class Drive:
     events: Sequence[Event] = ()
     report: Callable[[float], object] = silent
     escapements: Escapements | None = None
+    friction: StickSlip | None = None
 
     def run(self) -> Record:
         """Advance to the last sampled time, or as far as possible."""
         record = Record(self.times, np.empty((len(self.times), len(self.stepper.y))))
         record.keep(self.stepper.y[None])
-        free = isinstance(self.stepper, Sweeper) and not (self.events or self.escapements)
+        free = isinstance(self.stepper, Sweeper) and not (self.events or self.escapements or self.friction)
         advance = self._far if free else self._on
         try:
             while record.filled < len(self.times) and not record.stopped:
-                advance(record)
+                if self.friction and self.friction.rest == self.friction.rest:
+                    self._rest(record)
+                else:
+                    advance(record)
         except KeyboardInterrupt:
             record.stopped, record.interrupted = f"interrupted at {record.reached:.9g} s", True
         except ComputationError as error:
             record.stopped, record.failed = str(error), True
+        if self.friction:
+            record.friction = self._rubbed(record)
         record.close()
         if self.escapements:
             record.kicks = self.escapements.kicks
         return record
+
+    def _rest(self, record: Record) -> None:
+        """Everything is at rest for good: the samples that are left are all the same."""
+        row = self.equations.project(self.stepper.y)[0]
+        record.keep(np.tile(row, (len(self.times) - record.filled, 1)))
+        record.last = float(self.times[-1]), row
+        self.report(self.times[-1] - self.times[0])
+
+    def _rubbed(self, record: Record) -> Friction:
+        """What friction did as far as the run came."""
+        time, row = record.last or (float(self.times[0]), self.stepper.y)
+        return cast("StickSlip", self.friction).record(time, np.asarray(row))
 
     def _far(self, record: Record) -> None:
         """Many steps in which nothing but samples is needed."""
@@ -115,6 +137,11 @@ class Drive:
         record.steps += 1
         now, y = self.stepper.time, self.stepper.y
         kick = self.escapements.next(self.stepper, before) if self.escapements else None
+        change = self.friction.next(self.stepper, before) if self.friction else None
+        if kick and change and kick.time <= change.time:
+            change = None
+        if change:
+            kick, now, y = None, change.time, self.stepper.exact(change.time)
         if kick:
             now, y = kick.time, self.stepper.exact(kick.time)
         stop = _first_stop(record, sorted(self._happenings(before, now), key=lambda found: found[0].time))
@@ -122,10 +149,21 @@ class Drive:
             now, y = stop, self.stepper.exact(stop)
         self._sample(record, now)
         record.last = now, self.equations.project(y)[0]
-        if self.escapements and kick:
+        if self.friction:
+            self.friction.passed(self.stepper, before, now)
+        if self.friction and change:
+            if not record.stopped:
+                changed = self.friction.changed(change, y)
+                known = {one.name for one in record.happenings if one.time > now - BESIDE * (now - before)}
+                _first_stop(record, (one for one in self._jumps(now, y, changed) if one[0].name not in known))
+                record.last = now, changed
+                self.stepper.restart(changed, now)
+        elif self.escapements and kick:
             if not record.stopped:
                 kicked = self.escapements.kicked(kick, y)
                 _first_stop(record, self._jumps(now, y, kicked))
+                if self.friction:
+                    self.friction.struck(now, kicked)
                 record.last = now, kicked
                 self.stepper.restart(kicked, now)
         else:

@@ -13,12 +13,14 @@ from modal.scene import Scene
 from nonlinear.dynamics import (
     Body,
     Dense,
+    Frictional,
     Generated,
     Minimal,
     Recursion,
     Reduced,
     Small,
     Symmetry,
+    contacts_of,
     loses_digits,
     undisturbed,
 )
@@ -34,6 +36,7 @@ FORMS = ("auto", "minimal", "maximal", "hamiltonian", "spatial")
 STIFF = 30.0  # fastest decay over the fastest oscillation
 SHORTEST = 1e-13  # link length over the longest, below which positions in maximal coordinates cannot resolve it
 ROOM = 1e140  # largest moment of inertia, and inverse of the smallest, whose square does not overflow
+SEPARATE = 8  # links up to which a load acts apart from equations with dry friction
 FEWEST = 24  # links of a scene up to which it is one dense matrix
 SHORT, MANY, FEW = 32, 1000, 75  # links of a chain and of a group solved densely; pendula solved as one band
 FINEST = 1e-13  # tolerance below which only Taylor series gain accuracy
@@ -74,6 +77,11 @@ def choose(
         problems.append(f"form {form}: works in the plane only, and this scene is in space")
     elif not space and form == "spatial":
         problems.append("form spatial: works in space only, and this scene is in the plane")
+    if system.rubs and form not in {"auto", "minimal"}:
+        problems.append(f"form {form}: cannot take dry friction, which sticks and slips; minimal can")
+    if method == "taylor" and (system.rubs or system.dragged):
+        what = "dry friction" if system.rubs else "drag"
+        problems.append(f"method taylor: has no series for {what}; {', '.join(SCIPY)} take it")
     if system.kicked and form not in {"auto", "minimal"}:
         problems.append(f"form {form}: cannot take the kicks of escapements; minimal can")
     if form == "maximal" and (least := float(np.min(system.by_link("length"))) / system.length) < SHORTEST:
@@ -85,7 +93,8 @@ def choose(
         problems.append(f"method {method}: cannot keep the constraints of the {form} form; {', '.join(EXPLICIT)} can")
     if problems:
         raise SceneError(problems)
-    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not driven else {}
+    plain = driven or system.rubs or system.dragged
+    seconds = costs(scene, system, duration, tolerance, size) if form == "minimal" and not plain else {}
     if method == "auto":
         method, why = _automatic(
             scene, system, duration, tolerance, form, seconds if tolerance * size >= TIGHTEST else {}
@@ -158,6 +167,9 @@ def equations_of(
     system: System, choice: Choice, load: Load | None = None, symmetries: Sequence[Symmetry] = ()
 ) -> Equations:
     """The equations of motion in the chosen form, of the system that remains after symmetry reductions."""
+    if system.rubs:
+        few = system.n_links <= SEPARATE
+        return Frictional(_free(system, None if few else load), contacts_of(system), load if few else None)
     if symmetries:
         return Reduced(system, equations_of(symmetries[-1].system, choice), symmetries)
     if choice.form == "spatial":
@@ -178,6 +190,11 @@ def equations_of(
             from nonlinear.dynamics.compiled import Compiled
 
             return Compiled(system)
+    return _free(system, load)
+
+
+def _free(system: System, load: Load | None) -> Minimal:
+    """The equations in minimal coordinates in the plane, without dry friction."""
     if load is None and system.n_links <= WRITTEN:
         return Generated(system)
     if system.n_links <= FEWEST and not any(loses_digits(group, system) for group in system.groups):

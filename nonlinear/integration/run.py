@@ -12,11 +12,12 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics import Generated, Minimal, Reduced, Symmetry, find_symmetries
+from nonlinear.dynamics import Frictional, Generated, Minimal, Reduced, Symmetry, find_symmetries
 from nonlinear.integration.arguments import extent
 from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
+from nonlinear.integration.friction import StickSlip
 from nonlinear.integration.methods import Choice, choose, equations_of, validate_room
 from nonlinear.integration.steppers import AT_EASE, Pace, SciPyStepper, Stepper, first_step, sharpened
 from nonlinear.integration.timescales import estimate_timescales
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from nonlinear.dynamics.compiled import Compiled
 
 FIRST = 0.1  # longest first step of SciPy's methods over sqrt(l/g)
+LOOKED = 0.5  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
 HASTE = 1e6  # phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run
 NEAR_ZERO = 0.1  # fraction of the motion's size to which the tolerance is relative where a quantity passes zero
 
@@ -54,7 +56,8 @@ class Prepared:
         """Run once, to the end or as far as possible; SimulationError where the integrator fails."""
         system, y = self.equations.system, self.stepper.y
         kicking = escapements(system, cast("Minimal", self.equations).layout, y, self.before) if system.kicked else None
-        record = Drive(self.stepper, self.equations, self.times, events, report, kicking).run()
+        rubbing = StickSlip(self.equations, self.stepper.time, y) if isinstance(self.equations, Frictional) else None
+        record = Drive(self.stepper, self.equations, self.times, events, report, kicking, rubbing).run()
         trajectory = self._trajectory(record)
         if record.failed:
             hint = _hint(system) or _haste(self.scene, float(self.times[-1] - self.times[0]))
@@ -85,6 +88,7 @@ class Prepared:
             run,
             events,
             record.kicks,
+            record.friction,
             driven=driven,
             equations=equations,
         )
@@ -105,6 +109,8 @@ def prepare(
     ComputationError where the motion cannot begin.
     """
     y = equations.begin(start)
+    if isinstance(equations, Frictional):
+        equations.release(float(times[0]), y)
     slope = _slope(equations, float(times[0]), y)
     return Prepared(
         scene, choice, equations, _stepper(scene, equations, choice, y, slope, times, size, pace), times, before
@@ -136,7 +142,10 @@ class Request:
     def smaller(self) -> tuple[Symmetry, ...]:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
-        return () if self.load or self.system.kicked else find_symmetries(self.system, self.start, planar=flat)
+        system = self.system
+        if self.load or system.kicked or system.rubs or system.dragged:
+            return ()
+        return find_symmetries(self.system, self.start, planar=flat)
 
     @property
     def integrated(self) -> System:
@@ -169,8 +178,10 @@ class Request:
     def prepared(self, choice: Choice) -> Prepared:
         """The run prepared with this choice."""
         validate_room(self.scene, self.integrated)
-        equations = equations_of(self.system, choice, self.load, self.smaller)
-        return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, self.pace)
+        equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
+        if self.load and self.system.rubs:
+            pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
+        return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 
     def run(self, choice: Choice) -> Trajectory:
         """The motion computed with this choice; SimulationError where the integrator fails."""

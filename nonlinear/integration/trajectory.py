@@ -13,7 +13,7 @@ from modal._compatibility import former
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
-from nonlinear.system import NO_KICKS, Equations, EventRecord, Kicks, Motion, State, System
+from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, EventRecord, Friction, Kicks, Motion, State, System
 
 NOISE = 1e-7
 CLOSED = "closed form"  # the method where nothing is integrated
@@ -46,8 +46,8 @@ class SolverInfo:
 class Trajectory:
     """A scene's motion at `times` (T,) in s, the events on the way, and how it was computed.
 
-    `kicks` are those of escapements; `driven` tells whether anything acted from outside, `equations` holds the
-    equations of a run made in this process.
+    `kicks` are those of escapements, `friction` tells what dry friction did; `driven` tells whether anything acted from
+    outside, `equations` holds the equations of a run made in this process.
     """
 
     scene: Scene
@@ -57,6 +57,7 @@ class Trajectory:
     run: SolverInfo
     happenings: tuple[EventRecord, ...] = ()
     kicks: Kicks = NO_KICKS
+    friction: Friction = NO_FRICTION
     driven: bool = False
     equations: Equations | None = field(default=None, repr=False)
 
@@ -113,7 +114,8 @@ class Trajectory:
     def keeps_momentum(self) -> bool:
         """Whether momentum along the rail is conserved: a cart without spring, damper or drive."""
         cart = self.system.cart
-        return cart is not None and not (cart.damping or cart.stiffness or self.driven)
+        outside = self.system.rail is not None or self.system.dragged
+        return cart is not None and not (cart.damping or cart.stiffness or outside or self.driven)
 
     @property
     def keeps_spin(self) -> bool:

@@ -19,7 +19,7 @@ from functools import cached_property, lru_cache
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene
+from modal.scene import Scene, unsupported
 from modal.scene.parameters import Variation, vary
 from modal.types import Floats
 from nonlinear.orbits.floquet import Floquet, whole
@@ -204,6 +204,8 @@ def shooting(
     """The equations of a scene in the plane; SceneError in space."""
     if scene.space == "space":
         raise SceneError(["periodic orbits: only for scenes in the plane"])
+    if found := unsupported(scene, "limit cycles are computed without it", "friction", "drag", "quadratic_drag"):
+        raise SceneError(found)
 
     @lru_cache(maxsize=8)
     def flow_at(value: float | None) -> Flow:

@@ -6,7 +6,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.types import Floats
-from nonlinear.dynamics import Reactions, vectors
+from nonlinear.dynamics import Frictional, Reactions, vectors
 from nonlinear.integration import Choice, Trajectory, equations_of
 from nonlinear.system import Motion
 
@@ -32,7 +32,12 @@ def _accelerations(trajectory: Trajectory, motion: Motion) -> tuple[Floats, Floa
     load = trajectory.equations.load if trajectory.equations else None
     form = "spatial" if system.spatial else "minimal"
     equations = equations_of(system, Choice(form, "", compiled=False, reason=""), load)
-    rows = [equations.derivative(float(time), equations.begin(motion[at])) for at, time in enumerate(trajectory.times)]
+    rows = []
+    for at, time in enumerate(trajectory.times.tolist()):
+        y = equations.begin(motion[at])
+        if isinstance(equations, Frictional):
+            equations.release(time, y)
+        rows.append(equations.derivative(time, y))
     found = equations.read(np.array(rows))
     if system.spatial:
         return found.cart_rate, found.link_rates

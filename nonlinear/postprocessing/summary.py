@@ -54,6 +54,7 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     yield from _ranges(trajectory)
     if trajectory.system.kicked:
         yield "drives", f"{len(trajectory.kicks.time)} kicks fed {trajectory.kicks.energy.sum():.6g} J"
+    yield from _friction(trajectory)
     if run.method == CLOSED and trajectory.system.works:
         yield "energy", "the work of dampers is not computed in closed form"
     else:
@@ -67,6 +68,16 @@ def _lines(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
         yield "event", f"{happening.name} at {happening.time:.12g} s"
     if (more := len(trajectory.happenings) - MOST_EVENTS) > 0:
         yield "", f"and {more} more"
+
+
+def _friction(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    """What dry friction did."""
+    if not trajectory.system.rubs:
+        return
+    found = trajectory.friction
+    yield "friction", f"took {-found.work.sum():.6g} J; {counted(len(found.link), 'phase', 'phases')} of sticking"
+    if isfinite(found.rest):
+        yield "at rest", f"from {found.rest:.9g} s on"
 
 
 def _drift(share: float) -> str:

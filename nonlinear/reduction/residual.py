@@ -23,6 +23,7 @@ import numpy as np
 
 from modal.types import Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
+from nonlinear.dynamics.drag import drag, plane_drag
 from nonlinear.dynamics.joints import cart_force, joint_torques
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
@@ -43,18 +44,20 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     felt[0], felt[-1] = (planes[0][2, 0] if on else 0.0), -system.gravity
     for group in system.groups:
         own = [plane.take(first + group.index, axis=1) for plane, first in zip(planes, starts, strict=True)]
-        second, forces = (_spatial if system.spatial else _planar)(group, own, felt)
+        second, forces, braking = (_spatial if system.spatial else _planar)(group, own, felt, planes[0][1, 0] * on)
         pull += group.block.b.ravel() @ second[0].reshape(group.block.b.size, -1)
         for whole, first, force in zip(found, starts, forces, strict=True):
             whole[first:][group.index] = force
+        if group.dragged and on:
+            found[0][0] -= braking
     if system.cart:
         x, speed, acceleration = planes[0][:, 0]
-        found[0][0] = system.total_mass * acceleration + pull - sum(cart_force(system, x, speed))
+        found[0][0] += system.total_mass * acceleration + pull - sum(cart_force(system, x, speed))
     return found
 
 
-def _planar(group: Group, own: list[Floats], felt: Floats) -> tuple[Floats, Any]:
-    """U'' (2, n, P, T) and ρ (1, n, P, T)."""
+def _planar(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
+    """U'' (2, n, P, T), ρ (1, n, P, T), and the force of drag on the cart (T,)."""
     q, rate, turn = own[0]
     theta = q + group.rest[..., None]
     sine, cosine = np.sin(theta), np.cos(theta)
@@ -64,11 +67,15 @@ def _planar(group: Group, own: list[Floats], felt: Floats) -> tuple[Floats, Any]
     forces = cosine * along - sine * up
     if group.hinged:
         forces -= joint_torques(group, theta, rate)[0]
-    return second, forces[None]
+    braking: Any = 0.0
+    if group.dragged:
+        resisting, braking, _ = plane_drag(group, theta, rate, cart_rate)
+        forces -= resisting
+    return second, forces[None], braking
 
 
-def _spatial(group: Group, own: list[Floats], felt: Floats) -> tuple[Floats, Any]:
-    """U'' (3, n, P, T) and ρ (2, n, P, T)."""
+def _spatial(group: Group, own: list[Floats], felt: Floats, cart_rate: Floats) -> tuple[Floats, Any, Any]:
+    """U'' (3, n, P, T), ρ (2, n, P, T), and the force of drag on the cart (T,)."""
     p, rate, turn = np.stack(own, axis=1)
     theta, sigma = np.hypot(*p), group.block.sigma[..., None]
     s, r = factors(theta)
@@ -77,10 +84,14 @@ def _spatial(group: Group, own: list[Floats], felt: Floats) -> tuple[Floats, Any
     flat = s * turn + 2 * r * h * rate + (r * twice + k * h**2) * p
     second = sigma * np.array([*flat, -s * twice - r * h**2])
     forces = _inertial(group, second, felt)
+    u, w = (sigma * np.array(part) for part in ([*(s * p), np.cos(theta)], [*(s * rate + r * h * p), -s * h]))
+    braking: Any = 0.0
     if group.sprung or group.damped:
-        u, w = (sigma * np.array(part) for part in ([*(s * p), np.cos(theta)], [*(s * rate + r * h * p), -s * h]))
         forces -= ball_joints.generalized(ball_joints.moments(group, u, w), u)
-    return second, sigma * (s * forces[:2] + (r * _along(p, forces[:2]) - s * forces[2]) * p)
+    if group.dragged:
+        resisting, braking, _ = drag(group, w, cart_rate)
+        forces -= resisting
+    return second, sigma * (s * forces[:2] + (r * _along(p, forces[:2]) - s * forces[2]) * p), braking
 
 
 def _inertial(group: Group, second: Any, felt: Floats) -> Any:

@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
-from modal.scene import Fixed, Scene
+from modal.scene import Fixed, Scene, unsupported
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
@@ -140,8 +140,11 @@ class Superposition:
 def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     """The motion from this start as a function of times (T,) in s, amplitude-corrected or linear.
 
-    Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide.
+    Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide,
+    and for dry friction and quadratic drag.
     """
+    if found := unsupported(scene, "no closed form has it: simulate the scene instead", "friction", "quadratic_drag"):
+        raise ComputationError(found[0])
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
     along, across = split(scene, start)

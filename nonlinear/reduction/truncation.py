@@ -26,7 +26,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.modes import Modes
-from modal.scene import Scene
+from modal.scene import Scene, unsupported
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -224,6 +224,7 @@ def _validate(scene: Scene, modes: int | None, method: str) -> None:
         problems.append(f"modes {modes!r}: must be a whole number from 1")
     if scene.is_driven:
         problems.append("drive: a scene with drives cannot be reduced to a few modes")
+    problems += unsupported(scene, "a scene with dry friction cannot be reduced to a few modes", "friction")
     if method not in SCIPY:
         problems.append(f"method {method}: must be one of {', '.join(SCIPY)}")
     if problems:

@@ -5,18 +5,29 @@ with `system`.
 """
 
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
-from nonlinear.system.events import NO_KICKS, Event, EventRecord, Kicks, level_crossing, turning_point
+from nonlinear.system.events import (
+    NO_FRICTION,
+    NO_KICKS,
+    Event,
+    EventRecord,
+    Friction,
+    Kicks,
+    level_crossing,
+    turning_point,
+)
 from nonlinear.system.initial import initial_state, state_at_rest, validate_state
 from nonlinear.system.numbers import Numbers, numbers_of, numbers_of_all, system_with
 from nonlinear.system.state import AppliedForces, Equations, Layout, Load, Motion, State, apart
 from nonlinear.system.system import Group, System, system_of
 
 __all__ = [
+    "NO_FRICTION",
     "NO_KICKS",
     "AppliedForces",
     "Equations",
     "Event",
     "EventRecord",
+    "Friction",
     "Group",
     "Kicks",
     "Layout",

@@ -1,4 +1,4 @@
-"""Events during a motion: a quantity crosses a level, a link turns back, an escapement kicks."""
+"""Events during a motion: a quantity crosses a level, a link turns back, an escapement kicks, friction sticks."""
 
 from __future__ import annotations
 
@@ -53,6 +53,25 @@ class Kicks(NamedTuple):
     energy: Floats
 
 
+class Friction(NamedTuple):
+    """What dry friction did in a run: K phases of sticking in order of their beginning, and its work.
+
+    `link` (K,) is the one below the joint (from 0), −1 for the rail; `begin` and `end` (K,) are times (s), a phase that
+    lasts ending with the run.  `work` (J,) is the work (J) at each of the J contacts, those of links `places` (J,).
+    `rest` (s) is when everything had come to rest for good, NaN where it has not.
+    """
+
+    link: Ints
+    begin: Floats
+    end: Floats
+    places: Ints
+    work: Floats
+    rest: float
+
+
+NO_FRICTION = Friction(
+    np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), float("nan")
+)
 NO_KICKS = Kicks(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0))
 
 

@@ -10,12 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import radians
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.assembly import Block, CartNumbers, coordinate_labels, rig_of
-from modal.scene import Escapement, Pendulum, Scene, VanDerPol
+from modal.scene import Cart, Escapement, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
 
 NONE = (0.0, 0.0, 0.0, 0.0)
@@ -75,17 +75,26 @@ def _numbers(drive: VanDerPol | Escapement | None) -> tuple[float, float, float,
     return drive.strength, drive.strength / angle**2, 0.0, 0.0
 
 
+def _each(pendula: Sequence[Pendulum], name: str) -> Floats | None:
+    """A number of every link, (n, P), of pendula with equally many links; None where all are 0."""
+    found = np.array([[getattr(link, name) for link in own.links for _ in range(link.count)] for own in pendula]).T
+    return np.ascontiguousarray(found) if found.any() else None
+
+
 @dataclass(frozen=True, eq=False)
 class Group:
     """P pendula of n links: their arrays (n, P), the position of every link in the file (n, P), their numbers (P,).
 
-    `excitation` is the drive of their joints, or None.
+    `excitation` is the drive of their joints, `friction` their dry friction (N m) and `quadratic_drag` (N s²/m²) that
+    of their links, both (n, P); each may be None.
     """
 
     block: Block
     index: Ints
     pendula: Ints
     excitation: Excitation | None = None
+    friction: Floats | None = None
+    quadratic_drag: Floats | None = None
 
     @property
     def n(self) -> int:
@@ -123,6 +132,11 @@ class Group:
         return bool(self.block.damping.any())
 
     @cached_property
+    def dragged(self) -> bool:
+        """Whether any link has drag."""
+        return self.quadratic_drag is not None or bool(self.block.drag.any())
+
+    @cached_property
     def excited(self) -> bool:
         """Whether any joint has a van der Pol torque."""
         return self.excitation is not None and self.excitation.steady
@@ -138,15 +152,26 @@ class Group:
         return self.sprung or self.damped or self.excited
 
 
+class Rail(NamedTuple):
+    """Dry friction on the rail: a force (N), or a coefficient of the rail's reaction."""
+
+    friction: float
+    coefficient: float
+
+
 @dataclass(frozen=True, eq=False)
 class System:
-    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units."""
+    """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
+
+    `rail` is the dry friction on the rail, or None.
+    """
 
     gravity: float
     cart: CartNumbers | None
     groups: tuple[Group, ...]
     spatial: bool
     labels: tuple[str, ...]
+    rail: Rail | None = None
 
     @cached_property
     def n_links(self) -> int:
@@ -201,8 +226,19 @@ class System:
 
     @property
     def dissipates(self) -> bool:
-        """Whether there is any damper."""
-        return bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
+        """Whether there is any damper, drag or dry friction."""
+        damped = bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
+        return damped or self.dragged or self.rubs
+
+    @property
+    def dragged(self) -> bool:
+        """Whether any link has drag."""
+        return any(group.dragged for group in self.groups)
+
+    @property
+    def rubs(self) -> bool:
+        """Whether there is dry friction at a joint or on the rail."""
+        return self.rail is not None or any(group.friction is not None for group in self.groups)
 
     @property
     def excites(self) -> bool:
@@ -243,6 +279,13 @@ def system_of(scene: Scene) -> System:
     for number, block in enumerate(rig.blocks):
         pendula = np.flatnonzero(hung[:, 0] == number)
         index = first[pendula] + np.arange(block.n)[:, None]
-        excitation = excitation_of([hanging[own] for own in pendula]) if scene.is_driven else None
-        groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation))
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig))
+        own = [hanging[one] for one in pendula]
+        excitation = excitation_of(own) if scene.is_driven else None
+        friction = _each(own, "friction") if scene.has_friction else None
+        drag = _each(own, "quadratic_drag") if scene.has_drag else None
+        groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation, friction, drag))
+    support = scene.support
+    rail = None
+    if isinstance(support, Cart) and support.has_friction:
+        rail = Rail(support.friction, support.friction_coefficient)
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig), rail)

@@ -90,11 +90,12 @@ def check(
 ) -> Check:
     """Check the modes with these indices (from 0; by default all) at these largest angles over this many periods.
 
-    For a scene in space, the modes along the rail are used; drives are ignored.  `method` is that of `simulate`;
+    For a scene in space, the modes along the rail are used; drives, dry
+    friction and quadratic drag are ignored.  `method` is that of `simulate`;
     `report` is called with the number of modes done.  Modes that do not oscillate for long enough are skipped with a
     reason; after Ctrl-C, so are those not done.
     """
-    given, scene = scene, scene.undriven
+    given, scene = scene, scene.linearizable
     modes = natural_modes(scene)
     chosen = range(len(modes)) if numbers is None else numbers
     reasons = {number: _reason(modes, mode) for number, mode in zip(chosen, modes.rows(list(chosen)), strict=True)}

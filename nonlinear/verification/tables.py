@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import degrees, isfinite, isinf
 from typing import Any
 
+from modal.modes.friction import stop_words
 from modal.report import NOTHING, as_csv, as_json, digits, finite, grid, titled
 from modal.scene import describe
 from nonlinear.verification.measurement import Measurement
@@ -75,6 +76,11 @@ def _notes(found: Check) -> list[str]:
         )
     if found.scene.is_driven:
         notes.append("drives: ignored, as in the table.")
+    if found.scene.has_friction or any(link.quadratic_drag for link in found.scene.links()):
+        notes.append("dry friction and quadratic drag: ignored, as in the table.")
+        largest = max((degrees(run.amplitude) for row in found.rows for run in row.measurements), default=0.0)
+        checked = tuple(f"mode {row.mode.number}:" for row in found.rows)
+        notes += [words for words in stop_words(found.scene, largest) if words.startswith(checked)] if largest else []
     if any(row.backbone for row in found.rows):
         notes.append("orbit: ω(a)/ω − 1 of the mode's exact periodic orbit with the same largest angle.")
     notes.append("outside: the largest share of the energy in other modes.")

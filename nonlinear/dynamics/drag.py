@@ -1,0 +1,67 @@
+"""The drag of links against still air, in the plane and in space.
+
+On the centre of mass of a link, with the absolute velocity v, acts the force
+
+    F = −(drag + quadratic_drag |v|) v
+
+(Landau and Lifshitz, Fluid Mechanics, §§20 and 45, for the two laws).  Over the cart's x and the links' directions u_i
+it is the generalized force Σ_k F_k·e_x on x and, with l and c the lengths to the lower joint and to the centre,
+
+    Q_i = l_i Σ_{k>i} F_k + c_i F_i
+
+on u_i; on the angle of a link in the plane it is the component of Q_i across the link, n = (cos θ, −sin θ).
+Every line is plain arithmetic: it accepts floats, arrays with further axes, complex numbers and recorded symbols.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from modal.types import Floats
+from nonlinear.system import Group, System
+
+
+def drag_forces(group: Group, velocities: Any) -> Any:
+    """The force (N) on every link's centre, (d, n, P, ...) like its velocity (m/s)."""
+    strength = _spread(group.block.drag, velocities)
+    if group.quadratic_drag is not None:
+        strength = strength + _spread(group.quadratic_drag, velocities) * np.sqrt((velocities * velocities).sum(0))
+    return -(strength * velocities)
+
+
+def drag(group: Group, along: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+    """Generalized forces on the directions u (d, n, P, ...), the force (N) on the cart, and the power (W), both (...).
+
+    `along` (d, n, P, ...) are the rates u'; the first component is along the rail.
+    """
+    length, centre = (_spread(part, along) for part in (group.block.length, group.block.centre))
+    steps = length * along
+    velocities = np.cumsum(steps, axis=1) - steps + centre * along
+    velocities[0] = velocities[0] + cart_rate
+    forces = drag_forces(group, velocities)
+    through = np.cumsum(forces[:, ::-1], axis=1)[:, ::-1]
+    pushed = length * (through - forces) + centre * forces
+    return pushed, through[0, 0].sum(0), (forces * velocities).sum((0, 1, 2))
+
+
+def plane_drag(group: Group, angles: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
+    """Torques (n, P, ...) on the absolute angles, the force (N) on the cart and the power (W)."""
+    sin, cos = np.sin(angles), np.cos(angles)
+    pushed, force, power = drag(group, np.stack((rates * cos, -(rates * sin))), cart_rate)
+    return pushed[0] * cos - pushed[1] * sin, force, power
+
+
+def forces_of(system: System, speeds: Floats) -> Floats:
+    """The drag (N) on every link at T times, (T, L, d) like the velocities of the centres."""
+    found = np.zeros_like(speeds)
+    for group in system.groups:
+        if group.dragged:
+            own = np.moveaxis(speeds[:, group.index], (0, -1), (-1, 0))
+            found[:, group.index] = np.moveaxis(drag_forces(group, own), (0, -1), (-1, 0))
+    return found
+
+
+def _spread(constant: Any, like: Any) -> Any:
+    return constant.reshape(*constant.shape, *[1] * (like.ndim - 1 - constant.ndim))

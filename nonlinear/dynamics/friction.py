@@ -1,0 +1,347 @@
+"""Dry friction at joints and on the rail: Coulomb's law without smoothing.
+
+At each of J contacts the velocity of sliding is γ' = (J v)_j, a difference of two neighbouring rates or the cart's
+velocity.  The torque or force τ_j of friction opposes it and is at most the limit M_j,
+
+    γ' ≠ 0:  τ = −M sign γ',        γ' = 0:  |τ| ≤ M,  and τ = −M sign γ'' where sliding begins
+
+(Coulomb; Glocker, Set-Valued Force Laws, 2001, §2).  It enters the equations of motion as M(q) v' = f + Jᵀτ, so that
+γ'' = a + Gτ with the accelerations a without friction and G = J M⁻¹ Jᵀ, symmetric and positive definite.  Contacts at
+rest solve a linear complementarity problem with bounds, which has one solution (`hold`).
+
+On the rail the limit may be μ|N|, N = N₀ + nᵀτ being the reaction of the rail, which depends on friction itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import inf
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.types import Floats, Ints
+from nonlinear.dynamics.drag import forces_of
+from nonlinear.dynamics.generated import Symbol, Tape, Text, called, function_in, written_body
+from nonlinear.dynamics.hamiltonian import velocities
+from nonlinear.dynamics.mechanics import Mechanics
+from nonlinear.dynamics.minimal import Minimal
+from nonlinear.system import Layout, Load, Motion, State, System
+
+EXCESS = 1e-12  # rounding of a torque relative to its limit, and of an acceleration relative to its parts
+WRITTEN = 8  # links up to which M⁻¹ is written out
+JAMMED = "the rail's friction has no consistent value: its coefficient is too large for these links"
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """The J contacts of a system from the cart down each pendulum, all arrays (J,).
+
+    `below` and `above` are the coordinates of v whose difference is γ', −1 standing for the support; `limit` is in
+    N m, or N on the rail, which comes first where `rail` is true; its limit is 0 where there is a `coefficient` μ.
+    """
+
+    below: Ints
+    above: Ints
+    limit: Floats
+    rail: bool
+    coefficient: float
+
+    def relative(self, values: Floats) -> Floats:
+        """The value at every contact (..., J) from those of the coordinates (..., half)."""
+        padded = np.concatenate((values, np.zeros_like(values[..., :1])), axis=-1)
+        return np.asarray(padded[..., self.below] - padded[..., self.above])
+
+    def jacobian(self, half: int) -> Floats:
+        """J, (J, half)."""
+        return self.relative(np.eye(half)).T.copy()
+
+
+def contacts_of(system: System) -> Contacts:
+    """The contacts of a system with dry friction."""
+    first = int(system.cart is not None)
+    below, above, limit = np.zeros((3, 0))
+    for group in system.groups:
+        if group.friction is not None:
+            over = np.vstack((np.full_like(group.index[:1], -1), group.index[:-1] + first))
+            rubbing = group.friction > 0
+            below = np.append(below, group.index[rubbing] + first)
+            above, limit = np.append(above, over[rubbing]), np.append(limit, group.friction[rubbing])
+    if system.rail:
+        below, above, limit = np.append(below, 0), np.append(above, -1), np.append(limit, system.rail.friction)
+    order = np.argsort(below, kind="stable")
+    coefficient = system.rail.coefficient if system.rail else 0.0
+    places = below[order].astype(np.int64), above[order].astype(np.int64)
+    return Contacts(*places, limit[order], system.rail is not None, coefficient)
+
+
+def hold(a: Floats, G: Floats, limit: Floats) -> tuple[Floats, Floats]:
+    """The friction τ (J,) of contacts at rest, and the sign (J,) of the sliding that begins, 0 where they stick.
+
+    Of γ'' = a + Gτ and |τ| ≤ limit: γ'' = 0 inside the limit, else γ'' away from τ.  The first contact that violates
+    this changes its state until none does: finite for a positive definite G (Murty, Linear Algebra Appl. 7, 65 (1974);
+    with bounds Júdice and Pires, Computers Ops Res. 21, 587 (1994)).  ComputationError where none is found.
+    """
+    sign = np.zeros(len(a))
+    size = np.abs(G) @ np.where(np.isfinite(limit), limit, 0.0) + np.abs(a)
+    for _ in range(64 * (1 + len(a)) + 3 ** min(len(a), 12)):
+        tau = friction_of(a, G, limit, sign)
+        stuck = sign == 0
+        wrong = np.where(stuck, np.abs(tau) > limit * (1 + EXCESS), (a + G @ tau) * sign < -EXCESS * size)
+        if not wrong.any():
+            return np.clip(tau, -limit, limit), sign
+        j = int(np.argmax(wrong))
+        sign[j] = -np.sign(tau[j]) if stuck[j] else 0.0
+    raise ComputationError("dry friction: no consistent set of sticking joints was found")
+
+
+def friction_of(a: Floats, G: Floats, limit: Floats, sign: Floats) -> Floats:
+    """The friction τ (J,) where contacts with a `sign` slide and all others stick."""
+    stuck = sign == 0
+    tau = -sign * np.where(stuck, 0.0, limit)
+    if len(a) == 1 and stuck[0]:
+        return np.array([-a[0] / G[0, 0]])
+    if stuck.any():
+        tau[stuck] = np.linalg.solve(G[np.ix_(stuck, stuck)], -(a + G @ tau)[stuck])
+    return tau
+
+
+@dataclass(frozen=True)
+class Rubbing:
+    """What friction does at one instant: its torques or forces τ (J,), their limits, and the sign of sliding (J,)."""
+
+    tau: Floats
+    limit: Floats
+    sign: Floats
+
+
+@dataclass(eq=False)
+class Frictional:
+    """The equations `free` with dry friction: contacts slide the way `sign` (J,) says, 0 sticking, until it is changed.
+
+    `placed` (J,) are the angles or the position of contacts at rest.  Events decide when the sign changes.  A load of
+    few links acts as the `pushed` one, through M⁻¹ like friction, others as that of the free equations.
+    """
+
+    free: Minimal
+    contacts: Contacts
+    pushed: Load | None = None
+    sign: Floats = field(init=False)
+    placed: Floats = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.set_sign(np.zeros(len(self.contacts.below)))
+        self.placed = self.sign.copy()
+
+    def set_sign(self, sign: Floats) -> None:
+        """Let the contacts slide or stick like this from now on."""
+        self.sign = sign
+        self._slides = np.asarray(sign != 0)
+        stuck = np.flatnonzero(sign == 0).tolist()
+        self._held = [(int(self.contacts.below[j]), int(self.contacts.above[j])) for j in stuck]
+
+    @property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return self.free.system
+
+    @property
+    def load(self) -> Load | None:
+        """The external load."""
+        return self.pushed or self.free.load
+
+    @property
+    def layout(self) -> Layout:
+        """The arrangement of y."""
+        return self.free.layout
+
+    @property
+    def scale(self) -> Floats:
+        """Natural units of y, (size,)."""
+        return self.free.scale
+
+    def begin(self, state: State) -> Floats:
+        """The vector y of a state."""
+        return self.free.begin(state)
+
+    def read(self, rows: Floats) -> Motion:
+        """The motion in vectors (T, size)."""
+        return self.free.read(rows)
+
+    def sliding(self, rows: Floats) -> Floats:
+        """The velocity γ' of every contact (..., J) in rows (..., size)."""
+        half = self.layout.half
+        return np.asarray(rows[..., half : 2 * half] @ self._jacobian.T)
+
+    def place(self, rows: Floats) -> Floats:
+        """The angle or position γ of every contact (..., J)."""
+        return self.contacts.relative(rows[..., : self.layout.half])
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether every coordinate is held, so that nothing moves."""
+        return len(self.sign) == self.layout.half and not self.sign.any()
+
+    def derivative(self, time: float, y: Any) -> Any:
+        """The derivative y' (size,), sticking contacts having no relative acceleration."""
+        half, found = self.layout.half, self._unrubbed(time, y)
+        response = self.response(y)
+        rubbing = self._rubbing(y, found, response, self.sign)
+        found[half : 2 * half] += response @ rubbing.tau
+        found[-1] += rubbing.tau @ (self.sliding(y) * self._slides)
+        for below, above in self._held:
+            for part in (found[:half], found[half : 2 * half]):
+                part[below] = part[above] if above >= 0 else 0.0
+        return found
+
+    def _unrubbed(self, time: float, y: Floats) -> Floats:
+        """The derivative y' without friction."""
+        found: Floats = self.free.derivative(time, y)
+        if self.pushed:
+            half, first = self.layout.half, int(self.layout.on_cart)
+            push, p = self.pushed(time, self.layout.state(y)), np.zeros(half)
+            p[:first] = push.cart
+            p[first:] = 0.0 if push.moments is None else push.moments
+            found[half : 2 * half] += self._inverted(y, p[None])[:, 0]
+            found[-1] += p @ y[half : 2 * half]
+        return found
+
+    def project(self, y: Floats) -> tuple[Floats, float]:
+        """The same y without the rounding by which sticking contacts move."""
+        if self.sign.all():
+            return y, 0.0
+        found, half = y.copy(), self.layout.half
+        stuck = self.placed[self.sign == 0].tolist()
+        for (below, above), placed in zip(self._held, stuck, strict=True):
+            found[below] = placed + (found[above] if above >= 0 else 0.0)
+            found[half + below] = found[half + above] if above >= 0 else 0.0
+        return found, 0.0
+
+    # ------------------------------------------------------------------------------------------------- forces
+
+    @cached_property
+    def _jacobian(self) -> Floats:
+        return self.contacts.jacobian(self.layout.half)
+
+    @cached_property
+    def _inverse(self) -> Callable[[Any], list[float]] | None:
+        """M⁻¹ p in floats, from the angles and p together; None for many links."""
+        if self.system.n_links > WRITTEN:
+            return None
+        tape, links, half = Tape(), self.system.n_links, self.layout.half
+        inputs = np.array([tape.symbol("y", i) for i in range(links + half)], dtype=object)
+
+        def make(group: Any, tail: int) -> Any:
+            return written_body(group, self.system, sine=called("sin"), cosine=called("cos"))
+
+        found = velocities(self.system, inputs[:links], inputs[links:], make).tolist()
+        text = Text(tape, [one if isinstance(one, Symbol) else float(one) for one in found], links + half)
+        from math import cos, sin
+
+        made: Callable[[Any], list[float]] = function_in(text.text, "made")(sin, cos, *text.numbers)
+        return made
+
+    def response(self, y: Floats) -> Floats:
+        """M⁻¹Jᵀ, (half, J)."""
+        return self._inverted(y, self._jacobian)
+
+    def _inverted(self, y: Floats, p: Floats) -> Floats:
+        """M⁻¹pᵀ, (half, K), of generalized forces p (K, half)."""
+        links = y[int(self.layout.on_cart) : self.layout.half]
+        if inverse := self._inverse:
+            angles = links.tolist()
+            return np.array([inverse([*angles, *row]) for row in p.tolist()]).T
+        return np.asarray(velocities(self.system, np.repeat(links[:, None], len(p), 1), p.T))
+
+    def rubbing(self, time: float, y: Floats, sign: Floats | None = None) -> Rubbing:
+        """Friction at one y, contacts sliding the way `sign` (J,) says (by default, the present one), 0 sticking."""
+        found = self._unrubbed(time, y)
+        return self._rubbing(y, found, self.response(y), self.sign if sign is None else sign)
+
+    def settled(self, time: float, y: Floats, sign: Floats) -> Rubbing:
+        """Friction at one y, where contacts of sign 0 are at rest and may begin to slide: its `sign` has the result."""
+        found, response = self._unrubbed(time, y), self.response(y)
+        return self._solved(y, found, response, sign, deciding=True)
+
+    def release(self, time: float, y: Floats) -> None:
+        """Set the state of every contact to what it is at this y."""
+        self.set_sign(self.settled(time, y, np.sign(self.sliding(y))).sign)
+        self.placed = self.place(y)
+
+    def _rubbing(self, y: Floats, found: Floats, response: Floats, sign: Floats) -> Rubbing:
+        return self._solved(y, found, response, sign, deciding=False)
+
+    def _solved(self, y: Floats, found: Floats, response: Floats, sign: Floats, *, deciding: bool) -> Rubbing:
+        half = self.layout.half
+        a, G = self._jacobian @ found[half : 2 * half], self._jacobian @ response
+        if not self.contacts.coefficient:
+            return _consistent(a, G, self.contacts.limit, sign, deciding)
+        reaction = self._reaction(y, found[half : 2 * half], response)
+        return _on_rail(a, G, self.contacts, sign, reaction, deciding)
+
+    def _reaction(self, y: Floats, accelerations: Floats, response: Floats) -> tuple[float, Floats]:
+        """N₀ (N) and n (J,) of the rail's push up on the cart, N = N₀ + nᵀτ.
+
+        N = g Σ m + Σ b_i (sin θ_i θ_i'' + cos θ_i θ_i'²), less what drag carries.
+        """
+        system, first, half = self.system, int(self.layout.on_cart), self.layout.half
+        angles, rates = y[first:half], y[half + first : 2 * half]
+        b, lifted = np.empty(system.n_links), 0.0
+        for group in system.groups:
+            b[group.index] = group.block.b
+        if system.dragged:
+            speeds = Mechanics(system, self.read(y[None])).speeds
+            lifted = float(forces_of(system, speeds)[..., -1].sum())
+        leaning, thrown = b * np.sin(angles), float((b * np.cos(angles)) @ rates**2)
+        weight = system.gravity * system.total_mass + lifted
+        return weight + thrown + float(leaning @ accelerations[first:]), leaning @ response[first:]
+
+
+def _consistent(a: Floats, G: Floats, limit: Floats, sign: Floats, deciding: bool) -> Rubbing:
+    """Friction with known limits: with the given signs, or for contacts of sign 0 as `hold` finds it."""
+    resting = sign == 0
+    if not (deciding and resting.any()):
+        return Rubbing(friction_of(a, G, limit, sign), limit, sign)
+    tau, begun = -sign * np.where(resting, 0.0, limit), sign.copy()
+    tau[resting], begun[resting] = hold((a + G @ tau)[resting], G[np.ix_(resting, resting)], limit[resting])
+    return Rubbing(tau, limit, begun)
+
+
+def _on_rail(
+    a: Floats, G: Floats, contacts: Contacts, sign: Floats, reaction: tuple[float, Floats], deciding: bool
+) -> Rubbing:
+    """Friction with the limit μ|N| on the rail, contact 0: every state of the rail is tried with either sign of N.
+
+    With τ₀ = −s μ |N| and N = N₀ + nᵀτ, τ₀ = −s μ e (N₀ + Σ_j n_j τ_j)/(1 + s μ e n₀), e = sign N: friction at the
+    joints then sees a + G₀ τ₀ as one more response to its own torques.
+    """
+    base, n = reaction
+    limit = contacts.limit.copy()
+    if sign[0] == 0:
+        limit[0] = inf
+        found = _consistent(a, G, limit, sign, deciding)
+        limit[0] = contacts.coefficient * abs(base + float(n @ found.tau))
+        if not deciding or abs(found.tau[0]) <= limit[0] * (1 + EXCESS):
+            return Rubbing(found.tau, limit, found.sign)
+    for s in [sign[0]] if sign[0] else [1.0, -1.0]:
+        for e in (1.0, -1.0):
+            pressed = s * e * contacts.coefficient
+            share = -pressed / (1 + pressed * n[0])
+            rest = _consistent(
+                a[1:] + G[1:, 0] * share * base,
+                G[1:, 1:] + np.outer(G[1:, 0], share * n[1:]),
+                limit[1:],
+                sign[1:],
+                deciding,
+            )
+            rail = share * (base + float(n[1:] @ rest.tau))
+            tau, begun = np.append(rail, rest.tau), np.append(s, rest.sign)
+            push = base + float(n @ tau)
+            starts = sign[0] != 0 or (a[0] + float(G[0] @ tau)) * s >= 0
+            if push * e >= 0 and starts:
+                limit[0] = contacts.coefficient * abs(push)
+                return Rubbing(tau, limit, begun)
+    raise ComputationError(JAMMED)

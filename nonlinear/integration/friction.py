@@ -1,0 +1,220 @@
+"""Stick and slip as events: when a contact stops sliding or breaks loose, and what follows.
+
+Every contact has a value that stays negative while its state lasts: −s γ' while it slides in the direction s, |τ| − M
+while it sticks.  Within each step the first value to pass zero is sought on the integrator's interpolant.  A contact
+that stops sliding loses the remainder of its velocity by an impulse of friction, so that those already sticking stay
+at rest and the energy is kept to second order in that remainder; then `Frictional.settled` decides which contacts stick
+and which way the others slide, and the integrator restarts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+from math import nan
+from typing import NamedTuple
+
+import numpy as np
+from scipy.optimize import brentq, minimize_scalar
+
+from modal.types import Booleans, Floats, Ints
+from nonlinear.dynamics import Frictional
+from nonlinear.integration.steppers import Stepper
+from nonlinear.system import Friction
+
+LOOKS = 8  # intervals of every step that are searched
+TOGETHER = 1e-12  # velocity, in natural units, below which contacts that slow down stop together
+BRIEF, OFTEN = 1e-7, 4  # phases shorter than this, over √(l/g), of which so many in a row are chatter
+FIRM = 1e-6  # excess over its limit by which a contact breaks loose after chatter
+NEARER = 0.5 ** np.arange(1, 21, 3)  # of an interval, where a phase that has just begun is sought
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+class Change(NamedTuple):
+    """The next change: its time (s), and which contacts stop sliding or break loose, (J,)."""
+
+    time: float
+    which: Booleans
+
+
+@dataclass(eq=False)
+class StickSlip:
+    """The changes of a run from y at a time on, and the record of its phases."""
+
+    equations: Frictional
+    time: float
+    y: Floats
+    rest: float = nan
+    _since: Floats = field(init=False)
+    _turned: Floats = field(init=False)
+    _work: Floats = field(init=False)
+    _phases: list[tuple[int, float, float]] = field(init=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        count = len(self.equations.sign)
+        self._since, self._work, self._turned = np.full(count, nan), np.zeros(count), self.equations.place(self.y)
+        self._changed, self._brief, self._firm = np.full(count, -np.inf), np.zeros(count, int), np.zeros(count)
+        self._settle(self.time, self.y, np.sign(self.equations.sliding(self.y)))
+
+    # -------------------------------------------------------------------------------------------------- the search
+
+    def next(self, stepper: Stepper, before: float) -> Change | None:
+        """The first change within the last step, None where there is none."""
+        if self.equations.at_rest and self.equations.load is None:
+            return None
+        looks = np.linspace(before, stepper.time, LOOKS + 1)
+        rows = np.vstack((stepper.inside(looks[:-1]), stepper.y))
+        if self.equations.sign.all():
+            values = -self.equations.sign * self.equations.sliding(rows)
+        else:
+            values = np.array([self._values(time, row) for time, row in zip(looks.tolist(), rows, strict=True)])
+        fresh = self._changed >= before
+        for k, (start, end) in enumerate(pairwise(looks.tolist())):
+            low, high = values[k], values[k + 1]
+            passing = (low <= 0) & (high > 0)
+            if k == 0:
+                passing |= fresh & (low >= 0) & (high > low) & (high > 0)
+            if passing.any():
+                return self._first(stepper, start, end, passing)
+            if k and (peak := self._peak(stepper, looks, values, k)):
+                return self._first(stepper, *peak)
+        return None
+
+    def _values(self, time: float, row: Floats) -> Floats:
+        """The value of every contact, negative while its state lasts, (J,)."""
+        equations, sign = self.equations, self.equations.sign
+        found = -sign * equations.sliding(row)
+        stuck = sign == 0
+        if stuck.any():
+            rubbing = equations.rubbing(time, row)
+            found[stuck] = (np.abs(rubbing.tau) - rubbing.limit * (1 + self._firm))[stuck]
+        return found
+
+    def _value(self, stepper: Stepper, j: int, time: float) -> float:
+        return float(self._values(time, stepper.inside(np.array([time]))[0])[j])
+
+    def _peak(self, stepper: Stepper, looks: Floats, values: Floats, k: int) -> tuple[float, float, Booleans] | None:
+        """The look before a positive maximum near look k, its time, and the contact that has it; None without one."""
+        left, middle, right = values[k - 1 : k + 2]
+        bend = left - 2 * middle + right
+        with np.errstate(all="ignore"):
+            top = middle - (right - left) ** 2 / (8 * bend)
+        near = (middle < 0) & (middle >= left) & (middle >= right) & (bend < 0) & (top > middle / 2)
+        for j in np.flatnonzero(near).tolist():
+            found = minimize_scalar(
+                lambda time, j=j: -self._value(stepper, j, time),
+                bounds=(looks[k - 1], looks[k + 1]),
+                method="bounded",
+                options={"xatol": 1e-12 * max(1.0, abs(looks[k]))},
+            )
+            if -found.fun > 0:
+                return float(looks[k - 1]), float(found.x), np.arange(values.shape[1]) == j
+        return None
+
+    def _first(self, stepper: Stepper, start: float, end: float, among: Booleans) -> Change:
+        """The first of these contacts to pass zero; one whose value is zero at the start may be negative at first."""
+        times = np.full(len(among), np.inf)
+        for j in np.flatnonzero(among).tolist():
+            value = partial(self._value, stepper, j)
+            early = start + (end - start) * np.append(0.0, NEARER)
+            low = next((time for time in early.tolist() if value(time) < 0), None)
+            times[j] = start if low is None else _root(value, low, end)
+        first = float(times.min())
+        return Change(first, times <= first)
+
+    # -------------------------------------------------------------------------------------------------- the change
+
+    def changed(self, change: Change, y: Floats) -> Floats:
+        """The y after a change, from which the contacts go on in their new states."""
+        equations, sign = self.equations, self.equations.sign
+        sliding, unit = equations.sliding(y), equations.system.rate * TOGETHER
+        stopping = (sign != 0) & (change.which | (sliding * sign <= unit) & self._slowing(change.time, y))
+        loose = (sign == 0) & change.which
+        found = self._stopped(y, stopping | ((sign == 0) & ~loose) | loose)
+        begun = np.where(stopping, 0.0, sign)
+        for j in np.flatnonzero(loose):
+            begun[j] = -np.sign(equations.rubbing(change.time, found).tau[j])
+        self._count(change.time, stopping | loose)
+        self._settle(change.time, found, begun, held=(stopping | loose) & (self._firm > 0))
+        return equations.project(found)[0]
+
+    def struck(self, time: float, y: Floats) -> None:
+        """A kick made velocities jump to those of y: every contact that moves slides."""
+        self._brief[:], self._firm[:] = 0, 0.0
+        self._settle(time, y, np.sign(self.equations.sliding(y)))
+
+    def _slowing(self, time: float, y: Floats) -> Booleans:
+        slope = self.equations.derivative(time, y)
+        return np.asarray(self.equations.sliding(slope) * self.equations.sign < 0)
+
+    def _stopped(self, y: Floats, still: Booleans) -> Floats:
+        """The same y after an impulse of friction that takes all velocity from these contacts."""
+        equations, half = self.equations, self.equations.layout.half
+        response, speed = equations.response(y)[:, still], equations.sliding(y)[still]
+        if not speed.any():
+            return y.copy()
+        found = y.copy()
+        G = (equations.contacts.jacobian(half) @ response)[still]
+        found[half : 2 * half] -= response @ np.linalg.solve(G, speed)
+        return found
+
+    def _count(self, time: float, which: Booleans) -> None:
+        """Notice chatter: contacts whose states are too brief to resolve are held more firmly."""
+        brief = (time - self._changed) * self.equations.system.rate < BRIEF
+        self._brief = np.where(which, np.where(brief, self._brief + 1, 0), self._brief)
+        firm = FIRM * 10.0 ** (self._brief - OFTEN)
+        self._firm = np.where(self._brief >= OFTEN, firm, np.where(which, 0.0, self._firm))
+        self._changed = np.where(which, time, self._changed)
+
+    def _settle(self, time: float, y: Floats, sign: Floats, held: Booleans | None = None) -> None:
+        """Decide the state of every contact at rest but those `held`, and record what ends and begins."""
+        equations, before = self.equations, self.equations.sign
+        self._account(y)
+        found = equations.settled(time, y, sign).sign
+        if held is not None:
+            found = np.where(held, 0.0, found)
+        for j in np.flatnonzero((before == 0) & (found != 0) & ~np.isnan(self._since)).tolist():
+            self._phases.append((j, float(self._since[j]), time))
+            self._since[j] = nan
+        begun = (found == 0) & np.isnan(self._since)
+        self._since[begun] = time
+        self._changed[begun | (before != found)] = time
+        equations.set_sign(found)
+        equations.placed = np.where(begun, equations.place(y), equations.placed)
+        if equations.at_rest and equations.load is None:
+            self.rest = time
+
+    def _account(self, y: Floats) -> None:
+        """The work of constant friction since the last change, M times the way: between changes no contact turns."""
+        place = self.equations.place(y)
+        self._work -= self.equations.contacts.limit * np.abs(place - self._turned)
+        self._turned = place
+
+    def passed(self, stepper: Stepper, before: float, now: float) -> None:
+        """The work within a step of friction on the rail whose limit varies, by Gauss's quadrature."""
+        if not self.equations.contacts.coefficient or not self.equations.sign[0] or now <= before:
+            return
+        times = (before + now) / 2 + (now - before) / 2 * NODES
+        rows = stepper.inside(times)
+        speeds = self.equations.sliding(rows)[:, 0]
+        forces = [self.equations.rubbing(time, row).tau[0] for time, row in zip(times.tolist(), rows, strict=True)]
+        self._work[0] += (now - before) / 2 * float(WEIGHTS @ (np.array(forces) * speeds))
+
+    def record(self, time: float, y: Floats) -> Friction:
+        """What friction did until this time."""
+        self._account(y)
+        lasting = [(j, float(self._since[j]), time) for j in np.flatnonzero(~np.isnan(self._since)).tolist()]
+        phases = sorted([*self._phases, *lasting], key=lambda phase: phase[1])
+        places = self._links()
+        which = np.array([phase[0] for phase in phases], dtype=np.int64)
+        begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (1, 2))
+        return Friction(places[which], begin, end, places, self._work.copy(), self.rest)
+
+    def _links(self) -> Ints:
+        return np.asarray(self.equations.contacts.below - int(self.equations.layout.on_cart))
+
+
+def _root(value: Callable[[float], float], start: float, end: float) -> float:
+    return float(brentq(value, start, end, xtol=1e-15 * max(1.0, abs(end)), rtol=1e-15))

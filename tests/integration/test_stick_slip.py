@@ -1,0 +1,294 @@
+"""Dry friction: closed forms, a smoothed law, energy, rest, kicks, many phases."""
+
+from __future__ import annotations
+
+from math import cos, pi, sin, sqrt
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from modal.scene import Cart, Scene, scene_from
+from nonlinear import simulate
+from nonlinear.dynamics import Frictional
+from nonlinear.integration import Trajectory
+from nonlinear.postprocessing import reaction_forces_of
+from nonlinear.simulation import resume
+from nonlinear.system import AppliedForces, State, turning_point
+
+G = 9.81
+
+
+def bob(**more: Any) -> dict[str, Any]:
+    return {"kind": "bob", "mass": 1.0, "length": 1.0, **more}
+
+
+def scene_of(*links: dict[str, Any], angles: tuple[float, ...] = (), **more: Any) -> Scene:
+    hung = {"links": list(links), "start": {"angles_deg": list(angles or [0.0] * len(links))}}
+    return scene_from({"gravity": G, "pendulum": [hung], **more})
+
+
+def block(**cart: float) -> Scene:
+    """A block on a rail; the pendulum on it hardly weighs anything."""
+    return scene_of(bob(mass=1e-12, length=1e3), support={"kind": "cart", "mass": 1.0, **cart})
+
+
+def begun(x: float = 0.0, speed: float = 0.0) -> State:
+    return State(np.zeros(1), np.zeros(1), x, speed)
+
+
+# -------------------------------------------------------------------------------------------------- closed forms
+
+
+def coulomb(x: float, stuck: float, omega: float, times: np.ndarray) -> np.ndarray:
+    """x(t) of a block on a spring let go at x: harmonic about ±stuck in turn until it is within (Lorenz 1902)."""
+    found, half = np.empty_like(times), pi / omega
+    for k in range(1 + int(times[-1] / half)):
+        here = (times >= k * half) & (times <= (k + 1) * half)
+        if abs(x) <= stuck:
+            found[times >= k * half] = x
+            break
+        centre = stuck * np.sign(x)
+        found[here] = centre + (x - centre) * np.cos(omega * (times[here] - k * half))
+        x = 2 * centre - x
+    return found
+
+
+def test_a_block_on_a_spring_follows_lorenz() -> None:
+    found = simulate(block(stiffness=4.0, friction=0.3), 20.0, start=begun(1.0), tolerance=1e-12, output=401)
+    assert found.motion.cart == pytest.approx(coulomb(1.0, 0.075, 2.0, found.times), abs=1e-10)
+    assert found.friction.begin == pytest.approx([7 * pi / 2], abs=1e-9)
+    assert found.friction.link.tolist() == [-1]
+    assert found.friction.work[0] == pytest.approx(-0.3 * sum(2 * (1 - 0.15 * k) - 0.15 for k in range(7)), rel=1e-9)
+
+
+def test_a_coefficient_stops_a_block_on_a_level_rail() -> None:
+    found = simulate(block(friction_coefficient=0.2), 3.0, start=begun(0.0, 2.0), tolerance=1e-11)
+    assert found.friction.begin == pytest.approx([2.0 / (0.2 * G)], rel=1e-9)
+    assert found.final.cart == pytest.approx(2.0**2 / (2 * 0.2 * G), rel=1e-9)
+    assert found.friction.work[0] == pytest.approx(-2.0, rel=1e-8)
+
+
+def swings(amplitude: float, torque: float, weight: float) -> list[float]:
+    """The turning angles of a pendulum: weight (cos a' − cos a) = torque (a + a'), exactly, until it is held."""
+    found = [amplitude]
+    while weight * sin(found[-1]) > torque:
+        a = found[-1]
+        found.append(
+            brentq(lambda b, a=a: weight * (cos(b) - cos(a)) - torque * (a + b), a * (1e-7 - 1), a, xtol=1e-15)
+        )
+    return found
+
+
+@pytest.mark.parametrize("degrees", [170.0, 40.0, 2.0])
+def test_turning_angles_of_a_pendulum(degrees: float) -> None:
+    torque = 0.004 * degrees
+    scene = scene_of(bob(friction=torque), angles=(degrees,))
+    turn = turning_point(simulate_system(scene), "theta[1,1]")
+    found = simulate(scene, 60.0, tolerance=1e-12, events=[turn])
+    expected = swings(np.radians(degrees), torque, G)
+    turned = [abs(float(one.state.links[0])) for one in found.happenings]
+    assert len(expected) > 5
+    assert turned[: len(expected) - 2] == pytest.approx([abs(a) for a in expected[1:-1]], abs=1e-9)
+    assert abs(found.final.links[0]) == pytest.approx(abs(expected[-1]), abs=1e-9)
+    assert abs(G * sin(found.final.links[0])) <= torque
+    assert np.all(found.motion.links[found.times > found.friction.rest] == found.final.links)
+
+
+def simulate_system(scene: Scene) -> Any:
+    from nonlinear.system import system_of
+
+    return system_of(scene)
+
+
+def test_small_swings_lose_the_same_angle_each_time() -> None:
+    torque = 1e-7
+    scene = scene_of(bob(friction=torque), angles=(1e-4,))
+    found = simulate(scene, 60.0, tolerance=1e-12, events=[turning_point(simulate_system(scene), "theta[1,1]")])
+    turned = np.array([abs(one.state.links[0]) for one in found.happenings])
+    assert np.diff(turned[:-1]) == pytest.approx(-2 * torque / G, rel=1e-5)
+
+
+# --------------------------------------------------------------------------------------------- forced: Den Hartog
+
+
+def forced(beta: float, friction: float, periods: int, tolerance: float = 1e-9) -> Trajectory:
+    """m = k = 1, P cos βt with P = 1, sampled 200 times a period, from rest."""
+    times = np.linspace(0.0, 2 * pi / beta * periods, 200 * periods + 1)
+    scene = block(stiffness=1.0, friction=friction)
+    push = lambda time, state: AppliedForces(cos(beta * time))  # noqa: E731
+    return simulate(scene, times[-1], start=begun(), load=push, tolerance=tolerance, output=times)
+
+
+def den_hartog(beta: float, friction: float) -> tuple[float, float]:
+    """Amplitude of motion without stops, and the largest friction that permits it (Trans. ASME 53, APM-107 (1931))."""
+    V, U = 1 / (1 - beta**2), sin(pi / beta) / (beta * (1 + cos(pi / beta)))
+    return sqrt(V**2 - friction**2 * U**2), sqrt(V**2 / (U**2 + 1 / beta**4))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("beta", [0.7, 1.4])
+def test_amplitude_and_boundary_of_den_hartog(beta: float) -> None:
+    _, boundary = den_hartog(beta, 0.0)
+    sliding = forced(beta, 0.9 * boundary, 40)
+    assert np.abs(sliding.motion.cart[-400:]).max() == pytest.approx(den_hartog(beta, 0.9 * boundary)[0], rel=3e-4)
+    late = sliding.friction.end > sliding.times[-1] * 0.8
+    assert not late.any()
+    stopping = forced(beta, 1.1 * boundary, 20)
+    assert np.count_nonzero(stopping.friction.begin > stopping.times[-1] * 0.8) >= 6
+
+
+@pytest.mark.slow
+def test_hamel_slow_forcing_sticks_and_jumps_without_drift() -> None:
+    found = forced(0.1, 0.8, 8, 1e-11)
+    phases = found.friction
+    late = phases.begin > found.times[-1] / 2
+    assert np.count_nonzero(late) > 7
+    period = 2 * pi / 0.1
+    early, after = found.motion.cart[200 * 4 : 200 * 5], found.motion.cart[200 * 7 : 200 * 8]
+    assert after == pytest.approx(early, abs=1e-7)
+    assert phases.begin[-1] < found.times[-1] < phases.begin[-1] + period
+    assert found.energy_drift() < 1e-9
+
+
+# --------------------------------------------------------------------------------------- several contacts, smoothing
+
+MANY = {
+    "joints": scene_of(bob(friction=0.3), bob(friction=0.2, mass=0.7), angles=(40.0, -30.0)),
+    "rail and joint": scene_of(
+        bob(), bob(friction=0.2, mass=0.7), angles=(40.0, -30.0), support={"kind": "cart", "mass": 2.0, "friction": 0.5}
+    ),
+    "coefficient": scene_of(
+        bob(friction=0.1),
+        bob(friction=0.2, mass=0.7, damping=0.01, quadratic_drag=0.02),
+        angles=(70.0, -30.0),
+        support={"kind": "cart", "mass": 2.0, "friction_coefficient": 0.1},
+    ),
+    "escapement": scene_of(
+        bob(friction=0.05, drive={"kind": "escapement", "impulse": 0.1, "angle_deg": 2.0}), angles=(10.0,)
+    ),
+}
+
+
+@pytest.mark.parametrize("name", MANY)
+def test_books_close_and_what_sticks_is_at_rest(name: str) -> None:
+    scene = MANY[name]
+    found = simulate(scene, 12.0, tolerance=1e-12)
+    assert found.energy_drift() < 1e-9
+    record, system = found.friction, found.system
+    above = np.concatenate([[-1], np.arange(system.n_links - 1)])
+    for link, begin, end in zip(record.link, record.begin, record.end, strict=True):
+        inside = (found.times > begin) & (found.times < end)
+        rates = found.motion.link_rates[inside]
+        speed = found.motion.cart_rate[inside]
+        if link >= 0:
+            speed = rates[:, link] - (rates[:, above[link]] if above[link] >= 0 else 0.0)
+        assert not speed.any()
+    if name != "coefficient" and name != "escapement":
+        assert record.work.sum() == pytest.approx(found.motion.work[-1], rel=1e-9)
+    if name == "escapement":
+        assert record.work.sum() + found.kicks.energy.sum() == pytest.approx(found.motion.work[-1], abs=1e-9)
+        assert len(found.kicks.time) > 10
+
+
+LONG = 2.5
+ROUGH = scene_of(
+    bob(friction=0.5),
+    bob(friction=0.8, mass=0.7),
+    angles=(60.0, -40.0),
+    support={"kind": "cart", "mass": 1.0, "friction": 3.0},
+)
+
+
+@pytest.mark.slow
+def test_it_is_the_limit_of_smooth_laws() -> None:
+    """τ = −M tanh(γ'/ε) creeps by O(ε): halving ε halves the distance."""
+    scene = ROUGH
+    limits = [link.friction for link in scene.links()]
+    rail = scene.support.friction if isinstance(scene.support, Cart) else 0.0
+    times = np.linspace(0.0, LONG, 51)
+    exact = simulate(scene, LONG, output=times, tolerance=1e-11)
+    assert len(exact.friction.link) > 1
+
+    def smooth(width: float) -> np.ndarray:
+        def load(time: float, state: State) -> AppliedForces:
+            torque = -np.array(limits) * np.tanh(np.diff(state.link_rates, prepend=0.0) / width)
+            return AppliedForces(-rail * np.tanh(state.cart_rate / width), torque - np.append(torque[1:], 0.0))
+
+        bare = scene.frictionless
+        return simulate(bare, LONG, output=times, load=load, method="Radau", tolerance=1e-8).motion.links
+
+    distances = [float(np.abs(smooth(width) - exact.motion.links).max()) for width in (2e-3, 1e-3)]
+    assert distances[-1] < 3e-3
+    assert distances[0] / distances[1] == pytest.approx(2.0, abs=0.2)
+
+
+def test_friction_on_the_rail_is_the_coefficient_times_its_reaction() -> None:
+    found = simulate(MANY["coefficient"], 4.0, tolerance=1e-10, output=101)
+    equations = found.equations
+    assert isinstance(equations, Frictional)
+    normal = reaction_forces_of(found).normal
+    system, mass = found.system, found.system.mass
+    for row in range(5, 101, 8):
+        state, time = found.motion[row], float(found.times[row])
+        y = equations.begin(state)
+        equations.release(time, y)
+        friction = equations.settled(time, y, np.sign(equations.sliding(y)))
+        assert friction.limit[0] == pytest.approx(0.1 * abs(normal[row]), rel=1e-9)
+        assert abs(friction.tau[0]) <= friction.limit[0] * (1 + 1e-9)
+        if state.cart_rate:
+            assert friction.tau[0] == pytest.approx(-np.sign(state.cart_rate) * friction.limit[0])
+        assert system.n_links == len(mass)
+
+
+def test_a_run_goes_on_where_it_stopped() -> None:
+    whole = simulate(MANY["joints"], 10.0, output=101, tolerance=1e-12)
+    for stop in (3.0, 5.5):
+        first = simulate(MANY["joints"], stop, output=11, tolerance=1e-12)
+        rest = resume(first, 10.0 - stop, output=11)
+        assert rest.final.links == pytest.approx(whole.final.links, abs=1e-9)
+
+
+def test_a_start_within_the_limit_stays() -> None:
+    found = simulate(scene_of(bob(friction=1.0), angles=(5.0,)), 10.0)
+    assert found.friction.rest == 0.0
+    assert found.run.steps == 0
+    assert np.ptp(found.motion.links) == 0.0
+
+
+def test_a_load_breaks_what_sticks_loose_when_it_exceeds_the_limit() -> None:
+    push = lambda time, state: AppliedForces(0.1 * time)  # noqa: E731
+    found = simulate(block(friction=0.5), 8.0, start=begun(), load=push, tolerance=1e-11, output=81)
+    assert found.friction.end[0] == pytest.approx(5.0, abs=1e-9)
+    assert found.final.cart == pytest.approx(0.1 * 3.0**3 / 6, rel=1e-8)
+
+
+def test_chatter_ends() -> None:
+    """A load that exceeds the limit only by rounding, at its peak, and a mass that is pushed from both sides."""
+    push = lambda time, state: AppliedForces(0.5 * sin(3 * time) * (1 + 1e-15))  # noqa: E731
+    found = simulate(block(friction=0.5), 20.0, start=begun(), load=push)
+    assert np.abs(found.motion.cart).max() < 1e-9
+    assert found.run.steps < 3000
+
+
+def test_who_cannot_take_friction_says_so() -> None:
+    from modal.errors import SceneError
+
+    scene = scene_of(bob(friction=0.1), angles=(5.0,))
+    for how, words in [
+        ({"form": "maximal"}, "form maximal: cannot take dry friction"),
+        ({"form": "hamiltonian"}, "form hamiltonian: cannot take dry friction"),
+        ({"method": "taylor"}, "method taylor: has no series for dry friction"),
+    ]:
+        with pytest.raises(SceneError, match=words):
+            simulate(scene, 1.0, **how)
+
+
+@pytest.mark.slow
+def test_hundreds_of_phases_do_not_drift() -> None:
+    found = forced(0.5, 0.9, 80)
+    assert len(found.friction.link) > 150
+    cart = found.motion.cart.reshape(-1)[:-1].reshape(80, 200)
+    assert cart[-1] == pytest.approx(cart[40], abs=1e-7)
+    assert found.energy_drift() < 1e-7
