@@ -60,9 +60,7 @@ class Determined:
     condition: float
 
 
-def find_determined(
-    J: Floats, parameters: Sequence[Parameter], values: Floats, vague: float = VAGUE
-) -> Determined:
+def find_determined(J: Floats, parameters: Sequence[Parameter], values: Floats, vague: float = VAGUE) -> Determined:
     """From J (N, p), derivatives by z in units of the noise, of parameters at these z (p,).
 
     Nuisances have been projected out of J.  A standard deviation of z above `vague` is none.
@@ -105,7 +103,11 @@ def _directions(
         alone = np.linalg.norm(R[:, own])
         changes = {}
         if np.isfinite(relative[own]) and left < alone / 2:
-            raw = {int(j): answer[i, k] * relative[j] / relative[own] for i, j in enumerate(kept) if np.isfinite(relative[j])}
+            raw = {
+                int(j): answer[i, k] * relative[j] / relative[own]
+                for i, j in enumerate(kept)
+                if np.isfinite(relative[j])
+            }
             most = max([1.0, *map(abs, raw.values())])
             changes = {parameters[j].path: float(c) for j, c in raw.items() if abs(c) > SMALL * most}
         found.append(Undetermined(parameters[own].path, changes))

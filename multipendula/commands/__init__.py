@@ -8,6 +8,7 @@ from multipendula.commands import (
     coupling,
     derivation,
     ensembles,
+    identification,
     modes,
     motion,
     orbits,
@@ -30,6 +31,7 @@ GROUPS = (
     sweeps,
     synchronization,
     ensembles,
+    identification,
     statespace,
     derivation,
 )

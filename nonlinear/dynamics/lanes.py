@@ -65,7 +65,7 @@ class Lanes:
     @cached_property
     def is_written(self) -> bool:
         """Whether the equations are written out."""
-        return self.tangent or self.system.n_links <= WRITTEN
+        return self.tangent or (self.system.n_links <= WRITTEN and not self.numbers.dragged)
 
     @cached_property
     def written(self) -> Written:
@@ -78,7 +78,7 @@ class Lanes:
             return self.written.rates(np.sin, np.cos, self.written.constants(numbers))
         system = numbers.arrays
         bodies = tuple(Spread(group) for group in system.groups)
-        push = _push(numbers.entries, system.n_links) if self.pushed else None
+        push = _push(np.broadcast_arrays(*numbers.entries[-1 - system.n_links :])) if self.pushed else None
         equations = Minimal(system, bodies, push, counts_work=self.layout.works)
         return lambda y: equations.derivative(0.0, y)
 
@@ -164,11 +164,8 @@ def _ends(order: Sequence[Symbol], components: Sequence[Any], still: set[int]) -
     return {id(own) for own in (*wanted, *components) if isinstance(own, Symbol) and id(own) in still}
 
 
-def _push(entries: Sequence[Any], links: int) -> AppliedForces:
-    cart, *moments = entries[-1 - links :]
-    found = np.empty(links, dtype=object)
-    found[:] = moments
-    return AppliedForces(cart, found)
+def _push(pushes: Sequence[Any]) -> AppliedForces:
+    return AppliedForces(pushes[0], np.array(pushes[1:]))
 
 
 def written(numbers: Numbers, tangent: bool = False, pushed: bool = False) -> Written:
@@ -182,7 +179,7 @@ def written(numbers: Numbers, tangent: bool = False, pushed: bool = False) -> Wr
         else Recursion(group, sine=called("sin"), cosine=called("cos"))
         for group in system.groups
     )
-    push = _push(entries, system.n_links) if pushed else None
+    push = _push(entries[-1 - system.n_links :]) if pushed else None
     equations = Minimal(system, bodies, push, counts_work=not (tangent or pushed))
     size = equations.layout.size
     y = [tape.symbol("y", i) for i in range(size)]

@@ -101,7 +101,7 @@ class Suspended(ABC):
         self, links: Any, rates: Any, push: AppliedForces, cart_rate: Any
     ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
-        given = None if push.moments is None else np.ravel(push.moments)
+        given = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
         for group, place, body in zip(self.system.groups, self.places, self.bodies, strict=True):
             own, speed = links[place], rates[place]
             torques, work = self.acting(group, own, speed, None if given is None else given[place])

@@ -18,7 +18,8 @@ from nonlinear.identification.records import FEWEST, Recording
 
 LAWS = {"viscous": "damping", "coulomb": "friction", "drag": "quadratic_drag"}
 """Names of laws, and the number of a joint or link that each one frees."""
-SHARE = 0.75  # of the record that is fitted when the rest is held back
+SHARE = 0.75  # of the segments that are fitted when the others are held back
+HALF = 0.5  # of a single segment
 WEAK = 1e-3  # of the natural unit, where a law begins
 
 
@@ -53,8 +54,8 @@ def compare(
     ]
     if problems:
         raise SceneError(problems)
-    used, kept = _split(recording)
-    found = []
+    used = _used(recording)
+    found: list[tuple[str, Fit, float]] = []
     for turn, name in enumerate(dict.fromkeys(names)):
         own, places = with_laws(scene, name.split("+"))
         wanted = [*dict.fromkeys([*_without(scene, free), *places])]
@@ -64,18 +65,30 @@ def compare(
 
         whole = fit(own, recording, wanted, report=part, **options)  # type: ignore[arg-type]
         trained = fit(whole.scene, used, wanted, **options)  # type: ignore[arg-type]
-        judged = fit(trained.scene, kept)
-        count, unknowns = independent(whole), int(np.count_nonzero(np.diag(whole.cov)))
-        spread = count * log(float(np.mean(np.square(whole.residuals)))) + 2 * count * log_noise(whole)
-        found.append(Candidate(name, whole, spread + 2 * unknowns, spread + unknowns * log(count), judged.rms_all))
-    return sorted(found, key=lambda one: one.bic)
+        found.append((name, whole, _held_out(trained, recording)))
+    count = min((independent(whole) for _, whole, _ in found), default=2.0)
+    return sorted((_candidate(*own, count) for own in found), key=lambda one: one.bic)
 
 
-def log_noise(found: Fit) -> float:
-    """The mean logarithm of the sensors' noise over all values."""
-    there = [np.isfinite(one.values).sum(axis=0) for one in found.recording.segments]
-    counts = np.sum(there, axis=0)
-    return float(np.log(found.problem.noise) @ counts / counts.sum())
+def _candidate(name: str, whole: Fit, held_out: float, count: float) -> Candidate:
+    """The criteria, for a record worth so many independent values: −2 ln L of Gaussian residuals, and a penalty."""
+    there = np.sum([np.isfinite(one.values).sum(axis=0) for one in whole.recording.segments], axis=0)
+    mean = float(np.mean(np.square(whole.residuals))), float(np.log(whole.problem.noise) @ there / there.sum())
+    spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(whole.cov)))
+    return Candidate(name, whole, spread + 2 * unknowns, spread + unknowns * log(count), held_out)
+
+
+def _held_out(trained: Fit, recording: Recording) -> float:
+    """The rms (rad) of what was not fitted: of other segments with their states fitted, of one by going on from its."""
+    if len(recording.segments) > 1:
+        return fit(
+            trained.scene, recording.take(range(len(trained.recording.segments), len(recording.segments)))
+        ).rms_all
+    whole = replace(trained, problem=replace(trained.problem, recording=recording))
+    at = len(trained.recording.segments[0].times)
+    angles = [k for k, sensor in enumerate(recording.sensors) if sensor.pendulum] or [0]
+    misses = (whole.readings[0] - recording.segments[0].values)[at:, angles]
+    return float(np.sqrt(np.nanmean(misses**2)))
 
 
 def independent(found: Fit) -> float:
@@ -117,16 +130,13 @@ def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
     return scene_with(scene, values), places
 
 
-def _split(recording: Recording) -> tuple[Recording, Recording]:
-    """What is fitted and what is held back: whole segments, or of a single one its end."""
+def _used(recording: Recording) -> Recording:
+    """What is fitted when the rest is held back: the first segments, or the first part of a single one."""
     count = len(recording.segments)
     if count > 1:
-        used = max(1, int(SHARE * count))
-        return recording.take(range(used)), recording.take(range(used, count))
+        return recording.take(range(max(1, int(SHARE * count))))
     (one,) = recording.segments
-    at = int(SHARE * len(one.times))
-    if min(at, len(one.times) - at) < 2 * FEWEST:
+    at = int(HALF * len(one.times))
+    if at < 2 * FEWEST:
         raise SceneError([f"{one.where}: is too short to hold a part of it back"])
-    first = replace(one, times=one.times[:at], values=one.values[:at])
-    last = replace(one, times=one.times[at:], values=one.values[at:])
-    return replace(recording, segments=(first,)), replace(recording, segments=(last,))
+    return replace(recording, segments=(replace(one, times=one.times[:at], values=one.values[:at]),))

@@ -97,7 +97,9 @@ def _growth(found: Fit) -> Iterator[str]:
         for k, times, miss in _misses(found):
             if k != c:
                 continue
-            own = next(one for one in found.recording.segments if times[0] >= one.times[0] and times[-1] <= one.times[-1])
+            own = next(
+                one for one in found.recording.segments if times[0] >= one.times[0] and times[-1] <= one.times[-1]
+            )
             values = own.values[np.isfinite(own.values[:, c]), c]
             window = max(4, int(2 * np.pi / found.problem.system.rate / max(np.median(np.diff(times)), 1e-12)))
             for at in range(0, len(miss) - window + 1, window):

@@ -202,7 +202,9 @@ class _Search:
             u[layout.state(s)] = states[s]
         if layout.numbers:
             J = problem.jacobian(u)
-            found = find_determined(_projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, np.inf)
+            found = find_determined(
+                _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, np.inf
+            )
             self.kept[found.held] = False
             u[: layout.numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
         self.begun = u[: layout.numbers].copy()
@@ -215,7 +217,9 @@ class _Search:
         longest = max(one.times[-1] - one.times[0] for one in problem.recording.segments)
         part = SHORTEST * 2 * np.pi / problem.system.rate
         while part < longest:
-            u = self._solved(replace(problem, recording=problem.recording.until(part), tolerance=1e-6), u, ROUGH, True, 1e-3)
+            u = self._solved(
+                replace(problem, recording=problem.recording.until(part), tolerance=1e-6), u, ROUGH, True, 1e-3
+            )
             self.report(0.05 + 0.35 * part / longest)
             part *= LONGER
         return u
@@ -375,4 +379,3 @@ def _covariance(problem: Problem, J: Floats, residuals: Floats, free: Booleans) 
     found = np.zeros((problem.layout.size, problem.layout.size))
     found[np.ix_(columns, columns)] = covariance(G, blocks)
     return found, tuple(rho)
-

@@ -339,7 +339,9 @@ class _Front:
         index = begin[..., None] + np.arange(most)
         there = index < until[..., None]
         index = np.minimum(index, times.shape[2] - 1)
-        parts = (np.take_along_axis(times, index, axis=2) - self.t[None, :, None]) / np.where(self.h, self.h, 1)[:, None]
+        parts = (np.take_along_axis(times, index, axis=2) - self.t[None, :, None]) / np.where(self.h, self.h, 1)[
+            :, None
+        ]
         parts = np.where(there, parts, 0.0)
         for c, channel in enumerate(self.task.channels):
             own = self.spread(parts[c].T)  # (most, W)

@@ -1,7 +1,7 @@
 """Measured motions: segments of CSV files with the column `time_s` and one column for each sensor.
 
 A sensor is `theta_P_L_rad` or `theta_P_L_deg`, the angle of link L of pendulum P (both from 1) from the downward
-vertical, or with relative angles from the link above, or `cart_m`.  A column `segment` separates motions that were
+vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`).  A column `segment` separates motions that were
 recorded apart; other columns select rows.  An empty cell or "nan" is a missing value.
 """
 
@@ -24,7 +24,9 @@ from modal.scene import Cart, Scene
 from modal.types import Floats
 
 TIME, SEGMENT = "time_s", "segment"
-SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m", re.ASCII)
+RUNS = "x_m"  # the cart in files of simulated runs, also of those without one
+SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m|x_m", re.ASCII)
+LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
 LARGEST_FILE = 2**28
 MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
 FEWEST = 4  # samples of a segment
@@ -112,7 +114,10 @@ def read_recording(
     for path in paths:
         name = os.fspath(path)
         try:
-            tables.append((name, *_table(name, where or {})))
+            header, rows = _table(name, where or {})
+            if not isinstance(scene.support, Cart):
+                header = [f"({column})" if column == RUNS else column for column in header]
+            tables.append((name, header, rows))
         except SceneError as error:
             problems += error.problems
     if not paths:
@@ -130,7 +135,10 @@ def read_recording(
     problems += _empty(sensors, segments) if not problems else []
     if problems:
         raise SceneError(problems)
-    unused = {column for _, header, _ in tables for column in header if not _is_known(column)} - {*(where or {})}
+    unused = {column for _, header, _ in tables for column in header if not _is_known(column)} - {
+        *(where or {}),
+        f"({RUNS})",
+    }
     return Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(unused)))
 
 
@@ -196,7 +204,7 @@ def _header_problems(columns: Sequence[str], where: Mapping[str, str]) -> Iterat
     yield from (f"column {one}: stands there twice" for one in dict.fromkeys(columns) if columns.count(one) > 1)
     yield from (f"column {one}: is missing{meant(one, columns)}" for one in where if one not in columns)
     for column in columns:
-        if column not in where and not _is_known(column) and re.match(r"theta|cart|time", column):
+        if column not in where and not _is_known(column) and LIKE_ONE.match(column):
             yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"
     sensors = [column for column in columns if SENSOR.fullmatch(column)]
     if not sensors:
@@ -215,7 +223,9 @@ def _segments(
         bad = next((k for k, value in enumerate(values) if value is None or isinf(value)), None)
         if bad is not None:
             line, row = rows[bad]
-            problems.append(f"{name}: line {line}, {column} = {row[header.index(column)]!r:.60}: must be a finite number")
+            problems.append(
+                f"{name}: line {line}, {column} = {row[header.index(column)]!r:.60}: must be a finite number"
+            )
     if problems:
         raise SceneError(problems)
     times = np.array(number[TIME], dtype=float)

@@ -23,9 +23,7 @@ def fit_record(found: Fit, candidates: Sequence[Candidate] = ()) -> dict[str, An
             {"place": found.parameters[k].path, "value": float(found.values[k]), "std": float(found.stds[k])}
             for k in numbers
         ],
-        "fixed": [
-            {"place": found.parameters[k].path, "value": float(found.values[k])} for k in found.held.tolist()
-        ],
+        "fixed": [{"place": found.parameters[k].path, "value": float(found.values[k])} for k in found.held.tolist()],
         "combinations": [{"words": c.words, "value": c.value, "std": c.std} for c in found.combinations],
         "unidentifiable": [{"place": one.held, "words": one.words} for one in found.undetermined],
         "sensors": [_sensor(found, c) for c in range(len(found.recording.sensors))],
@@ -129,10 +127,15 @@ def fit_text(found: Fit, candidates: Sequence[Candidate] = ()) -> str:
         grid(segments, ["file", "segment", "rows", "rms residual (rad)"]),
         f"rms residual of all: {found.rms_all:.3g} rad",
         grid(
-            [[one.name, f"{one.fit.rms_all:.3g}", f"{one.held_out_rms:.3g}", f"{one.aic:.1f}", f"{one.bic:.1f}"] for one in candidates],
+            [
+                [one.name, f"{one.fit.rms_all:.3g}", f"{one.held_out_rms:.3g}", f"{one.aic:.1f}", f"{one.bic:.1f}"]
+                for one in candidates
+            ],
             ["law", "rms (rad)", "rms held out (rad)", "AIC", "BIC"],
         ),
-        "\n".join(line[0].upper() + line[1:] + "." if not line.startswith("theta") else line + "." for line in found.verdict),
+        "\n".join(
+            line[0].upper() + line[1:] + "." if not line.startswith("theta") else line + "." for line in found.verdict
+        ),
     ]
     return titled(found.given.title, "fit to measured motions", parts, "text")
 
