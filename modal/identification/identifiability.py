@@ -1,8 +1,8 @@
 """What data determine: combinations of parameters from the singular values of a Jacobian.
 
-With J = U S Vᵀ, the derivatives of readings in units of their noise, a step along the direction v_k changes the readings
-by s_k standard deviations, so 1/s_k is the standard deviation of that combination (Bellman & Åström, Math. Biosci. 7,
-329 (1970); Ljung, System Identification, 2nd ed. 1999, §4.6).  A direction that is not determined is closed by
+With J = U S Vᵀ, the derivatives of readings in units of their noise, a step along the direction v_k changes the
+readings by s_k standard deviations, so 1/s_k is the standard deviation of that combination (Bellman & Åström, Math.
+Biosci. 7, 329 (1970); Ljung, System Identification, 2nd ed. 1999, §4.6).  A direction that is not determined is closed by
 holding one of its parameters at the value that the scene gives.
 """
 
@@ -68,7 +68,7 @@ def find_determined(J: Floats, parameters: Sequence[Parameter], values: Floats, 
     count = len(parameters)
     kept = np.arange(count)
     lost: list[int] = []
-    R = np.linalg.qr(J, mode="r") if len(J) > count else J
+    R: Floats = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > count else J
     while len(kept):
         singular, V = _singular(R[:, kept])
         null = (singular < LOST * singular[0]) | (singular * vague < 1)

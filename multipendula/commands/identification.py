@@ -28,7 +28,7 @@ def fit(options: argparse.Namespace) -> None:
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: read_recording(scene, options.data, where=parse_where(options.where or ()), angles=options.angles),
         lambda: options.picture and picture(options.picture, "--picture"),
-        *(lambda path=path: in_a_folder(path) for path in (options.output, options.report, options.picture)),  # type: ignore[misc]
+        *(lambda path=path: in_a_folder(path) for path in (options.output, options.report, options.picture)),
     )
     with bar(1.0, "fit") as report:
         candidates = (

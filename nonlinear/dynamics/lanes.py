@@ -19,7 +19,7 @@ import numpy as np
 
 from nonlinear.dynamics.dense import FRAIL, LIGHT, Elimination
 from nonlinear.dynamics.generated import DEEPEST, SHORT, Symbol, Tape, called, function_in, joined, uses
-from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.minimal import NOTHING, Minimal, Recursion
 from nonlinear.dynamics.recursion import links_of
 from nonlinear.system import AppliedForces, Group, Layout, Numbers, System, system_with
 
@@ -78,8 +78,8 @@ class Lanes:
             return self.written.rates(np.sin, np.cos, self.written.constants(numbers))
         system = numbers.arrays
         bodies = tuple(Spread(group) for group in system.groups)
-        push = _push(np.broadcast_arrays(*numbers.entries[-1 - system.n_links :])) if self.pushed else None
-        equations = Minimal(system, bodies, push, counts_work=self.layout.works)
+        push = _push(np.broadcast_arrays(*numbers.entries[-1 - system.n_links :])) if self.pushed else NOTHING
+        equations = Pushed(system, bodies, counts_work=self.layout.works, push=push)
         return lambda y: equations.derivative(0.0, y)
 
 
@@ -164,6 +164,17 @@ def _ends(order: Sequence[Symbol], components: Sequence[Any], still: set[int]) -
     return {id(own) for own in (*wanted, *components) if isinstance(own, Symbol) and id(own) in still}
 
 
+@dataclass(frozen=True, eq=False)
+class Pushed(Minimal):
+    """The equations of motion under forces that do not change."""
+
+    push: AppliedForces = NOTHING
+
+    def applied(self, time: float, y: Any) -> AppliedForces:
+        """These forces."""
+        return self.push
+
+
 def _push(pushes: Sequence[Any]) -> AppliedForces:
     return AppliedForces(pushes[0], np.array(pushes[1:]))
 
@@ -179,8 +190,8 @@ def written(numbers: Numbers, tangent: bool = False, pushed: bool = False) -> Wr
         else Recursion(group, sine=called("sin"), cosine=called("cos"))
         for group in system.groups
     )
-    push = _push(entries[-1 - system.n_links :]) if pushed else None
-    equations = Minimal(system, bodies, push, counts_work=not (tangent or pushed))
+    push = _push(entries[-1 - system.n_links :]) if pushed else NOTHING
+    equations = Pushed(system, bodies, counts_work=not (tangent or pushed), push=push)
     size = equations.layout.size
     y = [tape.symbol("y", i) for i in range(size)]
     components = equations.derivative(0.0, np.array(y, dtype=object)).tolist()

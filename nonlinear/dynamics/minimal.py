@@ -39,14 +39,11 @@ class Body(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Suspended(ABC):
-    """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work.
-
-    A load is a function of time and state, or does not change.
-    """
+    """The equations of a scene: `bodies` solve its groups, `load` acts from outside, y may include the work."""
 
     system: System
     bodies: tuple[Body, ...]
-    load: Load | AppliedForces | None = None
+    load: Load | None = None
     counts_work: bool = True
 
     width: ClassVar[int]
@@ -71,7 +68,7 @@ class Suspended(ABC):
         layout, cart = self.layout, self.system.cart
         first, half = int(layout.on_cart), layout.half
         q, v = y[:half], y[half : 2 * half]
-        push = self._applied(time, y)
+        push = self.applied(time, y)
         found = np.empty_like(y)
         found[:half] = v
         mass, force, power, solved = self._pulls(q[first:], v[first:], push, v[0] if cart else 0.0)
@@ -88,9 +85,8 @@ class Suspended(ABC):
             found[-1] = power
         return found
 
-    def _applied(self, time: float, y: Any) -> AppliedForces:
-        if isinstance(self.load, AppliedForces):
-            return self.load
+    def applied(self, time: float, y: Any) -> AppliedForces:
+        """What acts from outside."""
         return self.load(time, self.layout.state(y)) if self.load else NOTHING
 
     @abstractmethod

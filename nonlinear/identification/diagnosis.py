@@ -108,7 +108,7 @@ def _growth(found: Fit) -> Iterator[str]:
         if len(sizes) >= STRETCHES:
             rank = spearmanr(sizes, misses)
             if rank.statistic > GROWS and rank.pvalue < CERTAIN:
-                yield f"{sensor.name}: the residuals grow with the amplitude: a nonlinear loss or a wrong length is likely"
+                yield f"{sensor.name}: the residuals grow with the amplitude: a loss or a length of the model is wrong"
 
 
 def _turning(found: Fit) -> Iterator[str]:

@@ -104,6 +104,10 @@ class Fit:
         """Standard deviations of the numbers (p,), zero for those held."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
+    def given_at(self, path: str) -> float:
+        """The number that the scene gave at one of these places."""
+        return next(one.value for one in self.parameters if one.path == path)
+
     @cached_property
     def fitted(self) -> list[int]:
         """The indices of the numbers that were not held."""
@@ -125,7 +129,7 @@ class Fit:
 
     @cached_property
     def rms(self) -> Floats:
-        """Root mean square of the angles' residuals of every segment (rad), of the cart's (m) where it alone is read."""
+        """Root mean square of the angles' residuals of every segment (rad); of the cart's (m) if it alone is read."""
         return np.array([_rms(self._misses([k])) for k in range(len(self.recording.segments))])
 
     @property
@@ -300,7 +304,7 @@ class _Search:
         def residuals(x: Floats) -> Floats:
             self.evaluations += 1
             try:
-                found = problem.residuals(whole(x))
+                found = problem.residuals(whole(x), ahead=True)
             except ComputationError:
                 return np.full(problem.recording.n_values + len(problem._doubts(u)) + len(steady), np.nan)
             return np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
@@ -351,8 +355,8 @@ def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
     Q, R, _ = qr(other[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
     diagonal = np.abs(np.diag(R))
     Q = Q[:, diagonal > 1e-10 * diagonal[0]]
-    once: Floats = own - Q @ (Q.T @ own)
-    return once - Q @ (Q.T @ once)
+    once = own - Q @ (Q.T @ own)
+    return np.asarray(once - Q @ (Q.T @ once))
 
 
 def _covariance(problem: Problem, J: Floats, residuals: Floats, free: Booleans) -> tuple[Floats, tuple[Floats, ...]]:

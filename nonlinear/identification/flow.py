@@ -4,12 +4,8 @@ Every derivative has a lane of its own, in which that number or component of the
 equations are analytic, so the imaginary part of the motion, over ε, is the derivative to the last digit (Squire &
 Trapp, SIAM Review 40, 110 (1998)).  All lanes of a segment take the steps of DOP853 that its motion needs.
 
-Joints with dry friction slip or stick.  The accelerations are linear in the friction torques,
-
-    q'' = a(q, q') + Σ_j T_j w_j(q),        T_j = −s_j M_j of a joint that slips to the side s_j,
-
-and of those that stick T makes the relative acceleration vanish.  Where a joint changes from one to the other, at a
-time that depends on the numbers, y gains (f₋ − f₊) δt with δt = −γ'/γ'' in each lane (the saltation matrix; Leine &
+Joints with dry friction slip or stick (`sticking`).  Where a joint changes from one to the other, at a time that
+depends on the numbers, y gains (f₋ − f₊) δt with δt = −γ'/γ'' in each lane (the saltation matrix; Leine &
 Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, §7).
 """
 
@@ -24,7 +20,8 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
 from nonlinear.dynamics import Lanes
-from nonlinear.integration.lanes import END, EXTRA, FIFTH, MORE, POWERS, ROWS, STAGES, THIRD, fill, summed
+from nonlinear.identification.sticking import Joint, Rates, Responses
+from nonlinear.integration.lanes import END, EXTRA, FIFTH, MORE, POWERS, ROWS, STAGES, THIRD, summed
 from nonlinear.system import Numbers
 
 SAFETY, SHRINKS, GROWS = 0.9, 0.2, 5.0
@@ -35,24 +32,6 @@ NEAR = 1e-8  # of a step: what is left of an event's time is made up for to firs
 MOST_EVENTS = 1_000
 MOST_STEPS = 100_000
 FIRST = 0.05  # of sqrt(l/g), the first step
-
-
-@dataclass(frozen=True, eq=False)
-class Joint:
-    """A joint with dry friction: the components of y' that its relative rate is made of, and the limit (W,) in N m.
-
-    On the rail `above` is None and the limit a force (N).  `acts` are the places of its torque, with signs, among the
-    force on the cart and the moments on all links.
-    """
-
-    below: int
-    above: int | None
-    limit: Any
-    acts: tuple[tuple[int, float], ...]
-
-    def relative(self, rows: Any) -> Any:
-        """The rate of the joint from the components of velocity, or its acceleration from those of acceleration."""
-        return rows[self.below] if self.above is None else rows[self.below] - rows[self.above]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,84 +47,6 @@ class Channel:
     def read(self, rows: Any, offset: int = 0) -> Any:
         """Its value from the rows of y, with `offset` the size of a half its rate."""
         return sum(sign * rows[row + offset] for row, sign in self.parts)
-
-
-class Responses:
-    """The accelerations of W lanes without friction, and their responses to a unit of torque at each joint."""
-
-    def __init__(self, lanes: Lanes, numbers: Numbers, joints: Sequence[Joint], width: int) -> None:
-        self.joints, self.width, self.half = joints, width, lanes.layout.half
-        unit = np.repeat(np.eye(1 + len(joints))[1:], width, axis=1)
-        every = numbers.at(np.tile(np.arange(width), 1 + len(joints)))
-        self.rates = pushed(lanes, every, joints, unit)
-
-    def __call__(self, y: Any) -> tuple[Any, Any]:
-        """y' (size, W) without friction, and the responses (J, half, W)."""
-        every = np.tile(y, 1 + len(self.joints))
-        free, *found = np.split(_filled(self.rates(every), every), 1 + len(self.joints), axis=1)
-        return free, np.array([own[self.half :] - free[self.half :] for own in found])
-
-    def torques(self, free: Any, responses: Any, sides: Any) -> Any:
-        """The torques (J, W) of joints that slip to these sides (J, W), or at side 0 stick."""
-        slipping = sides != 0
-        limits = np.stack([joint.limit for joint in self.joints])
-        matrix = np.array([[joint.relative(own) for own in responses] for joint in self.joints])
-        matrix = np.where(slipping[:, None], np.eye(len(self.joints))[:, :, None], matrix)
-        wanted = np.stack([-joint.relative(free[self.half :]) for joint in self.joints])
-        right = np.where(slipping, -sides * limits, wanted)
-        if len(self.joints) == 1:
-            return right / matrix[0]
-        return np.linalg.solve(np.moveaxis(matrix, -1, 0), right.T[..., None])[..., 0].T
-
-    def under(self, free: Any, responses: Any, torques: Any) -> Any:
-        """y' (size, W) under torques (J, W)."""
-        found = free.copy()
-        for response, torque in zip(responses, torques, strict=True):
-            found[self.half :] += response * torque
-        return found
-
-
-class Rates:
-    """y' of W lanes, of which each joint slips to a side or, at side 0, sticks."""
-
-    def __init__(self, lanes: Lanes, numbers: Numbers, joints: Sequence[Joint], sides: Any) -> None:
-        self.lanes, self.numbers, self.joints = lanes, numbers, joints
-        self.sides = sides
-        self.set(sides)
-
-    def set(self, sides: Any) -> None:
-        """The sides (J, W) from now on."""
-        self.sides = sides
-        limits = np.array([joint.limit for joint in self.joints]).reshape(sides.shape)
-        self.slip = pushed(self.lanes, self.numbers, self.joints, -sides * limits)
-        self.stuck = np.flatnonzero(np.any(sides == 0, axis=0))
-        if len(self.stuck):
-            own = [replace(joint, limit=joint.limit[self.stuck]) for joint in self.joints]
-            self.responses = Responses(self.lanes, self.numbers.at(self.stuck), own, len(self.stuck))
-
-    def __call__(self, y: Any) -> Any:
-        """y' (size, W)."""
-        found = _filled(self.slip(y), y)
-        if len(self.stuck):
-            free, responses = self.responses(y[:, self.stuck])
-            torques = self.responses.torques(free, responses, self.sides[:, self.stuck])
-            found[:, self.stuck] = self.responses.under(free, responses, torques)
-        return found
-
-
-def pushed(lanes: Lanes, numbers: Numbers, joints: Sequence[Joint], torques: Any) -> Any:
-    """The function that gives y' of lanes with these numbers under torques (J, W) of the joints."""
-    pushes: list[Any] = [np.zeros(1)] * (1 + lanes.system.n_links)
-    for joint, torque in zip(joints, torques, strict=True):
-        for place, sign in joint.acts:
-            pushes[place] = pushes[place] + sign * torque
-    return lanes.rates(Numbers(numbers.system, (*numbers.entries, *pushes)))
-
-
-def _filled(rates: Any, like: Any) -> Any:
-    found = np.empty(like.shape, dtype=like.dtype)
-    fill(rates, found)
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,7 +108,7 @@ class _Front:
         for joint, side in zip(task.joints, self.sides, strict=True):
             side[:] = np.sign(joint.relative(self.base(self.y)[self.half :]).real)
         self.usual, self.changes = self.h.copy(), np.zeros(self.S, dtype=np.int64)
-        self.single = {}
+        self.single: dict[int, Responses] = {}
         for at in range(self.S if task.joints else 0):
             self._settle(at, *self._of(at)(self.y[:, self.columns(np.array([at]))]))
         self._set_rates()
@@ -217,7 +118,7 @@ class _Front:
     def _set_rates(self) -> None:
         numbers, joints = self._taken(self.columns(np.arange(len(self.segment))))
         self.rates = Rates(self.task.lanes, numbers, joints, self.spread(self.sides))
-        self.single: dict[int, Responses] = {}
+        self.single = {}
 
     def _taken(self, columns: Ints) -> tuple[Numbers, list[Joint]]:
         """Numbers and joints of lanes in columns of the present front."""
@@ -403,7 +304,8 @@ class _Front:
         low, at_low = 0.0, beyond(0.0)
         for high in LOOKS:
             at_high = beyond(high)
-            out = np.flatnonzero(at_high < 0)
+            grazing = (at_low < 0) & (at_high > at_low)
+            out = np.flatnonzero((at_high < 0) & ~grazing)
             if len(out):
                 ends = [(at_low[j], at_high[j], int(j)) for j in out]
                 return min((_root(lambda p, j=j: float(beyond(p)[j]), low, high, a, b), j) for a, b, j in ends)  # type: ignore[misc]
@@ -438,7 +340,7 @@ class _Front:
         self.h[at] = self.usual[at]
 
     def _under(self, at: int, free: Any, responses: Any) -> Any:
-        """y' of a segment's lanes with its present sides."""
+        """Y' of a segment's lanes with its present sides."""
         own = self._of(at)
         return own.under(free, responses, own.torques(free, responses, self.sides[:, at, None]))
 
@@ -469,7 +371,7 @@ class _Inside:
         self.terms = np.array(terms)
 
     def at(self, part: Floats, rows: Any) -> Any:
-        """y of these rows, (rows, m, W), at parts (m, W) of the step."""
+        """Y of these rows, (rows, m, W), at parts (m, W) of the step."""
         rows = list(rows)
         found: Any = 0.0
         for number, term in enumerate(self.terms[::-1]):
@@ -477,7 +379,7 @@ class _Inside:
         return self.before[rows][:, None] + found
 
     def at_all(self, parts: Floats) -> Any:
-        """y (m, size, W) of all rows and lanes at the same parts (m,) of the step."""
+        """Y (m, size, W) of all rows and lanes at the same parts (m,) of the step."""
         return self.before + np.tensordot(_weights(parts), self.terms, axes=1)
 
     def lanes(self, columns: slice) -> _Inside:

@@ -18,8 +18,9 @@ from modal.identification.parameters import numbers_at
 from modal.scene import Cart, Escapement, Scene
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Lanes
-from nonlinear.identification.flow import Channel, Joint, Result, Task, integrate
+from nonlinear.identification.flow import Channel, Result, Task, integrate
 from nonlinear.identification.records import Recording, Sensor
+from nonlinear.identification.sticking import Joint
 from nonlinear.system import Numbers, System, numbers_of, system_of
 
 EPSILON = 1e-20  # imaginary part of a lane: its square vanishes beside any number
@@ -177,11 +178,15 @@ class Problem:
             found.append((1 + u[layout.scales]) * own + u[layout.offsets])
         return found
 
-    def residuals(self, u: Floats) -> Floats:
-        """(N,) in units of the noise, of all values that are there, then those of priors."""
+    def residuals(self, u: Floats, ahead: bool = False) -> Floats:
+        """(N,) in units of the noise, of all values that are there, then those of priors.
+
+        With `ahead` the derivatives are computed along, for a `jacobian` at the same unknowns.
+        """
+        flow = self._flow_with_derivatives(u) if ahead else self._flow(u, 0)
         rows = [
             ((values - segment.values) / self.noise)[np.isfinite(segment.values)]
-            for values, segment in zip(self.readings(u), self.recording.segments, strict=True)
+            for values, segment in zip(self._readings(u, flow), self.recording.segments, strict=True)
         ]
         return np.concatenate([*rows, self._doubts(u)])
 
@@ -192,7 +197,7 @@ class Problem:
     def jacobian(self, u: Floats) -> Floats:
         """The derivatives of the residuals, (N, size)."""
         layout = self.layout
-        flow = self._flow(u, layout.numbers + layout.width)
+        flow = self._flow_with_derivatives(u)
         blocks = []
         for s, segment in enumerate(self.recording.segments):
             K, C = segment.values.shape
@@ -236,6 +241,17 @@ class Problem:
             at += count
         return np.concatenate([*found, rows[at:]])
 
+    @cached_property
+    def _last(self) -> dict[bytes, Result]:
+        return {}
+
+    def _flow_with_derivatives(self, u: Floats) -> Result:
+        key = u.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self._flow(u, self.layout.numbers + self.layout.width)
+        return self._last[key]
+
     def _flow(self, u: Floats, lanes: int) -> Result:
         """The motions of all segments; with `lanes` the derivatives by numbers and states in so many lanes."""
         layout, segments = self.layout, self.recording.segments
@@ -252,12 +268,12 @@ class Problem:
             if lanes:
                 for j in range(layout.width):
                     y0[j, s * P + layout.numbers + j] += 1j * EPSILON
-        most = max(len(one.times) for one in segments)
+        most = max(len(segment.times) for segment in segments)
         channels = []
         for c, sensor in enumerate(self.recording.sensors):
             times = np.full((S, most), np.inf)
-            for s, one in enumerate(segments):
-                times[s, : len(one.times)] = one.times - one.times[0] + self.late - u[layout.delays][c]
+            for s, segment in enumerate(segments):
+                times[s, : len(segment.times)] = segment.times - segment.times[0] + self.late - u[layout.delays][c]
             channels.append(Channel(self.parts(sensor), times))
         ends = np.array([np.max([c.times[s][np.isfinite(c.times[s])].max() for c in channels]) for s in range(S)])
         numbers = numbers_of(self.scene, values, self.system)

@@ -1,8 +1,9 @@
 """Measured motions: segments of CSV files with the column `time_s` and one column for each sensor.
 
 A sensor is `theta_P_L_rad` or `theta_P_L_deg`, the angle of link L of pendulum P (both from 1) from the downward
-vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`).  A column `segment` separates motions that were
-recorded apart; other columns select rows.  An empty cell or "nan" is a missing value.
+vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`).  A column
+`segment` separates motions that were recorded apart; other columns select rows.  An empty cell or "nan" is a
+missing value.
 """
 
 from __future__ import annotations
@@ -110,7 +111,8 @@ def read_recording(
     """
     if angles not in ANGLES:
         raise SceneError([f"angles {angles}: must be {' or '.join(ANGLES)}"])
-    tables, problems = [], []
+    tables: list[tuple[str, list[str], list[tuple[int, list[str]]]]] = []
+    problems: list[str] = []
     for path in paths:
         name = os.fspath(path)
         try:
@@ -161,7 +163,7 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
     if sensor.pendulum > len(sizes):
         yield f"column {sensor.name}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
     elif sensor.link > sizes[sensor.pendulum - 1]:
-        yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link')}"
+        yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link', 'links')}"
 
 
 def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
@@ -229,18 +231,19 @@ def _segments(
     if problems:
         raise SceneError(problems)
     times = np.array(number[TIME], dtype=float)
-    values = np.full((len(times), len(sensors)), nan)
-    for column, own in number.items():
+    table = np.full((len(times), len(sensors)), nan)
+    for column, cells in number.items():
         if column != TIME:
             factor = radians(1.0) if column.endswith("_deg") else 1.0
-            values[:, sensors.index(_sensor(column))] = factor * np.array(own, dtype=float)
+            table[:, sensors.index(_sensor(column))] = factor * np.array(cells, dtype=float)
     names = [row[header.index(SEGMENT)].strip() for _, row in rows] if SEGMENT in header else [""] * len(rows)
-    found, at = [], 0
+    found: list[Segment] = []
+    at = 0
     for segment, group in groupby(names):
         count = len([*group])
         own = slice(at, at + count)
         at += count
-        found.append(Segment(name, segment, times[own], values[own]))
+        found.append(Segment(name, segment, times[own], table[own]))
         problems += _segment_problems(found[-1], sensors)
     repeated = [one for one in dict.fromkeys(own.name for own in found) if sum(o.name == one for o in found) > 1]
     problems += [f"{name}: segment {one}: its rows do not follow one another" for one in repeated]
@@ -271,12 +274,13 @@ def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[s
         at = segment.times[back[0]]
         yield f"{segment.where}: the time does not go on after {at:.9g} s"
     if len(segment.times) < FEWEST:
-        yield f"{segment.where}: has {counted(len(segment.times), 'row')}, at least {FEWEST} are needed"
+        yield f"{segment.where}: has {counted(len(segment.times), 'row', 'rows')}, at least {FEWEST} are needed"
     for sensor, values in zip(sensors, segment.values.T, strict=True):
         there = values[np.isfinite(values)]
         if sensor.pendulum and len(there) and np.abs(there).max() > MOST_ANGLE:
             most = float(np.abs(there).max())
-            yield f"{segment.where}: {sensor.name} reaches {most:.4g} rad: if these are degrees, name it {sensor.name}_deg"
+            hint = f"if these are degrees, name it {sensor.name}_deg"
+            yield f"{segment.where}: {sensor.name} reaches {most:.4g} rad: {hint}"
 
 
 def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[str]:

@@ -141,7 +141,7 @@ def fit_text(found: Fit, candidates: Sequence[Candidate] = ()) -> str:
 
 
 def _figure(sensor: dict[str, Any], name: str) -> str:
-    key = next(key for key in sensor if key == name or key.startswith(f"{name}_") and "std" not in key)
+    key = next(key for key in sensor if key == name or (key.startswith(f"{name}_") and "std" not in key))
     spread = next((sensor[key] for key in sensor if key.startswith(f"{name}_std")), 0.0)
     return f"{sensor[key]:.3g}" + (f" ± {spread:.2g}" if spread else "")
 

@@ -1,8 +1,8 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
 The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
-centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field.  Where members differ an entry is
-an array (S,), elsewhere one number.
+centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field.  Where members differ an
+entry is an array (S,), elsewhere one number.
 """
 
 from __future__ import annotations
