@@ -60,14 +60,16 @@ class Determined:
     condition: float
 
 
-def find_determined(J: Floats, parameters: Sequence[Parameter], values: Floats, vague: float = VAGUE) -> Determined:
+def find_determined(
+    J: Floats, parameters: Sequence[Parameter], values: Floats, *, vague: float = VAGUE, held: Sequence[int] = ()
+) -> Determined:
     """From J (N, p), derivatives by z in units of the noise, of parameters at these z (p,).
 
-    Nuisances have been projected out of J.  A standard deviation of z above `vague` is none.
+    Nuisances have been projected out of J.  A standard deviation of z above `vague` is none; `held` stay in any case.
     """
     count = len(parameters)
-    kept = np.arange(count)
-    lost: list[int] = []
+    kept = np.setdiff1d(np.arange(count), np.array(held, dtype=np.int64))
+    lost: list[int] = [*held]
     R: Floats = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > count else J
     while len(kept):
         singular, V = _singular(R[:, kept])
@@ -78,10 +80,10 @@ def find_determined(J: Floats, parameters: Sequence[Parameter], values: Floats, 
         worst = kept[np.sort(pivots[: int(null.sum())])]
         lost += worst.tolist()
         kept = np.setdiff1d(kept, worst)
-    held = np.array(sorted(lost), dtype=np.int64)
+    stay = np.array(sorted(lost), dtype=np.int64)
     singular = _singular(R[:, kept])[0] if len(kept) else np.ones(1)
     condition = float(singular[0] / singular[-1])
-    return Determined(kept, held, tuple(_directions(R, kept, held, parameters, values)), condition)
+    return Determined(kept, stay, tuple(_directions(R, kept, stay, parameters, values)), condition)
 
 
 def _singular(J: Floats) -> tuple[Floats, Floats]:

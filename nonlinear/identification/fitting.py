@@ -207,7 +207,7 @@ class _Search:
         if layout.numbers:
             J = problem.jacobian(u)
             found = find_determined(
-                _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, np.inf
+                _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, vague=np.inf
             )
             self.kept[found.held] = False
             u[: layout.numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
@@ -239,7 +239,8 @@ class _Search:
         numbers = problem.layout.numbers
         J = problem.jacobian(u)
         projected = _projected(J, self._nuisances(problem), numbers)
-        found = find_determined(projected, problem.parameters, u[:numbers])
+        lost = np.flatnonzero(~self.kept).tolist()
+        found = find_determined(projected, problem.parameters, u[:numbers], held=lost)
         fresh = self.kept.copy()
         fresh[found.held] = False
         if np.any(fresh != self.kept):

@@ -28,6 +28,7 @@ SAFETY, SHRINKS, GROWS = 0.9, 0.2, 5.0
 LOOKS = (0.25, 0.5, 0.75, 1.0)
 """Parts of a step at which joints are looked at."""
 ROUNDS = 40  # of the secant method with its ends kept apart
+HALVINGS = 16  # of the time in which a joint that just began to slip may already have turned back
 NEAR = 1e-8  # of a step: what is left of an event's time is made up for to first order
 MOST_EVENTS = 1_000
 MOST_STEPS = 100_000
@@ -398,6 +399,13 @@ def _weights(parts: Floats) -> Floats:
 
 def _root(value: Any, low: float, high: float, at_low: float, at_high: float) -> float:
     """Where a function passes from above 0 to below, by the secant method with its ends kept apart (Illinois)."""
+    for _ in range(HALVINGS if at_low <= 0 else 0):
+        middle = low + (high - low) / 2
+        now = value(middle)
+        if now > 0:
+            low, at_low = middle, now
+            break
+        high, at_high = middle, now
     if at_low <= 0:
         return low
     side, middle = 0, low
