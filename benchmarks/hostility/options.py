@@ -27,6 +27,8 @@ damping = 0.1
 links = [{ kind = "bob", mass = 0.1, length = 0.1, drive = { kind = "van-der-pol", strength = 1e-4, angle_deg = 5 } }]
 start = { angles_deg = [5] }
 """
+PSD = "frequency_hz,psd\n1,1\n5,1\n"
+RECORD = "time_s,acceleration\n0,0\n0.1,1\n0.2,-1\n0.3,0\n"
 BASES = {
     "scenes": "",
     "schema": "",
@@ -34,6 +36,7 @@ BASES = {
     "table": "small.toml",
     "shapes": "small.toml -o a.png",
     "matrices": "small.toml",
+    "hoist": "hoisting-crane --samples 3",
     "explain": "small.toml",
     "simulate": "small.toml --duration 0.1",
     "plot": "small.toml --duration 0.1 -o a.png",
@@ -52,6 +55,8 @@ BASES = {
     "gains": "small.toml",
     "response": "small.toml -o a.png",
     "shaper": "small.toml",
+    "vibration": "small.toml --psd psd.csv",
+    "shock": "small.toml record.csv",
     "derive": "small.toml --show matrices",
     "enclose": "small.toml",
 }
@@ -111,9 +116,11 @@ def _given(option: str, value: str) -> tuple[str, ...]:
 
 
 def case(call: tuple[str, ...], folder: Path, *, patience: float = 10.0) -> Ended:
-    """Run one call in a folder that has a small scene, a driven one and a broken file."""
+    """Run one call in a folder that has a small scene, a driven one, a PSD, a record and a broken file."""
     (folder / "small.toml").write_text(SMALL, encoding="utf-8")
     (folder / "clock.toml").write_text(CLOCK, encoding="utf-8")
+    (folder / "psd.csv").write_text(PSD, encoding="utf-8")
+    (folder / "record.csv").write_text(RECORD, encoding="utf-8")
     (folder / "broken.npz").write_bytes(random.Random(0).randbytes(300))
     binary = any(word == "-" or word.endswith("=-") for word in call)
     return run(call, folder, patience=patience, text=not binary)

@@ -72,6 +72,14 @@ def require_fittable(scene: Scene) -> None:
         problems.append('space = "space": motions are fitted in the plane')
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
         problems.append("escapements: their kicks cannot be fitted")
+    if scene.is_hoisted:
+        problems.append("hoist: motions of constant lengths are fitted")
+    if scene.is_moved:
+        problems.append('support = "moved": motions on a support at rest or a cart are fitted')
+    if scene.has_modal_damping:
+        problems.append("damping_ratio: give dampers of joints and the rail, which can be fitted")
+    if isinstance(scene.support, Cart) and scene.support.friction_coefficient:
+        problems.append("support.friction_coefficient: give the rail a friction in N, which can be fitted")
     if scene.n_links > MOST_LINKS:
         problems.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
     if problems:
