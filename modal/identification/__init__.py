@@ -4,7 +4,7 @@ In: derivatives of readings by a scene's numbers, measured modes.  Out: paramete
 combinations that the data determine, and in words those that they do not.  Start with `parameters`.
 """
 
-from modal.identification.covariance import autocorrelation, covariance, influence
+from modal.identification.covariance import autocorrelation, covariance, influence, resampled
 from modal.identification.identifiability import (
     Combination,
     Determined,
@@ -26,6 +26,7 @@ __all__ = [
     "find_parameters",
     "influence",
     "numbers_at",
+    "resampled",
     "scene_with",
     "starts_of",
 ]

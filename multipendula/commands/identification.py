@@ -8,7 +8,7 @@ import sys
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture
 from multipendula.completion import files, places
-from multipendula.options import add_scene, add_theme, add_words, offer
+from multipendula.options import add_scene, add_theme, add_words, offer, whole
 from multipendula.parser import Page
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -22,7 +22,7 @@ def fit(options: argparse.Namespace) -> None:
     from nonlinear.identification import fit as fitted
     from nonlinear.integration import validate
 
-    scene = load(options.scene)
+    scene, draws = load(options.scene), options.bootstrap or 0
     free, more = listed(options.free), {"scaled": options.scale, "loss": options.loss, "priors": options.prior or ()}
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
@@ -41,13 +41,15 @@ def fit(options: argparse.Namespace) -> None:
         dump(found.scene, options.output)
     if options.report:
         with output(options.report) as write:
-            write(fit_json(found, candidates))
+            write(fit_json(found, candidates, draws))
     if options.picture:
         from nonlinear.plotting import draw_fit
 
         with drawn(options.picture, options.theme) as stream:
             draw_fit(found, stream, picture(options.picture, "--picture"))
-    sys.stdout.write(fit_json(found, candidates) if options.format == "json" else fit_text(found, candidates))
+    sys.stdout.write(
+        fit_json(found, candidates, draws) if options.format == "json" else fit_text(found, candidates, draws)
+    )
 
 
 def _fit_arguments(page: Page) -> None:
@@ -65,6 +67,8 @@ def _fit_arguments(page: Page) -> None:
     page.computed.add_argument("--scale", action="store_true", help="fit the scale of every sensor too")
     words = "cost of a residual (default linear); the others give less weight to outliers"
     page.computed.add_argument("--loss", choices=LOSSES, default="linear", help=words)
+    words = "check standard deviations by so many resampled records (block bootstrap)"
+    page.computed.add_argument("--bootstrap", metavar="N", type=whole(100_000), help=words)
     words = "laws of damping to compare: viscous, coulomb, drag, or several joined by +; the best by BIC is reported"
     add_words(page.computed, "--compare", ("viscous", "coulomb", "drag", "viscous+coulomb"), metavar="LAWS", help=words)
     words = "the scene with the fitted numbers"

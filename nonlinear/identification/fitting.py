@@ -8,8 +8,7 @@ Numbers that the record does not determine are held at the scene's values and na
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,24 +18,28 @@ from scipy.sparse import csr_array
 
 from modal.errors import ComputationError, SceneError
 from modal.identification import (
-    Combination,
-    Parameter,
-    Undetermined,
     autocorrelation,
     covariance,
-    find_combinations,
     find_determined,
     find_parameters,
     starts_of,
 )
 from modal.scene import Scene
-from modal.types import Booleans, Floats, Ints
+from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.problem import Problem, require_fittable
 from nonlinear.identification.records import Recording
+from nonlinear.identification.result import Fit, root_mean_square
 from nonlinear.identification.starting import initial_states, starting_numbers
 
-LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+WEIGHTS: dict[str, Callable[[Floats], Floats]] = {
+    "linear": np.ones_like,
+    "soft_l1": lambda square: 1 / np.sqrt(1 + square),
+    "huber": lambda square: 1 / np.sqrt(np.maximum(square, 1.0)),
+    "cauchy": lambda square: 1 / (1 + square),
+}
+"""The weight of a squared residual under each loss, ρ' of `scipy.optimize.least_squares`."""
+LOSSES = tuple(WEIGHTS)
 COARSE = 0.02  # of a sensor's rms, its noise before the first fit
 FINEST = 1e-7  # of a sensor's rms, the least noise
 SHORTEST = 0.75  # periods of sqrt(l/g) in the first part that is fitted
@@ -49,104 +52,6 @@ DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in the
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
 ROUNDS = 2  # of fitting and estimating the noise
 Report = Callable[[float], object]
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Numbers fitted to a recording.
-
-    `scene` has them; `parameters` (p) are the ones that were free, `held` (indices) those among them that stayed at the
-    scene's values; `unknowns` and `cov` (size, size) are all unknowns of `problem` with their covariance, zero for
-    those held; `residuals` (N,) are in units of the sensors' noise.
-    """
-
-    problem: Problem
-    unknowns: Floats
-    cov: Floats
-    held: Ints
-    undetermined: tuple[Undetermined, ...]
-    condition: float
-    residuals: Floats
-    scene: Scene
-    given: Scene
-    rho: tuple[Floats, ...]
-    evaluations: int = 0
-    verdict: tuple[str, ...] = ()
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The numbers that were free, held ones included."""
-        return self.problem.parameters
-
-    @property
-    def recording(self) -> Recording:
-        """What was fitted."""
-        return self.problem.recording
-
-    @cached_property
-    def slopes(self) -> Floats:
-        """dp/dz, (p,)."""
-        return np.array([one.slope(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
-
-    @cached_property
-    def values(self) -> Floats:
-        """The numbers (p,), in the scene's units."""
-        return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
-
-    @cached_property
-    def covariance(self) -> Floats:
-        """Of the numbers (p, p), zero for those held."""
-        count = len(self.parameters)
-        return np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
-
-    @cached_property
-    def stds(self) -> Floats:
-        """Standard deviations of the numbers (p,), zero for those held."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-    def given_at(self, path: str) -> float:
-        """The number that the scene gave at one of these places."""
-        return next(one.value for one in self.parameters if one.path == path)
-
-    @cached_property
-    def fitted(self) -> list[int]:
-        """The indices of the numbers that were not held."""
-        return [k for k in range(len(self.parameters)) if k not in set(self.held.tolist())]
-
-    @cached_property
-    def combinations(self) -> tuple[Combination, ...]:
-        """Products of numbers that are determined although the numbers are not."""
-        from modal.identification import Determined
-
-        count = len(self.parameters)
-        found = Determined(np.array(self.fitted, dtype=np.int64), self.held, self.undetermined, self.condition)
-        return find_combinations(found, self.parameters, self.unknowns[:count], self.stds)
-
-    @cached_property
-    def readings(self) -> list[Floats]:
-        """What the sensors read in the fitted motion: (K, C) for each segment."""
-        return self.problem.readings(self.unknowns)
-
-    @cached_property
-    def rms(self) -> Floats:
-        """Root mean square of the angles' residuals of every segment (rad); of the cart's (m) if it alone is read."""
-        return np.array([_rms(self._misses([k])) for k in range(len(self.recording.segments))])
-
-    @property
-    def rms_all(self) -> float:
-        """Of all segments together."""
-        return _rms(self._misses(range(len(self.recording.segments))))
-
-    def _misses(self, segments: Sequence[int]) -> Floats:
-        angles = [k for k, sensor in enumerate(self.recording.sensors) if sensor.pendulum]
-        chosen = angles or [*range(len(self.recording.sensors))]
-        found = [(self.readings[s] - self.recording.segments[s].values)[:, chosen].ravel() for s in segments]
-        return np.concatenate(found)
-
-
-def _rms(values: Floats) -> float:
-    there = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0
 
 
 def fit(
@@ -250,7 +155,8 @@ class _Search:
             problem = replace(problem, noise=self._noise(problem, u))
             J = problem.jacobian(u)
         residuals = problem.residuals(u)
-        cov, rho = _covariance(problem, J, residuals, self._free(problem))
+        weight = np.sqrt(WEIGHTS[self.loss](residuals**2))
+        cov, rho = _covariance(problem, weight[:, None] * J, weight * residuals, self._free(problem))
         self.report(1.0)
         fitted = Fit(
             problem,
@@ -286,7 +192,7 @@ class _Search:
             own = np.concatenate(misses)
             own = own[np.isfinite(own)]
             spread = 1.4826 * float(np.median(np.abs(own))) if self.loss != "linear" else 0.0
-            found.append(max(spread or _rms(own), FINEST * _size(problem.recording, c)))
+            found.append(max(spread or root_mean_square(own), FINEST * _size(problem.recording, c)))
         return np.array(found)
 
     def _solved(self, problem: Problem, u: Floats, most: int, rough: bool, close: float) -> Floats:

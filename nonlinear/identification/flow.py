@@ -260,9 +260,8 @@ class _Front:
         columns = self.columns(np.flatnonzero(keep))
         self.y, self.first = self.y[:, columns], self.first[:, columns]
         self.sides = self.sides[:, keep]
-        self.segment, self.t, self.h, self.ends, self.landing, self.refused, self.usual = (
-            own[keep] for own in (self.segment, self.t, self.h, self.ends, self.landing, self.refused, self.usual)
-        )
+        for name in ("segment", "t", "h", "ends", "landing", "refused", "usual"):
+            setattr(self, name, getattr(self, name)[keep])
         if keep.any():
             self._set_rates()
 
@@ -308,8 +307,10 @@ class _Front:
             grazing = (at_low < 0) & (at_high > at_low)
             out = np.flatnonzero((at_high < 0) & ~grazing)
             if len(out):
-                ends = [(at_low[j], at_high[j], int(j)) for j in out]
-                return min((_root(lambda p, j=j: float(beyond(p)[j]), low, high, a, b), j) for a, b, j in ends)  # type: ignore[misc]
+                return min(
+                    (_root(lambda part, j=j: float(beyond(part)[j]), low, high, at_low[j], at_high[j]), j)
+                    for j in out.tolist()
+                )
             low, at_low = high, at_high
         return 1.0, -1
 
@@ -393,8 +394,7 @@ class _Inside:
 def _weights(parts: Floats) -> Floats:
     """Of the terms of the interpolation, (m, 7)."""
     factors = [1 - parts if number % 2 else parts for number in range(7)]
-    found: Floats = np.cumprod(np.array(factors), axis=0).T
-    return found
+    return np.asarray(np.cumprod(np.array(factors), axis=0).T)
 
 
 def _root(value: Any, low: float, high: float, at_low: float, at_high: float) -> float:

@@ -62,7 +62,7 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.delays.stop + self.segments * self.width
+        return self.numbers + 3 * self.sensors + self.segments * self.width
 
 
 def require_fittable(scene: Scene) -> None:

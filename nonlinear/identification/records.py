@@ -196,7 +196,7 @@ def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[i
         if all(row[columns.index(column)].strip() == value for column, value in where.items())
     ]
     if not used:
-        raise SceneError([f"{name}: has no rows" + (" that --where selects" if full and where else "")])
+        raise SceneError([f"{name}: has no rows" + (" with the values that were asked for" if full and where else "")])
     return columns, used
 
 
