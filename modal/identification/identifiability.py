@@ -21,6 +21,7 @@ from modal.types import Floats, Ints
 LOST = 1e-7  # s_k/s_1 of a direction along which the Jacobian consists of rounding
 VAGUE = 1.0  # z: a standard deviation of 100 %, or of a natural unit
 SMALL = 0.02  # part of the largest change in a direction below which a number does not take part
+FAINT = 1e-6  # of its natural unit, below which a number has no relative change to speak of
 ALIKE = 0.01  # difference of two changes that are called equal
 
 
@@ -99,7 +100,10 @@ def _directions(
     """How the kept ones make up for a change of each held one, as far as they can."""
     found = []
     answer = -np.linalg.lstsq(R[:, kept], R[:, held], rcond=None)[0] if len(kept) else np.zeros((0, len(held)))
-    relative = [one.slope(z) / one.at(z) if one.at(z) else np.inf for one, z in zip(parameters, values, strict=True)]
+    relative = [
+        one.slope(z) / one.at(z) if abs(one.at(z)) > FAINT * one.unit else np.inf
+        for one, z in zip(parameters, values, strict=True)
+    ]
     for k, own in enumerate(held):
         left = np.linalg.norm(R[:, own] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, own])
         alone = np.linalg.norm(R[:, own])
