@@ -43,7 +43,7 @@ class Undetermined:
     def words(self) -> str:
         """The direction in a sentence."""
         if not self.changes:
-            return f"{self.held} has no effect on these data"
+            return f"{self.held} has hardly any effect on these data"
         together = [self.held, *self.changes]
         if all(abs(change - 1) < ALIKE for change in self.changes.values()):
             return f"only ratios of {_all(together)} are determined: a common factor changes nothing"

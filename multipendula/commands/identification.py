@@ -8,7 +8,7 @@ import sys
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture
 from multipendula.completion import files, places
-from multipendula.options import add_scene, add_theme, add_words, offer, whole
+from multipendula.options import add_scene, add_theme, add_words, number, offer, whole
 from multipendula.parser import Page
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -23,7 +23,8 @@ def fit(options: argparse.Namespace) -> None:
     from nonlinear.integration import validate
 
     scene, draws = load(options.scene), options.bootstrap or 0
-    free, more = listed(options.free), {"scaled": options.scale, "loss": options.loss, "priors": options.prior or ()}
+    free = listed(options.free)
+    more = {"scaled": options.scale, "loss": options.loss, "priors": options.prior or (), "window": options.window}
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: read_recording(scene, options.data, where=parse_where(options.where or ()), angles=options.angles),
@@ -67,6 +68,8 @@ def _fit_arguments(page: Page) -> None:
     page.computed.add_argument("--scale", action="store_true", help="fit the scale of every sensor too")
     words = "cost of a residual (default linear); the others give less weight to outliers"
     page.computed.add_argument("--loss", choices=LOSSES, default="linear", help=words)
+    words = "fit in windows of so many seconds that join (multiple shooting), where one long segment is chaotic"
+    page.computed.add_argument("--window", metavar="SECONDS", type=number("seconds above 0"), help=words)
     words = "check standard deviations by so many resampled records (block bootstrap)"
     page.computed.add_argument("--bootstrap", metavar="N", type=whole(100_000), help=words)
     words = "laws of damping to compare: viscous, coulomb, drag, or several joined by +; the best by BIC is reported"

@@ -47,6 +47,7 @@ LONGER = 2.5  # times the part before
 STEADY = 1.0  # standard deviation of ln p while parts are fitted
 ROUGH = 12  # evaluations for a part
 MOST = 60  # evaluations for the whole
+LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the other
 CLOSE = 1e-9  # relative change of the sum of squares, or of the unknowns, at the end
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
@@ -62,18 +63,23 @@ def fit(
     priors: Sequence[str] = (),
     scaled: bool = False,
     loss: str = "linear",
+    window: float | None = None,
     report: Report = lambda part: None,
 ) -> Fit:
     """The numbers at the places `free` that fit a recording best, from the scene's values on.
 
     `priors` are texts such as "gravity=9.81±0.01"; `scaled` frees the scale of every sensor; `loss` is one of
-    `scipy.optimize.least_squares`.  `report` is called with the part that is done.  Raises SceneError for scenes that
-    cannot be fitted and places that are not free numbers, ComputationError where no motion of the scene comes near the
-    record.
+    `scipy.optimize.least_squares`.  A long chaotic segment is fitted in windows of `window` seconds that join (multiple
+    shooting; Bock & Plitt, IFAC Proc. 17, 1603 (1984)).  `report` is called with the part that is done.
+
+    Raises SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError where no
+    motion of the scene comes near the record.
     """
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
+    if window is not None:
+        recording = recording.windows(window)
     parameters = find_parameters(scene, free, priors)
     coarse = np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
     problem = Problem(scene, parameters, recording, coarse, scaled)
@@ -131,6 +137,8 @@ class _Search:
             )
             self.report(0.05 + 0.35 * part / longest)
             part *= LONGER
+        for tightness in LOOSE if any(one.continued for one in problem.recording.segments) else ():
+            u = self._solved(replace(problem, tightness=tightness, tolerance=1e-6), u, ROUGH, True, 1e-3)
         return u
 
     def finish(self, u: Floats) -> Fit:
@@ -213,7 +221,7 @@ class _Search:
             try:
                 found = problem.residuals(whole(x), ahead=True)
             except ComputationError:
-                return np.full(problem.recording.n_values + len(problem._doubts(u)) + len(steady), np.nan)
+                return np.full(sizes, np.nan)
             return np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
 
         def jacobian(x: Floats) -> Floats:
@@ -224,7 +232,9 @@ class _Search:
 
         many = len(columns) > DENSE
         start = np.clip(u[columns], low + 1e-12, high)
-        if not np.all(np.isfinite(residuals(start))):
+        sizes, begun = 1, residuals(start)
+        sizes = len(begun)
+        if not np.all(np.isfinite(begun)):
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
         found: Any = least_squares(
             residuals,

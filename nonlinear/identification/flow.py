@@ -46,8 +46,12 @@ class Channel:
     times: Floats
 
     def read(self, rows: Any, offset: int = 0) -> Any:
-        """Its value from the rows of y, with `offset` the size of a half its rate."""
-        return sum(sign * rows[row + offset] for row, sign in self.parts)
+        """Its value from the rows of y, with `offset` the size of a half the rate of a position."""
+        return sum(sign * rows[at] for (_, sign), at in zip(self.parts, self.rows(offset), strict=True))
+
+    def rows(self, offset: int) -> list[int]:
+        """The rows of y that it reads, with `offset` those of their rates; velocities have none there."""
+        return [row + offset if row < offset else row for row, _ in self.parts]
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +251,7 @@ class _Front:
         parts = np.where(there, parts, 0.0)
         for c, channel in enumerate(self.task.channels):
             own = self.spread(parts[c].T)  # (most, W)
-            rows = sorted({row + off for row, _ in channel.parts for off in (0, self.half)})
+            rows = sorted({row for offset in (0, self.half) for row in channel.rows(offset)})
             found = dict(zip(rows, inside.at(own, rows), strict=True))
             s, k = np.nonzero(there[c])
             for offset, into in ((0, self.result.values), (self.half, self.result.rates)):

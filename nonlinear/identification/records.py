@@ -57,13 +57,15 @@ class Sensor:
 class Segment:
     """A motion that was recorded in one go.
 
-    `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN where a sensor has no value.
+    `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN where a sensor has no value.  The next segment may
+    be its continuation.
     """
 
     file: str
     name: str
     times: Floats
     values: Floats
+    continued: bool = False
 
     @property
     def where(self) -> str:
@@ -89,12 +91,27 @@ class Recording:
         """Some of its segments."""
         return replace(self, segments=tuple(self.segments[k] for k in which))
 
+    def windows(self, duration: float) -> Recording:
+        """The same with every segment in windows of about this duration (s), each continuing the one before."""
+        found = []
+        for one in self.segments:
+            count = max(1, round((one.times[-1] - one.times[0]) / duration))
+            count = min(count, len(one.times) // (2 * FEWEST)) or 1
+            parts = np.array_split(np.arange(len(one.times)), count)
+            for k, own in enumerate(parts):
+                name = f"{one.name} window {k + 1}".strip() if count > 1 else one.name
+                found.append(
+                    replace(one, name=name, times=one.times[own], values=one.values[own], continued=k + 1 < count)
+                )
+        return replace(self, segments=tuple(found))
+
     def until(self, duration: float) -> Recording:
         """The beginning of every segment (s)."""
         kept = []
         for one in self.segments:
             count = max(FEWEST, int(np.searchsorted(one.times, one.times[0] + duration, side="right")))
-            kept.append(replace(one, times=one.times[:count], values=one.values[:count]))
+            whole = count >= len(one.times) and one.continued
+            kept.append(replace(one, times=one.times[:count], values=one.values[:count], continued=whole))
         return replace(self, segments=tuple(kept))
 
 

@@ -14,6 +14,7 @@ from modal.identification import find_parameters, numbers_at, scene_with
 from modal.scene import Scene, scene_from
 from modal.scene.parameters import number_at
 from modal.types import Floats
+from nonlinear import State, simulate
 from nonlinear.identification import (
     Fit,
     Recording,
@@ -126,6 +127,26 @@ def test_a_sensors_scale_and_outliers_are_found() -> None:
     scaled = fit(scene, replace(record, segments=tuple(bent)), scaled=True)
     (at,) = range(scaled.problem.layout.size)[scaled.problem.layout.scales]
     assert abs(scaled.unknowns[at] - 0.05) < 4 * np.sqrt(scaled.cov[at, at]) < 0.04
+
+
+@pytest.mark.slow
+def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
+    """A double pendulum that turns over, from lengths that are off by 3 %."""
+    links = [{**own, "friction": 0.0, "damping": 0.0} for own in TWO]
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": links}]})
+    times = np.arange(0, 4, 0.02)
+    run = simulate(scene, 4.0, start=State(np.array([2.2, 2.6]), np.zeros(2)), output=times, tolerance=1e-12)
+    values = run.motion.links + np.random.default_rng(8).normal(0, 2e-3, (len(times), 2))
+    record = Recording((Sensor(1, 1), Sensor(1, 2)), (Segment("", "", times, values),))
+    off = scene_with(scene, {"pendulum[0].links[0].length": 0.515, "pendulum[0].links[1].length": 0.388})
+    found = fit(off, record, ["pendulum[0].links[*].length"], window=1.0)
+    assert [one.continued for one in found.recording.segments] == [True, True, True, False]
+    assert found.rms_all == pytest.approx(2e-3, rel=0.1)
+    assert np.abs(pulls(scene, found)).max() < 4
+    problem = found.problem
+    gaps = problem.residuals(found.unknowns)[problem.recording.n_values :]
+    assert gaps.size == 3 * problem.layout.width
+    assert np.abs(gaps).max() < 4
 
 
 @pytest.mark.slow
