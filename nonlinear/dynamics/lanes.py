@@ -19,9 +19,9 @@ import numpy as np
 
 from nonlinear.dynamics.dense import FRAIL, LIGHT, Elimination
 from nonlinear.dynamics.generated import DEEPEST, SHORT, Symbol, Tape, called, function_in, joined, uses
-from nonlinear.dynamics.minimal import Minimal, Recursion
+from nonlinear.dynamics.minimal import NOTHING, Minimal, Recursion
 from nonlinear.dynamics.recursion import links_of
-from nonlinear.system import Group, Layout, Numbers, System, system_with
+from nonlinear.system import AppliedForces, Group, Layout, Numbers, System, system_with
 
 WRITTEN = 32  # links of a scene whose equations are written out
 Rates = Callable[[Any], Sequence[Any]]
@@ -36,10 +36,15 @@ class Spread(Recursion):
 
 @dataclass(frozen=True, eq=False)
 class Lanes:
-    """The equations of members with these `numbers`; `tangent` ones have v after y, and no work."""
+    """The equations of members with these `numbers`; `tangent` ones have v after y, and no work.
+
+    Where they are `pushed`, which leaves no work to count, the numbers end with a force on the cart (N) and a moment on
+    every link (N m).
+    """
 
     numbers: Numbers
     tangent: bool = False
+    pushed: bool = False
 
     @cached_property
     def system(self) -> System:
@@ -49,7 +54,7 @@ class Lanes:
     @cached_property
     def layout(self) -> Layout:
         """The parts of y."""
-        works = self.numbers.works and not self.tangent
+        works = self.numbers.works and not self.tangent and not self.pushed
         return Layout(self.system.n_links, 1, self.system.cart is not None, works)
 
     @property
@@ -60,12 +65,12 @@ class Lanes:
     @cached_property
     def is_written(self) -> bool:
         """Whether the equations are written out."""
-        return self.tangent or self.system.n_links <= WRITTEN
+        return self.tangent or (self.system.n_links <= WRITTEN and not self.numbers.dragged)
 
     @cached_property
     def written(self) -> Written:
         """The rate of y as it is written."""
-        return written(self.numbers, self.tangent)
+        return written(self.numbers, self.tangent, self.pushed)
 
     def rates(self, numbers: Numbers) -> Rates:
         """The function that gives y' of so many members as these numbers are of, from y (size, S)."""
@@ -73,7 +78,8 @@ class Lanes:
             return self.written.rates(np.sin, np.cos, self.written.constants(numbers))
         system = numbers.arrays
         bodies = tuple(Spread(group) for group in system.groups)
-        equations = Minimal(system, bodies, counts_work=self.layout.works)
+        push = _push(np.broadcast_arrays(*numbers.entries[-1 - system.n_links :])) if self.pushed else NOTHING
+        equations = Pushed(system, bodies, counts_work=self.layout.works, push=push)
         return lambda y: equations.derivative(0.0, y)
 
 
@@ -158,8 +164,23 @@ def _ends(order: Sequence[Symbol], components: Sequence[Any], still: set[int]) -
     return {id(own) for own in (*wanted, *components) if isinstance(own, Symbol) and id(own) in still}
 
 
-def written(numbers: Numbers, tangent: bool = False) -> Written:
-    """The equations of members that differ in these numbers."""
+@dataclass(frozen=True, eq=False)
+class Pushed(Minimal):
+    """The equations of motion under forces that do not change."""
+
+    push: AppliedForces = NOTHING
+
+    def applied(self, time: float, y: Any) -> AppliedForces:
+        """These forces."""
+        return self.push
+
+
+def _push(pushes: Sequence[Any]) -> AppliedForces:
+    return AppliedForces(pushes[0], np.array(pushes[1:]))
+
+
+def written(numbers: Numbers, tangent: bool = False, pushed: bool = False) -> Written:
+    """The equations of members that differ in these numbers, as in `Lanes`."""
     tape, varied = Tape(), set(numbers.varied)
     entries = [tape.symbol("p", k) if k in varied else entry for k, entry in enumerate(numbers.entries)]
     system = system_with(numbers.system, entries)
@@ -169,7 +190,8 @@ def written(numbers: Numbers, tangent: bool = False) -> Written:
         else Recursion(group, sine=called("sin"), cosine=called("cos"))
         for group in system.groups
     )
-    equations = Minimal(system, bodies, counts_work=not tangent)
+    push = _push(entries[-1 - system.n_links :]) if pushed else NOTHING
+    equations = Pushed(system, bodies, counts_work=not (tangent or pushed), push=push)
     size = equations.layout.size
     y = [tape.symbol("y", i) for i in range(size)]
     components = equations.derivative(0.0, np.array(y, dtype=object)).tolist()

@@ -68,7 +68,7 @@ class Suspended(ABC):
         layout, cart = self.layout, self.system.cart
         first, half = int(layout.on_cart), layout.half
         q, v = y[:half], y[half : 2 * half]
-        push = self.load(time, layout.state(y)) if self.load else NOTHING
+        push = self.applied(time, y)
         found = np.empty_like(y)
         found[:half] = v
         drag = None if self.system.modal_damping is None else modal_drag(self.system, v)
@@ -86,6 +86,10 @@ class Suspended(ABC):
         if layout.works:
             found[-1] = power
         return found
+
+    def applied(self, time: float, y: Any) -> AppliedForces:
+        """What acts from outside."""
+        return self.load(time, self.layout.state(y)) if self.load else NOTHING
 
     def bodies_at(self, time: float) -> tuple[Body, ...]:
         """The solvers of the groups at a time (s)."""
@@ -105,7 +109,7 @@ class Suspended(ABC):
         cart_rate: Any,
     ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
-        given = None if push.moments is None else np.ravel(push.moments)
+        given = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
         for group, place, body in zip(self.system.groups, self.places, bodies, strict=True):
             own, speed = links[place], rates[place]
             torques, work = self.acting(group, own, speed, None if given is None else given[place])

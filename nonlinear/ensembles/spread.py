@@ -137,10 +137,13 @@ class Spread:
 
     @cached_property
     def bands(self) -> Floats:
-        """Quantiles (Q, T, L) of the angles (deg) over time."""
+        """Quantiles (Q, T, L) of the angles (deg) over time, in space of those from the downward vertical."""
         if self.ensemble is None:
             return np.empty((len(QUANTILES), 0, self.scene.n_links))
-        return np.degrees(np.nanquantile(self.ensemble.column("links_rad"), QUANTILES, axis=0))
+        links = self.ensemble.column("links_rad")
+        if self.scene.space == "space":
+            links = np.arctan2(np.hypot(links[..., 0], links[..., 1]), links[..., 2])
+        return np.degrees(np.nanquantile(links, QUANTILES, axis=0))
 
     @cached_property
     def quantiles(self) -> Floats:

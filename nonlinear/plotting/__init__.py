@@ -15,6 +15,7 @@ from nonlinear.plotting.ensembles import (
     section_figure,
     spread_figure,
 )
+from nonlinear.plotting.identification import draw_fit, fit_figure
 from nonlinear.plotting.orbit_films import film_orbit
 from nonlinear.plotting.orbits import draw_orbits, orbits_figure
 from nonlinear.plotting.run import draw_run
@@ -33,6 +34,7 @@ __all__ = [
     "draw_branches",
     "draw_check",
     "draw_finding",
+    "draw_fit",
     "draw_orbits",
     "draw_run",
     "draw_running",
@@ -43,6 +45,7 @@ __all__ = [
     "draw_sync",
     "draw_tradeoff",
     "film_orbit",
+    "fit_figure",
     "orbits_figure",
     "section_figure",
     "spread_figure",

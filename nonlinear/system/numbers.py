@@ -1,8 +1,8 @@
 """The numbers of a scene as a list, of which many members may each have their own.
 
 The list is gravity, the cart's mass, damper and spring, then of every link in the order of the file its mass, length,
-centre, inertia, damper, spring, and the two constants of its drive, field by field.  Where members differ an entry is
-an array (S,), elsewhere one number.
+centre, inertia, damper, spring, the two constants of its drive, and its drag, field by field.  Where members differ an
+entry is an array (S,), elsewhere one number.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ from modal.types import Floats
 from nonlinear.system.system import Excitation, Group, System, system_of
 
 BEFORE = 4  # entries before those of links
-FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb")
-WORKING = ("damping", "strength")
+FIELDS = ("mass", "length", "centre", "inertia", "damping", "stiffness", "strength", "curb", "drag", "quadratic_drag")
+DRAG = ("drag", "quadratic_drag")
+WORKING = ("damping", "strength", *DRAG)
 Values = Mapping[Place, Floats]
 
 
@@ -42,9 +43,19 @@ class Numbers:
     @cached_property
     def works(self) -> bool:
         """Whether energy goes in or out of any member, or could where these entries differ."""
+        return self._any_of(WORKING) or self._is_set(2)
+
+    @cached_property
+    def dragged(self) -> bool:
+        """Whether any member has drag, or could."""
+        return self._any_of(DRAG)
+
+    def _any_of(self, names: Sequence[str]) -> bool:
         links = self.system.n_links
-        working = [2, *(BEFORE + FIELDS.index(name) * links + k for name in WORKING for k in range(links))]
-        return any(isinstance(self.entries[k], np.ndarray) or bool(self.entries[k]) for k in working)
+        return any(self._is_set(BEFORE + FIELDS.index(name) * links + k) for name in names for k in range(links))
+
+    def _is_set(self, k: int) -> bool:
+        return isinstance(self.entries[k], np.ndarray) or bool(self.entries[k])
 
     def at(self, members: Any) -> Numbers:
         """Those of some members: a slice or indices."""
@@ -116,7 +127,8 @@ def _row(link: AnyLink, given: Mapping[tuple[Any, ...], Floats]) -> list[Any]:
         strength = given.get(("drive", "strength"), link.drive.strength)
         angle = given.get(("drive", "angle_deg"))
         curb = strength / (radians(link.drive.angle_deg) if angle is None else np.radians(angle)) ** 2
-    return [mass, length, centre, inertia, damping, stiffness, strength, curb]
+    drag = (given.get((name,), getattr(link, name)) for name in DRAG)
+    return [mass, length, centre, inertia, damping, stiffness, strength, curb, *drag]
 
 
 def system_with(system: System, entries: Sequence[Any], tail: bool = False) -> System:
@@ -139,7 +151,8 @@ def _stacked(own: Sequence[Any], tail: bool) -> Any:
 
 def _group(group: Group, fields: Mapping[str, Any], tail: bool) -> Group:
     own = {name: values[group.index] for name, values in fields.items()}
-    strength, curb = own.pop("strength"), own.pop("curb")
+    strength, curb, quadratic = (own.pop(name) for name in ("strength", "curb", "quadratic_drag"))
     sigma = group.block.sigma[..., None] if tail else group.block.sigma
     drive = None if group.excitation is None else Excitation(strength, curb, 0.0 * sigma, 0.0 * sigma)
-    return replace(group, block=replace(group.block, sigma=sigma, **own), excitation=drive)
+    block = replace(group.block, sigma=sigma, **own)
+    return replace(group, block=block, excitation=drive, quadratic_drag=quadratic if np.any(quadratic) else None)

@@ -166,3 +166,11 @@ def test_nothing_is_wrong_with_pictures(name: str) -> None:
         ]
     for figure in figures:
         assert flaws(figure) == []
+
+
+def test_bands_in_space_are_of_angles_from_the_vertical() -> None:
+    """A start in the plane of the rail: the same sizes as in the plane."""
+    flat = load("chain-2")
+    own = [find_spread(one, ["gravity=1%"], 0.5, members=6) for one in (flat, flat.replace(space="space"))]
+    assert own[1].bands[1] == pytest.approx(np.abs(own[0].bands[1]), abs=1e-4)
+    assert "widest" in spread_table(own[1], "text")

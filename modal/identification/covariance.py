@@ -1,0 +1,71 @@
+"""Covariances of fitted parameters that allow for residuals which are not white.
+
+With the influence G = J (JᵀJ)⁻¹ of the readings on the estimates, an estimate is off by Gᵀ e, so that
+
+    cov = Gᵀ Γ G,        Γ_kl = σ² ρ_|k−l|
+
+within each series of readings, ρ being the autocorrelation of the residuals (Ljung, System Identification, 2nd ed.
+1999, §9.4; Newey & West, Econometrica 55, 703 (1987), for the weights that keep it positive).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.signal import fftconvolve
+
+from modal.types import Floats
+
+SIGNIFICANT = 3.0  # standard errors 1/√n of an autocorrelation that counts
+LONGEST = 4  # the shortest part of a series, 1/LONGEST, that lags may span
+
+
+def autocorrelation(series: Sequence[Floats]) -> Floats:
+    """ρ at lags 0, 1, … of series with one autocorrelation, up to the first that is not significant.
+
+    (1,), a single one, where they are white.
+    """
+    length = min((len(own) for own in series), default=0)
+    total = float(sum(own @ own for own in series))
+    lags, count = max(1, length // LONGEST), sum(map(len, series))
+    found = [1.0]
+    for lag in range(1, lags):
+        rho = sum(float(own[lag:] @ own[:-lag]) for own in series) / total if total else 0.0
+        if abs(rho) < SIGNIFICANT / np.sqrt(count):
+            break
+        found.append(rho)
+    return np.array(found)
+
+
+def influence(J: Floats) -> Floats:
+    """G = J (JᵀJ)⁻¹, (N, p), of a J of full rank."""
+    Q, R = np.linalg.qr(J)
+    found: Floats = np.linalg.solve(R, Q.T).T
+    return found
+
+
+def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floats:
+    """Gᵀ Γ G, (p, p); `blocks` are the rows of each series with their variance and autocorrelation."""
+    found = np.zeros((G.shape[1], G.shape[1]))
+    for rows, variance, rho in blocks:
+        own = G[rows]
+        weights = rho * (1 - np.arange(len(rho)) / len(rho))
+        weights[0] = 1.0
+        smoothed = own if len(rho) == 1 else fftconvolve(own, _two_sided(weights)[:, None], mode="same", axes=0)
+        found += variance * own.T @ smoothed
+    return (found + found.T) / 2
+
+
+def resampled(series: Sequence[Floats], blocks: int, rng: np.random.Generator) -> list[Floats]:
+    """Series like these, each put together from that many blocks of itself (Künsch, Ann. Stat. 17, 1217 (1989))."""
+    found = []
+    for own in series:
+        length = max(1, -(-len(own) // blocks))
+        begins = rng.integers(0, len(own) - length + 1, -(-len(own) // length))
+        found.append(np.concatenate([own[at : at + length] for at in begins])[: len(own)])
+    return found
+
+
+def _two_sided(weights: Floats) -> Floats:
+    return np.concatenate((weights[:0:-1], weights))

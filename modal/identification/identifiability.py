@@ -1,0 +1,153 @@
+"""What data determine: combinations of parameters from the singular values of a Jacobian.
+
+With J = U S Vᵀ, the derivatives of readings in units of their noise, a step along the direction v_k changes the
+readings by s_k standard deviations, so 1/s_k is the standard deviation of that combination (Bellman & Åström, Math.
+Biosci. 7, 329 (1970); Ljung, System Identification, 2nd ed. 1999, §4.6).  A direction that is not determined is
+closed by holding one of its parameters at the value that the scene gives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import qr
+
+from modal.identification.parameters import Parameter
+from modal.report import listed
+from modal.types import Floats, Ints
+
+LOST = 1e-7  # s_k/s_1 of a direction along which the Jacobian consists of rounding
+VAGUE = 1.0  # z: a standard deviation of 100 %, or of a natural unit
+SMALL = 0.02  # part of the largest change in a direction below which a number does not take part
+FAINT = 1e-6  # of its natural unit, below which a number has no relative change to speak of
+ALIKE = 0.01  # difference of two changes that are called equal
+
+
+def _all(words: Sequence[str]) -> str:
+    return listed(words, len(words))
+
+
+@dataclass(frozen=True)
+class Undetermined:
+    """A direction in which numbers change together without effect: `held` is the one that stays at its value.
+
+    `changes` are the relative changes of numbers, by path, for a change of 1 of the held one.
+    """
+
+    held: str
+    changes: dict[str, float]
+
+    @property
+    def words(self) -> str:
+        """The direction in a sentence."""
+        if not self.changes:
+            return f"{self.held} has hardly any effect on these data"
+        together = [self.held, *self.changes]
+        if all(abs(change - 1) < ALIKE for change in self.changes.values()):
+            return f"only ratios of {_all(together)} are determined: a common factor changes nothing"
+        others = _all([f"{path} by {change:+.2g} %" for path, change in self.changes.items()])
+        return f"{self.held} cannot be told from others: changing it by 1 % and {others} leaves the motion as it is"
+
+
+@dataclass(frozen=True, eq=False)
+class Determined:
+    """Which parameters `kept` (indices) are determined when the others, `held`, stay; and why, a direction each."""
+
+    kept: Ints
+    held: Ints
+    directions: tuple[Undetermined, ...]
+    condition: float
+
+
+def find_determined(
+    J: Floats, parameters: Sequence[Parameter], values: Floats, *, vague: float = VAGUE, held: Sequence[int] = ()
+) -> Determined:
+    """From J (N, p), derivatives by z in units of the noise, of parameters at these z (p,).
+
+    Nuisances have been projected out of J.  A standard deviation of z above `vague` is none; `held` stay in any case.
+    """
+    count = len(parameters)
+    kept = np.setdiff1d(np.arange(count), np.array(held, dtype=np.int64))
+    lost: list[int] = [*held]
+    R: Floats = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > count else J
+    while len(kept):
+        singular, V = _singular(R[:, kept])
+        null = (singular < LOST * singular[0]) | (singular * vague < 1)
+        if not null.any():
+            break
+        pivots = qr(V[null], mode="economic", pivoting=True)[2]
+        worst = kept[np.sort(pivots[: int(null.sum())])]
+        lost += worst.tolist()
+        kept = np.setdiff1d(kept, worst)
+    stay = np.array(sorted(lost), dtype=np.int64)
+    singular = _singular(R[:, kept])[0] if len(kept) else np.ones(1)
+    condition = float(singular[0] / singular[-1])
+    return Determined(kept, stay, tuple(_directions(R, kept, stay, parameters, values)), condition)
+
+
+def _singular(J: Floats) -> tuple[Floats, Floats]:
+    """All singular values, also those that are zero for want of rows, and the right vectors."""
+    padded = np.vstack((J, np.zeros((max(0, J.shape[1] - len(J)), J.shape[1]))))
+    _, singular, V = np.linalg.svd(padded, full_matrices=False)
+    return singular, V
+
+
+def _directions(
+    R: Floats, kept: Ints, held: Ints, parameters: Sequence[Parameter], values: Floats
+) -> list[Undetermined]:
+    """How the kept ones make up for a change of each held one, as far as they can."""
+    found = []
+    answer = -np.linalg.lstsq(R[:, kept], R[:, held], rcond=None)[0] if len(kept) else np.zeros((0, len(held)))
+    relative = [
+        one.slope(z) / one.at(z) if abs(one.at(z)) > FAINT * one.unit else np.inf
+        for one, z in zip(parameters, values, strict=True)
+    ]
+    for k, own in enumerate(held):
+        left = np.linalg.norm(R[:, own] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, own])
+        alone = np.linalg.norm(R[:, own])
+        changes = {}
+        if np.isfinite(relative[own]) and left < alone / 2:
+            raw = {
+                int(j): answer[i, k] * relative[j] / relative[own]
+                for i, j in enumerate(kept)
+                if np.isfinite(relative[j])
+            }
+            most = max([1.0, *map(abs, raw.values())])
+            changes = {parameters[j].path: float(c) for j, c in raw.items() if abs(c) > SMALL * most}
+        found.append(Undetermined(parameters[own].path, changes))
+    return found
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A product of powers of numbers that is determined although they are not: its value and standard deviation."""
+
+    words: str
+    value: float
+    std: float
+
+
+def find_combinations(
+    found: Determined, parameters: Sequence[Parameter], values: Floats, stds: Floats
+) -> tuple[Combination, ...]:
+    """The combinations of kept with held numbers; `stds` (p,) in the numbers' units, the held ones being exact."""
+    at = {one.path: k for k, one in enumerate(parameters)}
+    numbers = [one.at(float(z)) for one, z in zip(parameters, values, strict=True)]
+    powers: dict[str, dict[str, float]] = {}
+    for direction in found.directions:
+        for path, change in direction.changes.items():
+            powers.setdefault(path, {})[direction.held] = change
+    combinations = []
+    for path, own in powers.items():
+        k = at[path]
+        factor = float(np.prod([numbers[at[held]] ** -power for held, power in own.items()]))
+        words = path + "".join(_factor(held, power) for held, power in own.items())
+        combinations.append(Combination(words, numbers[k] * factor, float(stds[k]) * factor))
+    return tuple(combinations)
+
+
+def _factor(path: str, power: float) -> str:
+    sign = " / " if power > 0 else " · "
+    return f"{sign}{path}" if abs(abs(power) - 1) < ALIKE else f"{sign}{path}^{abs(power):.3g}"

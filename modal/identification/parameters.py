@@ -1,0 +1,174 @@
+"""The numbers of a scene that a fit may change, in coordinates in which a step of one is a large change of each.
+
+A number that is positive by nature is p = p₀ eᶻ, so that it stays positive; one that may vanish (a damper, a spring,
+friction) is p = u z with z ≥ 0, u being its natural unit in this scene: that of critical damping, of the weight's
+moment m g l, and so on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, isfinite, log, sqrt
+
+import numpy as np
+
+from modal.errors import SceneError, meant
+from modal.scene import Cart, Scene
+from modal.scene.parameters import Place, Variable, find_places, number_at, with_numbers
+from modal.types import Floats
+
+POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
+CAN_VANISH = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "strength")
+FURTHEST = 12.0  # |z| of a positive number
+NONE = "none"
+PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of a scene at a place, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
+
+    `prior` is a mean with its standard deviation, in the number's own unit.
+    """
+
+    place: Place
+    value: float
+    unit: float
+    log: bool
+    prior: tuple[float, float] | None = None
+
+    @property
+    def path(self) -> str:
+        """Its place as written in messages."""
+        return with_numbers(self.place)
+
+    @property
+    def start(self) -> float:
+        """Z of the scene's own number."""
+        return 0.0 if self.log else self.value / self.unit
+
+    @property
+    def least(self) -> float:
+        """The smallest z."""
+        return -FURTHEST if self.log else 0.0
+
+    def at(self, z: float) -> float:
+        """The number."""
+        return self.value * exp(z) if self.log else self.unit * z
+
+    def slope(self, z: float) -> float:
+        """dp/dz."""
+        return self.at(z) if self.log else self.unit
+
+    def z_of(self, value: float) -> float:
+        """Z of a number."""
+        return log(value / self.value) if self.log else value / self.unit
+
+    @property
+    def believed(self) -> tuple[float, float] | None:
+        """Mean and standard deviation of z by the prior."""
+        if self.prior is None:
+            return None
+        mean, std = self.prior
+        return self.z_of(mean), std / abs(self.slope(self.z_of(mean)))
+
+
+def find_parameters(scene: Scene, paths: Iterable[str], priors: Sequence[str] = ()) -> tuple[Parameter, ...]:
+    """The numbers at these paths, each for itself where a path has `[*]`; none for "none".
+
+    `priors` are texts such as "pendulum[0].links[0].mass=0.15±0.002".  SceneError lists every mistake.
+    """
+    problems: list[str] = []
+    places: dict[Place, None] = {}
+    words = [path for path in paths if path != NONE]
+    for path in words:
+        try:
+            own = find_places(scene, path)
+        except SceneError as error:
+            problems += error.problems
+            continue
+        problems += [f"{with_numbers(place)}: is freed twice" for place in own if place in places]
+        places |= dict.fromkeys(own)
+    given: dict[Place, tuple[float, float]] = {}
+    for text in priors:
+        try:
+            given |= _prior(scene, text)
+        except SceneError as error:
+            problems += error.problems
+    problems += [f"{with_numbers(place)}: has a prior but is not free" for place in given if place not in places]
+    found = []
+    for place in places:
+        try:
+            found.append(_parameter(scene, place, given.get(place)))
+        except SceneError as error:
+            problems += error.problems
+    if problems:
+        raise SceneError(problems)
+    return tuple(found)
+
+
+def _prior(scene: Scene, text: str) -> dict[Place, tuple[float, float]]:
+    path, sign, words = text.partition("=")
+    match = PRIOR.fullmatch(words) if sign else None
+    if not match:
+        raise SceneError([f"{text:.60}: must be PLACE=VALUE±STD, such as gravity=9.81±0.01"])
+    try:
+        mean, std = float(match[1]), float(match[2])
+    except ValueError:
+        raise SceneError([f"{text:.60}: {match[1]:.20} and {match[2]:.20} must be numbers"]) from None
+    if not (isfinite(mean) and isfinite(std) and std > 0 and mean >= 0):
+        raise SceneError([f"{text:.60}: needs a finite value of at least 0 and a positive standard deviation"])
+    return dict.fromkeys(find_places(scene, path.strip()), (mean, std))
+
+
+def _parameter(scene: Scene, place: Place, prior: tuple[float, float] | None) -> Parameter:
+    name, value = str(place[-1]), number_at(scene, place)
+    if "start" in place or name not in (*POSITIVE, *CAN_VANISH):
+        hint = " (the start is always fitted)" if "start" in place else meant(name, (*POSITIVE, *CAN_VANISH))
+        raise SceneError([f"{with_numbers(place)}: is not a number that a fit can change{hint}"])
+    is_log = name in POSITIVE and value > 0
+    if is_log and prior and prior[0] <= 0:
+        raise SceneError([f"{with_numbers(place)}: a prior of a positive number is positive"])
+    return Parameter(place, value, natural_unit(scene, place), is_log, prior)
+
+
+def natural_unit(scene: Scene, place: Place) -> float:
+    """The size of a number that would change the motion greatly."""
+    links = [*scene.links()]
+    mass, length = sum(link.mass * link.count for link in links), max(link.length for link in links)
+    rate, on_rail = sqrt(scene.gravity / length), place[0] == "support"
+    if on_rail and isinstance(scene.support, Cart):
+        mass += scene.support.mass
+    joint = 1.0 if on_rail else length
+    units = {
+        "mass": mass,
+        "length": length,
+        "centre": length,
+        "inertia": mass * length**2,
+        "gravity": scene.gravity,
+        "angle_deg": 1.0,
+        "damping": mass * rate * joint**2,
+        "strength": mass * rate * joint**2,
+        "stiffness": mass * scene.gravity / length * joint**2,
+        "friction": mass * scene.gravity * joint,
+        "drag": mass * rate,
+        "quadratic_drag": mass / length,
+    }
+    return units[str(place[-1])]
+
+
+def numbers_at(parameters: Sequence[Parameter], z: Floats) -> dict[str, float]:
+    """The numbers by their paths."""
+    return {one.path: one.at(float(own)) for one, own in zip(parameters, z, strict=True)}
+
+
+def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
+    """The scene with these numbers, checked again."""
+    return Variable(scene, values).at(values) if values else scene
+
+
+def starts_of(parameters: Sequence[Parameter]) -> Floats:
+    """Z of the scene's own numbers, (p,)."""
+    return np.array([one.start for one in parameters])

@@ -1,0 +1,32 @@
+"""Fits of a scene's numbers to measured motions, with error bars, and what the residuals say.
+
+In: a scene and a `Recording`, read from CSV files.  Out: a `Fit`: the scene with the fitted numbers, their covariance,
+what the record does not determine, residuals.  Start with `fitting`; `flow` has the motions and their derivatives.
+"""
+
+from nonlinear.identification.comparison import LAWS, Candidate, compare
+from nonlinear.identification.diagnosis import diagnose, turning_points
+from nonlinear.identification.fitting import LOSSES, fit
+from nonlinear.identification.records import ANGLES, Recording, Segment, Sensor, parse_where, read_recording
+from nonlinear.identification.report import fit_json, fit_record, fit_text
+from nonlinear.identification.result import Fit
+
+__all__ = [
+    "ANGLES",
+    "LAWS",
+    "LOSSES",
+    "Candidate",
+    "Fit",
+    "Recording",
+    "Segment",
+    "Sensor",
+    "compare",
+    "diagnose",
+    "fit",
+    "fit_json",
+    "fit_record",
+    "fit_text",
+    "parse_where",
+    "read_recording",
+    "turning_points",
+]

@@ -1,0 +1,143 @@
+"""Which law of damping a record calls for: the same fit with each, by information criteria and on data held back."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from math import log
+
+import numpy as np
+
+from modal.errors import SceneError, meant
+from modal.identification import scene_with
+from modal.identification.parameters import natural_unit
+from modal.scene import Cart, Scene
+from modal.scene.parameters import find_places, with_numbers
+from nonlinear.identification.fitting import fit
+from nonlinear.identification.records import FEWEST, Recording
+from nonlinear.identification.result import Fit
+
+LAWS = {"viscous": "damping", "coulomb": "friction", "drag": "quadratic_drag"}
+"""Names of laws, and the number of a joint or link that each one frees."""
+SHARE = 0.75  # of the segments that are fitted when the others are held back
+HALF = 0.5  # of a single segment
+WEAK = 1e-3  # of the natural unit, where a law begins
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A fit with one law, or several joined by +; `held_out_rms` (rad) of the part that was not fitted.
+
+    Information criteria count as many values as the residuals' autocorrelation leaves independent.
+    """
+
+    name: str
+    fit: Fit
+    aic: float
+    bic: float
+    held_out_rms: float
+
+
+def compare(
+    scene: Scene,
+    recording: Recording,
+    free: Sequence[str],
+    names: Sequence[str],
+    *,
+    report: Callable[[float], object] = lambda part: None,
+    **options: object,
+) -> list[Candidate]:
+    """The candidates, the best by BIC first; `options` are those of `fit`.  SceneError for an unknown law."""
+    problems = [
+        f"compare {name}: must be laws such as {', '.join(LAWS)} or viscous+coulomb{meant(name, LAWS)}"
+        for name in names
+        if not name or any(law not in LAWS for law in name.split("+"))
+    ]
+    if problems:
+        raise SceneError(problems)
+    used = _used(recording)
+    found: list[tuple[str, Fit, float]] = []
+    for turn, name in enumerate(dict.fromkeys(names)):
+        own, places = with_laws(scene, name.split("+"))
+        wanted = [*dict.fromkeys([*_without(scene, free), *places])]
+
+        def part(done: float, turn: int = turn) -> None:
+            report((turn + done) / len(names))
+
+        whole = fit(own, recording, wanted, report=part, **options)  # type: ignore[arg-type]
+        trained = fit(whole.scene, used, wanted, **options)  # type: ignore[arg-type]
+        found.append((name, whole, _held_out(trained, recording)))
+    count = min((independent(whole) for _, whole, _ in found), default=2.0)
+    return sorted((_candidate(*own, count) for own in found), key=lambda one: one.bic)
+
+
+def _candidate(name: str, whole: Fit, held_out: float, count: float) -> Candidate:
+    """The criteria, for a record worth so many independent values: −2 ln L of Gaussian residuals, and a penalty."""
+    there = np.sum([np.isfinite(one.values).sum(axis=0) for one in whole.recording.segments], axis=0)
+    mean = float(np.mean(np.square(whole.residuals))), float(np.log(whole.problem.noise) @ there / there.sum())
+    spread, unknowns = count * (log(mean[0]) + 2 * mean[1]), int(np.count_nonzero(np.diag(whole.cov)))
+    return Candidate(name, whole, spread + 2 * unknowns, spread + unknowns * log(count), held_out)
+
+
+def _held_out(trained: Fit, recording: Recording) -> float:
+    """The rms (rad) of what was not fitted: of other segments with their states fitted, of one by going on from its."""
+    if len(recording.segments) > 1:
+        return fit(
+            trained.scene, recording.take(range(len(trained.recording.segments), len(recording.segments)))
+        ).rms_all
+    whole = replace(trained, problem=replace(trained.problem, recording=recording))
+    at = len(trained.recording.segments[0].times)
+    angles = [k for k, sensor in enumerate(recording.sensors) if sensor.pendulum] or [0]
+    misses = (whole.readings[0] - recording.segments[0].values)[at:, angles]
+    return float(np.sqrt(np.nanmean(misses**2)))
+
+
+def independent(found: Fit) -> float:
+    """How many independent values the recording is worth, by the residuals' autocorrelation."""
+    total = 0.0
+    for c, rho in enumerate(found.rho):
+        count = sum(int(np.isfinite(one.values[:, c]).sum()) for one in found.recording.segments)
+        total += count / (1 + 2 * float(rho[1:].sum()))
+    return max(total, 2.0)
+
+
+def _without(scene: Scene, free: Sequence[str]) -> Iterator[str]:
+    """The free places that are not numbers of a law."""
+    for path in free:
+        if path != "none":
+            yield from (
+                with_numbers(place) for place in find_places(scene, path) if place[-1] not in {*LAWS.values(), "drag"}
+            )
+
+
+def with_laws(scene: Scene, laws: Sequence[str]) -> tuple[Scene, list[str]]:
+    """The scene damped by these laws alone, and the places of their numbers."""
+    names = [LAWS[law] for law in laws]
+    values, places = {}, []
+    spots = [f"pendulum[{p}].links[{i}]" for p, own in enumerate(scene.pendulum) for i in range(len(own.links))]
+    for spot in spots:
+        for name in ("damping", "friction", "drag", "quadratic_drag"):
+            values[f"{spot}.{name}"] = 0.0
+    if isinstance(scene.support, Cart):
+        spots.append("support")
+        values |= {"support.damping": 0.0, "support.friction": 0.0}
+    for spot in spots:
+        for name in names:
+            path = f"{spot}.{name}"
+            if path in values:
+                (place,) = find_places(scene, path)
+                values[path] = WEAK * natural_unit(scene, place) if name != "friction" else 0.0
+                places.append(path)
+    return scene_with(scene, values), places
+
+
+def _used(recording: Recording) -> Recording:
+    """What is fitted when the rest is held back: the first segments, or the first part of a single one."""
+    count = len(recording.segments)
+    if count > 1:
+        return recording.take(range(max(1, int(SHARE * count))))
+    (one,) = recording.segments
+    at = int(HALF * len(one.times))
+    if at < 2 * FEWEST:
+        raise SceneError([f"{one.where}: is too short to hold a part of it back"])
+    return replace(recording, segments=(replace(one, times=one.times[:at], values=one.values[:at]),))

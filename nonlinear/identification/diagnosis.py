@@ -1,0 +1,149 @@
+"""What the residuals of a fit say that the model lacks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import exp
+
+import numpy as np
+from scipy.signal import find_peaks, savgol_filter
+from scipy.stats import spearmanr
+
+from modal.modes import natural_modes
+from modal.report import short
+from modal.types import Floats
+from nonlinear.identification.result import Fit
+
+STRONG = 0.25  # part of the residuals' power in one line that is named
+WIDTH = 3  # bins of a line
+CERTAIN = 1e-3  # probability by chance of a growth with the amplitude
+GROWS = 0.5  # rank correlation that counts
+STRETCHES = 8  # least number of windows for it
+TURNS = 6  # least number of turning points
+STRAIGHTER = 0.6  # residual of a straight line over that of an exponential
+BOUND = 1e-6  # of a natural unit: a number at its bound
+
+
+def diagnose(found: Fit) -> list[str]:
+    """Sentences on parameters at bounds, whiteness, the frequency left, growth with amplitude and turning points."""
+    return [*_bounds(found), *_whiteness(found), *_lines(found), *_growth(found), *_turning(found)]
+
+
+def _bounds(found: Fit) -> Iterator[str]:
+    for k in found.fitted:
+        one = found.parameters[k]
+        if not one.log and found.unknowns[k] < BOUND:
+            yield f"{one.path} is at its bound, 0: the record gives no sign of it"
+
+
+def _whiteness(found: Fit) -> Iterator[str]:
+    step = np.median(np.concatenate([np.diff(one.times) for one in found.recording.segments]))
+    for sensor, rho in zip(found.recording.sensors, found.rho, strict=True):
+        if len(rho) == 1:
+            yield f"{sensor.name}: the residuals are white"
+        else:
+            yield (
+                f"{sensor.name}: the residuals are correlated over {short(float(len(rho) * step))} s, "
+                "so the model lacks something or the sensor drifts; standard deviations allow for it"
+            )
+
+
+def _misses(found: Fit) -> list[tuple[int, Floats, Floats]]:
+    """Sensor, times and residuals of every series."""
+    series = []
+    for read, one in zip(found.readings, found.recording.segments, strict=True):
+        for c in range(len(found.recording.sensors)):
+            there = np.isfinite(one.values[:, c])
+            if np.count_nonzero(there) > 2 * WIDTH:
+                series.append((c, one.times[there], (one.values - read)[there, c]))
+    return series
+
+
+def _lines(found: Fit) -> Iterator[str]:
+    """A frequency at which much of the residuals' power is."""
+    modes = natural_modes(found.scene)
+    for c, sensor in enumerate(found.recording.sensors):
+        if len(found.rho[c]) == 1:
+            continue
+        own = [(times, miss) for k, times, miss in _misses(found) if k == c]
+        step = float(np.median(np.diff(own[0][0])))
+        longest = max(times[-1] - times[0] for times, _ in own)
+        count = 2 ** int(np.ceil(np.log2(4 * longest / step)))
+        power = np.zeros(count // 2 + 1)
+        for times, miss in own:
+            even = np.interp(np.arange(times[0], times[-1], step), times, miss)
+            power += np.abs(np.fft.rfft((even - even.mean()) * np.hanning(len(even)), count)) ** 2
+        frequency = np.fft.rfftfreq(count, step)
+        power[frequency < 1 / longest] = 0.0
+        peak = int(np.argmax(power))
+        wide = WIDTH * 4
+        share = float(power[max(0, peak - wide) : peak + wide + 1].sum() / power.sum()) if power.sum() else 0.0
+        if share > STRONG:
+            hertz = modes.omega / (2 * np.pi)
+            near = int(np.argmin(np.abs(hertz - frequency[peak])))
+            yield (
+                f"{sensor.name}: {100 * share:.0f} % of the residuals' power is near {frequency[peak]:.3g} Hz "
+                f"(mode {near + 1} has {hertz[near]:.3g} Hz)"
+            )
+
+
+def _growth(found: Fit) -> Iterator[str]:
+    """Whether residuals are larger where the swing is."""
+    for c, sensor in enumerate(found.recording.sensors):
+        sizes, misses = [], []
+        for k, times, miss in _misses(found):
+            if k != c:
+                continue
+            own = next(
+                one for one in found.recording.segments if times[0] >= one.times[0] and times[-1] <= one.times[-1]
+            )
+            values = own.values[np.isfinite(own.values[:, c]), c]
+            window = max(4, int(2 * np.pi / found.problem.system.rate / max(np.median(np.diff(times)), 1e-12)))
+            for at in range(0, len(miss) - window + 1, window):
+                sizes.append(np.std(values[at : at + window]))
+                misses.append(np.sqrt(np.mean(miss[at : at + window] ** 2)))
+        if len(sizes) >= STRETCHES:
+            rank = spearmanr(sizes, misses)
+            if rank.statistic > GROWS and rank.pvalue < CERTAIN:
+                yield f"{sensor.name}: the residuals grow with the amplitude: a loss or a length of the model is wrong"
+
+
+def _turning(found: Fit) -> Iterator[str]:
+    """Turning points on a straight line, the mark of dry friction."""
+    has_friction = any(link.friction for link in found.scene.links())
+    for c, sensor in enumerate(found.recording.sensors):
+        if not sensor.pendulum:
+            continue
+        for one in found.recording.segments:
+            there = np.isfinite(one.values[:, c])
+            loss = turning_points(one.times[there], one.values[there, c], found.problem.system.rate)
+            if loss:
+                words = f"{sensor.name}: turning points fall on a straight line, {loss:.2g} rad a half swing"
+                yield words + ("" if has_friction else ": try friction")
+                break
+
+
+def turning_points(times: Floats, values: Floats, rate: float) -> float | None:
+    """The loss of amplitude (rad) a half swing where turning points fall on a straight line, None where they do not.
+
+    `rate` (rad/s) is about that of the swing.
+    """
+    if len(times) < 4 * TURNS:
+        return None
+    step = float(np.median(np.diff(times)))
+    window = min(len(values) - 1, max(5, int(0.4 / rate / step))) | 1
+    smooth = savgol_filter(values, window, 2) if window < len(values) else values
+    smooth = smooth - np.median(smooth[-max(5, len(smooth) // 20) :])
+    apart = max(1, int(1.2 / rate / step))
+    high = 0.04 * np.abs(smooth).max()
+    peaks = np.sort(np.concatenate([find_peaks(sign * smooth, height=high, distance=apart)[0] for sign in (1, -1)]))
+    size = np.abs(smooth[peaks])
+    if len(size) < TURNS or np.any(np.diff(size) > 0.05 * size[:-1]) or size[-1] > 0.6 * size[0]:
+        return None
+    number = np.arange(len(size))
+    line = np.polynomial.Polynomial.fit(number, size, 1)
+    curve = np.polynomial.Polynomial.fit(number, np.log(size), 1)
+    straight = float(np.sqrt(np.mean((line(number) - size) ** 2)))
+    bent = float(np.sqrt(np.mean((np.array([exp(v) for v in curve(number)]) - size) ** 2)))
+    slope = float(line.deriv()(0.0))
+    return -slope if slope < 0 and straight < STRAIGHTER * bent else None

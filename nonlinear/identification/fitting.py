@@ -1,0 +1,302 @@
+"""Fit the numbers of a scene to measured motions, by least squares on exact derivatives.
+
+The unknowns beside the numbers (initial states, offsets, delays) are fitted with them, first to the beginning of every
+segment and then to ever longer parts, so that a motion that loses step with the record is never compared with it.
+Numbers that the record does not determine are held at the scene's values and named (`modal.identification`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from scipy.linalg import qr
+from scipy.optimize import least_squares
+from scipy.sparse import csr_array
+
+from modal.errors import ComputationError, SceneError
+from modal.identification import (
+    autocorrelation,
+    covariance,
+    find_determined,
+    find_parameters,
+    starts_of,
+)
+from modal.scene import Scene
+from modal.types import Booleans, Floats
+from nonlinear.identification.diagnosis import diagnose
+from nonlinear.identification.problem import Problem, require_fittable
+from nonlinear.identification.records import Recording
+from nonlinear.identification.result import Fit, root_mean_square
+from nonlinear.identification.starting import initial_states, starting_numbers
+
+WEIGHTS: dict[str, Callable[[Floats], Floats]] = {
+    "linear": np.ones_like,
+    "soft_l1": lambda square: 1 / np.sqrt(1 + square),
+    "huber": lambda square: 1 / np.sqrt(np.maximum(square, 1.0)),
+    "cauchy": lambda square: 1 / (1 + square),
+}
+"""The weight of a squared residual under each loss, ρ' of `scipy.optimize.least_squares`."""
+LOSSES = tuple(WEIGHTS)
+COARSE = 0.02  # of a sensor's rms, its noise before the first fit
+FINEST = 1e-7  # of a sensor's rms, the least noise
+SHORTEST = 0.75  # periods of sqrt(l/g) in the first part that is fitted
+LONGER = 2.5  # times the part before
+STEADY = 1.0  # standard deviation of ln p while parts are fitted
+ROUGH = 12  # evaluations for a part
+MOST = 60  # evaluations for the whole
+LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the other
+CLOSE = 1e-9  # relative change of the sum of squares, or of the unknowns, at the end
+DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
+LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
+ROUNDS = 2  # of fitting and estimating the noise
+Report = Callable[[float], object]
+
+
+def fit(
+    scene: Scene,
+    recording: Recording,
+    free: Sequence[str] = (),
+    *,
+    priors: Sequence[str] = (),
+    scaled: bool = False,
+    loss: str = "linear",
+    window: float | None = None,
+    report: Report = lambda part: None,
+) -> Fit:
+    """The numbers at the places `free` that fit a recording best, from the scene's values on.
+
+    `priors` are texts such as "gravity=9.81±0.01"; `scaled` frees the scale of every sensor; `loss` is one of
+    `scipy.optimize.least_squares`.  A long chaotic segment is fitted in windows of `window` seconds that join (multiple
+    shooting; Bock & Plitt, IFAC Proc. 17, 1603 (1984)).  `report` is called with the part that is done.
+
+    Raises SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError where no
+    motion of the scene comes near the record.
+    """
+    require_fittable(scene)
+    if loss not in LOSSES:
+        raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
+    if window is not None:
+        recording = recording.windows(window)
+    parameters = find_parameters(scene, free, priors)
+    coarse = np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
+    problem = Problem(scene, parameters, recording, coarse, scaled)
+    search = _Search(problem, loss, report)
+    u = search.begin()
+    u = search.lengthen(u)
+    return search.finish(u)
+
+
+def _size(recording: Recording, sensor: int) -> float:
+    values = np.concatenate([one.values[:, sensor] for one in recording.segments])
+    values = values[np.isfinite(values)]
+    return float(np.std(values)) or 1e-3
+
+
+class _Search:
+    """The search for the least squares."""
+
+    def __init__(self, problem: Problem, loss: str, report: Report) -> None:
+        self.problem, self.loss, self.report = problem, loss, report
+        self.kept = np.ones(len(problem.parameters), dtype=bool)
+        self.evaluations = 0
+        self.begun = np.zeros(0)
+
+    def begin(self) -> Floats:
+        """Unknowns to start from, and the numbers that are not determined whatever the noise."""
+        problem, layout = self.problem, self.problem.layout
+        u = np.zeros(layout.size)
+        z = starting_numbers(problem.scene, problem.parameters, problem.recording)
+        known = [one.believed for one in problem.parameters]
+        z = np.array([own if b is None else b[0] for own, b in zip(z, known, strict=True)])
+        u[: layout.numbers] = np.clip(z, *(bound[: layout.numbers] for bound in problem.bounds))
+        states = initial_states(problem)
+        for s in range(layout.segments):
+            u[layout.state(s)] = states[s]
+        if layout.numbers:
+            J = problem.jacobian(u)
+            found = find_determined(
+                _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, vague=np.inf
+            )
+            self.kept[found.held] = False
+            u[: layout.numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
+        self.begun = u[: layout.numbers].copy()
+        self.report(0.05)
+        return u
+
+    def lengthen(self, u: Floats) -> Floats:
+        """Fitted to ever longer parts of all segments."""
+        problem = self.problem
+        longest = max(one.times[-1] - one.times[0] for one in problem.recording.segments)
+        part = SHORTEST * 2 * np.pi / problem.system.rate
+        while part < longest:
+            u = self._solved(
+                replace(problem, recording=problem.recording.until(part), tolerance=1e-6), u, ROUGH, True, 1e-3
+            )
+            self.report(0.05 + 0.35 * part / longest)
+            part *= LONGER
+        for tightness in LOOSE if any(one.continued for one in problem.recording.segments) else ():
+            u = self._solved(replace(problem, tightness=tightness, tolerance=1e-6), u, ROUGH, True, 1e-3)
+        return u
+
+    def finish(self, u: Floats) -> Fit:
+        """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
+        problem = self.problem
+        for turn in range(ROUNDS):
+            u = self._solved(problem, u, MOST, False, 1e-5)
+            problem = replace(problem, noise=self._noise(problem, u))
+            self.report(0.4 + 0.15 * (turn + 1))
+        u = self._solved(problem, u, MOST, False, CLOSE)
+        numbers = problem.layout.numbers
+        J = problem.jacobian(u)
+        projected = _projected(J, self._nuisances(problem), numbers)
+        lost = np.flatnonzero(~self.kept).tolist()
+        found = find_determined(projected, problem.parameters, u[:numbers], held=lost)
+        fresh = self.kept.copy()
+        fresh[found.held] = False
+        if np.any(fresh != self.kept):
+            self.kept &= fresh
+            u[:numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
+            u = self._solved(problem, u, MOST, False, CLOSE)
+            problem = replace(problem, noise=self._noise(problem, u))
+            J = problem.jacobian(u)
+        residuals = problem.residuals(u)
+        weight = np.sqrt(WEIGHTS[self.loss](residuals**2))
+        cov, rho = _covariance(problem, weight[:, None] * J, weight * residuals, self._free(problem))
+        self.report(1.0)
+        fitted = Fit(
+            problem,
+            u,
+            cov,
+            np.flatnonzero(~self.kept),
+            found.directions,
+            found.condition,
+            residuals,
+            problem.scene_at(u),
+            problem.scene,
+            rho,
+            self.evaluations,
+        )
+        return replace(fitted, verdict=tuple(diagnose(fitted)))
+
+    def _free(self, problem: Problem) -> Booleans:
+        free = problem.free.copy()
+        free[: len(self.kept)] &= self.kept
+        return free
+
+    def _nuisances(self, problem: Problem) -> Booleans:
+        free = problem.free.copy()
+        free[: problem.layout.numbers] = False
+        return free
+
+    def _noise(self, problem: Problem, u: Floats) -> Floats:
+        """The standard deviation of every sensor's residuals; by their median for a robust loss."""
+        found = []
+        readings = problem.readings(u)
+        for c in range(len(problem.recording.sensors)):
+            misses = [r[:, c] - one.values[:, c] for r, one in zip(readings, problem.recording.segments, strict=True)]
+            own = np.concatenate(misses)
+            own = own[np.isfinite(own)]
+            spread = 1.4826 * float(np.median(np.abs(own))) if self.loss != "linear" else 0.0
+            found.append(max(spread or root_mean_square(own), FINEST * _size(problem.recording, c)))
+        return np.array(found)
+
+    def _solved(self, problem: Problem, u: Floats, most: int, rough: bool, close: float) -> Floats:
+        """The unknowns after a search from u; ComputationError where it cannot begin."""
+        free, held = self._free(problem), u.copy()
+        low, high = (bound[free] for bound in problem.bounds)
+        steady = np.flatnonzero(self.kept) if rough else np.zeros(0, dtype=np.int64)
+        columns = np.flatnonzero(free)
+        where = np.searchsorted(columns, steady)
+
+        def whole(x: Floats) -> Floats:
+            found = held.copy()
+            found[columns] = x
+            return found
+
+        def residuals(x: Floats) -> Floats:
+            self.evaluations += 1
+            try:
+                found = problem.residuals(whole(x), ahead=True)
+            except ComputationError:
+                return np.full(sizes, np.nan)
+            return np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
+
+        def jacobian(x: Floats) -> Floats:
+            rows = np.zeros((len(steady), len(columns)))
+            rows[np.arange(len(steady)), where] = 1 / STEADY
+            found = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
+            return csr_array(found) if many else found
+
+        many = len(columns) > DENSE
+        start = np.clip(u[columns], low + 1e-12, high)
+        sizes, begun = 1, residuals(start)
+        sizes = len(begun)
+        if not np.all(np.isfinite(begun)):
+            raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
+        found: Any = least_squares(
+            residuals,
+            start,
+            jacobian,
+            bounds=(low, high),
+            x_scale=self._scales(problem)[columns],
+            loss=self.loss,
+            max_nfev=most,
+            ftol=close,
+            xtol=close,
+            gtol=None,
+            tr_solver="lsmr" if many else "exact",
+            tr_options=LSMR if many else {},
+        )
+        return whole(found.x)
+
+    def _scales(self, problem: Problem) -> Floats:
+        """The size of a step of each unknown."""
+        layout, found = problem.layout, np.ones(problem.layout.size)
+        found[: layout.numbers] = [0.1 if one.log else 0.1 * max(one.start, 0.05) for one in problem.parameters]
+        found[layout.offsets], found[layout.scales] = 0.01, 0.01
+        found[layout.delays] = 0.1 * (problem.late or 1.0)
+        for s in range(layout.segments):
+            found[layout.state(s)] = 0.1 * problem.scale
+        return found
+
+
+def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
+    """The columns of the numbers without what the nuisances can make up for."""
+    own, other = J[:, :numbers], J[:, nuisances]
+    if not other.shape[1]:
+        return own
+    size = np.linalg.norm(other, axis=0)
+    Q, R, _ = qr(other[:, size > 0] / size[size > 0], mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    Q = Q[:, diagonal > 1e-10 * diagonal[0]]
+    once = own - Q @ (Q.T @ own)
+    return np.asarray(once - Q @ (Q.T @ once))
+
+
+def _covariance(problem: Problem, J: Floats, residuals: Floats, free: Booleans) -> tuple[Floats, tuple[Floats, ...]]:
+    """Of all unknowns (size, size), with the autocorrelation of every sensor's residuals."""
+    columns = np.flatnonzero(free)
+    J, residuals = problem.ordered(J)[:, columns], problem.ordered(residuals)
+    size = np.linalg.norm(J, axis=0)
+    size[size == 0] = 1.0
+    G = np.linalg.pinv(J / size, rcond=1e-11).T / size
+    series = problem.series()
+    freedom = max(1, len(residuals) - len(columns))
+    growth = len(residuals) / freedom
+    rho = []
+    blocks = []
+    for c in range(len(problem.recording.sensors)):
+        own = [residuals[rows] for _, sensor, rows in series if sensor == c]
+        rho.append(autocorrelation(own))
+        count = sum(map(len, own))
+        variance = growth * sum(float(part @ part) for part in own) / count if count else 0.0
+        blocks += [(rows, variance, rho[c]) for _, sensor, rows in series if sensor == c]
+    last = series[-1][2].stop if series else 0
+    if last < len(residuals):
+        blocks.append((slice(last, len(residuals)), 1.0, np.ones(1)))
+    found = np.zeros((problem.layout.size, problem.layout.size))
+    found[np.ix_(columns, columns)] = covariance(G, blocks)
+    return found, tuple(rho)

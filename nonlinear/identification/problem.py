@@ -1,0 +1,375 @@
+"""The unknowns of a fit, the residuals and their exact derivatives.
+
+Unknowns are the free numbers z, an offset for each sensor, on request its scale, a delay of each sensor behind the
+first, and the initial state of every segment.  A reading is scale · (value at t − delay) + offset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.identification import Parameter, scene_with
+from modal.identification.parameters import numbers_at
+from modal.scene import Cart, Escapement, Scene
+from modal.types import Booleans, Floats
+from nonlinear.dynamics import Lanes
+from nonlinear.identification.flow import Channel, Result, Task, integrate
+from nonlinear.identification.records import Recording, Sensor
+from nonlinear.identification.sticking import Joint
+from nonlinear.system import Numbers, System, numbers_of, system_of
+
+EPSILON = 1e-20  # imaginary part of a lane: its square vanishes beside any number
+TOLERANCE = 1e-8  # of the motion: well below what sensors resolve
+FIRST = 0.02  # of sqrt(l/g): the first step
+TIGHT = 0.1  # of the sensors' noise: a gap between a motion and its continuation
+LATEST = 0.1  # of sqrt(l/g): the longest delay of a sensor
+MOST_LINKS = 32
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where the unknowns are: p numbers, C offsets, scales and delays, S states of `width`."""
+
+    numbers: int
+    sensors: int
+    segments: int
+    width: int
+
+    @property
+    def offsets(self) -> slice:
+        """Of the sensors (rad or m)."""
+        return slice(self.numbers, self.numbers + self.sensors)
+
+    @property
+    def scales(self) -> slice:
+        """Of the sensors, less 1."""
+        return slice(self.offsets.stop, self.offsets.stop + self.sensors)
+
+    @property
+    def delays(self) -> slice:
+        """Of the sensors behind the first (s)."""
+        return slice(self.scales.stop, self.scales.stop + self.sensors)
+
+    def state(self, segment: int) -> slice:
+        """The initial state of a segment: x, θ, x', θ'."""
+        begin = self.delays.stop + segment * self.width
+        return slice(begin, begin + self.width)
+
+    @property
+    def size(self) -> int:
+        """Number of unknowns."""
+        return self.numbers + 3 * self.sensors + self.segments * self.width
+
+
+def require_fittable(scene: Scene) -> None:
+    """SceneError for a scene whose motions cannot be fitted, with every reason."""
+    problems = []
+    if scene.space == "space":
+        problems.append('space = "space": motions are fitted in the plane')
+    if any(isinstance(link.drive, Escapement) for link in scene.links()):
+        problems.append("escapements: their kicks cannot be fitted")
+    if scene.is_hoisted:
+        problems.append("hoist: motions of constant lengths are fitted")
+    if scene.is_moved:
+        problems.append('support = "moved": motions on a support at rest or a cart are fitted')
+    if scene.has_modal_damping:
+        problems.append("damping_ratio: give dampers of joints and the rail, which can be fitted")
+    if isinstance(scene.support, Cart) and scene.support.friction_coefficient:
+        problems.append("support.friction_coefficient: give the rail a friction in N, which can be fitted")
+    if scene.n_links > MOST_LINKS:
+        problems.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
+    if problems:
+        raise SceneError(problems)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
+
+    `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
+    its continuation.
+    """
+
+    scene: Scene
+    parameters: tuple[Parameter, ...]
+    recording: Recording
+    noise: Floats
+    scaled: bool = False
+    tolerance: float = TOLERANCE
+    tightness: float = TIGHT
+
+    @cached_property
+    def system(self) -> System:
+        """The scene as arrays."""
+        return system_of(self.scene)
+
+    @cached_property
+    def layout(self) -> Layout:
+        """The arrangement of unknowns."""
+        return Layout(
+            len(self.parameters), len(self.recording.sensors), len(self.recording.segments), 2 * self.coordinates
+        )
+
+    @property
+    def coordinates(self) -> int:
+        """Number of coordinates of the scene."""
+        return self.system.n_links + int(self.system.cart is not None)
+
+    @cached_property
+    def late(self) -> float:
+        """The longest delay (s), by which every motion begins before its first sample; 0 for a single sensor."""
+        return LATEST / self.system.rate if len(self.recording.sensors) > 1 else 0.0
+
+    @cached_property
+    def scale(self) -> Floats:
+        """Natural units of a state."""
+        units = np.ones(2 * self.coordinates)
+        if self.system.cart is not None:
+            units[0] = self.system.length
+        units[self.coordinates :] = units[: self.coordinates] * self.system.rate
+        return units
+
+    @cached_property
+    def _start_rows(self) -> dict[Sensor, tuple[tuple[int, float], ...]]:
+        return {sensor: self._parts(sensor) for sensor in self.recording.sensors}
+
+    def _parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
+        first = int(self.system.cart is not None)
+        if not sensor.pendulum:
+            return ((0, 1.0),)
+        own = [k for k, pendulum in enumerate(self.system.pendulum) if pendulum == sensor.pendulum - 1]
+        row = first + own[sensor.link - 1]
+        above = ((row - 1, -1.0),) if self.recording.relative and sensor.link > 1 else ()
+        return ((row, 1.0), *above)
+
+    def parts(self, sensor: Sensor) -> tuple[tuple[int, float], ...]:
+        """The components of a state, with signs, that a sensor adds up."""
+        return self._start_rows[sensor]
+
+    @cached_property
+    def free(self) -> Booleans:
+        """Which unknowns are fitted, (size,)."""
+        layout, found = self.layout, np.ones(self.layout.size, dtype=bool)
+        found[layout.scales] = self.scaled
+        if len(self.recording.sensors):
+            found[layout.delays.start] = False
+        cart = self.scene.support
+        for k, sensor in enumerate(self.recording.sensors):
+            if not sensor.pendulum and isinstance(cart, Cart) and not cart.stiffness:
+                found[layout.offsets.start + k] = False
+        return found
+
+    @cached_property
+    def bounds(self) -> tuple[Floats, Floats]:
+        """Of all unknowns, (size,) each."""
+        layout = self.layout
+        low, high = np.full(layout.size, -np.inf), np.full(layout.size, np.inf)
+        low[: layout.numbers] = [one.least for one in self.parameters]
+        high[: layout.numbers] = [-one.least if one.log else np.inf for one in self.parameters]
+        low[layout.scales], low[layout.delays], high[layout.delays] = -0.9, -self.late or -1, self.late or 1
+        return low, high
+
+    def scene_at(self, u: Floats) -> Scene:
+        """The scene with the numbers of these unknowns."""
+        return scene_with(self.scene, numbers_at(self.parameters, u[: self.layout.numbers]))
+
+    def readings(self, u: Floats) -> list[Floats]:
+        """What the sensors would read, (K, C) for each segment; ComputationError where a motion cannot be followed."""
+        return self._readings(u, self._flow(u, 0))
+
+    def _readings(self, u: Floats, flow: Result) -> list[Floats]:
+        layout, found = self.layout, []
+        for s, segment in enumerate(self.recording.segments):
+            own = flow.values[: len(u[layout.offsets]), s, : len(segment.times), 0].real.T
+            found.append((1 + u[layout.scales]) * own + u[layout.offsets])
+        return found
+
+    def residuals(self, u: Floats, ahead: bool = False) -> Floats:
+        """(N,) in units of the noise, of all values that are there, then those of priors.
+
+        With `ahead` the derivatives are computed along, for a `jacobian` at the same unknowns.
+        """
+        flow = self._flow_with_derivatives(u) if ahead else self._flow(u, 0)
+        rows = [
+            ((values - segment.values) / self.noise)[np.isfinite(segment.values)]
+            for values, segment in zip(self._readings(u, flow), self.recording.segments, strict=True)
+        ]
+        return np.concatenate([*rows, *self._gaps(u, flow), self._doubts(u)])
+
+    @cached_property
+    def _joined(self) -> list[int]:
+        """The segments that are continued by the next."""
+        return [s for s, one in enumerate(self.recording.segments[:-1]) if one.continued]
+
+    @cached_property
+    def _tightness(self) -> Floats:
+        """The standard deviation of a gap between a motion and its continuation, for every component of a state."""
+        return np.asarray(self.tightness * float(self.noise.min()) * self.scale)
+
+    def _gaps(self, u: Floats, flow: Result) -> list[Floats]:
+        """How far each continuation begins from where the motion before it has come, in units of `_tightness`."""
+        first = len(self.recording.sensors)
+        return [
+            (flow.values[first:, s, 0, 0].real - u[self.layout.state(s + 1)]) / self._tightness for s in self._joined
+        ]
+
+    def _gap_slopes(self, flow: Result) -> list[Floats]:
+        """The derivatives of the gaps."""
+        layout, first, found = self.layout, len(self.recording.sensors), []
+        for s in self._joined:
+            block = np.zeros((layout.width, layout.size))
+            slopes = flow.values[first:, s, 0].imag / EPSILON
+            block[:, : layout.numbers] = slopes[:, : layout.numbers]
+            block[:, layout.state(s)] = slopes[:, layout.numbers :]
+            block[:, layout.state(s + 1)] -= np.eye(layout.width)
+            found.append(block / self._tightness[:, None])
+        return found
+
+    def _doubts(self, u: Floats) -> Floats:
+        priors = [(z, one.believed) for z, one in zip(u, self.parameters, strict=False) if one.believed]
+        return np.array([(z - believed[0]) / believed[1] for z, believed in priors if believed])
+
+    def jacobian(self, u: Floats) -> Floats:
+        """The derivatives of the residuals, (N, size)."""
+        layout = self.layout
+        flow = self._flow_with_derivatives(u)
+        blocks = []
+        for s, segment in enumerate(self.recording.segments):
+            K, C = segment.values.shape
+            block = np.zeros((K, C, layout.size))
+            values = np.moveaxis(flow.values[:C, s, :K], 0, 1)
+            scale = (1 + u[layout.scales])[:, None]
+            block[..., : layout.numbers] = scale * values[..., : layout.numbers].imag / EPSILON
+            block[..., layout.state(s)] = scale * values[..., layout.numbers :].imag / EPSILON
+            rates = np.moveaxis(flow.rates[:C, s, :K, 0].real, 0, 1)
+            for c in range(C):
+                block[:, c, layout.offsets.start + c] = 1.0
+                block[:, c, layout.scales.start + c] = values[:, c, 0].real
+                block[:, c, layout.delays.start + c] = -scale[c] * rates[:, c]
+            block /= self.noise[:, None]
+            blocks.append(block[np.isfinite(segment.values)])
+        known = [(k, one.believed) for k, one in enumerate(self.parameters) if one.believed]
+        priors = np.zeros((len(known), layout.size))
+        for row, (k, believed) in enumerate(known):
+            priors[row, k] = 1 / believed[1] if believed else 0.0
+        return np.vstack([*blocks, *self._gap_slopes(flow), priors])
+
+    def series(self) -> list[tuple[int, int, slice]]:
+        """Segment, sensor and rows of the residuals of each series, once these are `ordered`."""
+        found, at = [], 0
+        for s, segment in enumerate(self.recording.segments):
+            for c, values in enumerate(segment.values.T):
+                count = int(np.count_nonzero(np.isfinite(values)))
+                if count:
+                    found.append((s, c, slice(at, at + count)))
+                at += count
+        return found
+
+    def ordered(self, rows: Floats) -> Floats:
+        """Residuals or their derivatives with each sensor's values of a segment together, priors last."""
+        found, at = [], 0
+        for segment in self.recording.segments:
+            there = np.isfinite(segment.values)
+            count = int(np.count_nonzero(there))
+            sensor = np.broadcast_to(np.arange(there.shape[1]), there.shape)[there]
+            found.append(rows[at : at + count][np.argsort(sensor, kind="stable")])
+            at += count
+        return np.concatenate([*found, rows[at:]])
+
+    def _continuations(self, most: int) -> list[Channel]:
+        """Channels for every component of a state where the next segment begins."""
+        if not self._joined:
+            return []
+        segments = self.recording.segments
+        times = np.full((len(segments), most), np.inf)
+        for s in self._joined:
+            times[s, 0] = segments[s + 1].times[0] - segments[s].times[0]
+        half = self.coordinates
+        return [Channel(((row, 1.0),), times) for row in range(2 * half)]
+
+    @cached_property
+    def _last(self) -> dict[bytes, Result]:
+        return {}
+
+    def _flow_with_derivatives(self, u: Floats) -> Result:
+        key = u.tobytes()
+        if key not in self._last:
+            self._last.clear()
+            self._last[key] = self._flow(u, self.layout.numbers + self.layout.width)
+        return self._last[key]
+
+    def _flow(self, u: Floats, lanes: int) -> Result:
+        """The motions of all segments; with `lanes` the derivatives by numbers and states in so many lanes."""
+        layout, segments = self.layout, self.recording.segments
+        P, S = max(lanes, 1), len(segments)
+        W = S * P
+        values: dict[Any, Any] = {}
+        for k, one in enumerate(self.parameters):
+            values[one.place] = np.full(W, complex(one.at(float(u[k]))))
+            if lanes:
+                values[one.place][k::P] += 1j * EPSILON * one.slope(float(u[k]))
+        y0 = np.empty((layout.width, W), dtype=complex)
+        for s in range(S):
+            y0[:, s * P : (s + 1) * P] = u[layout.state(s)][:, None]
+            if lanes:
+                for j in range(layout.width):
+                    y0[j, s * P + layout.numbers + j] += 1j * EPSILON
+        most = max(len(segment.times) for segment in segments)
+        channels = []
+        for c, sensor in enumerate(self.recording.sensors):
+            times = np.full((S, most), np.inf)
+            for s, segment in enumerate(segments):
+                times[s, : len(segment.times)] = segment.times - segment.times[0] + self.late - u[layout.delays][c]
+            channels.append(Channel(self.parts(sensor), times))
+        channels += self._continuations(most)
+        every = np.array([channel.times for channel in channels])
+        ends = np.where(np.isfinite(every), every, 0.0).max(axis=(0, 2))
+        numbers = numbers_of(self.scene, values, self.system)
+        return integrate(
+            Task(
+                self._lanes(numbers),
+                numbers,
+                y0,
+                ends,
+                channels,
+                joints_of(self.scene, self.system, values, W),
+                self.scale,
+                self.tolerance,
+                FIRST / self.system.rate,
+            )
+        )
+
+    def _lanes(self, numbers: Numbers) -> Lanes:
+        """The equations, with a place for the torques of friction."""
+        real = (own.real.copy() if isinstance(own, np.ndarray) else own for own in numbers.entries)
+        return Lanes(Numbers(numbers.system, (*real, *[np.zeros(1)] * (1 + self.system.n_links))), pushed=True)
+
+
+def joints_of(scene: Scene, system: System, values: dict[Any, Any], width: int) -> list[Joint]:
+    """The joints of a scene with dry friction, where `values` (W,) replace its numbers at some places."""
+    on_cart, found = int(system.cart is not None), []
+
+    def limit_at(part: Any, *place: Any) -> Any:
+        given = values.get((*place, "friction"), getattr(part, "friction", 0.0))
+        return np.broadcast_to(np.asarray(given, dtype=complex), width)
+
+    if np.any(limit := limit_at(scene.support, "support")):
+        found.append(Joint(0, None, limit, ((0, 1.0),)))
+    at = 0
+    for p, pendulum in enumerate(scene.pendulum):
+        for _ in range(pendulum.count):
+            top = at
+            for i, link in enumerate(pendulum.links):
+                limit = limit_at(link, "pendulum", p, "links", i)
+                for _ in range(link.count):
+                    if np.any(limit):
+                        above = None if at == top else at - 1
+                        acts = ((1 + at, 1.0), *(() if above is None else ((1 + above, -1.0),)))
+                        found.append(Joint(on_cart + at, None if above is None else on_cart + above, limit, acts))
+                    at += 1
+    return found

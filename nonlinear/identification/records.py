@@ -1,0 +1,327 @@
+"""Measured motions: segments of CSV files with the column `time_s` and one column for each sensor.
+
+A sensor is `theta_P_L_rad` or `theta_P_L_deg`, the angle of link L of pendulum P (both from 1) from the downward
+vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`).  A column
+`segment` separates motions that were recorded apart; other columns select rows.  An empty cell or "nan" is a
+missing value.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import groupby
+from math import isinf, nan, radians
+
+import numpy as np
+
+from modal.errors import SceneError, meant
+from modal.report import counted, listed
+from modal.scene import Cart, Scene
+from modal.types import Floats
+
+TIME, SEGMENT = "time_s", "segment"
+RUNS = "x_m"  # the cart in files of simulated runs, also of those without one
+SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m|x_m", re.ASCII)
+LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
+LARGEST_FILE = 2**28
+MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
+FEWEST = 4  # samples of a segment
+FEW_CHANGES = 2  # different values that a record has at least
+ANGLES = ("absolute", "relative")
+
+
+@dataclass(frozen=True, order=True)
+class Sensor:
+    """The angle of a link, `pendulum` and `link` from 1, or with both 0 the position of the cart."""
+
+    pendulum: int = 0
+    link: int = 0
+
+    @property
+    def name(self) -> str:
+        """As in the columns of a file, without the unit."""
+        return f"theta_{self.pendulum}_{self.link}" if self.pendulum else "cart"
+
+    @property
+    def unit(self) -> str:
+        """Of its readings."""
+        return "rad" if self.pendulum else "m"
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """A motion that was recorded in one go.
+
+    `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN where a sensor has no value.  The next segment may
+    be its continuation.
+    """
+
+    file: str
+    name: str
+    times: Floats
+    values: Floats
+    continued: bool = False
+
+    @property
+    def where(self) -> str:
+        """The segment in messages."""
+        return f"{self.file}, segment {self.name}" if self.name else self.file
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Segments with the same C sensors; `relative` where angles are those to the link above."""
+
+    sensors: tuple[Sensor, ...]
+    segments: tuple[Segment, ...]
+    relative: bool = False
+    unused: tuple[str, ...] = ()
+
+    @property
+    def n_values(self) -> int:
+        """Number of values that are there."""
+        return sum(int(np.count_nonzero(np.isfinite(one.values))) for one in self.segments)
+
+    def take(self, which: Sequence[int]) -> Recording:
+        """Some of its segments."""
+        return replace(self, segments=tuple(self.segments[k] for k in which))
+
+    def windows(self, duration: float) -> Recording:
+        """The same with every segment in windows of about this duration (s), each continuing the one before."""
+        found = []
+        for one in self.segments:
+            count = max(1, round((one.times[-1] - one.times[0]) / duration))
+            count = min(count, len(one.times) // (2 * FEWEST)) or 1
+            parts = np.array_split(np.arange(len(one.times)), count)
+            for k, own in enumerate(parts):
+                name = f"{one.name} window {k + 1}".strip() if count > 1 else one.name
+                found.append(
+                    replace(one, name=name, times=one.times[own], values=one.values[own], continued=k + 1 < count)
+                )
+        return replace(self, segments=tuple(found))
+
+    def until(self, duration: float) -> Recording:
+        """The beginning of every segment (s)."""
+        kept = []
+        for one in self.segments:
+            count = max(FEWEST, int(np.searchsorted(one.times, one.times[0] + duration, side="right")))
+            whole = count >= len(one.times) and one.continued
+            kept.append(replace(one, times=one.times[:count], values=one.values[:count], continued=whole))
+        return replace(self, segments=tuple(kept))
+
+
+def read_recording(
+    scene: Scene,
+    paths: Sequence[str | os.PathLike[str]],
+    *,
+    where: Mapping[str, str] | None = None,
+    angles: str = "absolute",
+) -> Recording:
+    """The recording in these files, of a scene whose links and cart the sensors read.
+
+    `where` gives columns with the value that used rows have there.  SceneError lists every mistake.
+    """
+    if angles not in ANGLES:
+        raise SceneError([f"angles {angles}: must be {' or '.join(ANGLES)}"])
+    tables: list[tuple[str, list[str], list[tuple[int, list[str]]]]] = []
+    problems: list[str] = []
+    for path in paths:
+        name = os.fspath(path)
+        try:
+            header, rows = _table(name, where or {})
+            if not isinstance(scene.support, Cart):
+                header = [f"({column})" if column == RUNS else column for column in header]
+            tables.append((name, header, rows))
+        except SceneError as error:
+            problems += error.problems
+    if not paths:
+        problems.append("no file of measured motions is given")
+    if problems:
+        raise SceneError(problems)
+    sensors = sorted({_sensor(column) for _, header, _ in tables for column in header if SENSOR.fullmatch(column)})
+    problems += [problem for one in sensors for problem in _absent(scene, one)]
+    segments: list[Segment] = []
+    for name, header, rows in tables:
+        try:
+            segments += _segments(name, header, rows, sensors)
+        except SceneError as error:
+            problems += error.problems
+    problems += _empty(sensors, segments) if not problems else []
+    if problems:
+        raise SceneError(problems)
+    unused = {column for _, header, _ in tables for column in header if not _is_known(column)} - {
+        *(where or {}),
+        f"({RUNS})",
+    }
+    return Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(unused)))
+
+
+def _sensor(column: str) -> Sensor:
+    found = SENSOR.fullmatch(column)
+    return Sensor(int(found[1]), int(found[2])) if found and found[1] else Sensor()
+
+
+def _is_known(column: str) -> bool:
+    return column in {TIME, SEGMENT} or bool(SENSOR.fullmatch(column))
+
+
+def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
+    """What the sensor reads and the scene has not."""
+    if not sensor.pendulum:
+        if not isinstance(scene.support, Cart):
+            yield "column cart_m: the scene has no cart"
+        return
+    sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    if sensor.pendulum > len(sizes):
+        yield f"column {sensor.name}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
+    elif sensor.link > sizes[sensor.pendulum - 1]:
+        yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link', 'links')}"
+
+
+def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The header of a file, and its rows with their line numbers."""
+    try:
+        with open(name, "rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise SceneError([f"{name}: is larger than {LARGEST_FILE >> 20} MB"])
+        text = content.decode("utf-8-sig")
+        reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
+        header, *rows = [*enumerate(reader, 1)] or [(1, [])]
+    except OSError as error:
+        raise SceneError([f"{name}: {error.strerror or error}"]) from None
+    except ValueError as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError([f"{name}: is not text in UTF-8, or its name is none"]) from None
+    except csv.Error as error:
+        raise SceneError([f"{name}: {error}"]) from None
+    columns = [word.strip() for word in header[1]]
+    if problems := [*_header_problems(columns, where)]:
+        raise SceneError([f"{name}: {problem}" for problem in problems])
+    full = [(line, row) for line, row in rows if any(word.strip() for word in row)]
+    if ragged := [line for line, row in full if len(row) != len(columns)]:
+        raise SceneError([f"{name}: line {ragged[0]} has not {len(columns)} cells like the first"])
+    used = [
+        (line, row)
+        for line, row in full
+        if all(row[columns.index(column)].strip() == value for column, value in where.items())
+    ]
+    if not used:
+        raise SceneError([f"{name}: has no rows" + (" with the values that were asked for" if full and where else "")])
+    return columns, used
+
+
+def _header_problems(columns: Sequence[str], where: Mapping[str, str]) -> Iterator[str]:
+    if TIME not in columns:
+        yield f"has no column {TIME}{meant(TIME, columns)}"
+    yield from (f"column {one}: stands there twice" for one in dict.fromkeys(columns) if columns.count(one) > 1)
+    yield from (f"column {one}: is missing{meant(one, columns)}" for one in where if one not in columns)
+    for column in columns:
+        if column not in where and not _is_known(column) and LIKE_ONE.match(column):
+            yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"
+    sensors = [column for column in columns if SENSOR.fullmatch(column)]
+    if not sensors:
+        yield "has no column of a sensor, such as theta_1_1_rad or cart_m"
+    twice = [one for one in sensors if len({own for own in sensors if _sensor(own) == _sensor(one)}) > 1]
+    if twice:
+        yield f"columns {listed(twice, len(twice))}: are one sensor in two units"
+
+
+def _segments(
+    name: str, header: Sequence[str], rows: Sequence[tuple[int, list[str]]], sensors: Sequence[Sensor]
+) -> list[Segment]:
+    number = {column: [_number(row[k]) for _, row in rows] for k, column in enumerate(header) if _is_number(column)}
+    problems = []
+    for column, values in number.items():
+        bad = next((k for k, value in enumerate(values) if value is None or isinf(value)), None)
+        if bad is not None:
+            line, row = rows[bad]
+            problems.append(
+                f"{name}: line {line}, {column} = {row[header.index(column)]!r:.60}: must be a finite number"
+            )
+    if problems:
+        raise SceneError(problems)
+    times = np.array(number[TIME], dtype=float)
+    table = np.full((len(times), len(sensors)), nan)
+    for column, cells in number.items():
+        if column != TIME:
+            factor = radians(1.0) if column.endswith("_deg") else 1.0
+            table[:, sensors.index(_sensor(column))] = factor * np.array(cells, dtype=float)
+    names = [row[header.index(SEGMENT)].strip() for _, row in rows] if SEGMENT in header else [""] * len(rows)
+    found: list[Segment] = []
+    at = 0
+    for segment, group in groupby(names):
+        count = len([*group])
+        own = slice(at, at + count)
+        at += count
+        found.append(Segment(name, segment, times[own], table[own]))
+        problems += _segment_problems(found[-1], sensors)
+    repeated = [one for one in dict.fromkeys(own.name for own in found) if sum(o.name == one for o in found) > 1]
+    problems += [f"{name}: segment {one}: its rows do not follow one another" for one in repeated]
+    if problems:
+        raise SceneError(problems)
+    return found
+
+
+def _is_number(column: str) -> bool:
+    return column == TIME or bool(SENSOR.fullmatch(column))
+
+
+def _number(word: str) -> float | None:
+    if not word.strip():
+        return nan
+    try:
+        return float(word)
+    except ValueError:
+        return None
+
+
+def _segment_problems(segment: Segment, sensors: Sequence[Sensor]) -> Iterator[str]:
+    if not np.all(np.isfinite(segment.times)):
+        yield f"{segment.where}: a time is missing"
+        return
+    back = np.flatnonzero(np.diff(segment.times) <= 0)
+    if len(back):
+        at = segment.times[back[0]]
+        yield f"{segment.where}: the time does not go on after {at:.9g} s"
+    if len(segment.times) < FEWEST:
+        yield f"{segment.where}: has {counted(len(segment.times), 'row', 'rows')}, at least {FEWEST} are needed"
+    for sensor, values in zip(sensors, segment.values.T, strict=True):
+        there = values[np.isfinite(values)]
+        if sensor.pendulum and len(there) and np.abs(there).max() > MOST_ANGLE:
+            most = float(np.abs(there).max())
+            hint = f"if these are degrees, name it {sensor.name}_deg"
+            yield f"{segment.where}: {sensor.name} reaches {most:.4g} rad: {hint}"
+
+
+def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[str]:
+    """Sensors and segments that say nothing."""
+    for k, sensor in enumerate(sensors):
+        own = np.concatenate([one.values[:, k] for one in segments])
+        own = own[np.isfinite(own)]
+        if not len(own):
+            yield f"column {sensor.name}: has no values"
+        elif len(np.unique(own)) < FEW_CHANGES:
+            yield f"column {sensor.name}: is constant, {own[0]:.6g} {sensor.unit}: nothing can be fitted to it"
+    for one in segments:
+        if int(np.count_nonzero(np.isfinite(one.values))) < FEWEST:
+            yield f"{one.where}: has no values"
+
+
+def parse_where(texts: Sequence[str]) -> dict[str, str]:
+    """The columns and values of texts such as "use=identify"; SceneError for any other."""
+    found, problems = {}, []
+    for text in texts:
+        column, sign, value = text.partition("=")
+        if not sign or not column.strip():
+            problems.append(f"{text:.60}: must be COLUMN=VALUE, such as use=identify")
+        found[column.strip()] = value.strip()
+    if problems:
+        raise SceneError(problems)
+    return found
