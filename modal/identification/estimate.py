@@ -1,6 +1,6 @@
 """The numbers of a fitted scene with their covariance, as a report of `fit` keeps them in JSON.
 
-{"parameters": [{"place": …, "value": …, "std": …}, …], "covariance": [[…], …]}
+It has `{"parameters": [{"place": …, "value": …, "std": …}, …], "covariance": [[…], …]}`.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
 def _place(scene: Scene, k: int, one: Any) -> Place:
     path = one.get("place") if isinstance(one, dict) else None
     value = one.get("value") if isinstance(one, dict) else None
-    if not isinstance(path, str) or not _is_number(value):
+    if not isinstance(path, str) or not isinstance(value, int | float) or not _is_number(value):
         raise SceneError([f'parameters[{k}]: must have a "place" and a "value" that is a finite number'])
     found = find_places(scene, path)
     own = number_at(scene, found[0])
@@ -159,7 +159,7 @@ def _faults(matrix: Floats) -> Iterator[str]:
     correlation = matrix / size / size[:, None]
     apart = np.abs(correlation - correlation.T)
     if apart.max() > ALIKE:
-        j, k = sorted(np.unravel_index(int(np.argmax(apart)), apart.shape))
+        j, k = sorted(divmod(int(np.argmax(apart)), len(apart)))
         yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}, [{k}][{j}] = {matrix[k, j]:.6g}: must be symmetric"
         return
     least = float(np.linalg.eigvalsh(correlation)[0])

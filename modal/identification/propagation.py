@@ -77,8 +77,8 @@ def _matrices_by(scene: Scene, estimate: Estimate) -> tuple[Floats, Floats, Floa
 def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tuple[Complexes, Complexes]:
     """G(iω) (p, m, W) and its derivatives (p, m, W, numbers) by the estimate's numbers.
 
-    With Q = s²M + sD + K, y = (Y₀ + sY₁ + s²Y₂) q + T u and Q q = F u, or with the rows of a cart whose motion q₀ = X u₀
-    is prescribed taken out, (∂Q/∂p) q + Q ∂q/∂p = ∂F/∂p u.
+    With Q = s²M + sD + K, y = (Y₀ + sY₁ + s²Y₂) q + T u and Q q = F u, or without the row of a cart whose motion
+    q₀ = X u₀ is prescribed, (∂Q/∂p) q + Q ∂q/∂p = ∂F/∂p u.
     """
     scene = estimate.scene
     geometry = geometry_of(scene)

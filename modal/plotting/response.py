@@ -20,7 +20,6 @@ from modal.statespace import ModalForm, Signal, frequency_response, impulse_resp
 from modal.types import Complexes, Floats
 
 POINTS, LONGEST = 2000, 20_000
-DECIBEL = 20 / np.log(10)
 Spread = Callable[[Floats], Floats]
 FAR = 70.0
 """Decibels from the median of all curves that a picture goes up and down."""
@@ -52,7 +51,7 @@ def bode_figure(
 
     Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; an undamped
     peak, which is infinite, is cut off.  `std` gives the standard deviations (p, m, W) of |G| at ω (W,): two of them to
-    either side are shaded, to first order in the logarithm of |G|.  Raises ComputationError for more curves than a picture holds.
+    either side are shaded.  Raises ComputationError for more curves than a picture holds.
     """
     shown = _shown(form, outputs)
     low, high = band or _band(form)
@@ -84,11 +83,10 @@ def bode_figure(
 def _shade(axis: Axes, omega: Floats, size: Floats, spread: Floats) -> None:
     """Two standard deviations to either side of every curve."""
     low, high = axis.get_ylim()
+    least = 10 ** (low / 20)
     for k, (own, std) in enumerate(zip(size, spread, strict=True)):
-        middle = _decibel(own)
         with np.errstate(all="ignore"):
-            aside = 2 * DECIBEL * std / own
-        edges = (np.clip(middle + sign * aside, low, high) for sign in (-1, 1))
+            edges = (np.clip(_decibel(np.maximum(own + sign * std, least)), low, high) for sign in (-2, 2))
         axis.fill_between(omega, *edges, color=colour(k), alpha=0.22, lw=0)
 
 

@@ -76,7 +76,8 @@ def response_table(
 ) -> str:
     """Magnitude and phase of some outputs for one input at these frequencies (Hz), as "text", "csv" or "json".
 
-    `std` (p, m, W) are standard deviations of the magnitudes, in columns of their own.  An undamped mode that is hit exactly has no finite magnitude: NaN, in JSON null.
+    `std` (p, m, W) are standard deviations of the magnitudes, in columns of their own.  An undamped mode that is
+    hit exactly has no finite magnitude: NaN, in JSON null.
     """
     G = frequency_response(form, 2 * np.pi * np.asarray(frequencies))[:, source]
     size = np.where(np.isfinite(G), np.abs(G), np.nan)
