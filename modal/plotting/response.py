@@ -86,8 +86,8 @@ def _shade(axis: Axes, omega: Floats, size: Floats, spread: Floats) -> None:
     least = 10 ** (low / 20)
     for k, (own, std) in enumerate(zip(size, spread, strict=True)):
         with np.errstate(all="ignore"):
-            edges = (np.clip(_decibel(np.maximum(own + sign * std, least)), low, high) for sign in (-2, 2))
-        axis.fill_between(omega, *edges, color=colour(k), alpha=0.22, lw=0)
+            below, above = (np.clip(_decibel(np.maximum(own + sign * std, least)), low, high) for sign in (-2, 2))
+        axis.fill_between(omega, below, above, color=colour(k), alpha=0.22, lw=0)
 
 
 def draw_impulse(
