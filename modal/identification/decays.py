@@ -23,6 +23,7 @@ from modal.identification.covariance import autocorrelation, covariance, influen
 from modal.types import Complexes, Floats
 
 LEAST_PEAKS = 6  # turning points of a logarithmic decrement
+ROUGH = 0.3  # standard deviation of the whole loss in ln a, or of all turning points in half periods
 CLOSE = 1e-14
 SIGNIFICANT = 6.0  # standard deviations of an amplitude below which a pole is none
 VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is none
@@ -210,6 +211,8 @@ def log_decrement(times: Floats, values: Floats) -> Decrement:
     ranges = np.abs(np.diff(heights))
     slope, slope_std = _line((at[1:] + at[:-1]) / 2, np.log(ranges))
     half, half_std = _line(np.arange(len(at), dtype=float), at)
+    if slope_std * np.ptp(at) > ROUGH or half_std * len(at) > ROUGH * half:
+        raise ComputationError("turning points do not fall on one curve: more than one mode swings, or there is noise")
     imag = np.pi / half
     return Decrement(complex(slope, imag), slope_std, imag * half_std / half, len(at))
 

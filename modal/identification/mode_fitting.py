@@ -40,6 +40,7 @@ ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the resid
 FINEST_SHAPE = 1e-9
 ROUNDS = 4  # of fitting and estimating the noise of shapes
 MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, or of the numbers, at the end
+WHATEVER = 1e300  # standard deviation of z that is not too vague before the fit
 UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
@@ -276,7 +277,7 @@ def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
     z = starts_of(problem.parameters)
     if len(z):
         J = problem.jacobian(z)
-        problem.kept[find_determined(J, problem.parameters, z, np.inf).held] = False
+        problem.kept[find_determined(J, problem.parameters, z, WHATEVER).held] = False
     for _ in range(ROUNDS):
         z = _solved(problem, z, loss)
         if not problem.estimates_noise:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import SMALL, headline
+from modal.plotting.layout import SMALL, headline, legend
 from modal.plotting.style import WIDTH, colour, ink, muted, paper, rest, save, sheet
 from modal.types import Floats
 
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from modal.identification import Assurance, Identified, ModeFit
 
 BARS = 2.0  # standard deviations of an error bar
-DARK = 0.55  # MAC above which a number is written in the colour of the paper
 MOST_WRITTEN = 12  # modes of a matrix whose entries are written
 
 
@@ -58,9 +57,9 @@ def poles_figure(found: Identified, title: str = "") -> Figure:
     top.set(ylabel="order of the model (–)", xlim=(0, 1.25 * max(frequency)))
     top.yaxis.set_major_locator(MaxNLocator(8, integer=True))
     low, high = bottom.get_ylim()
-    bottom.set(xlabel="frequency (Hz)", ylabel="damping ratio (–)", ylim=(min(0.0, low), high))
-    if found.stabilization:
-        top.legend(loc="upper right", ncols=2)
+    bottom.set(xlabel="frequency (Hz)", ylabel="damping ratio (–)")
+    legend(top, 2)
+    bottom.set_ylim(min(0.0, low), high + 0.3 * (high - low))
     bottom.legend(loc="upper right")
     headline(figure, title, f"poles of {'free decays' if found.excitation == 'free' else 'random responses'}")
     return figure
@@ -83,12 +82,13 @@ def assurance_figure(found: Assurance) -> Figure:
     measured = np.array([pair.measured.frequency for pair in found.pairs])
     std = np.array([pair.measured.std for pair in found.pairs])
     most = 1.1 * float(max(computed.max(), measured.max()))
-    axis.plot([0, most], [0, most], color=rest(), label="equal")
+    axis.plot([0, most], [0, most], color=muted(), label="equal")
     axis.errorbar(computed, measured, BARS * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
     for pair in found.pairs:
         words = f"{100 * pair.error:+.2g} %"
         at = (pair.frequency, pair.measured.frequency)
-        axis.annotate(words, at, (7, -11), textcoords="offset points", fontsize=SMALL, color=ink())
+        beside = {"ha": "right", "xytext": (-8, 4)} if pair.frequency > most / 2 else {"ha": "left", "xytext": (8, -11)}
+        axis.annotate(words, at, textcoords="offset points", fontsize=SMALL, color=ink(), **beside)
     axis.set(xlabel="computed frequency (Hz)", ylabel="measured frequency (Hz)", xlim=(0, most), ylim=(0, most))
     axis.legend(loc="upper left")
     headline(figure, found.modes.scene.title, "measured beside computed modes")
@@ -106,8 +106,8 @@ def _matrix(figure: Figure, axis: Axes, found: Assurance) -> None:
         for r, own in enumerate(found.mac):
             for s, value in enumerate(own):
                 if np.isfinite(value):
-                    tone = "black" if value > DARK else "white"
-                    axis.text(s, r, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, color=tone)
+                    patch = {"facecolor": paper(), "edgecolor": "none", "pad": 1.5}
+                    axis.text(s, r, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, bbox=patch)
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
     bar.set_label("MAC (–)")
     bar.outline.set_visible(False)
