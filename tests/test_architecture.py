@@ -22,6 +22,7 @@ HEAVY = {
         "modal.statespace.sampling",
         "modal.statespace.transfer",
         "modal.exports.matlab",
+        "modal.identification",
         "modal.exports.objects",
         "nonlinear",
     },

@@ -141,7 +141,7 @@ def test_motions_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -
         (("fit", "crane.toml", "modes.csv", "modes.csv", "--free", "gravity"), "from one file"),
     ],
 )
-def test_one_message_and_two(
+def test_a_mistake_is_told_in_one_message(
     folder: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], told: str
 ) -> None:
     (folder / "modes.csv").write_text("mode,frequency_hz,std_hz\n2,0.9,0.01\n")
