@@ -9,6 +9,7 @@ rad, the steps of a 12-bit encoder, offsets and delays.  The fit begins with num
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from dataclasses import replace
 
@@ -28,6 +29,7 @@ BITS = 12
 STEP = 2 * np.pi / 2**BITS
 WRONG = 0.1  # standard deviation of ln p of the numbers that a fit begins with
 INTERVAL = 1.96
+LARGEST = 5.0  # power of a held number that another makes up for
 
 
 def random_scene(rng: np.random.Generator) -> Scene:
@@ -93,7 +95,8 @@ def pulls_of(scene: Scene, found: Fit) -> Floats:
     pulls = []
     for k in found.fitted:
         path = found.parameters[k].path
-        made_up = np.prod([off[one.held] ** one.changes.get(path, 0.0) for one in found.undetermined])
+        powers = [np.clip(one.changes.get(path, 0.0), -LARGEST, LARGEST) for one in found.undetermined]
+        made_up = np.prod([off[one.held] ** power for one, power in zip(found.undetermined, powers, strict=True)])
         pulls.append((found.values[k] - true[path] * made_up) / found.stds[k])
     return np.array(pulls)
 
@@ -121,6 +124,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--first", type=int, default=0)
+    parser.add_argument("--verbose", action="store_true", help="the errors over standard deviations of every scene")
     options = parser.parse_args()
     pulls, numbers, named, seconds, failed = [], [], 0, 0.0, []
     for number in tqdm(range(options.first, options.first + options.scenes)):
@@ -133,6 +137,8 @@ def main() -> None:
         numbers.append(number)
         named += was_named
         seconds += took
+        if options.verbose:
+            print(number, was_named, f"{took:.1f} s", np.round(own, 2).tolist(), file=sys.stderr, flush=True)
     every = np.concatenate(pulls)
     held = np.mean(np.abs(every) < INTERVAL)
     worst = [number for number, own in zip(numbers, pulls, strict=True) if np.abs(own).max() > 5]

@@ -18,10 +18,12 @@ from typing import Any
 
 import numpy as np
 
+from modal.errors import SceneError
 from modal.report import csv_comment, csv_rows
 from modal.scene import Scene, describe, kind_of, scene_from, sealed, whole_file
 from modal.scene.sealed import finite_array, index, reading, require_keys
 from modal.types import Floats
+from nonlinear.dynamics import links_of_contacts
 from nonlinear.integration import FORMS, TRUNCATED, SolverInfo, Trajectory, choose
 from nonlinear.reduction import CORRECTED, LINEAR
 from nonlinear.system import NO_FRICTION, NO_KICKS, EventRecord, Friction, Kicks, Motion, State, System, system_of
@@ -33,11 +35,15 @@ VERSION = 1
 PARTS = ("links", "link_rates", "cart", "cart_rate", "work")
 TIMES = "times_s"
 AXES = ("x", "y", "z")
+SUPPORT = ("support_m", "support_dot_m_per_s", "support_ddot_m_per_s2")
+"""Columns of a moved support, in its direction: along the rail, or upwards; computed when the file is written."""
 REDUCED = (TRUNCATED, LINEAR, CORRECTED)
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """Write a .npz or .csv file atomically; SceneError for any other file name."""
+    if trajectory.system.hoisting and trajectory.system.hoisting.given:
+        raise SceneError([f"{path}: lengths given in Python are not saved: write the hoist in the scene"])
     content = _npz(trajectory) if checked_kind(path) == "npz" else _csv(trajectory)
     with whole_file(path) as stream:
         stream.write(content)
@@ -112,6 +118,7 @@ def _header(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats]) -> Trajectory:
+    rubbed = header.pop("friction", None)
     require_keys(header, "multipendula_trajectory", "scene", "run", "driven", "events", "kicks")
     if header["multipendula_trajectory"] != VERSION or type(header["driven"]) is not bool:
         raise ValueError
@@ -125,7 +132,9 @@ def _trajectory(header: dict[str, Any], times: Floats, parts: dict[str, Floats])
         raise ValueError
     events = tuple(_happening(event, shape[1:]) for event in header["events"])
     kicks = _kicks(header["kicks"], system.n_links)
-    friction = _friction(header, system.n_links) if system.rubs else NO_FRICTION
+    if system.rubs != (rubbed is not None):
+        raise ValueError
+    friction = _friction(rubbed, system) if system.rubs else NO_FRICTION
     run = _run(header["run"], system, scene)
     return Trajectory(scene, system, times, motion, run, events, kicks, friction, driven=header["driven"])
 
@@ -159,14 +168,14 @@ def _kicks(found: dict[str, Any], n_links: int) -> Kicks:
     return Kicks(link=link, **{name: finite_array(found[name], size) for name in ("time", "impulse", "energy")})
 
 
-def _friction(header: dict[str, Any], n_links: int) -> Friction:
-    require_keys(header, "friction")
-    found = header["friction"]
+def _friction(found: dict[str, Any], system: System) -> Friction:
     require_keys(found, *NO_FRICTION._fields)
     link, places = (
-        np.array([own if own == -1 else index(own, n_links) for own in found[name]], dtype=np.int64)
+        np.array([index(own + 1, system.n_links + 1) - 1 for own in found[name]], dtype=np.int64)
         for name in ("link", "places")
     )
+    if not np.array_equal(places, links_of_contacts(system)) or not np.all(np.isin(link, places)):
+        raise ValueError
     begin, end = (finite_array(found[name], len(link)) for name in ("begin", "end"))
     work = finite_array(found["work"], len(places))
     rest = nan if found["rest"] is None else float(finite_array([found["rest"]], 1)[0])
@@ -190,7 +199,7 @@ def _read_npz(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
 
 
 def columns(system: System) -> list[str]:
-    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work."""
+    """The names of a CSV's columns, in order: time, links, their rates, the cart and the work, a moved support."""
     places = [label[len("theta") :].strip("[]").replace(",", "_") for label in system.labels if label != "x"]
     if system.spatial:
         links = [f"u{axis}_{place}" for place in places for axis in AXES]
@@ -198,12 +207,16 @@ def columns(system: System) -> list[str]:
     else:
         links = [f"theta_{place}_rad" for place in places]
         rates = [f"theta_dot_{place}_rad_per_s" for place in places]
-    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J"]
+    support = SUPPORT if system.support else ()
+    return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J", *support]
 
 
 def _csv(trajectory: Trajectory) -> bytes:
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
+    if trajectory.system.support:
+        moved = trajectory.system.support.motion
+        blocks += [own(trajectory.times)[:, None] for own in (moved.displacement, moved.velocity, moved.acceleration)]
     rows = np.hstack([trajectory.times[:, None], *blocks])
     return as_csv(_header(trajectory), [columns(trajectory.system), *rows.tolist()])
 
@@ -216,6 +229,7 @@ def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:
     system = system_of(scene_from(header["scene"]))
     if names.split(",") != columns(system):
         raise ValueError
+    rows = rows[:, : len(rows[0]) - len(SUPPORT)] if system.support else rows
     size, width = len(rows), 3 if system.spatial else 1
     count = system.n_links * width
     shape = (size, system.n_links, 3) if system.spatial else (size, system.n_links)

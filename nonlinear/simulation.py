@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from modal._compatibility import exported
 from modal.errors import SceneError
 from modal.scene import Scene, validate_scene
@@ -26,7 +28,18 @@ from nonlinear.integration import (
     validate_numbers,
     validate_observable,
 )
-from nonlinear.system import NO_KICKS, Event, Kicks, Load, State, initial_state, system_of, validate_state
+from nonlinear.system import (
+    NO_KICKS,
+    Event,
+    Hoists,
+    Kicks,
+    Load,
+    State,
+    System,
+    initial_state,
+    system_of,
+    validate_state,
+)
 
 USUAL = 1e-9  # default tolerance
 
@@ -48,6 +61,7 @@ def simulate(
     load: Load | None = None,
     breaks: Sequence[float] | Floats | None = None,
     max_step: float | None = None,
+    hoist: Hoists | None = None,
     events: Sequence[Event] = (),
     before: Kicks = NO_KICKS,
     report: Report = silent,
@@ -63,9 +77,11 @@ def simulate(
     replaces the initial condition of the scene file, at `start_time` (s).  `load(t, state)` returns the external
     `AppliedForces`.  A load that acts for less than a step may be missed: steps end and the integrator restarts at the
     times `breaks` (s), and no step is longer than `max_step` (s).  An accuracy under a load needs one of them;
-    `breaks=[]` states that the load changes no faster than the scene swings.  `before` holds the escapements' kicks up
-    to the start, which determine on which side each kicks next.  `report` is called with the simulated time after every
-    step.
+    `breaks=[]` states that the load changes no faster than the scene swings.  `hoist` prescribes lengths of bobs in
+    place of the scene's, by the indices of pendulum and link from 0, {(0, 0): law}: a spline with `derivative`, such as
+    SciPy's, or a function of time that returns length, speed and acceleration (m, m/s, m/s²).  `before` holds the
+    escapements' kicks up to the start, which determine on which side each kicks next.  `report` is called with the
+    simulated time after every step.
 
     On Ctrl-C the part computed so far is returned, and `run.stopped` says how far it goes.  Raises SceneError for
     invalid arguments, SimulationError (with the part computed so far) where the integrator fails or an accuracy cannot
@@ -76,7 +92,7 @@ def simulate(
         raise SceneError(["accuracy: cannot be combined with a tolerance"])
     used = USUAL if tolerance is None else tolerance
     more: dict[str, Any] = {"method": method, "form": form, "events": events, "before": before, "report": report}
-    more |= {"load": load, "breaks": breaks, "max_step": max_step}
+    more |= {"load": load, "breaks": breaks, "max_step": max_step, "hoist": hoist}
     request = _request(scene, duration, used, accuracy, output, start, start_time, more)
     if accuracy is not None:
         return certain(seek_accuracy(Goal(request, float(accuracy))))
@@ -114,8 +130,8 @@ def _request(
     more: dict[str, Any],
 ) -> Request:
     """The validated request; SceneError lists every mistake."""
-    system, load = system_of(scene), more.get("load")
-    told = {name: more.pop(name, None) for name in ("breaks", "max_step")}
+    system, load = system_of(scene, more.pop("hoist", None)), more.get("load")
+    told = _with_support(system, {name: more.pop(name, None) for name in ("breaks", "max_step")})
     *_, pace = validate(
         lambda: validate_numbers(duration, tolerance, start_time),
         lambda: validate_accuracy(accuracy),
@@ -129,7 +145,27 @@ def _request(
         lambda: sample_times(scene, duration, start_time, output),
     )
     validate_forces(load, system, state, start_time)
+    if system.hoisting is not None:
+        system.hoisting.at(times)
     return Request(scene, system, state, times, pace=pace, **more)
+
+
+def _with_support(system: System, told: dict[str, Any]) -> dict[str, Any]:
+    """The breaks and the longest step, with those of a moved support."""
+    if system.support is None:
+        return told
+    motion = system.support.motion
+    breaks = motion.breaks if told["breaks"] is None else [*np.ravel(told["breaks"]), *motion.breaks]
+    longest = told["max_step"]
+    return {"breaks": breaks, "max_step": _shorter(longest, motion.shortest)}
+
+
+def _shorter(longest: Any, shortest: float) -> Any:
+    """The shorter of both, an invalid one as it is."""
+    try:
+        return shortest if longest is None else min(longest, shortest) if longest > 0 else longest
+    except TypeError:
+        return longest
 
 
 def certain(advice: Advice) -> Trajectory:
@@ -164,6 +200,7 @@ def resume(
         tolerance = run.tolerance if tolerance is None else tolerance
     options |= {"method": method or "auto", "form": form or "auto", "tolerance": tolerance, "load": load}
     options.setdefault("before", trajectory.kicks)
+    options.setdefault("hoist", trajectory.system.hoisting and trajectory.system.hoisting.given)
     return simulate(trajectory.scene, duration, start=trajectory.final, start_time=last, **options)
 
 

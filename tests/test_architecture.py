@@ -19,8 +19,10 @@ DOORS = {*PACKAGES, "modal._compatibility", "multipendula.__main__"}
 HEAVY = {
     "matplotlib": {"modal.plotting", "nonlinear.plotting"},
     "scipy": {
+        "modal.statespace.hoisting",
         "modal.statespace.sampling",
         "modal.statespace.transfer",
+        "modal.vibration",
         "modal.exports.matlab",
         "modal.identification",
         "modal.exports.objects",

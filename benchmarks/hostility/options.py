@@ -28,6 +28,8 @@ damping = 0.1
 links = [{ kind = "bob", mass = 0.1, length = 0.1, drive = { kind = "van-der-pol", strength = 1e-4, angle_deg = 5 } }]
 start = { angles_deg = [5] }
 """
+PSD = "frequency_hz,psd\n1,1\n5,1\n"
+RECORD = "time_s,acceleration\n0,0\n0.1,1\n0.2,-1\n0.3,0\n"
 BASES = {
     "scenes": "",
     "schema": "",
@@ -35,6 +37,7 @@ BASES = {
     "table": "small.toml",
     "shapes": "small.toml -o a.png",
     "matrices": "small.toml",
+    "hoist": "hoisting-crane --samples 3",
     "explain": "small.toml",
     "simulate": "small.toml --duration 0.1",
     "plot": "small.toml --duration 0.1 -o a.png",
@@ -56,6 +59,8 @@ BASES = {
     "gains": "small.toml",
     "response": "small.toml -o a.png",
     "shaper": "small.toml",
+    "vibration": "small.toml --psd psd.csv",
+    "shock": "small.toml record.csv",
     "derive": "small.toml --show matrices",
     "enclose": "small.toml",
 }
@@ -115,9 +120,11 @@ def _given(option: str, value: str) -> tuple[str, ...]:
 
 
 def case(call: tuple[str, ...], folder: Path, *, patience: float = 10.0) -> Ended:
-    """Run one call in a folder that has a small scene, a driven one, measurements and a broken file."""
+    """Run one call in a folder that has a small scene, a driven one, a PSD, records, modes and a broken file."""
     (folder / "small.toml").write_text(SMALL, encoding="utf-8")
     (folder / "clock.toml").write_text(CLOCK, encoding="utf-8")
+    (folder / "psd.csv").write_text(PSD, encoding="utf-8")
+    (folder / "record.csv").write_text(RECORD, encoding="utf-8")
     (folder / "modes.csv").write_text("mode,frequency_hz,std_hz\n1,0.5,0.1\n", encoding="utf-8")
     decay = [f"{t / 50},{exp(-t / 500) * cos(t / 10)}" for t in range(200)]
     (folder / "decay.csv").write_text("\n".join(["time_s,theta_1_1_rad", *decay]), encoding="utf-8")

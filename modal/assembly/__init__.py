@@ -9,17 +9,10 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 """
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
-from modal.assembly.linearization import (
-    Columns,
-    Matrices,
-    assembled,
-    centres,
-    coordinate_labels,
-    dampers,
-    drag_of,
-    matrices,
-    matrices_of,
-)
+from modal.assembly.dense import Columns, assembled, centres, dampers, drag_of
+from modal.assembly.hoisting import Hoisting, Hoists, hoisting_of, matrices_along, matrices_at, require_constant_lengths
+from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
+from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.stacks import Group, Stack, can_stack, stacked
 
 __all__ = [
@@ -28,7 +21,10 @@ __all__ = [
     "CartNumbers",
     "Columns",
     "Group",
+    "Hoisting",
+    "Hoists",
     "Matrices",
+    "RatioAt",
     "Rig",
     "Stack",
     "Units",
@@ -38,9 +34,17 @@ __all__ = [
     "coordinate_labels",
     "dampers",
     "drag_of",
+    "frequencies",
+    "hoisting_of",
     "masses_below",
     "matrices",
+    "matrices_along",
+    "matrices_at",
     "matrices_of",
+    "modal_dampers",
+    "modal_factor",
+    "ratio_at",
+    "require_constant_lengths",
     "rig_of",
     "stacked",
 ]

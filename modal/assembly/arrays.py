@@ -121,7 +121,8 @@ class CartNumbers(NamedTuple):
 class Rig:
     """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and the pendula's positions.
 
-    `members` follows the file: (block, column, copies) for every pendulum entry.
+    `members` follows the file: (block, column, copies) for every pendulum entry.  `damping_ratio` is that of all modes,
+    or of each by its number (`modal.assembly.modal_damping`).
     """
 
     gravity: float
@@ -129,6 +130,7 @@ class Rig:
     members: tuple[tuple[int, int, int], ...]
     cart: CartNumbers | None
     spatial: bool
+    damping_ratio: float | tuple[float, ...] = 0.0
 
     @cached_property
     def total_mass(self) -> float:
@@ -207,7 +209,7 @@ def rig_of(scene: Scene) -> Rig:
         blocks.append(block)
     support = scene.support
     cart = CartNumbers(support.mass, support.damping, support.stiffness) if isinstance(support, Cart) else None
-    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space")
+    return Rig(scene.gravity, tuple(blocks), tuple(members), cart, scene.space == "space", scene.damping_ratio)
 
 
 def _block(pendula: list[Pendulum]) -> tuple[Block, Iterable[int]]:

@@ -7,23 +7,21 @@ over the coordinates x (on a cart), then the absolute angle of every link from e
 bottom; σ_i is 1 for a hanging link and −1 for an inverted one.  A spring or damper at a joint acts on the
 difference of two neighbouring angles, the spring being relaxed at equilibrium.  The row h_k is the displacement of the
 centre of link k along the rail, (1, σ_1 l_1, …, σ_{k−1} l_{k−1}, σ_k c_k); in space h_k without the cart describes the
-motion across it.
+motion across it.  A scene's `damping_ratio` adds D_modal (`modal.assembly.modal_damping`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
-import numpy as np
-
-from modal.assembly.arrays import Block, CartNumbers, Rig, rig_of
+from modal.assembly.arrays import Rig, rig_of
+from modal.assembly.dense import assembled, dampers
+from modal.assembly.modal_damping import modal_dampers
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
 
 LARGEST_DENSE = 4000
-Columns = list[tuple[Block, int]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +52,8 @@ def matrices_of(rig: Rig) -> Matrices:
         )
     columns = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
     M, K = assembled(columns, rig.cart, rig.gravity)
-    return Matrices(M, K, dampers(columns, rig.cart), coordinate_labels(rig))
+    D = dampers(columns, rig.cart)
+    return Matrices(M, K, D + modal_dampers(rig) if rig.damping_ratio else D, coordinate_labels(rig))
 
 
 def coordinate_labels(rig: Rig) -> tuple[str, ...]:
@@ -62,84 +61,3 @@ def coordinate_labels(rig: Rig) -> tuple[str, ...]:
     links = [rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)]
     angles = [f"theta[{p},{i}]" for p, n in enumerate(links, 1) for i in range(1, n + 1)]
     return (*(["x"] if rig.cart else []), *angles)
-
-
-def assembled(columns: Columns, cart: CartNumbers | None, gravity: float) -> tuple[Floats, Floats]:
-    """(M, K) of a cart or (None) a fixed support with one pendulum for each (block, column)."""
-    M, K = _zeros(columns, cart), _zeros(columns, cart)
-    for block, column, own in _placed(columns, cart):
-        sigma, b = block.sigma[:, column], block.sigma[:, column] * block.b[:, column]
-        own_M = M[own, own]
-        np.multiply.outer(b, sigma * block.length[:, column], out=own_M)
-        for i in range(block.n):
-            own_M[i, i + 1 :] = own_M[i + 1 :, i]
-        np.fill_diagonal(own_M, block.diagonal[:, column])
-        _add_joints(K[own, own], block.stiffness[:, column])
-        _diagonal(K[own, own])[:] += gravity * b
-        if cart:
-            M[0, own] = M[own, 0] = b
-            M[0, 0] += block.mass[:, column].sum()
-    if cart:
-        M[0, 0] += cart.mass
-        K[0, 0] = cart.stiffness
-    return M, K
-
-
-def dampers(columns: Columns, cart: CartNumbers | None) -> Floats:
-    """D of the same coordinates."""
-    D = _zeros(columns, cart)
-    for block, column, own in _placed(columns, cart):
-        _add_joints(D[own, own], block.damping[:, column])
-    if cart:
-        D[0, 0] = cart.damping
-    if any(block.drag[:, column].any() for block, column in columns):
-        strength, rows = drag_of(columns, cart)
-        D += (rows.T * strength) @ rows
-    return D
-
-
-def drag_of(columns: Columns, cart: CartNumbers | None) -> tuple[Floats, Floats]:
-    """The linear drag (N s/m) of every link with any, (R,), and the displacement of its centre, rows (R, size)."""
-    strength, rows = [], []
-    for block, column, own in _placed(columns, cart):
-        dragged = np.flatnonzero(block.drag[:, column])
-        moved = np.zeros((len(dragged), len(_zeros(columns, cart))))
-        moved[:, own] = centres(block, column)[dragged]
-        if cart:
-            moved[:, 0] = 1.0
-        strength.append(block.drag[dragged, column])
-        rows.append(moved)
-    return np.concatenate(strength), np.vstack(rows)
-
-
-def centres(block: Block, column: int) -> Floats:
-    """The displacement of the centre of every link along the rail by every angle of its chain, (n, n)."""
-    sigma, length = block.sigma[:, column], block.length[:, column]
-    return np.tril(np.tile(sigma * length, (block.n, 1)), -1) + np.diag(sigma * block.centre[:, column])
-
-
-def _zeros(columns: Columns, cart: CartNumbers | None) -> Floats:
-    size = (1 if cart else 0) + sum(block.n for block, _ in columns)
-    return np.zeros((size, size))
-
-
-def _placed(columns: Columns, cart: CartNumbers | None) -> Iterator[tuple[Block, int, slice]]:
-    """Every pendulum with the slice of its angles."""
-    at = 1 if cart else 0
-    for block, column in columns:
-        yield block, column, slice(at, at + block.n)
-        at += block.n
-
-
-def _add_joints(S: Floats, strength: Floats) -> None:
-    """Add Σ s_i (θ_i − θ_{i−1})²/2, with θ_0 = 0 at the support, to a matrix in place."""
-    _diagonal(S)[:] += strength
-    _diagonal(S)[:-1] += strength[1:]
-    for beside in (S[1:], S[:, 1:]):
-        _diagonal(beside)[:] -= strength[1:]
-
-
-def _diagonal(S: Floats) -> Floats:
-    """A writable view of the diagonal."""
-    found: Floats = np.einsum("ii->i", S[: min(S.shape), : min(S.shape)])
-    return found

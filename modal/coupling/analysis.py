@@ -40,6 +40,8 @@ ROUGH = 0.02
 """Relative difference of a splitting from that with a constant m_r above which both are only a guide."""
 UNEVEN = 1e-3
 """Largest differences of decay rates within a family, over its splitting and over the largest rate."""
+MODAL = "the coupling is explained with the dampers of the cart and the joints: remove the damping_ratio"
+HOISTED = "the coupling is explained for constant lengths: remove the hoist"
 STANDS = "the coupling is explained for hanging pendula: an inverted link has no frequency of its own"
 
 
@@ -252,6 +254,10 @@ def explain(scene: Scene) -> Coupling:
     """
     if scene.stands:
         raise ComputationError(STANDS)
+    if scene.is_hoisted:
+        raise ComputationError(HOISTED)
+    if scene.has_modal_damping:
+        raise ComputationError(MODAL)
     rig = rig_of(scene)
     if (size := sum(block.mass.size for block in rig.blocks)) > MOST_POLES:
         raise ComputationError(f"different pendula have {size} links: at most {MOST_POLES} are explained")

@@ -115,6 +115,11 @@ def _scene(coupling: Coupling) -> Iterator[str]:
     )
     if coupling.on_cart:
         yield f"{what} from a cart of {short(dynamic.cart)} kg: {short(dynamic.at_rest)} kg [M = m_c + Σ m]."
+    elif scene.is_moved:
+        yield (
+            f"{what} from a support that moves as prescribed, whatever hangs from it: nothing couples pendula "
+            "[m_c = ∞], and each swings alone. All of this is about the support at rest."
+        )
     else:
         yield f"{what} from a fixed support. It does not move, so nothing couples pendula [m_c = ∞]: each swings alone."
     if coupling.on_cart and scene.n_pendula == 1:
@@ -486,6 +491,11 @@ def _unsaid(coupling: Coupling) -> Iterator[str]:
             "To fall into step they need something that drains some modes and something that feeds others; which "
             "family then wins depends on both, and on the amplitude. What is said of damping and of a drive here holds "
             "at small angles."
+        )
+    if coupling.on_cart and any(link.drag for link in coupling.scene.links()):
+        yield (
+            "The exchange of energy counts the drag of pendula on a cart at rest, to first order: what it does to the "
+            "cart, and through the cart to others, is in the damped modes alone."
         )
     yield (
         "All frequencies are those of small angles. The table, whose numbers the modes have here, says how far each "

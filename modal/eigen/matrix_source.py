@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, CartNumbers, Columns, assembled, dampers, drag_of
+from modal.assembly import Block, CartNumbers, Columns, RatioAt, assembled, dampers, drag_of, modal_factor
 from modal.eigen import dense, quadratic
 from modal.eigen.amplitude import coefficient, quartic
 from modal.eigen.chains import bare_mass, is_singular
@@ -35,11 +35,15 @@ Numbers = NDArray[Any]
 
 @dataclass(frozen=True, eq=False)
 class FromMatrices:
-    """Modes of one chain (`cart` None) or of everything together."""
+    """Modes of one chain (`cart` None) or of everything together.
+
+    Damping ratios of the undamped modes, if any, are added to the dampers; without dampers they change no shape.
+    """
 
     blocks: tuple[Block, ...]
     counts: tuple[Ints, ...]
     cart: CartNumbers | None
+    ratio: RatioAt | None = None
     route = "dense"
 
     @property
@@ -64,7 +68,13 @@ class FromMatrices:
     @cached_property
     def D(self) -> Floats:
         """The damping matrix; only for damped scenes."""
-        return dampers(self._columns, self.cart)
+        D = dampers(self._columns, self.cart)
+        return D if self._modal is None else D + self._modal.T @ self._modal
+
+    @cached_property
+    def _modal(self) -> Floats | None:
+        """C (R, size) with D_modal = CᵀC."""
+        return None if self.ratio is None else modal_factor(*self.matrices, self.is_free, self.ratio)
 
     @property
     def _columns(self) -> Columns:
@@ -92,7 +102,7 @@ class FromMatrices:
             raise ComputationError(dense.SINGULAR)
         M, K = self.matrices
         if self.is_damped:
-            return quadratic.damped(M, K, self._terms, self._dampers, free=self.is_free)
+            return quadratic.damped(M, K, self._terms, self._dampers, self._modal, free=self.is_free)
         if self.stands:
             return dense.indefinite(M, K, free=self.is_free, terms=self._terms)
         return dense.undamped(M, K, free=self.is_free, singular=self.is_singular)

@@ -54,12 +54,13 @@ class Dampers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Problem:
-    """M, K, the absolute terms of which K is the sum, all (size, size), and the dampers."""
+    """M, K, the absolute terms of which K is the sum, all (size, size), the dampers, and C of D_modal = CᵀC."""
 
     M: Floats
     K: Floats
     sizes: Floats
     dampers: Dampers
+    modal: Floats
 
     @property
     def rates(self) -> list[float]:
@@ -130,10 +131,11 @@ class _Solution:
         )
 
 
-def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, *, free: bool) -> Eigen:
+def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, modal: Floats | None = None, *, free: bool) -> Eigen:
     """Modes of M q'' + D q' + K q = 0; with `free`, the cart in row 0 has no spring (it may have a damper).
 
-    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel.
+    `terms` (size,) are the sums of the absolute terms of K's diagonal, where springs and gravity may cancel;
+    `modal` (R, size) is a C whose CᵀC is added to D.
     """
     refuse_singular(M)
     sizes = np.abs(K)
@@ -141,7 +143,8 @@ def damped(M: Floats, K: Floats, terms: Floats, dampers: Dampers, *, free: bool)
     coasts = free and dampers.strength[0] == 0 and dampers.roots is None
     inertia, stiffness, lost = without_cart(M, K) if coasts else (M, K, 1.0)
     first = int(coasts)
-    problem = _Problem(inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers)
+    extra = np.zeros((0, len(M))) if modal is None else modal
+    problem = _Problem(inertia, stiffness, sizes[first:, first:], dampers.hung if coasts else dampers, extra[:, first:])
     found, number = _solved_everywhere(problem)
     found = found.take(slice(int(free and not coasts), None))
     value, error = found.value, lost * found.error
@@ -164,7 +167,7 @@ def _solved_everywhere(problem: _Problem) -> tuple[_Solution, int]:
 
 
 class _Scaled(NamedTuple):
-    """γ²M, K and the roots of γD (a row per damper or drag) in coordinates given by the columns of `shape`, P⁻¹."""
+    """γ²M, K and a C with CᵀC = γD (a row per damper or drag) in the coordinates of the columns of `shape`, and P⁻¹."""
 
     rate: float
     shape: Floats
@@ -183,6 +186,8 @@ def _scaled(problem: _Problem, rate: float) -> _Scaled:
     turned, seen = problem.turned(rate)
     M, K, sizes = (turned.T @ part @ turned for part in (rate * (rate * problem.M), problem.K, problem.sizes))
     friction = np.sqrt(rate * problem.dampers.strength)[:, None] * seen
+    if len(problem.modal):
+        friction = np.vstack([friction, np.sqrt(rate) * problem.modal @ turned])
     if problem.dampers.roots is not None:
         friction = np.vstack((friction, np.sqrt(rate) * (problem.dampers.roots @ turned)))
     scale = 1 / np.sqrt(np.diag(M) + (friction**2).sum(0) + np.diag(sizes))

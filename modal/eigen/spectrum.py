@@ -16,7 +16,7 @@ from itertools import pairwise, repeat
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.assembly import Block, CartNumbers, Rig
+from modal.assembly import Block, CartNumbers, RatioAt, Rig, ratio_at
 from modal.eigen.chains import EVERYTHING, SEEDS, CartProblem, Limits, is_singular
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
@@ -85,17 +85,20 @@ def batches(rig: Rig, limits: Limits) -> Iterator[Batch]:
     Equal frequencies of different pendula are recognized from all digits of their own modes.
     """
     coupled = rig.cart is not None and rig.n_kinds > 1 and not _needs_more(rig)
+    ratio = ratio_at(rig) if rig.damping_ratio else None
     own = limits if rig.n_kinds == 1 else EVERYTHING if coupled else Limits(lowest=limits.lowest)
     alone = [Alone(block, own) for block in rig.blocks]
     for index, (block, source) in enumerate(zip(rig.blocks, alone, strict=True)):
         along = block.count - (1 if rig.cart else 0)
         across = block.count if rig.spatial else np.zeros_like(block.count)
-        yield from _apart(index, source, along, across, coupled=coupled)
+        yield from _apart(index, source, along, across, ratio, coupled=coupled)
     if rig.cart:
-        yield from _on_cart(rig, rig.cart, alone, limits)
+        yield from _on_cart(rig, rig.cart, alone, ratio, limits)
 
 
-def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: bool) -> Iterator[Batch]:
+def _apart(
+    index: int, source: Alone, along: Ints, across: Ints, ratio: RatioAt | None, *, coupled: bool
+) -> Iterator[Batch]:
     """The chains of a block needed individually: all structured ones from one source, the others from one each.
 
     Different chains `coupled` by a cart are needed even where none of their modes holds it still: a batch without rows.
@@ -103,21 +106,21 @@ def _apart(index: int, source: Alone, along: Ints, across: Ints, *, coupled: boo
     needed = along + across > 0
     if not (coupled or needed.any()):
         return
-    for columns, each in _sources(source, needed | coupled):
+    for columns, each in _sources(source, needed | coupled, ratio):
         rows = np.arange(len(each.eigenvalue))
         rows = rows[needed[columns[rows % columns.size]]]
         column = columns[rows % columns.size]
         yield Batch(each, rows, along[column], across[column], still=True, block=index, columns=column)
 
 
-def _sources(source: Alone, needed: Booleans) -> Iterator[tuple[Ints, Source]]:
+def _sources(source: Alone, needed: Booleans, ratio: RatioAt | None) -> Iterator[tuple[Ints, Source]]:
     block = source.block
     structured = np.flatnonzero(needed & block.is_plain)
     if structured.size:
         yield structured, source if structured.size == block.size else Alone(block.take(structured), source.limits)
     for column in np.flatnonzero(needed & ~block.is_plain):
         chain = block.take(np.array([column]))
-        yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None))
+        yield np.array([column]), _sprung(FromMatrices((chain,), (chain.count,), None, ratio))
 
 
 def _needs_more(rig: Rig) -> bool:
@@ -135,11 +138,11 @@ def _sprung(matrices: FromMatrices) -> Source:
     return Together(blocks, matrices.counts, SprungProblem(blocks, cart), lambda: matrices.bare_accelerance)
 
 
-def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], limits: Limits) -> Iterator[Batch]:
+def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], ratio: RatioAt | None, limits: Limits) -> Iterator[Batch]:
     heavy = tuple(block.heavier(block.count) for block in rig.blocks)
     counts = tuple(block.count for block in rig.blocks)
     special = _needs_more(rig)
-    matrices = FromMatrices(heavy, counts, cart)
+    matrices = FromMatrices(heavy, counts, cart, ratio)
     accelerance = cache(lambda: matrices.bare_accelerance if special else bare_accelerance(heavy, cart))
     if cart.stiffness == 0:
         dragged = cart.damping > 0 or any(block.drag.any() for block in rig.blocks)
@@ -248,6 +251,8 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
     try:
         found = list(batches(rig, limits))
         values = np.concatenate([batch.source.eigenvalue[batch.rows] for batch in found])
+        if rig.damping_ratio:
+            values = _damped(values, np.concatenate([_undamped(batch) for batch in found]), ratio_at(rig))
         errors = np.concatenate([batch.source.error[batch.rows] for batch in found])
     except np.linalg.LinAlgError:
         raise ComputationError("the ratios in this scene are beyond double precision on its dense route") from None
@@ -260,3 +265,18 @@ def find_spectrum(rig: Rig, limits: Limits = EVERYTHING) -> Spectrum:
     cuts = cuts if limits.lowest is None else cuts[: limits.lowest + 1]
     first = order[cuts[:-1]]
     return Spectrum(values[first], errors[first], tuple(found), order, cuts)
+
+
+def _undamped(batch: Batch) -> Booleans:
+    """Which rows (R,) of a batch are eigenvalues without any dampers."""
+    source = batch.source
+    return np.full(len(batch.rows), not (isinstance(source, FromMatrices) and source.is_damped))
+
+
+def _damped(values: NDArray[np.complex128], undamped: Booleans, ratio: RatioAt) -> NDArray[np.complex128]:
+    """The eigenvalues −ζω + iω√(1−ζ²) of those modes iω to which no other dampers belong."""
+    swings = undamped & (values.imag > 0)
+    zeta = ratio(values[swings].imag)
+    found = values.copy()
+    found[swings] *= np.sqrt((1 - zeta) * (1 + zeta)) + 1j * zeta
+    return found

@@ -113,6 +113,8 @@ def of_scene(scene: Scene) -> list[Factor]:
     a rod has c = l/2 and I = m l²/12 exactly.  Equal pendula factor, and a free cart's rigid translation is the
     factor x.  Raises ComputationError where there are dampers.
     """
+    if scene.is_hoisted:
+        raise ComputationError("a scene with a hoist has a polynomial at every length: remove the hoist")
     if scene.has_damping:
         raise ComputationError("a damped scene has no polynomial in ω²: remove the dampers")
     g, passed = exact(scene.gravity), 0

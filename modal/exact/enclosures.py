@@ -48,6 +48,8 @@ def enclose(scene: Scene, digits: int = 30, report: Callable[[float], object] = 
     and where no precision decides a sign, MissingExtraError without python-flint.
     """
     flint()
+    if scene.is_hoisted:
+        raise ComputationError("enclosures need constant lengths: remove the hoist")
     if scene.has_damping or scene.stands or any(link.stiffness > 0 for link in scene.links()):
         raise ComputationError("enclosures need a scene without dampers, joint springs and inverted links")
     rigid = isinstance(scene.support, Cart) and scene.support.stiffness == 0
@@ -137,9 +139,10 @@ def _problems(scene: Scene) -> Iterator[_Problem]:
         counts[chain] = counts.get(chain, 0) + pendulum.count
         names.setdefault(chain, passed + 1)
         passed += pendulum.count
-    on_cart = isinstance(scene.support, Cart)
+    support = scene.support if isinstance(scene.support, Cart) else Fixed()
+    on_cart = isinstance(support, Cart)
     if on_cart:
-        yield _Problem(Hung(scene.gravity, scene.support, counts), 1, "cart moves")
+        yield _Problem(Hung(scene.gravity, support, counts), 1, "cart moves")
     for chain, count in counts.items():
         multiplicity = count * (1 + (scene.space == "space")) - on_cart
         label = f"{'cart still' if on_cart else 'fixed support'}: pendulum {names[chain]}"

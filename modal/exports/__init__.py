@@ -13,19 +13,36 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from modal.statespace import StateSpace
+    from modal.statespace.varying import VaryingModel
 
 
 class Format(NamedTuple):
-    """A file extension, a description, and the functions, by module, that write the file and give a note about it."""
+    """A file extension, a description, and the functions, by module, that write the file and give a note about it.
+
+    `varying` writes a model that varies in time.
+    """
 
     extension: str
     what: str
     writer: str
     remarks: str = ""
+    varying: str = ""
 
     def write(self, model: StateSpace) -> bytes:
         """The bytes of the file."""
         return bytes(_function(self.writer)(model))
+
+    def write_varying(self, model: VaryingModel) -> bytes:
+        """The bytes of a model along a hoist; SceneError for a format without any."""
+        if not self.varying:
+            from modal.errors import SceneError
+
+            name = next(name for name, form in FORMATS.items() if form == self)
+            able = " and ".join(name for name, form in FORMATS.items() if form.varying)
+            raise SceneError(
+                [f"format {name}: holds a constant model, and a hoist makes it vary in time: {able} take it"]
+            )
+        return bytes(_function(self.varying)(model))
 
     def note(self, content: bytes) -> str:
         """A note for the user about these bytes, usually empty."""
@@ -51,10 +68,17 @@ FORMATS = {
     "control": Format(
         ".py", "a Python script that builds a labelled `control.StateSpace`, `system`", "script.write_script"
     ),
-    "mat": Format(".mat", "a MATLAB and Octave file with names as cell arrays", "matlab.write_mat"),
+    "mat": Format(
+        ".mat", "a MATLAB and Octave file with names as cell arrays", "matlab.write_mat", varying="matlab.write_varying"
+    ),
     "m": Format(".m", "a script for MATLAB and Octave that builds `sys`", "matlab.write_m"),
     "json": Format(".json", "everything, exactly; `modal.exports.json_.read_json` reads it back", "json_.write_json"),
-    "npz": Format(".npz", "everything, exactly; `modal.exports.npz.read_npz` reads it back", "npz.write_npz"),
+    "npz": Format(
+        ".npz",
+        "everything, exactly; `modal.exports.npz.read_npz` reads it back",
+        "npz.write_npz",
+        varying="npz.write_varying",
+    ),
     "tf": Format(
         ".tf.json",
         "transfer functions: zeros, poles, gain, numerator and denominator for every input and output",

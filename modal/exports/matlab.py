@@ -16,6 +16,7 @@ import numpy as np
 from modal.exports.text import digits, joined, matrices, meaning, preamble
 from modal.report import matlab_text
 from modal.statespace import Signal, StateSpace
+from modal.statespace.varying import VaryingModel
 from modal.types import Floats
 
 LABEL = b"MATLAB 5.0 MAT-file, a linear state-space model in SI units".ljust(116)
@@ -46,9 +47,19 @@ def write_mat(model: StateSpace) -> bytes:
 
     `operating_point` is a structure of `names` and `values` in rad.
     """
+    return _saved(model, {**dict(matrices(model)), "dt": model.dt})
+
+
+def write_varying(model: VaryingModel) -> bytes:
+    """A version 5 file of time_s (T, 1), A (T, n, n), B (T, n, m), C and D, and the names of `write_mat`."""
+    found = {"A": model.A, "B": model.B, "C": model.C, "D": model.D}
+    return _saved(model, {"time_s": model.times[:, None], **found})
+
+
+def _saved(model: StateSpace | VaryingModel, numbers: dict[str, Any]) -> bytes:
     from scipy.io import savemat
 
-    content: dict[str, Any] = {**dict(matrices(model)), "dt": model.dt, **_titles(model.title)}
+    content = {**numbers, **_titles(model.title)}
     for kind, signals in (("state", model.states), ("input", model.inputs), ("output", model.outputs)):
         for field in ("name", "unit", "meaning"):
             content[f"{kind}_{field}s"] = _cells(getattr(signal, field) for signal in signals)

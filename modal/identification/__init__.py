@@ -7,7 +7,7 @@ measured modes, `poles` needs no scene, `assurance` compares both, `propagation`
 """
 
 from modal.identification.assurance import Assurance, assurance_table, compare_modes
-from modal.identification.covariance import autocorrelation, covariance, influence
+from modal.identification.covariance import autocorrelation, covariance, influence, resampled
 from modal.identification.estimate import Estimate, estimate_of, read_estimate
 from modal.identification.identifiability import (
     Combination,
@@ -58,6 +58,7 @@ __all__ = [
     "poles_table",
     "read_estimate",
     "read_modes",
+    "resampled",
     "scene_with",
     "shaped_modes",
     "starts_of",

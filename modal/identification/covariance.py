@@ -57,5 +57,15 @@ def covariance(G: Floats, blocks: Sequence[tuple[slice, float, Floats]]) -> Floa
     return (found + found.T) / 2
 
 
+def resampled(series: Sequence[Floats], blocks: int, rng: np.random.Generator) -> list[Floats]:
+    """Series like these, each put together from that many blocks of itself (Künsch, Ann. Stat. 17, 1217 (1989))."""
+    found = []
+    for own in series:
+        length = max(1, -(-len(own) // blocks))
+        begins = rng.integers(0, len(own) - length + 1, -(-len(own) // length))
+        found.append(np.concatenate([own[at : at + length] for at in begins])[: len(own)])
+    return found
+
+
 def _two_sided(weights: Floats) -> Floats:
     return np.concatenate((weights[:0:-1], weights))

@@ -59,8 +59,20 @@ def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Sc
     raise SceneError([f"{path} = {value:g}: is at a bound, and has no derivative there"])
 
 
+def require_polynomial(scene: Scene) -> None:
+    """SceneError where M, K or D are no polynomials in the numbers of a scene."""
+    problems = []
+    if scene.has_modal_damping:
+        problems.append("damping_ratio: modal dampers depend on all numbers through the modes: give joint dampers")
+    if scene.is_hoisted:
+        problems.append("hoist: a length that changes in time has no single value to be uncertain: fix it first")
+    if problems:
+        raise SceneError([f"{problem} for fits to modes and standard deviations" for problem in problems])
+
+
 def matrix_derivatives(scene: Scene, places: Sequence[Place], units: Sequence[float]) -> tuple[Floats, Floats, Floats]:
     """M, K and D (p, n, n) differentiated by the numbers at these places."""
+    require_polynomial(scene)
 
     def of(one: Scene) -> Arrays:
         found = matrices(one)

@@ -2,8 +2,8 @@
 
 With J = U S Vᵀ, the derivatives of readings in units of their noise, a step along the direction v_k changes the
 readings by s_k standard deviations, so 1/s_k is the standard deviation of that combination (Bellman & Åström, Math.
-Biosci. 7, 329 (1970); Ljung, System Identification, 2nd ed. 1999, §4.6).  A direction that is not determined is closed
-by holding one of its parameters at the value that the scene gives.
+Biosci. 7, 329 (1970); Ljung, System Identification, 2nd ed. 1999, §4.6).  A direction that is not determined is
+closed by holding one of its parameters at the value that the scene gives.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from modal.types import Floats, Ints
 LOST = 1e-7  # s_k/s_1 of a direction along which the Jacobian consists of rounding
 VAGUE = 1.0  # z: a standard deviation of 100 %, or of a natural unit
 SMALL = 0.02  # part of the largest change in a direction below which a number does not take part
+FAINT = 1e-6  # of its natural unit, below which a number has no relative change to speak of
 ALIKE = 0.01  # difference of two changes that are called equal
 
 
@@ -42,7 +43,7 @@ class Undetermined:
     def words(self) -> str:
         """The direction in a sentence."""
         if not self.changes:
-            return f"{self.held} has no effect on these data"
+            return f"{self.held} has hardly any effect on these data"
         together = [self.held, *self.changes]
         if all(abs(change - 1) < ALIKE for change in self.changes.values()):
             return f"only ratios of {_all(together)} are determined: a common factor changes nothing"
@@ -60,14 +61,16 @@ class Determined:
     condition: float
 
 
-def find_determined(J: Floats, parameters: Sequence[Parameter], values: Floats, vague: float = VAGUE) -> Determined:
+def find_determined(
+    J: Floats, parameters: Sequence[Parameter], values: Floats, *, vague: float = VAGUE, held: Sequence[int] = ()
+) -> Determined:
     """From J (N, p), derivatives by z in units of the noise, of parameters at these z (p,).
 
-    Nuisances have been projected out of J.  A standard deviation of z above `vague` is none.
+    Nuisances have been projected out of J.  A standard deviation of z above `vague` is none; `held` stay in any case.
     """
     count = len(parameters)
-    kept = np.arange(count)
-    lost: list[int] = []
+    kept = np.setdiff1d(np.arange(count), np.array(held, dtype=np.int64))
+    lost: list[int] = [*held]
     R: Floats = np.asarray(np.linalg.qr(J, mode="r")) if len(J) > count else J
     while len(kept):
         singular, V = _singular(R[:, kept])
@@ -78,10 +81,10 @@ def find_determined(J: Floats, parameters: Sequence[Parameter], values: Floats, 
         worst = kept[np.sort(pivots[: int(null.sum())])]
         lost += worst.tolist()
         kept = np.setdiff1d(kept, worst)
-    held = np.array(sorted(lost), dtype=np.int64)
+    stay = np.array(sorted(lost), dtype=np.int64)
     singular = _singular(R[:, kept])[0] if len(kept) else np.ones(1)
     condition = float(singular[0] / singular[-1])
-    return Determined(kept, held, tuple(_directions(R, kept, held, parameters, values)), condition)
+    return Determined(kept, stay, tuple(_directions(R, kept, stay, parameters, values)), condition)
 
 
 def _singular(J: Floats) -> tuple[Floats, Floats]:
@@ -97,7 +100,10 @@ def _directions(
     """How the kept ones make up for a change of each held one, as far as they can."""
     found = []
     answer = -np.linalg.lstsq(R[:, kept], R[:, held], rcond=None)[0] if len(kept) else np.zeros((0, len(held)))
-    relative = [one.slope(z) / one.at(z) if one.at(z) else np.inf for one, z in zip(parameters, values, strict=True)]
+    relative = [
+        one.slope(z) / one.at(z) if abs(one.at(z)) > FAINT * one.unit else np.inf
+        for one, z in zip(parameters, values, strict=True)
+    ]
     for k, own in enumerate(held):
         left = np.linalg.norm(R[:, own] + R[:, kept] @ answer[:, k]) if len(kept) else np.linalg.norm(R[:, own])
         alone = np.linalg.norm(R[:, own])

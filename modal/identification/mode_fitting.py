@@ -40,7 +40,7 @@ ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the resid
 FINEST_SHAPE = 1e-9
 ROUNDS = 4  # of fitting and estimating the noise of shapes
 MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, or of the numbers, at the end
-WHATEVER = 1e300  # standard deviation of z that is not too vague before the fit
+WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
 UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
@@ -277,24 +277,21 @@ def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
     z = starts_of(problem.parameters)
     if len(z):
         J = problem.jacobian(z)
-        problem.kept[find_determined(J, problem.parameters, z, WHATEVER).held] = False
+        problem.kept[find_determined(J, problem.parameters, z, vague=WHATEVER).held] = False
     for _ in range(ROUNDS):
         z = _solved(problem, z, loss)
         if not problem.estimates_noise:
             break
         problem.shape_std = _shape_noise(problem, z)
     if len(z):
-        found = find_determined(problem.jacobian(z)[:, problem.kept], _taken(problem), z[problem.kept])
-        if len(found.held):
-            problem.kept[np.flatnonzero(problem.kept)[found.held]] = False
+        lost = np.flatnonzero(~problem.kept).tolist()
+        found = find_determined(problem.jacobian(z), problem.parameters, z, held=lost)
+        if len(found.held) > len(lost):
+            problem.kept[found.held] = False
             z[~problem.kept] = starts_of(problem.parameters)[~problem.kept]
             z = _solved(problem, z, loss)
             problem.shape_std = _shape_noise(problem, z) if problem.estimates_noise else problem.shape_std
     return z, problem.shape_std if problem.estimates_noise else None
-
-
-def _taken(problem: _Problem) -> list[Parameter]:
-    return [one for one, kept in zip(problem.parameters, problem.kept, strict=True) if kept]
 
 
 def _shape_noise(problem: _Problem, z: Floats) -> float:
@@ -354,7 +351,8 @@ def _certified(problem: _Problem, z: Floats, shape_std: float | None, loss: str)
         size = np.linalg.norm(J[:, kept], axis=0)
         inverse = np.linalg.pinv(J[:, kept] / size, rcond=1e-12) if len(kept) else np.zeros((0, len(J)))
         cov[np.ix_(kept, kept)] = inverse @ inverse.T / size / size[:, None]
-        found = find_determined(J, problem.parameters, z)
+        lost = np.flatnonzero(~problem.kept).tolist()
+        found = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
         determined = Determined(kept, np.flatnonzero(~problem.kept), found.directions, found.condition)
     scene, modes = problem.modes_at(z)
     square, freedom = float(residuals @ residuals), problem.freedom()

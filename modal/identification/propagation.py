@@ -17,14 +17,22 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import matrices
-from modal.identification.derivatives import Arrays, ModeDerivatives, differences, matrix_derivatives, polar
+from modal.errors import ComputationError
+from modal.identification.derivatives import (
+    Arrays,
+    ModeDerivatives,
+    differences,
+    matrix_derivatives,
+    polar,
+    require_polynomial,
+)
 from modal.identification.estimate import Estimate
 from modal.modes import Modes
 from modal.report import percent
 from modal.scene import Fixed, Scene
 from modal.statespace.model import StateSpace
 from modal.statespace.shapers import Drive, Shaper, residual_vibration, swing_rows
-from modal.statespace.signals import DRIVES, OF_A_CART, PUSHES, READINGS, Geometry, Signal, geometry_of
+from modal.statespace.signals import DRIVES, OF_A_CART, PUSHES, READINGS, SUPPORT, Geometry, Signal, geometry_of
 from modal.types import Complexes, Floats
 
 BAND = 2.0  # standard deviations to either side
@@ -82,7 +90,12 @@ def response_slopes(model: StateSpace, estimate: Estimate, omega: Floats) -> tup
     """
     scene = estimate.scene
     geometry = geometry_of(scene)
+    require_polynomial(scene)
     drive = next((signal.name for signal in model.inputs if signal.name in DRIVES), None)
+    if moved := [signal.name for signal in model.inputs if signal.name in SUPPORT]:
+        raise ComputationError(
+            f"responses to {moved[0]} have no standard deviations: choose forces or the cart's motion"
+        )
     inputs, outputs = _groups(geometry, model.inputs, PUSHES), _groups(geometry, model.outputs, READINGS)
 
     def arrays_of(one: Scene) -> Arrays:

@@ -32,11 +32,16 @@ from modal.modes.shapes import Shape, expand, validate_normalisation
 from modal.scene import Scene
 from modal.types import Booleans, Floats, Ints
 
+GROWING = "Growing modes get nothing of the scene's damping_ratio, which belongs to modes that oscillate."
+HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 SELECTED = "Only some of the modes were computed, and resonances among these alone."
+AT_REST = "The support's motion is left out: the modes are those about a support at rest."
 RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
 FAST_AIR = "Quadratic drag is left out: it dies out with the square of the speed."
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 CHUNK = 400_000
+LIGHTLY = 0.1
+"""Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.matrix_source`."""
 A = TypeVar("A", bound=NDArray[Any])
 
 
@@ -98,7 +103,13 @@ class ModalMatrix:
 def omitted(scene: Scene) -> tuple[str, ...]:
     """What the linear model of a scene leaves out, a sentence each."""
     quadratic = any(link.quadratic_drag for link in scene.links())
-    return (*[UNDRIVEN] * scene.is_driven, *[RUBBING] * scene.has_friction, *[FAST_AIR] * quadratic)
+    return (
+        *[HOISTED] * scene.is_hoisted,
+        *[UNDRIVEN] * scene.is_driven,
+        *[AT_REST] * scene.is_moved,
+        *[RUBBING] * scene.has_friction,
+        *[FAST_AIR] * quadratic,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +191,8 @@ class Modes(Sequence[Mode]):
         """What was omitted or approximated, and why."""
         with np.errstate(all="ignore"):
             found = notes(self._natural, self.spectrum.sources)
-        return *found, *omitted(self.scene), *[SELECTED] * self.selected
+        grows = self.scene.has_modal_damping and bool(((self.eigenvalue.real > 0) & (self.eigenvalue.imag == 0)).any())
+        return *found, *[GROWING] * grows, *omitted(self.scene), *[SELECTED] * self.selected
 
     @cached_property
     def route(self) -> str:
@@ -250,7 +262,8 @@ class Modes(Sequence[Mode]):
         certain = 1.0 if self.error[number] < UNCERTAIN else np.nan
         ratio = certain * float(np.clip(-value.real / omega, -1.0, 1.0) + 0.0 if omega > 0 else 0.0)
         effective = certain * unit * sum(piece.effective_mass(self.on_cart) for piece in pieces)
-        kappa = certain * float(head.details.kappa[head.at])
+        light = not self.is_classical or ratio < LIGHTLY
+        kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
         return Mode(
             number=self.first + number + 1,
             omega=omega,
@@ -268,6 +281,11 @@ class Modes(Sequence[Mode]):
             relative_error_bound=float(self.error[number]),
             indistinct=self._indistinct(number),
         )
+
+    @property
+    def is_classical(self) -> bool:
+        """Whether all dampers are those of a `damping_ratio`, which leave the undamped shapes as they are."""
+        return self.scene.has_modal_damping and not self.scene.has_dampers
 
     @property
     def on_cart(self) -> bool:

@@ -153,15 +153,16 @@ def _solving_left_out(modes: Modes) -> Iterator[str]:
     built = [source.built for source in sources]
     if any(isinstance(source, Rigid) for source in sources):
         yield "no search for the free cart's own frequency: 0 exactly"
+    why = "the scene's damping_ratio leaves the undamped shapes" if modes.is_classical else "nothing damps"
     if not any(one.is_complex for one in built):
-        yield "no complex eigenproblem: nothing damps"
+        yield f"no complex eigenproblem: {why}"
     orders = [order for one in built for name, order, _ in one.matrices if name == "M"]
     if not orders:
         seeded = any(name == "seeds" for one in built for name, *_ in one.matrices)
         counts = "its counts confirm seeds" if seeded else "O(n) numbers"
         yield f"no M and K of {size} × {size}: frequencies come from the effective mass, {counts}"
     elif not any(name == "D" for one in built for name, *_ in one.matrices):
-        yield "no damping matrix: nothing damps"
+        yield f"no damping matrix: {why}"
     if orders and max(orders) < size:
         yield f"no M and K of {size} × {size}: {max(orders)} × {max(orders)} are the largest"
 

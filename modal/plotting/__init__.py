@@ -6,6 +6,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
+from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
     assurance_figure,
     draw_assurance,
@@ -75,6 +76,7 @@ __all__ = [
     "draw_assurance",
     "draw_bode",
     "draw_coupling",
+    "draw_hoist",
     "draw_impulse",
     "draw_loci",
     "draw_mode_fit",

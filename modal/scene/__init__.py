@@ -4,14 +4,16 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `files` reads and writes, `sealed` detects damaged files, `validation` checks every part and words
-the messages, `parameters` finds and varies numbers by path.
+Start with `model`; `motion` moves a support and `records` reads its records; `files` reads and writes scenes, `sealed`
+detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
+path.
 """
 
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
+from modal.scene.hoist import Hoist, LengthLaw
 from modal.scene.model import (
     AnyLink,
     Bob,
@@ -25,10 +27,12 @@ from modal.scene.model import (
     Scene,
     VanDerPol,
     describe,
+    refuse_motion,
     scene_from,
     unsupported,
     validate_scene,
 )
+from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
 
 __all__ = [
     "STANDARD",
@@ -38,10 +42,18 @@ __all__ = [
     "Cart",
     "Escapement",
     "Fixed",
+    "Hoist",
     "InitialCondition",
+    "LengthLaw",
+    "Moved",
     "Pendulum",
+    "RandomMotion",
+    "RecordMotion",
     "Rod",
     "Scene",
+    "SineMotion",
+    "SupportMotion",
+    "SweepMotion",
     "VanDerPol",
     "describe",
     "dump",
@@ -50,6 +62,7 @@ __all__ = [
     "kind_of",
     "load",
     "parse",
+    "refuse_motion",
     "scene_from",
     "unsupported",
     "validate_scene",

@@ -14,7 +14,7 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.model import Scene, describe, scene_from
+from modal.scene.model import AnyLink, Scene, describe, scene_from
 
 LARGEST_FILE = 256_000_000
 STANDARD = "-"
@@ -40,13 +40,35 @@ def load(source: str | os.PathLike[str]) -> Scene:
     """
     name = os.fspath(source)
     try:
-        return parse(_read(name))
+        return _beside(parse(_read(name), Path(name).parent), Path(name).parent)
     except SceneError as error:
         raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
 
 
-def parse(text: bytes) -> Scene:
-    """The scene in a TOML document."""
+def _beside(scene: Scene, folder: Path) -> Scene:
+    """The scene with the records that it names taken from the folder of its file, where they are read once."""
+    if not scene.is_hoisted:
+        return scene
+    pendula = tuple(
+        one.replace(links=tuple(_with_record(link, folder) for link in one.links)) for one in scene.pendulum
+    )
+    for p, pendulum in enumerate(pendula):
+        for i, link in enumerate(pendulum.links):
+            try:
+                link.length_at(0.0)
+            except SceneError as error:
+                raise SceneError([f"pendulum[{p}].links[{i}].{problem}" for problem in error.problems]) from None
+    return scene.replace(pendulum=pendula)
+
+
+def _with_record(link: AnyLink, folder: Path) -> AnyLink:
+    if link.hoist is None or link.hoist.file is None:
+        return link
+    return link.replace(hoist=link.hoist.replace(file=str((folder / link.hoist.file).absolute())))
+
+
+def parse(text: bytes, folder: Path = Path()) -> Scene:
+    """The scene in a TOML document; files that it names are relative to `folder`."""
     try:
         document = text.decode("utf-8-sig").replace("\r\n", "\n")
         for found in _DEEP.finditer(document):
@@ -59,6 +81,10 @@ def parse(text: bytes) -> Scene:
         raise SceneError([f"broken TOML: {error}"]) from None
     except RecursionError:
         raise SceneError(["broken TOML: nested too deeply"]) from None
+    if "motion" in document:
+        from modal.scene.records import with_files_read
+
+        return scene_from(with_files_read(data, folder))
     return scene_from(data)
 
 
@@ -81,7 +107,10 @@ def dump(scene: Scene, path: str | os.PathLike[str]) -> None:
 
 def schema() -> dict[str, Any]:
     """The JSON Schema of a scene file, for editors."""
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scene.model_json_schema()}
+    found = Scene.model_json_schema()
+    random = found["$defs"]["RandomMotion"]["properties"]
+    random["psd"] = {"anyOf": [random["psd"], {"type": "string"}], "title": "Psd"}
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **found}
 
 
 def example_names() -> list[str]:

@@ -19,6 +19,8 @@ from unicodedata import category
 
 from modal import pair
 from modal.errors import SceneError
+from modal.scene.hoist import Hoist
+from modal.scene.motion import Moved
 from modal.scene.validation import (
     COUNT,
     NON_NEGATIVE,
@@ -31,6 +33,7 @@ from modal.scene.validation import (
     list_of,
     number,
     one_of,
+    one_or_list,
     optional,
     parts,
 )
@@ -39,6 +42,7 @@ MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 Way = Literal["down", "up"]
 Scalar = Callable[[float], Any]
+RATIO = number(ge=0, lt=1)
 
 
 class VanDerPol(Part):
@@ -72,7 +76,8 @@ class Link(Part):
     """Mass (kg) and length (m) of a link, and what acts on it besides gravity.
 
     At its upper joint a damper (N m s/rad), a spring (N m/rad), dry `friction` (N m) and a drive; at its centre the
-    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.
+    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `hoist` prescribes the length of a bob's rope from a
+    time on, `length` being that before.
     """
 
     mass: float = field(POSITIVE)
@@ -83,6 +88,7 @@ class Link(Part):
     drag: float = field(NON_NEGATIVE, default=0.0)
     quadratic_drag: float = field(NON_NEGATIVE, default=0.0)
     drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
+    hoist: Hoist | None = field(optional(Hoist.schema()), default=None)
     count: int = field(COUNT, default=1)
 
     is_uniform: ClassVar[bool] = True
@@ -92,6 +98,15 @@ class Link(Part):
     def heavier(self, factor: int) -> Self:
         """That many copies as one."""
         return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
+
+    def problems(self) -> Iterator[str]:
+        """A hoist of anything but a bob."""
+        if self.hoist and getattr(self, "kind", "") != "bob":
+            yield '.hoist: only the massless rope of a bob can change its length: write kind = "bob"'
+
+    def length_at(self, time: float) -> float:
+        """The length (m) at a time (s)."""
+        return float(self.hoist.law(self.length)(time)[0]) if self.hoist else self.length
 
 
 class _Simple(Link):
@@ -141,7 +156,8 @@ class Body(Link):
         return scalar(self.centre), scalar(self.inertia)
 
     def problems(self) -> Iterator[str]:
-        """A body without moment of inertia about its pivot."""
+        """A body without moment of inertia about its pivot, or with a hoist."""
+        yield from super().problems()
         if self.centre == 0 and self.inertia == 0:
             yield ".inertia = 0.0: must be positive if the centre is at the pivot"
 
@@ -234,12 +250,17 @@ def _one_line(title: str) -> str:
 
 
 class Scene(Part):
-    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space."""
+    """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space.
+
+    `damping_ratio` ζ is that of all modes of the scene without dampers, or of each by its number in the table; it is
+    added to the dampers (`modal.assembly.modal_damping`).
+    """
 
     title: str = field(after(_one_line, {"type": "str", "max_length": 200}), default="")
     gravity: float = field(POSITIVE)
     space: Literal["plane", "space"] = field(one_of("plane", "space"), default="plane")
-    support: Fixed | Cart = field(any_kind(Fixed, Cart), default=Fixed())
+    support: Fixed | Cart | Moved = field(any_kind(Fixed, Cart, Moved), default=Fixed())
+    damping_ratio: float | tuple[float, ...] = field(one_or_list(RATIO), default=0.0)
     pendulum: tuple[Pendulum, ...] = field(parts(Pendulum.schema()))
 
     @property
@@ -254,7 +275,17 @@ class Scene(Part):
 
     @property
     def has_damping(self) -> bool:
-        """Whether anything dissipates energy in the linearized scene: dampers and linear drag."""
+        """Whether anything in the linearized scene dissipates energy."""
+        return self.has_modal_damping or self.has_dampers
+
+    @property
+    def has_modal_damping(self) -> bool:
+        """Whether any mode has a damping ratio of its own."""
+        return any(self.damping_ratio) if isinstance(self.damping_ratio, tuple) else self.damping_ratio > 0
+
+    @property
+    def has_dampers(self) -> bool:
+        """Whether the cart or any joint has a damper, or any link linear drag."""
         return (isinstance(self.support, Cart) and self.support.damping > 0) or any(
             link.damping > 0 or link.drag > 0 for link in self.links()
         )
@@ -291,6 +322,29 @@ class Scene(Part):
         return any(link.drive for link in self.links())
 
     @property
+    def is_hoisted(self) -> bool:
+        """Whether the length of any link changes in time."""
+        return any(link.hoist for link in self.links())
+
+    def at(self, time: float) -> Scene:
+        """The same scene with all lengths fixed at their values at a time (s)."""
+        pendula = tuple(
+            one.replace(links=tuple(link.replace(length=link.length_at(time), hoist=None) for link in one.links))
+            for one in self.pendulum
+        )
+        return self.replace(pendulum=pendula) if self.is_hoisted else self
+
+    @property
+    def is_moved(self) -> bool:
+        """Whether the support moves as prescribed."""
+        return isinstance(self.support, Moved)
+
+    @property
+    def still(self) -> Scene:
+        """The same scene with its support at rest."""
+        return self.replace(support=Fixed()) if self.is_moved else self
+
+    @property
     def undriven(self) -> Scene:
         """The same scene without drives."""
         return self._with(drive=None) if self.is_driven else self
@@ -298,9 +352,10 @@ class Scene(Part):
     @property
     def conservative(self) -> Scene:
         """The same scene without drives, dampers, dry friction and drag."""
-        still = self._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
+        loose = self._with(drive=None, damping=0.0, friction=0.0, drag=0.0, quadratic_drag=0.0)
+        still, cart = loose.replace(damping_ratio=0.0), self.support
         rail = {"damping": 0.0, "friction": 0.0, "friction_coefficient": 0.0}
-        return still.replace(support=self.support.replace(**rail)) if isinstance(self.support, Cart) else still
+        return still.replace(support=cart.replace(**rail)) if isinstance(cart, Cart) else still
 
     @property
     def in_plane(self) -> Scene:
@@ -327,6 +382,8 @@ class Scene(Part):
         """Too many links, and features that this space does not allow."""
         if self.n_links > MAX_LINKS:
             yield f"the scene has {self.n_links} links in all: at most {MAX_LINKS}"
+        if self.has_modal_damping and self.is_hoisted:
+            yield ".damping_ratio: belongs to modes of constant lengths, and a hoist changes them: give dampers instead"
         for index, pendulum in enumerate(self.pendulum):
             if self.space == "plane" and pendulum.start and pendulum.start.azimuths_deg:
                 yield f'.pendulum[{index}].start.azimuths_deg: needs space = "space"'
@@ -336,6 +393,16 @@ class Scene(Part):
                 if link.friction:
                     yield f'.pendulum[{index}].links[{at}].friction = {link.friction!r}: needs space = "plane"'
         yield from self._rail_problems()
+        yield from self._drag_problems()
+
+    def _drag_problems(self) -> Iterator[str]:
+        """Drag acts against still air, which passes a moved support."""
+        for index, pendulum in enumerate(self.pendulum if self.is_moved else ()):
+            for at, link in enumerate(pendulum.links):
+                for name in ("drag", "quadratic_drag"):
+                    if value := getattr(link, name):
+                        where = f".pendulum[{index}].links[{at}].{name} = {value!r}"
+                        yield f"{where}: needs a fixed support or a cart: the air stands still, and this support moves"
 
     def _rail_problems(self) -> Iterator[str]:
         if not isinstance(self.support, Cart) or not self.support.has_friction:
@@ -358,6 +425,12 @@ def validate_scene(given: object) -> Scene:
         return given
     meant = f': load("{fspath(given)}") gives one' if isinstance(given, str | PathLike) else ""
     raise SceneError([f"a Scene is required, not {type(given).__name__}{meant}"])
+
+
+def refuse_motion(scene: Scene, what: str) -> None:
+    """SceneError where the support moves and `what`, the beginning of a sentence, needs it at rest."""
+    if scene.is_moved:
+        raise SceneError([f'support = "moved": {what} needs a support at rest; simulate follows a moved one'])
 
 
 def unsupported(scene: Scene, why: str, *names: str) -> list[str]:

@@ -42,6 +42,11 @@ UNITS = {
     "angles_deg": "°",
     "azimuths_deg": "°",
     "rates_deg": "°/s",
+    "to": "m",
+    "begin": "s",
+    "duration": "s",
+    "amplitude": "m",
+    "phase_deg": "°",
 }
 CART_UNITS = {"damping": "N s/m", "stiffness": "N/m", "friction": "N"}
 SPELT = {"m/s²": "m_per_s2", "kg m²": "kg_m2", "N s²/m²": "N_s2_per_m2"}

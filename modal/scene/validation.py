@@ -40,6 +40,8 @@ WORDS = {
     "string_too_long": "is too long",
 }
 LISTS_OF_TABLES = {"pendulum": "[[pendulum]]", "links": "links = [{ … }, …]"}
+ONE, LIST = "(one)", "(list)"
+"""Steps that the validator adds to the place of a value that may be one or a list."""
 Schema = dict[str, Any]
 """A schema of pydantic's validator for a value."""
 REQUIRED = object()
@@ -100,6 +102,16 @@ def optional(schema: Schema) -> Schema:
 def list_of(schema: Schema) -> Schema:
     """Values in a list."""
     return {"type": "tuple", "items_schema": [schema], "variadic_item_index": 0}
+
+
+def one_or_list(schema: Schema) -> Schema:
+    """One value, or a list with at least one."""
+
+    def which(value: Any) -> str:
+        return LIST if isinstance(value, list | tuple) else ONE
+
+    choices = {ONE: schema, LIST: list_of(schema) | {"min_length": 1}}
+    return {"type": "tagged-union", "choices": choices, "discriminator": which}
 
 
 def parts(schema: Schema) -> Schema:
@@ -319,9 +331,12 @@ def _problem(finding: Mapping[str, Any], words: str) -> str:
 def _place(location: tuple[int | str, ...], is_key: bool) -> str:
     """The location as written in the file, without the kinds that the validator adds after a support or a link."""
     parts = []
+    location = tuple(part for part in location if part not in (ONE, LIST))
     for position, part in enumerate(location):
         before = location[max(0, position - 2) : position]
-        behind = before[-1:] in {("support",), ("drive",)} or (before[:1] == ("links",) and isinstance(before[-1], int))
+        behind = before[-1:] in {("support",), ("drive",), ("motion",)} or (
+            before[:1] == ("links",) and isinstance(before[-1], int)
+        )
         added = part in TAGS and behind and not (is_key and position == len(location) - 1)
         if not added:
             parts.append(f"[{part}]" if isinstance(part, int) else f".{_key(part)}")
@@ -344,6 +359,8 @@ def _words(finding: Mapping[str, Any]) -> str:
         return "is not a known key" + meant(key, KEYS)
     if kind == "greater_than_equal":
         return _lower_bound(finding["input"], context["ge"])
+    if kind == "less_than":
+        return f"must be below {_bound(context['lt'])}"
     if kind == "less_than_equal":
         return f"must be at most {_bound(context['le'])}"
     if kind == "float_type" and isinstance(finding["input"], int) and not isinstance(finding["input"], bool):

@@ -8,7 +8,8 @@ With φ as in `Modes.shape` (which separates equal and zero frequencies as well 
 
 (Tisseur & Meerbergen, SIAM Rev. 43, 235 (2001), §3.5: left and right vectors of a symmetric quadratic pencil.)  A cart
 whose acceleration or velocity is prescribed does not respond to the pendula: it is a separate block, and the modes are
-the fixed-base modes of the pendula.
+the fixed-base modes of the pendula.  So is a support whose acceleration or velocity is prescribed; the modes are then
+those of the scene.
 """
 
 from __future__ import annotations
@@ -23,9 +24,8 @@ from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
-from modal.scene import Fixed, Scene
-from modal.statespace.model import StateSpace
-from modal.statespace.signals import DRIVES, Signal
+from modal.statespace.model import StateSpace, fixed
+from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
 
 Numbers = NDArray[Any]
@@ -105,12 +105,11 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     """
     if model.dt:
         raise ComputationError("modal form needs a continuous model")
-    if any(signal.name == "cart_acceleration" for signal in model.inputs) and any(
-        link.drag for link in modes.scene.links()
-    ):
+    given = {signal.name for signal in model.inputs}
+    if "cart_acceleration" in given and any(link.drag for link in modes.scene.links()):
         raise ComputationError("drag couples the modes with the cart's velocity: prescribe that, not its acceleration")
-    driven = any(signal.name in DRIVES for signal in model.inputs)
-    found = held(modes) if driven else modes
+    found = held(modes) if given & DRIVES.keys() else modes
+    driven = bool(given & {*DRIVES, *SUPPORT} - {"support_displacement"})
     n, on_cart = len(model.A), int(found.on_cart)
     size = found.scene.n_links + on_cart
     if n - 2 * size not in ((1, 2) if driven else (0,)):
@@ -124,11 +123,6 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
 def held(modes: Modes) -> Modes:
     """The modes with a fixed support: those excited by a prescribed motion of the cart."""
     return natural_modes(fixed(modes.scene)) if modes.on_cart else modes
-
-
-def fixed(scene: Scene) -> Scene:
-    """The same pendula on a fixed support."""
-    return scene.replace(support=Fixed())
 
 
 def _cart(model: StateSpace, states: int, size: int) -> Iterator[Block]:
@@ -150,7 +144,8 @@ def _own(modes: Modes, n: int, size: int, first: int) -> Iterator[Block]:
             phi: Numbers = modes.column(shape)
             name = f"{number + 1}" if modes.multiplicity[number] == 1 else f"{number + 1}_{copy + 1}"
             vectors: tuple[Numbers, Numbers, Numbers] = phi, found.M @ phi, found.D @ phi
-            make = _swing if np.isrealobj(phi) and not vectors[2].any() else _pair if value.imag else _single
+            alone = np.isrealobj(phi) and (not value.imag if modes.is_classical else not vectors[2].any())
+            make = _swing if alone else _pair if value.imag else _single
             made = make(name, f"coordinate of {'fixed-base ' if first else ''}mode {name}", value, *vectors)
             right, left = np.zeros((n, len(made.A))), np.zeros((len(made.A), n))
             right[first : first + size], right[n - size :] = made.right

@@ -12,12 +12,21 @@ and for a velocity w the rates become p = θ' + A_θ⁻¹ b w, which does not ju
 
     x' = w,    θ' = p − A_θ⁻¹ b w,    p' = −A_θ⁻¹ (K_θ θ + D_θ θ' − F_θ u).
 
+A support that is moved by s, or the ground under a cart, gives in its own frame the inertial forces −p s'', with p the
+momentum of everything at unit velocity along the rail.  An acceleration and a velocity are treated alike, with all of q
+for θ and p for b; for a displacement, with J = M⁻¹ p and the states η = q + J s and r = η' − M⁻¹ D J s,
+
+    η' = r + M⁻¹ D J s,    M r' = −D η' − K (η − J s) + F u.
+
+Under a prescribed motion of a cart the modes are those on a fixed support, and a scene's `damping_ratio` is theirs.
+
 In space the model is that of the motion along the rail.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,13 +34,14 @@ import numpy as np
 from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, validate_scene
+from modal.scene import Fixed, Scene, validate_scene
 from modal.statespace.signals import (
     DRIVES,
     INPUTS,
     OUTPUTS,
     PUSHES,
     READINGS,
+    SUPPORT,
     Geometry,
     InputGroup,
     OutputGroup,
@@ -67,14 +77,18 @@ class StateSpace:
 
 
 class _Motion(NamedTuple):
-    """A and B with the maps from (z, u) to q, q' and q'', each a pair; q'' is None where it contains impulses."""
+    """A and B with the maps from (z, u) to q, q' and q'', each a pair; None where they contain impulses.
+
+    `support` are the maps to the displacement of a moved support, its velocity and its acceleration.
+    """
 
     A: Floats
     B: Floats
     q: tuple[Floats, Floats]
-    rate: tuple[Floats, Floats]
+    rate: tuple[Floats, Floats] | None
     acceleration: tuple[Floats, Floats] | None
     states: list[Signal]
+    support: tuple[tuple[Floats, Floats] | None, ...] = ()
 
 
 def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:
@@ -84,20 +98,32 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     absolute angles.  Raises SceneError for groups that the scene does not have, ComputationError where M is singular or
     the model has more than LARGEST_STATE states.
     """
-    if 2 * validate_scene(scene).n_links > LARGEST_STATE:
+    if validate_scene(scene).is_hoisted:
+        raise SceneError(["hoist: its linear model varies in time, and this one is constant: export one to npz or mat"])
+    return assembled(scene, None, inputs, outputs)
+
+
+def assembled(
+    scene: Scene, given: Matrices | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
+) -> StateSpace:
+    """The model of a scene of constant lengths as in `state_space`, with other matrices if `given`."""
+    if 2 * scene.n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)
     default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
     wanted = validate_signals(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
     read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
-    found, motion = matrices(scene), {None: _free, "cart_acceleration": _accelerated, "cart_velocity": _moved}[drive]
+    if drive in SUPPORT and any(link.drag for link in scene.links()):
+        raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
+    motion = MOTIONS[drive]
+    found = given or (_held(scene) if drive in DRIVES and scene.has_modal_damping else matrices(scene))
     with np.errstate(all="ignore"):
         moved = motion(found, geometry, push.F)
         C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
     if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
-    own = [DRIVES[drive]] if drive else []
+    own = [(DRIVES | SUPPORT)[drive]] if drive else []
     resting = (
         (f"theta_{label}", 0.0 if way > 0 else np.pi)
         for label, way in zip(geometry.labels, geometry.sigma, strict=True)
@@ -116,10 +142,33 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     )
 
 
+def fixed(scene: Scene) -> Scene:
+    """The same pendula on a fixed support; SceneError for damping ratios by mode, which are those of other modes."""
+    if isinstance(scene.damping_ratio, tuple) and scene.support.kind == "cart":
+        raise SceneError(
+            [
+                "damping_ratio: is listed by the modes with the cart free, but under a prescribed motion of the cart "
+                "the modes are those on a fixed support: give one ratio for all modes"
+            ]
+        )
+    return scene.replace(support=Fixed())
+
+
+def _held(scene: Scene) -> Matrices:
+    """M, K and D with the modal dampers of the pendula on a fixed support, whose modes a prescribed motion excites."""
+    found, own = matrices(scene.replace(damping_ratio=0.0)), matrices(fixed(scene))
+    D = found.D.copy()
+    D[1:, 1:] = own.D
+    return replace(found, D=D)
+
+
 def _drive(wanted: tuple[str, ...]) -> str | None:
     prescribed = [name for name in wanted if name in DRIVES]
     if len(prescribed) > 1 or (prescribed and "cart_force" in wanted):
         raise SceneError(["input: choose only one of the cart's force, acceleration and velocity"])
+    prescribed += [name for name in wanted if name in SUPPORT]
+    if len(prescribed) > 1:
+        raise SceneError([f"input: choose only one of {' and '.join(prescribed)}"])
     return prescribed[0] if prescribed else None
 
 
@@ -181,6 +230,92 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     return _Motion(A, B, position, rate, None, _positions(geometry) + kept)
 
 
+def _inertial(found: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
+    """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity; on a cart J is exact."""
+    n = len(found.M)
+    p = np.zeros((n, 1)) if geometry.on_cart else (geometry.centres.T @ geometry.mass)[:, None]
+    parts = np.split(_solved(found.M, np.hstack([found.K, found.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
+    if geometry.on_cart:
+        parts[2] = np.eye(n, 1)
+    return parts
+
+
+def _support_accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+    """The support's acceleration is the first input; z = (s, q, s', q')."""
+    n, m = F.shape
+    K, D, jump, pushed = _inertial(found, geometry, F)
+    eye, none = np.eye(2 * n + 2), np.zeros((n + 1, m + 1))
+    acceleration = np.zeros((n + 1, 2 * n + 2)), none.copy()
+    acceleration[0][1:, 1 : n + 1], acceleration[0][1:, n + 2 :] = -K, -D
+    acceleration[1][0, 0], acceleration[1][1:] = 1.0, np.hstack([-jump, pushed])
+    maps = [(eye[: n + 1], none), (eye[n + 1 :], none), acceleration]
+    (q, rate, second), support = _apart(maps)
+    A, B = np.vstack([eye[n + 1 :], acceleration[0]]), np.vstack([none, acceleration[1]])
+    moved = [Signal(name, unit, f"{word} of the support") for name, unit, word in PLACED]
+    states = [moved[0], *_positions(geometry), moved[1], *_rates(geometry)]
+    return _Motion(A, B, q, rate, second, states, support)
+
+
+PLACED = (("support", "m", "displacement"), ("support_dot", "m/s", "velocity"))
+Pair = tuple[Floats, Floats]
+
+
+def _apart(maps: list[Pair]) -> tuple[list[Pair], tuple[Pair, ...]]:
+    """The maps to q and its derivatives, and those to the support's displacement and its, the first rows."""
+    return [(one[1:], other[1:]) for one, other in maps], tuple((one[:1], other[:1]) for one, other in maps)
+
+
+def _support_at_velocity(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+    """The support's velocity is the first input; z = (s, q, r)."""
+    n, m = F.shape
+    K, D, jump, pushed = _inertial(found, geometry, F)
+    eye, none = np.eye(2 * n + 1), np.zeros((n + 1, m + 1))
+    rate = np.zeros((n + 1, 2 * n + 1)), none.copy()
+    rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n + 1 :], 1.0, -jump
+    slope = -K @ eye[1 : n + 1] - D @ rate[0][1:], -D @ rate[1][1:]
+    slope[1][:, 1:] += pushed
+    (q, rates), support = _apart([(eye[: n + 1], none), rate])
+    A, B = np.vstack([rate[0], slope[0]]), np.vstack([rate[1], slope[1]])
+    states = [Signal(*PLACED[0][:2], f"{PLACED[0][2]} of the support"), *_positions(geometry), *_smooth(geometry)]
+    return _Motion(A, B, q, rates, None, states, (*support, None))
+
+
+def _support_displaced(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
+    """The support's displacement is the first input; z = (η, r)."""
+    n, m = F.shape
+    K, D, jump, pushed = _inertial(found, geometry, F)
+    eye, none = np.eye(2 * n), np.zeros((n, m + 1))
+    place, rate = (eye[:n], none.copy()), (eye[n:], none.copy())
+    place[1][:, :1], rate[1][:, :1] = -jump, D @ jump
+    slope = -D @ rate[0] - K @ place[0], -D @ rate[1] - K @ place[1]
+    slope[1][:, 1:] += pushed
+    A, B = np.vstack([rate[0], slope[0]]), np.vstack([rate[1], slope[1]])
+    given = np.zeros((1, 2 * n)), np.eye(1, m + 1)
+    states = [
+        Signal(s.name + "_free", s.unit, s.meaning + ", less what a jump of the support adds")
+        for s in _positions(geometry)
+    ]
+    return _Motion(A, B, place, None, None, states + _smooth(geometry), (given, None, None))
+
+
+def _smooth(geometry: Geometry) -> list[Signal]:
+    """Rates that do not jump with the support."""
+    return [
+        Signal(s.name.replace("_dot", "_dot_free"), s.unit, s.meaning + ", less what a jump of the support adds")
+        for s in _rates(geometry)
+    ]
+
+
+MOTIONS: dict[str | None, Callable[[Matrices, Geometry, Floats], _Motion]] = {
+    None: _free,
+    "cart_acceleration": _accelerated,
+    "cart_velocity": _moved,
+    "support_acceleration": _support_accelerated,
+    "support_velocity": _support_at_velocity,
+    "support_displacement": _support_displaced,
+}
+
+
 def _solved(M: Floats, right: Floats) -> Floats:
     """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
     if is_singular(M):
@@ -202,21 +337,39 @@ def _rates(geometry: Geometry) -> list[Signal]:
     return [signal for name in groups for signal in READINGS[name](geometry).signals]
 
 
+READ = {True: "pivot_forces", False: "tip_accelerations"}
+
+
+def _impulsive(reading: OutputGroup, moved: _Motion) -> str:
+    if not moved.support:
+        return f"output {READ[reading.pushed]}: a cart whose velocity jumps has impulses there"
+    names = ", ".join(signal.name for signal in reading.signals[:2])
+    if reading.acceleration is not None:
+        return f"output {names}: a support whose velocity jumps has impulses there: give its acceleration"
+    return f"output {names}: jumps of the support's displacement have no finite rates: give its velocity"
+
+
 def _outputs(
     moved: _Motion, geometry: Geometry, push: InputGroup, readings: list[OutputGroup]
 ) -> tuple[Floats, Floats, list[Signal]]:
     C, D = [], []
     for reading in readings:
         rows = np.zeros((len(reading.signals), len(moved.A))), np.zeros((len(reading.signals), moved.B.shape[1]))
-        for part, maps in (
-            (reading.position, moved.q),
-            (reading.rate, moved.rate),
-            (reading.acceleration, moved.acceleration),
+        for order, (part, maps) in enumerate(
+            (
+                (reading.position, moved.q),
+                (reading.rate, moved.rate),
+                (reading.acceleration, moved.acceleration),
+            )
         ):
             if part is not None and maps is None:
-                raise SceneError(["output pivot_forces: a cart whose velocity jumps has impulses there"])
+                raise SceneError([_impulsive(reading, moved)])
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
+            if part is not None and reading.translation is not None and moved.support:
+                own = moved.support[order]
+                assert own is not None
+                rows = rows[0] + reading.translation[:, None] * own[0], rows[1] + reading.translation[:, None] * own[1]
         if reading.pushed and push.signals:
             rows[1][:, -len(push.signals) :] += push.thrust
         C.append(rows[0])

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
-from modal.assembly import rig_of
+from modal.assembly import frequencies, ratio_at, rig_of
 from modal.eigen import TOLERANCE
 from modal.errors import SceneError
 from modal.modes import Modes, natural_modes
@@ -53,7 +53,15 @@ def fold_equals(scene: Scene) -> Folded:
         passed += copies
     firsts, pendula, counts = zip(*kinds.values(), strict=True)
     heavy = tuple(_heavier(pendulum, count) for pendulum, count in zip(pendula, counts, strict=True))
-    return Folded(scene.replace(pendulum=heavy), firsts, counts)
+    folded = scene.replace(damping_ratio=0.0, pendulum=heavy)
+    return Folded(folded.replace(damping_ratio=_carried(scene, folded)), firsts, counts)
+
+
+def _carried(scene: Scene, folded: Scene) -> float | tuple[float, ...]:
+    """The damping ratios of a scene with the modes numbered as those of the folded one."""
+    if not isinstance(scene.damping_ratio, tuple):
+        return scene.damping_ratio
+    return tuple(ratio_at(rig_of(scene))(frequencies(rig_of(folded))).tolist())
 
 
 def minimal(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()) -> StateSpace:

@@ -40,7 +40,7 @@ from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
 from modal.scene import Scene
-from modal.statespace.modal_form import fixed
+from modal.statespace.model import fixed
 from modal.types import Booleans, Complexes, Floats
 
 TOLERANCE = 0.05

@@ -3,6 +3,9 @@
 A horizontal displacement, to first order, is a row h over q: of a centre h = e_x + Σ_{above} σ l + σ c,
 of a lower joint e_x + Σ σ l.  A horizontal force at that point acts on q with hᵀ; the force of pendulum p on its pivot
 is −Σ m h q'' plus the external forces on its links.
+
+Where the support moves (the fixed support, or the ground to which a cart's rail, spring and damper are attached), q is
+in its frame; positions, the cart's velocity and forces on pivots are those in the laboratory.
 """
 
 from __future__ import annotations
@@ -132,20 +135,31 @@ DRIVES = {
     "cart_acceleration": Signal("cart_acceleration", "m/s^2", "prescribed acceleration of the cart"),
     "cart_velocity": Signal("cart_velocity", "m/s", "prescribed velocity of the cart"),
 }
-INPUTS = (*PUSHES, *DRIVES)
+SUPPORT = {
+    "support_displacement": Signal("support_displacement", "m", "displacement of the support along the rail"),
+    "support_velocity": Signal("support_velocity", "m/s", "velocity of the support along the rail"),
+    "support_acceleration": Signal("support_acceleration", "m/s^2", "acceleration of the support along the rail"),
+}
+"""Motions of the fixed support, or of the ground under a cart."""
+INPUTS = (*PUSHES, *DRIVES, *SUPPORT)
 
 
 # ------------------------------------------------------------------------------------------------------ outputs
 
 
 class OutputGroup(NamedTuple):
-    """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero."""
+    """Outputs as Y0 q + Y1 q' + Y2 q'' + thrust u; a part that is None is zero.
+
+    `translation` (p,) is what a translation of everything along the rail adds: per metre, per m/s where there is a Y1,
+    per m/s² where there is a Y2.
+    """
 
     signals: list[Signal]
     position: Floats | None = None
     rate: Floats | None = None
     acceleration: Floats | None = None
     pushed: bool = False
+    translation: Floats | None = None
 
 
 def _named(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> list[Signal]:
@@ -154,7 +168,12 @@ def _named(prefix: str, unit: str, meaning: str, labels: tuple[str, ...]) -> lis
 
 def _tips(geometry: Geometry) -> OutputGroup:
     signals = [Signal(f"tip_{p}", "m", "horizontal position of a pendulum's end") for p in _pendula(geometry)]
-    return OutputGroup(signals, geometry.joints[geometry.tips])
+    return OutputGroup(signals, geometry.joints[geometry.tips], translation=np.ones(len(signals)))
+
+
+def _tip_accelerations(geometry: Geometry) -> OutputGroup:
+    signals = [Signal(f"tip_ddot_{p}", "m/s^2", "acceleration of a pendulum's end") for p in _pendula(geometry)]
+    return OutputGroup(signals, acceleration=geometry.joints[geometry.tips], translation=np.ones(len(signals)))
 
 
 def _pivot_forces(geometry: Geometry) -> OutputGroup:
@@ -163,8 +182,9 @@ def _pivot_forces(geometry: Geometry) -> OutputGroup:
     ]
     belongs = geometry.pendulum == np.unique(geometry.pendulum)[:, None]
     dragged = -(belongs * geometry.drag) @ geometry.centres if geometry.drag.any() else None
-    inertia = -(belongs * geometry.mass) @ geometry.centres
-    return OutputGroup(signals, rate=dragged, acceleration=inertia, pushed=True)
+    weights = belongs * geometry.mass
+    inertia, translation = -weights @ geometry.centres, -weights.sum(1)
+    return OutputGroup(signals, rate=dragged, acceleration=inertia, pushed=True, translation=translation)
 
 
 def _pendula(geometry: Geometry) -> range:
@@ -172,8 +192,12 @@ def _pendula(geometry: Geometry) -> range:
 
 
 READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
-    "cart_position": lambda g: OutputGroup([Signal("x", "m", "position of the cart")], np.eye(g.size)[:1]),
-    "cart_velocity": lambda g: OutputGroup([Signal("x_dot", "m/s", "velocity of the cart")], rate=np.eye(g.size)[:1]),
+    "cart_position": lambda g: OutputGroup(
+        [Signal("x", "m", "position of the cart")], np.eye(g.size)[:1], translation=np.ones(1)
+    ),
+    "cart_velocity": lambda g: OutputGroup(
+        [Signal("x_dot", "m/s", "velocity of the cart")], rate=np.eye(g.size)[:1], translation=np.ones(1)
+    ),
     "angles": lambda g: OutputGroup(_named("theta", "rad", "angle from equilibrium", g.labels), g.angles),
     "rates": lambda g: OutputGroup(_named("theta_dot", "rad/s", "rate of the angle", g.labels), rate=g.angles),
     "relative_angles": lambda g: OutputGroup(_named("rel", "rad", "angle to the link above", g.labels), g.relative),
@@ -181,9 +205,12 @@ READINGS: dict[str, Callable[[Geometry], OutputGroup]] = {
         _named("rel_dot", "rad/s", "rate of that angle", g.labels), rate=g.relative
     ),
     "joint_positions": lambda g: OutputGroup(
-        _named("joint", "m", "horizontal position of a lower joint", g.labels), g.joints
+        _named("joint", "m", "horizontal position of a lower joint", g.labels),
+        g.joints,
+        translation=np.ones(len(g.labels)),
     ),
     "tip_positions": _tips,
+    "tip_accelerations": _tip_accelerations,
     "pivot_forces": _pivot_forces,
 }
 OUTPUTS = tuple(READINGS)

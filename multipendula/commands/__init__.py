@@ -8,6 +8,7 @@ from multipendula.commands import (
     coupling,
     derivation,
     ensembles,
+    hoisting,
     identification,
     modes,
     motion,
@@ -17,6 +18,7 @@ from multipendula.commands import (
     sweeps,
     synchronization,
     verification,
+    vibration,
 )
 
 __all__ = ["ABOUT", "COMMANDS", "FIRST"]
@@ -33,6 +35,8 @@ GROUPS = (
     ensembles,
     identification,
     statespace,
+    hoisting,
+    vibration,
     derivation,
 )
 COMMANDS = tuple(command for group in GROUPS for command in group.COMMANDS)

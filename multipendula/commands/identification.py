@@ -8,7 +8,18 @@ import sys
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture, small_swings
 from multipendula.completion import files, places
-from multipendula.options import add_file, add_format, add_picture, add_scene, add_theme, add_words, offer, whole
+from multipendula.options import (
+    PICTURES,
+    add_file,
+    add_format,
+    add_picture,
+    add_scene,
+    add_theme,
+    add_words,
+    number,
+    offer,
+    whole,
+)
 from multipendula.parser import Page
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -30,6 +41,7 @@ def _fit_modes(options: argparse.Namespace) -> None:
     from modal.scene import dump, load
 
     motions = {"--where": options.where, "--scale": options.scale, "--compare": options.compare}
+    motions |= {"--window": options.window, "--bootstrap": options.bootstrap}
     problems = [
         f"{name}: is for measured motions, and {options.data[0]} has modes" for name, own in motions.items() if own
     ]
@@ -67,8 +79,9 @@ def _fit_motions(options: argparse.Namespace) -> None:
     from nonlinear.identification import fit as fitted
     from nonlinear.integration import validate
 
-    scene = load(options.scene)
-    free, more = listed(options.free), {"scaled": options.scale, "loss": options.loss, "priors": options.prior or ()}
+    scene, draws = load(options.scene), options.bootstrap or 0
+    free = listed(options.free)
+    more = {"scaled": options.scale, "loss": options.loss, "priors": options.prior or (), "window": options.window}
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
         lambda: read_recording(scene, options.data, where=parse_where(options.where or ()), angles=options.angles),
@@ -86,13 +99,15 @@ def _fit_motions(options: argparse.Namespace) -> None:
         dump(found.scene, options.output)
     if options.report:
         with output(options.report) as write:
-            write(fit_json(found, candidates))
+            write(fit_json(found, candidates, draws))
     if options.picture:
         from nonlinear.plotting import draw_fit
 
         with drawn(options.picture, options.theme) as stream:
             draw_fit(found, stream, picture(options.picture, "--picture"))
-    sys.stdout.write(fit_json(found, candidates) if options.format == "json" else fit_text(found, candidates))
+    sys.stdout.write(
+        fit_json(found, candidates, draws) if options.format == "json" else fit_text(found, candidates, draws)
+    )
 
 
 def _fit_arguments(page: Page) -> None:
@@ -113,14 +128,15 @@ def _fit_arguments(page: Page) -> None:
     page.computed.add_argument("--scale", action="store_true", help="fit the scale of every sensor too")
     words = "cost of a residual (default linear); the others give less weight to outliers"
     page.computed.add_argument("--loss", choices=LOSSES, default="linear", help=words)
+    words = "fit in windows of so many seconds that join (multiple shooting), where one long segment is chaotic"
+    page.computed.add_argument("--window", metavar="SECONDS", type=number("seconds above 0"), help=words)
+    words = "check standard deviations by so many resampled records (block bootstrap)"
+    page.computed.add_argument("--bootstrap", metavar="N", type=whole(100_000), help=words)
     words = "laws of damping to compare: viscous, coulomb, drag, or several joined by +; the best by BIC is reported"
     add_words(page.computed, "--compare", ("viscous", "coulomb", "drag", "viscous+coulomb"), metavar="LAWS", help=words)
-    words = "the scene with the fitted numbers"
-    offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), files((".toml",)))
-    words = "the report with its covariance, as JSON"
-    offer(page.written.add_argument("--report", metavar="FILE", help=words), files((".json",)))
-    words = "draw record, fitted motion and residuals"
-    offer(page.written.add_argument("--picture", metavar="FILE", help=words), files((".png", ".svg", ".pdf")))
+    add_file(page, "--output", "-o", words="the scene with the fitted numbers, {}", kinds=("toml",))
+    add_file(page, "--report", words="the report with its covariance, {}", kinds=("json",))
+    add_file(page, "--picture", words="draw record, fitted motion and residuals in {}", kinds=PICTURES)
     add_theme(page)
     words = "what is printed (default text)"
     page.written.add_argument("--format", choices=("text", "json"), default="text", help=words)

@@ -131,10 +131,13 @@ def _shapes_arguments(page: Page) -> None:
 def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
     from modal.assembly import matrices as matrices_of
+    from modal.modes import HOISTED
     from modal.modes.tables import matrices_table
     from modal.scene import load
 
     scene = small_swings(load(options.scene))
+    if scene.is_hoisted:
+        print(f"multipendula: {HOISTED}", file=sys.stderr)
     with output(options.output) as write:
         write(matrices_table(scene, matrices_of(scene), options.format))
 

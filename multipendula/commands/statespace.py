@@ -16,6 +16,7 @@ from multipendula.parser import Page
 if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.statespace import StateSpace
+    from modal.statespace.varying import VaryingModel
 
 
 def export(options: argparse.Namespace) -> None:
@@ -24,7 +25,13 @@ def export(options: argparse.Namespace) -> None:
     from modal.scene import whole_file
 
     target = format_named(options.to)
-    model = _model(_scene(options), options)
+    scene = _scene(options)
+    if scene.is_hoisted:
+        content = target.write_varying(_varying(scene, options))
+        with whole_file(options.file) as stream:
+            stream.write(content)
+        return
+    model = _model(scene, options)
     if options.discrete:
         from modal.statespace.sampling import sample
 
@@ -34,6 +41,17 @@ def export(options: argparse.Namespace) -> None:
         stream.write(content)
     if note := target.note(content):
         print(f"multipendula: {note}", file=sys.stderr)
+
+
+def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
+    """The model along a hoist."""
+    from modal.errors import SceneError
+    from modal.statespace.varying import varying_model
+
+    asked = [name for name in ("discrete", "minimal", "modes") if getattr(options, name)]
+    if asked:
+        raise SceneError([f"--{name}: needs constant lengths, and this scene has a hoist" for name in asked])
+    return varying_model(scene, None, listed(options.input), listed(options.output))
 
 
 def _export_arguments(page: Page) -> None:
@@ -152,6 +170,11 @@ def shaper(options: argparse.Namespace) -> None:
 
         for number, left in enumerate(shaped_modes(found, estimate, options.drive, options.count), 1):
             print(f"# {left.words(number)}")
+    if scene.is_hoisted:
+        from modal.statespace.hoisting import residual_words
+
+        for words in residual_words(scene, options.count, options.kind, options.drive, found):
+            print(f"# {words}")
     impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
     sys.stdout.write(csv_rows([("time_s", "amplitude"), *impulses]))
 
@@ -177,19 +200,22 @@ def _shaper_arguments(page: Page) -> None:
 def _add_signals(page: Page) -> None:
     """The groups of inputs and outputs of a model."""
     page.rephrase(r"^(input|output)(?=[ :])", r"--\1")
-    inputs = ("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces")
+    inputs = (
+        *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
+        *("support_displacement", "support_velocity", "support_acceleration"),
+    )
     outputs = (
         *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
-        *("joint_positions", "tip_positions", "pivot_forces"),
+        *("joint_positions", "tip_positions", "tip_accelerations", "pivot_forces"),
     )
     words = (
         "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces"
+        "support), link_forces; support_displacement, support_velocity or support_acceleration"
     )
     add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
     words = (
         "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
-        "tip_positions, pivot_forces"
+        "tip_positions, tip_accelerations, pivot_forces"
     )
     add_words(page.asked, "--output", outputs, metavar="WORDS", help=words)
 
@@ -224,7 +250,8 @@ COMMANDS = (
         arguments=_export_arguments,
         details=(
             "z' = A z + B u, y = C z + D u about the scene's equilibrium, with a name and a unit for every state, "
-            "input and output; discretized with --discrete."
+            "input and output; discretized with --discrete. Of a scene with a hoist, A and B are sampled along it (npz "
+            "and mat only)."
         ),
         examples=(
             ("export crane-hook --to mat -o crane.mat", "for MATLAB and Octave"),

@@ -110,7 +110,8 @@ class Goal:
         asked = self.request
         system = asked.system
         acted_on = asked.load or asked.events or system.excites or system.rubs or system.dragged
-        return asked.method == asked.form == "auto" and not acted_on
+        prescribed = system.hoisting or system.support
+        return asked.method == asked.form == "auto" and not (acted_on or prescribed)
 
 
 def in_closed_form(goal: Goal) -> Iterator[Found]:

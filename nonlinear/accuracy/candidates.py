@@ -132,7 +132,7 @@ def list_candidates(scene: Scene) -> tuple[Candidate, ...]:
         families = [("spatial", method, False) for method in IN_SPACE]
     else:
         families = [("minimal", method, False) for method in (*IN_PLANE, *(["taylor"] if taylor.available() else []))]
-        families += [("minimal", "DOP853", True)] if find_spec("numba") else []
+        families += [("minimal", "DOP853", True)] if find_spec("numba") and not scene.has_modal_damping else []
         families += [("maximal", "DOP853", False)]
     each = [
         Candidate(kind, method, tolerance, compiled) for kind, method, compiled in families for tolerance in TOLERANCES

@@ -24,12 +24,21 @@ import numpy as np
 
 from modal._compatibility import former, former_argument
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, unsupported
+from modal.scene import Scene, refuse_motion, unsupported
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
 from nonlinear.accuracy.references import Reference, reference_of
 from nonlinear.integration import Trajectory, estimate_timescales, sample_count, validate_numbers
-from nonlinear.system import Motion, State, System, apart, initial_state, system_of, validate_state
+from nonlinear.system import (
+    Motion,
+    State,
+    System,
+    apart,
+    initial_state,
+    require_constant_lengths,
+    system_of,
+    validate_state,
+)
 
 PER_PERIOD, FEWEST, MOST = 12, 200, 4000  # samples compared
 REPEATS, LONG = 5, 0.3  # runs whose median counts; no further one after LONG seconds
@@ -106,8 +115,10 @@ def measure_work_precision(
     reference. Raises SceneError for invalid arguments, ComputationError where there is no reference to compare with.
     """
     validate_numbers(duration, 1e-9, 0.0)
+    require_constant_lengths(scene, "a comparison of methods")
     if scene.n_links > MOST_LINKS:
         raise SceneError([f"the scene has {scene.n_links} links: methods are compared for at most {MOST_LINKS}"])
+    refuse_motion(scene, "the comparison of methods")
     if scene.is_driven:
         raise SceneError(["drive: methods are compared for scenes without drives only"])
     if found := unsupported(

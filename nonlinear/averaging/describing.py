@@ -1,4 +1,4 @@
-"""Describing functions of escapements: their kicks as torques synchronous with the oscillation.
+"""Describing functions of escapements and of dry friction: torques synchronous with the oscillation.
 
 A kick P at the angle a of a joint that swings with the complex amplitude Γ at the rate Ω, |Γ| > a, has the harmonics
 
@@ -9,6 +9,14 @@ corner in the oscillation.  With κ = Σ γ_r², the inverse of the inertia that
 third on add up to −2 P κ/πΩ · Σ 1/(h² − 1) = −P κ/2πΩ at the kick, if all modes oscillate at about Ω: the first
 harmonic has to reach that far beyond a.  Among several frequency bands Γ is that of the band that swings the joint
 most; the others shift a, and with it α, and add their speed to Ω|Γ| sin α.
+
+Dry friction −M sign γ' depends on the velocity alone.  With γ' = V cos ψ + v, v that of the other bands, ρ = v/V and
+cos β = −ρ, its harmonics in ψ and its mean over ψ are
+
+    −(4M/πh) sin hβ cos hψ,        −(2M/π) arcsin ρ,
+
+so that, of one frequency, the first is −(4M/π) cos ψ whatever V is, and beside it a weaker one is damped in proportion
+to its own velocity (dither: Gelb & Vander Velde, ch. 6).  This is exact as long as the joint slides.
 
 Arrays are over B bands, J joints and S states: `swing` Γ of every band (B, J, S), `turning` Ω (B, S), `impulse` and
 `angle` (J,), the `corner` Pκ/2π (J, S).
@@ -43,6 +51,24 @@ def pulls(
     lead, third = (np.mean(often * ahead**harmonic, axis=-1) for harmonic in (1, 3))
     other = np.mean(often * turn.conj(), axis=-1)
     return np.asarray(scale * np.where(first, lead, other)), np.asarray(scale * np.where(first, third, 0.0))
+
+
+def rubbed(limit: Floats, swing: Complexes, turning: Floats, phases: Complexes) -> tuple[Complexes, Complexes]:
+    """First and third harmonics of dry friction (B, J, S) with the limits M (J,), as means over the other phases."""
+    speed = 1j * turning[:, None] * swing
+    first = _leading(speed)
+    own = np.where(first, speed, 0.0).sum(axis=0)
+    size = np.maximum(np.abs(own), NONE)
+    turn = phases[:, None, None]
+    aside = np.sum(np.where(first, 0.0, speed)[..., None] * turn, axis=0).real
+    share = np.clip(aside / size[..., None], -1.0, 1.0)
+    sine = np.sqrt(1 - share**2)
+    ahead = own / size
+    lead = 4 / np.pi * np.mean(sine, axis=-1) * ahead
+    third = 4 / (3 * np.pi) * np.mean(3 * sine - 4 * sine**3, axis=-1) * ahead**3
+    other = 4 / np.pi * np.mean(np.arcsin(share) * turn.conj(), axis=-1)
+    torque = -limit[:, None]
+    return np.asarray(torque * np.where(first, lead, other)), np.asarray(torque * np.where(first, third, 0.0))
 
 
 def mixed(angle: Floats, swing: Complexes, turning: Floats) -> float:

@@ -25,7 +25,8 @@ but those that truly are constant has a mean.
 A free cart has no frequency of its own, so a damper c may well stop it within a swing: in the h-th harmonic its motion
 in φ_r and the force on it are divided by 1 − i c/(h Ω_b M), M all masses together, as M x'' + c x' = −(b·q)'' has it.
 
-Escapements act by harmonics of their kicks (`nonlinear.averaging.describing`).
+Escapements act by harmonics of their kicks, and joints with dry friction by those of its torque
+(`nonlinear.averaging.describing`).
 """
 
 from __future__ import annotations
@@ -40,9 +41,10 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
-from modal.scene import Scene, unsupported
+from modal.scene import Cart, Scene, refuse_motion, unsupported
 from modal.types import Booleans, Complexes, Floats, Ints
-from nonlinear.averaging.describing import mixed, pulls
+from nonlinear.averaging.describing import mixed, pulls, rubbed
+from nonlinear.dynamics import Contacts, contacts_of
 from nonlinear.integration import Escaping, escaping
 from nonlinear.reduction import residual_forces
 from nonlinear.system import State, System, system_of
@@ -159,6 +161,9 @@ class AveragedEquations:
         first = self._split(z)
         waves = self._waves(first, turning, 1)
         pull, third = self._kicks(first, turning, kept) if kicked and self._joints else (0.0, 0.0)
+        if self._contacts:
+            rubbing = rubbed(self._contacts.limit, self._slides.T @ first, turning, self._phases)
+            pull, third = (part + self._slides @ torque for part, torque in zip((pull, third), rubbing, strict=True))
         fast = 9 * turning[:, None] ** 2
         gap = (self.omega[:, None] ** 2 - fast) / fast
         soft = gap / (gap**2 + NEAR**2) / fast
@@ -201,6 +206,16 @@ class AveragedEquations:
         torques = pulls(joints.impulse, joints.angle, corner, self._turns.T @ first, turning, self._phases)
         one, three = (self._turns @ torque for torque in torques)
         return one, three
+
+    @cached_property
+    def _contacts(self) -> Contacts | None:
+        return contacts_of(self.system) if self.system.rubs else None
+
+    @cached_property
+    def _slides(self) -> Floats:
+        """Relative rotation in every shape at the joints with dry friction, (C, J)."""
+        assert self._contacts is not None
+        return self._contacts.relative(self.shapes.T)
 
     def mixed(self, z: Complexes, turning: Floats) -> float:
         """How strongly several bands drive one escapement in z (C, S), as in `describing`; 0 without any."""
@@ -267,16 +282,23 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
 def average(scene: Scene, system: System | None = None) -> AveragedEquations:
     """The averaged equations of a scene in the plane whose links all hang; `system` may be given.
 
-    Raises ComputationError for other scenes, for more than MOST links or MOST_BANDS bands, and for coordinates without
-    a mode, such as those of some massless carts.
+    Raises ComputationError for other scenes, for dry friction on the rail, for quadratic drag, for more than MOST links
+    or MOST_BANDS bands, and for coordinates without a mode, such as those of some massless carts.
     """
     if scene.space == "space" or scene.stands:
         raise ComputationError("averaged equations need hanging links in the plane")
-    why = "averaged equations are for motion that never sticks: simulate the scene instead"
-    if found := unsupported(scene, why, "friction"):
+    if scene.is_hoisted:
+        raise ComputationError("averaged equations need constant lengths, and this scene has a hoist")
+    if scene.has_modal_damping:
+        raise ComputationError("averaged equations know the dampers of the cart and the joints, not a damping_ratio")
+    if isinstance(scene.support, Cart) and scene.support.has_friction:
+        why = "averaged equations do not know when a cart sticks"
+        raise ComputationError(f"support.friction: {why}: simulate the scene instead")
+    if found := unsupported(scene, "has no exact mean in averaged equations", "quadratic_drag"):
         raise ComputationError(found[0])
     if scene.n_links > MOST:
         raise ComputationError(f"averaged equations are limited to {MOST} links, not {scene.n_links}")
+    refuse_motion(scene, "averaging")
     system, modes = system or system_of(scene), natural_modes(scene.conservative)
     phi = modes.matrix.real.take(modes.omega[modes.matrix.row] > 0)
     if len(phi.row) < scene.n_links + bool(system.cart and system.cart.stiffness):

@@ -20,14 +20,14 @@ from scipy.special import stdtrit
 
 from modal.errors import ComputationError, SceneError
 from modal.report import visible
-from modal.scene import Escapement, Scene, unsupported
+from modal.scene import Escapement, Scene, refuse_motion, unsupported
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
 from nonlinear.integration.lanes import Task, integrate
 from nonlinear.integration.pacing import longest_first, units_of
 from nonlinear.integration.watches import Gains
-from nonlinear.system import State, initial_state, numbers_of, system_of, validate_state
+from nonlinear.system import State, initial_state, numbers_of, require_constant_lengths, system_of, validate_state
 
 TRANSIENT = 0.5
 """Fraction of the duration run beforehand, for v to align with the fastest growing direction."""
@@ -215,8 +215,10 @@ def lyapunov_exponent(
     times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long enough. Raises SceneError
     for a scene in space or a duration that is too short.
     """
+    refuse_motion(scene, "a Lyapunov exponent")
     duration = usual_duration(scene) if duration is None else duration
     _check(scene, duration, SHORTEST / USUAL * usual_duration(scene), ensemble)
+    require_constant_lengths(scene, "a Lyapunov exponent")
     tangent = Tangent(system_of(scene))
     rng = np.random.default_rng(seed)
     states = starts if starts is not None else nearby(initial_state(scene), ensemble, spread, rng)

@@ -12,9 +12,12 @@ solved without M by one pass up each chain and one down (`recursion`), written o
 from nonlinear.dynamics.banded import Banded
 from nonlinear.dynamics.dense import Dense, Elimination, Small, loses_digits
 from nonlinear.dynamics.equilibrium import is_unstable_equilibrium
-from nonlinear.dynamics.friction import Frictional, contacts_of
+from nonlinear.dynamics.friction import Contacts, Frictional, contacts_of, links_of_contacts
 from nonlinear.dynamics.generated import Generated
 from nonlinear.dynamics.hamiltonian import Hamiltonian
+from nonlinear.dynamics.hoisted_maximal import HoistedMaximal
+from nonlinear.dynamics.hoisting import Hoisted
+from nonlinear.dynamics.inertial import Inertial, applied, with_inertial_forces
 from nonlinear.dynamics.interrupts import children_without_interrupts, undisturbed
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.lanes import Lanes
@@ -27,11 +30,15 @@ from nonlinear.dynamics.symmetries import Reduced, Symmetry, exactly_symmetric, 
 __all__ = [
     "Banded",
     "Body",
+    "Contacts",
     "Dense",
     "Elimination",
     "Frictional",
     "Generated",
     "Hamiltonian",
+    "Hoisted",
+    "HoistedMaximal",
+    "Inertial",
     "Lanes",
     "Maximal",
     "Mechanics",
@@ -44,14 +51,17 @@ __all__ = [
     "SpatialRecursion",
     "Symmetry",
     "acting",
+    "applied",
     "children_without_interrupts",
     "contacts_of",
     "exactly_symmetric",
     "find_symmetries",
     "is_unstable_equilibrium",
+    "links_of_contacts",
     "loses_digits",
     "symmetrize",
     "synchronous",
     "undisturbed",
     "vectors",
+    "with_inertial_forces",
 ]

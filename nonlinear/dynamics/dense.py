@@ -63,7 +63,8 @@ class Small(Minimal):
         """Whether any force acts besides gravity."""
         cart, groups = self.system.cart, self.system.groups
         held = cart is not None and (cart.stiffness or cart.damping)
-        return bool(held or self.load or any(group.hinged or group.dragged for group in groups))
+        acted_on = self.load or self.system.modal_damping is not None
+        return bool(held or acted_on or any(group.hinged or group.dragged for group in groups))
 
     @cached_property
     def _total(self) -> float:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from modal.types import Floats
+from nonlinear.dynamics.friction import contacts_of
 from nonlinear.dynamics.joints import acting
 from nonlinear.system import AppliedForces, Group, State, System
 
@@ -18,8 +19,11 @@ TINY = float(np.finfo(float).tiny)
 def is_unstable_equilibrium(system: System, start: State) -> bool:
     """Whether a start is an unstable equilibrium to within rounding, or on a fixed support any one of its pendula is.
 
-    Nothing moves, the moments of gravity and springs balance, and V has no minimum there.
+    Nothing moves, the moments of gravity and springs balance, and V has no minimum there.  Where dry friction holds
+    every coordinate nothing is unstable.
     """
+    if system.rubs and len(contacts_of(system).below) == system.n_links + (system.cart is not None):
+        return False
     angles = np.arctan2(np.hypot(*start.links.T[:2]), start.links[:, 2]) if system.spatial else start.links
     still = ~np.any(start.link_rates.reshape(system.n_links, -1), axis=1)
     _, felt, _ = acting(replace(system, spatial=False), State(angles, 0.0 * angles), AppliedForces())

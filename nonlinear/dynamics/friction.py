@@ -78,6 +78,11 @@ def contacts_of(system: System) -> Contacts:
     return Contacts(*places, limit[order], system.rail is not None, coefficient)
 
 
+def links_of_contacts(system: System) -> Ints:
+    """The link below each contact (J,), −1 for the rail."""
+    return np.asarray(contacts_of(system).below - int(system.cart is not None))
+
+
 def hold(a: Floats, G: Floats, limit: Floats) -> tuple[Floats, Floats]:
     """The friction τ (J,) of contacts at rest, and the sign (J,) of the sliding that begins, 0 where they stick.
 

@@ -6,6 +6,8 @@ At a joint, or between cart and rail, they depend on the displacement γ from th
 
 The first term is conservative, the second does work; γ of a joint is the angle between two neighbouring links less its
 equilibrium value.  A load is a force on the cart and a moment on every link; dry friction acts as one (`friction`).
+The damping ratios of modes are dampers on all coordinates together, a force −D_modal q' that is linear in the rates of
+x and of the angles θ, however large these are.
 """
 
 from __future__ import annotations
@@ -42,6 +44,11 @@ def joint_torques(group: Group, angles: Any, rates: Any) -> tuple[Any, Any]:
     torques = kept + working
     torques[:-1] -= torques[1:].copy()
     return torques, np.sum(working * speed, axis=(0, 1))
+
+
+def modal_drag(system: System, rates: Any) -> Any:
+    """The generalized forces −D_modal q' (half, ...) of damping ratios, from the rates of the cart and the links."""
+    return -np.tensordot(np.asarray(system.modal_damping), rates, 1)
 
 
 def spring_energy(group: Group, angles: Floats) -> Floats:
@@ -84,4 +91,9 @@ def acting(system: System, state: State, push: AppliedForces) -> tuple[float, Fl
         torques, power = torques + push.moments, power + float(push.moments @ state.link_rates)
     kept, working = cart_force(system, state.cart, state.cart_rate)
     outside = push.cart + working if system.cart else 0.0
+    if system.modal_damping is not None:
+        rates = np.append(state.cart_rate, state.link_rates) if system.cart else state.link_rates
+        drag = modal_drag(system, rates)
+        torques, power = torques + drag[-len(torques) :], power + float(drag[-len(torques) :] @ state.link_rates)
+        outside += drag[0] if system.cart else 0.0
     return outside + kept + dragged, torques, power + float(state.cart_rate * outside)

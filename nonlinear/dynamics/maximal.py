@@ -35,6 +35,7 @@ from scipy.sparse.linalg import splu
 
 from modal.errors import ComputationError
 from modal.types import Floats, Ints
+from nonlinear.dynamics.inertial import Inertial
 from nonlinear.dynamics.joints import acting
 from nonlinear.dynamics.mechanics import Reactions
 from nonlinear.system import AppliedForces, Load, Motion, State, System
@@ -80,29 +81,32 @@ class Maximal:
 
     def unknowns(self, time: float, y: Floats) -> Floats:
         """The paper's u: q'' (m/s², rad/s²), then `normal` on a cart, then the force from above on every link (N)."""
-        state = self._state(y)
-        return self._solved(state, self._push(time, state))[0]
+        return self._solved(time, self._state(y))[0]
 
     def derivative(self, time: float, y: Floats) -> Floats:
         """The derivative y', (size,)."""
-        state, size = self._state(y), self.pivots.size
-        push = self._push(time, state)
-        unknowns, power = self._solved(state, push)
+        size = self.pivots.size
+        unknowns, power = self._solved(time, self._state(y))
         return np.concatenate((y[size : 2 * size], unknowns[:size], [power] * self.works))
 
-    def _solved(self, state: State, push: AppliedForces) -> tuple[Floats, float]:
-        """The unknowns, and the power (W) of dampers, drives and the load."""
-        system, forces = self.system, np.zeros(self.pivots.size)
+    def _solved(self, time: float, state: State) -> tuple[Floats, float]:
+        """The unknowns, and the power (W) of dampers, drives, the load and inertial forces."""
+        system, forces, push = self.system, np.zeros(self.pivots.size), self._push(time, state)
         support, links = self.pivots.parts(forces)
         on_cart, on_links, power = acting(system, state, push)
         support += on_cart, system.gravity * system.cart.mass if system.cart else 0.0
         links[:, 1] = system.gravity * system.mass
         links[:, 2] = on_links
+        if isinstance(self.load, Inertial):
+            felt = -system.mass[:, None] * self.load.acceleration(time)
+            links[:, :2] += felt
+            power += float(np.sum(felt * self.pivots.parts(self.pivots.placed(state)[1])[1][:, :2]))
         unknowns = self.saddle.solve(state.links, forces, self.pivots.gamma(state.links, state.link_rates))
         return unknowns, power
 
     def _push(self, time: float, state: State) -> AppliedForces:
-        return self.load(time, state) if self.load else AppliedForces()
+        load = self.load.given if isinstance(self.load, Inertial) else self.load
+        return load(time, state) if load else AppliedForces()
 
     def _state(self, y: Floats) -> State:
         return self.read(y[None])[0]
@@ -173,7 +177,7 @@ class Maximal:
         size, first = self.pivots.size, self.pivots.first
         at = np.zeros(len(motion.cart)) if times is None else times
         states = [motion[place] for place in range(len(at))]
-        solved = [self._solved(state, self._push(time, state))[0] for time, state in zip(at, states, strict=True)]
+        solved = [self._solved(time, state)[0] for time, state in zip(at, states, strict=True)]
         found = np.array(solved)[:, size:]
         pivots, tops = found[:, first // 2 :].reshape(len(found), -1, 2), self.pivots.above < 0
         return Reactions(found[:, 0] if first else -pivots[:, tops, 1].sum(1), pivots, tops)

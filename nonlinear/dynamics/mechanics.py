@@ -3,15 +3,20 @@
 Vectors have the components (along the rail, down) in the plane and (along, across, down) in space.  Potential energy is
 measured from the scene's equilibrium, by σ − cos θ = 2 σ sin² ((θ − rest)/2) and, in space, σ − u·e_z =
 σ |u − σ e_z|²/2, with σ = 1 for a link that hangs there and −1 for an inverted one: small motions keep their digits.
+
+On a support that moves as prescribed positions are those in the laboratory; velocities, energies and momenta are those
+in the support's frame.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from modal.errors import ComputationError
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import forces_of
@@ -30,18 +35,24 @@ def vectors(motion: Motion) -> tuple[Floats, Floats]:
     return np.stack((sin, cos), axis=-1), rates * np.stack((cos, -sin), axis=-1)
 
 
-def chained(system: System, cart: Floats, along: Floats) -> tuple[Floats, Floats]:
+def chained(
+    system: System, cart: Floats, along: Floats, length: Floats | None = None, extra: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Sums along chains at lower joints and centres, each (T, L, d); a metre of link contributes `along` (T, L, d).
 
     Gives positions from unit vectors, velocities from their first and accelerations from their second derivatives;
-    `cart` (T,) is the same quantity of the pivots, along the rail.
+    `cart` (T,) is the same quantity of the pivots, along the rail.  Where lengths change, `length` (T, L) are those and
+    `extra` (T, L, d) is what their change contributes, by which the bobs at their ends move as well.
     """
     ends, centres = np.empty_like(along), np.empty_like(along)
     for group in system.groups:
         own = along[:, group.index]
-        steps = group.block.length[..., None] * own
+        reach, rest = group.block.length, group.block.centre - group.block.length
+        if length is not None and system.hoisting is not None:
+            reach, rest = length[:, group.index], np.where(system.hoisting.moving[group.index], 0.0, rest)
+        steps = reach[..., None] * own + (0.0 if extra is None else extra[:, group.index])
         ends[:, group.index] = lower = np.cumsum(steps, axis=1)
-        centres[:, group.index] = lower + (group.block.centre - group.block.length)[..., None] * own
+        centres[:, group.index] = lower + rest[..., None] * own
     ends[..., 0] += cart[:, None]
     centres[..., 0] += cart[:, None]
     return ends, centres
@@ -49,10 +60,31 @@ def chained(system: System, cart: Floats, along: Floats) -> tuple[Floats, Floats
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """Quantities of T states, computed on demand."""
+    """Quantities of T states, computed on demand.
+
+    Their `times` (T,) in s are needed where lengths change; `support` (T, d) are the places (m) of a moved support in
+    the laboratory.
+    """
 
     system: System
     motion: Motion
+    times: Floats | None = None
+    support: Floats | None = None
+
+    @cached_property
+    def lengths(self) -> tuple[Floats, Floats, Floats] | None:
+        """Lengths (m), their speeds and accelerations (T, L) where any change, else None."""
+        if self.system.hoisting is None:
+            return None
+        if self.times is None:
+            raise ComputationError("the lengths of this scene change: its positions and energies need times")
+        return self.system.hoisting.at(self.times)
+
+    def _chained(self, cart: Floats, along: Floats, extra: Callable[..., Floats]) -> tuple[Floats, Floats]:
+        """`chained` with the contribution of changing lengths, `extra` of length, speed, acceleration (T, L, 1)."""
+        if self.lengths is None:
+            return chained(self.system, cart, along)
+        return chained(self.system, cart, along, self.lengths[0], extra(*(part[..., None] for part in self.lengths)))
 
     @cached_property
     def vectors(self) -> tuple[Floats, Floats]:
@@ -62,17 +94,26 @@ class Mechanics:
     @cached_property
     def joints(self) -> Floats:
         """Position (m) of every link's lower joint, (T, L, d)."""
-        return chained(self.system, self.motion.cart, self.vectors[0])[0]
+        return self._positions[0]
 
     @cached_property
     def centres(self) -> Floats:
         """Position (m) of every link's centre of mass, (T, L, d)."""
-        return chained(self.system, self.motion.cart, self.vectors[0])[1]
+        return self._positions[1]
+
+    @cached_property
+    def _positions(self) -> tuple[Floats, Floats]:
+        u = self.vectors[0]
+        ends, centres = self._chained(self.motion.cart, u, lambda l, v, a: 0.0 * u)
+        if self.support is not None:
+            ends, centres = (values + self.support[:, None] for values in (ends, centres))
+        return ends, centres
 
     @cached_property
     def speeds(self) -> Floats:
         """Velocity (m/s) of every centre of mass, (T, L, d)."""
-        return chained(self.system, self.motion.cart_rate, self.vectors[1])[1]
+        u, w = self.vectors
+        return self._chained(self.motion.cart_rate, w, lambda l, v, a: v * u)[1]
 
     @cached_property
     def kinetic(self) -> Floats:
@@ -88,7 +129,10 @@ class Mechanics:
             lifts = sigma * np.sum((links - np.outer(sigma, [0.0, 0.0, 1.0])) ** 2, axis=-1) / 2
         else:
             lifts = 2 * sigma * np.sin((links - self.system.rest) / 2) ** 2
-        return chained(self.system, np.zeros(len(links)), lifts[..., None])[1][..., 0]
+        base = self.system.by_link("length")[:, None]
+        return self._chained(np.zeros(len(links)), lifts[..., None], lambda l, v, a: sigma[:, None] * (base - l))[1][
+            ..., 0
+        ]
 
     @cached_property
     def potential(self) -> Floats:
@@ -131,9 +175,16 @@ class Mechanics:
         rows, times = max(1, AT_ONCE // self.system.n_links), len(self.motion.cart)
         if times <= rows:
             return self.kinetic.sum(1) + self.cart_kinetic, self.potential.sum(1) + self.cart_potential
-        parts = [Mechanics(self.system, self.motion.at(slice(at, at + rows))).energies for at in range(0, times, rows)]
+        clauses = [slice(at, at + rows) for at in range(0, times, rows)]
+        whens = [None if self.times is None else self.times[own] for own in clauses]
+        parts = [
+            Mechanics(self.system, self.motion.at(own), when).energies for own, when in zip(clauses, whens, strict=True)
+        ]
         kinetic, potential = map(np.concatenate, zip(*parts, strict=True))
         return kinetic, potential
+
+    def _at(self, rows: slice) -> Mechanics:
+        return Mechanics(self.system, self.motion.at(rows), None if self.times is None else self.times[rows])
 
     def of_pendula(self, values: Floats) -> Floats:
         """Sums over each pendulum of values (T, L) of links, (T, N)."""
@@ -156,13 +207,17 @@ class Mechanics:
         own = (u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0]) @ self.system.by_link("inertia")
         return np.asarray(orbital + own)
 
-    def pivot_forces(self, accelerations: tuple[Floats, Floats]) -> Floats:
+    def pivot_forces(self, accelerations: tuple[Floats, Floats], support: Floats | None = None) -> Floats:
         """Force (N) on every link from above at its upper joint, (T, L, d).
 
-        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d): Newton's second law for
-        the link and all below it, on which their drag acts as well.
+        `accelerations` are x'' (T,) and the second derivatives of the unit vectors (T, L, d), `support` (T, d) is the
+        acceleration of a moved support: Newton's second law for the link and all below it, on which their drag acts
+        as well.
         """
-        bodily = chained(self.system, *accelerations)[1]
+        u, w = self.vectors
+        bodily = self._chained(*accelerations, lambda l, v, a: a * u + 2 * v * w)[1]
+        if support is not None:
+            bodily += support[:, None]
         bodily[..., -1] -= self.system.gravity
         needed = self.system.mass[:, None] * bodily
         if self.system.dragged:

@@ -18,7 +18,7 @@ import numpy as np
 
 from modal.types import Floats, Ints
 from nonlinear.dynamics.drag import plane_drag
-from nonlinear.dynamics.joints import cart_force, joint_torques
+from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
 from nonlinear.dynamics.recursion import downward, links_of, upward
 from nonlinear.system import AppliedForces, Group, Layout, Load, Motion, State, System
 
@@ -71,11 +71,13 @@ class Suspended(ABC):
         push = self.applied(time, y)
         found = np.empty_like(y)
         found[:half] = v
-        mass, force, power, solved = self._pulls(q[first:], v[first:], push, v[0] if cart else 0.0)
+        drag = None if self.system.modal_damping is None else modal_drag(self.system, v)
+        own, rate = None if drag is None else drag[first:], v[0] if cart else 0.0
+        mass, force, power, solved = self._pulls(self.bodies_at(time), q[first:], v[first:], push, own, rate)
         x2 = 0.0
         if cart:
             kept, working = cart_force(self.system, q[0], v[0])
-            outside = push.cart + working
+            outside = push.cart + working + (0.0 if drag is None else drag[0])
             x2 = found[half] = (outside + kept - force) / (cart.mass + mass)
             power = power + v[0] * outside
         turned = found[half + first : 2 * half]
@@ -89,18 +91,30 @@ class Suspended(ABC):
         """What acts from outside."""
         return self.load(time, self.layout.state(y)) if self.load else NOTHING
 
+    def bodies_at(self, time: float) -> tuple[Body, ...]:
+        """The solvers of the groups at a time (s)."""
+        return self.bodies
+
     @abstractmethod
     def dragged(self, group: Group, links: Any, rates: Any, cart_rate: Any) -> tuple[Any, Any, Any]:
         """Generalized forces of drag like those of `acting`, its force on the cart (N), and its power (W)."""
 
     def _pulls(
-        self, links: Any, rates: Any, push: AppliedForces, cart_rate: Any
+        self,
+        bodies: tuple[Body, ...],
+        links: Any,
+        rates: Any,
+        push: AppliedForces,
+        drag: Any | None,
+        cart_rate: Any,
     ) -> tuple[Any, Any, Any, list[tuple[Ints, Body, Any]]]:
         mass, force, power, solved = 0.0, 0.0, 0.0, []
         given = push.moments if push.moments is None or links.ndim > 1 else np.ravel(push.moments)
-        for group, place, body in zip(self.system.groups, self.places, self.bodies, strict=True):
+        for group, place, body in zip(self.system.groups, self.places, bodies, strict=True):
             own, speed = links[place], rates[place]
             torques, work = self.acting(group, own, speed, None if given is None else given[place])
+            if drag is not None:
+                torques, work = torques + drag[place], work + np.sum(drag[place] * speed, axis=(0, 1))
             if group.dragged:
                 resisting, braking, lost = self.dragged(group, own, speed, cart_rate)
                 torques, force, work = torques + resisting, force - braking, work + lost

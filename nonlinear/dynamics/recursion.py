@@ -12,6 +12,9 @@ In the basis (n, u) two of M's three numbers need no subtraction (as in `modal.e
     M_nn = (m I + (I + m (l−c)²) M'_nn)/D,   M_nu = (I − m c (l−c)) M'_nu / D,   M_uu = m + M'_uu − l² M'_nu²/D
 
 This is the articulated-body recursion (Featherstone, Rigid Body Dynamics Algorithms, 2008, §7.2) of a planar chain.
+A bob whose rope changes its length has the accelerations β_u = l'' along it and β_n = 2 l' ω across it, too, as has all
+that hangs below: they add M'β to p' and m β to the force on the bob.
+
 Every line is plain arithmetic: it accepts floats, arrays of any one shape, complex numbers, SymPy and heyoka
 expressions.
 """
@@ -46,6 +49,13 @@ class Answer(NamedTuple):
     pz: Any
 
 
+class Bias(NamedTuple):
+    """Accelerations (m/s²) of a link's bob and lower joint across and along it that its rotation does not explain."""
+
+    across: Any
+    along: Any
+
+
 class Turn(NamedTuple):
     """The terms of θ'' = −(hx ã_x + hz ã_z + e)/D of one link, and those that transmit ã to its lower joint."""
 
@@ -69,26 +79,36 @@ def links_of(group: Group) -> list[Link]:
 
 
 def upward(
-    links: Sequence[Link], sin: Sequence[Any], cos: Sequence[Any], rate: Sequence[Any], torque: Sequence[Any]
+    links: Sequence[Link],
+    sin: Sequence[Any],
+    cos: Sequence[Any],
+    rate: Sequence[Any],
+    torque: Sequence[Any],
+    bias: Sequence[Bias] | None = None,
 ) -> tuple[Answer, list[Turn]]:
     """The upward pass: the response at the first joint, and the `Turn` of every link, top first.
 
-    `torque` (N m) is the generalized force on each absolute angle, gravity excepted.
+    `torque` (N m) is the generalized force on each absolute angle, gravity excepted; `bias` is that of changing
+    lengths, 0 for all links but bobs.
     """
+    extra = [None] * len(links) if bias is None else bias
     below = Answer(*[0 * sin[-1]] * 5)
     turns: list[Turn] = []
-    for link, s, c, w, Q in reversed(list(zip(links, sin, cos, rate, torque, strict=True))):
-        below, turn = _passed(link, below, s, c, w, Q)
+    for link, s, c, w, Q, own in reversed(list(zip(links, sin, cos, rate, torque, extra, strict=True))):
+        below, turn = _passed(link, below, s, c, w, Q, own)
         turns.append(turn)
     return below, turns[::-1]
 
 
-def _passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any) -> tuple[Answer, Turn]:
+def _passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any, bias: Bias | None = None) -> tuple[Answer, Turn]:
     l, mc, twice = link.l, link.mc, 2 * s * c * below.xz
     nn = c * c * below.xx - twice + s * s * below.zz
     uu = s * s * below.xx + twice + c * c * below.zz
     nu = s * c * (below.xx - below.zz) + (c * c - s * s) * below.xz
     pn, pu, ww = c * below.px - s * below.pz, s * below.px + c * below.pz, w * w
+    if bias is not None:
+        Q = Q - mc * bias.across
+        pn, pu = pn + nn * bias.across + nu * bias.along, pu + nu * bias.across + uu * bias.along
     D = link.J + l * l * nn
     hn, hu = mc + l * nn, l * nu
     e = l * (pn - l * ww * nu) - Q
@@ -96,6 +116,8 @@ def _passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any) -> tuple[
     nn_, nu_ = (link.m * link.I + link.far * nn) / D, link.cross * nu / D
     uu_ = link.m + (uu - hu * hu / D)
     pn, pu = pn - ww * l * nu - hn * pull, pu - ww * (mc + l * uu) - hu * pull
+    if bias is not None:
+        pn, pu = pn + link.m * bias.across, pu + link.m * bias.along
     skew = s * c * (uu_ - nn_) + (c * c - s * s) * nu_
     twice = 2 * s * c * nu_
     answer = Answer(
@@ -108,13 +130,19 @@ def _passed(link: Link, below: Answer, s: Any, c: Any, w: Any, Q: Any) -> tuple[
     return answer, Turn(c * hn + s * hu, c * hu - s * hn, e, D, s, c, w)
 
 
-def downward(links: Sequence[Link], turns: Sequence[Turn], ax: Any, az: Any) -> list[Any]:
+def downward(
+    links: Sequence[Link], turns: Sequence[Turn], ax: Any, az: Any, bias: Sequence[Bias] | None = None
+) -> list[Any]:
     """θ'' (rad/s²) of every link, top first, under the acceleration ã = (ax, az) of the first joint."""
     found = []
-    for link, turn in zip(links, turns, strict=True):
+    extra = [None] * len(links) if bias is None else bias
+    for link, turn, own in zip(links, turns, extra, strict=True):
         alpha = -(turn.hx * ax + turn.hz * az + turn.e) / turn.D
         ww = turn.rate * turn.rate
         ax = ax + link.l * (alpha * turn.cos - ww * turn.sin)
         az = az - link.l * (alpha * turn.sin + ww * turn.cos)
+        if own is not None:
+            ax = ax + own.across * turn.cos + own.along * turn.sin
+            az = az - own.across * turn.sin + own.along * turn.cos
         found.append(alpha)
     return found

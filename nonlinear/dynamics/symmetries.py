@@ -48,8 +48,11 @@ class Symmetry:
 def find_symmetries(system: System, start: State, *, planar: bool = True) -> tuple[Symmetry, ...]:
     """The reductions that apply to a system with this start, to be applied in sequence.
 
-    Without `planar` a scene in space remains spatial.
+    Without `planar` a scene in space remains spatial.  With dampers of modes, which act on all pendula at once, and
+    with lengths that change, none applies.
     """
+    if system.modal_damping is not None or system.hoisting is not None:
+        return ()
     found: list[Symmetry] = []
     for find in (*([in_one_plane] if planar else []), near, synchronous, natural):
         if symmetry := find(system, start):

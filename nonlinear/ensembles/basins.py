@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import as_csv, as_json, finite, grid, titled
-from modal.scene import InitialCondition, Pendulum, Scene, describe
+from modal.scene import InitialCondition, Pendulum, Scene, describe, refuse_motion
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.measures import configurations
@@ -101,6 +101,7 @@ def find_basins(
     `measure` is one of RHYTHMS, `options` are those of `ensemble`.  SceneError for anything else.
     """
     own, axes = with_starts(scene), grid_of(scene, vary)
+    refuse_motion(scene, "a map of basins")
     measure = measure or ("configuration" if scene.is_driven else "first_turn")
     if measure not in RHYTHMS:
         raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])

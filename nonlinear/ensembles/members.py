@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene, describe
+from modal.scene import Scene, describe, refuse_motion
 from modal.scene.parameters import (
     Place,
     Variable,
@@ -176,6 +176,7 @@ class Members:
 
 def members_of(scene: Scene, starts: Starts | None, vary: Vary | None) -> Members:
     """The members of a scene with these starts or variations; SceneError names every mistake."""
+    refuse_motion(scene, "an ensemble")
     if (starts is None) and not vary:
         raise SceneError([NONE_GIVEN])
     states, (axes, lists) = validate(

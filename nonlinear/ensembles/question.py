@@ -138,6 +138,8 @@ def refused(members: Members, duration: float, tolerance: float) -> str:
     scene = members.scene
     if scene.space == "space":
         return "the scene is in space"
+    if scene.has_modal_damping:
+        return "the scene has a damping_ratio"
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
         return "the scene has escapements"
     if scene.has_friction or scene.has_drag or any(LATER & set(path.split(".")) for path in members.paths):

@@ -28,8 +28,16 @@ REASON = "side by side with others of its form"
 
 
 def form_of(scene: Scene) -> Hashable:
-    """Equal for scenes that go together; None for those in space, and with escapements, dry friction or drag."""
-    if scene.space == "space" or any(isinstance(link.drive, Escapement) for link in scene.links()):
+    """Equal for scenes that go together.
+
+    None for those in space, with escapements, damping ratios, dry friction or drag, and on moved supports.
+    """
+    if (
+        scene.space == "space"
+        or scene.has_modal_damping
+        or scene.is_moved
+        or any(isinstance(link.drive, Escapement) for link in scene.links())
+    ):
         return None
     if scene.has_friction or scene.has_drag:
         return None

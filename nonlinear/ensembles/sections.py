@@ -15,14 +15,14 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import as_csv, as_json, finite, titled
-from modal.scene import Scene, describe
+from modal.scene import Scene, describe, refuse_motion
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.system import State, System, initial_state, numbers_of, system_of
+from nonlinear.system import State, System, initial_state, numbers_of, require_constant_lengths, system_of
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 TRIES = 20_000  # starts drawn for each one that has the energy
@@ -74,6 +74,8 @@ def find_section(
     `at` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
     """
+    require_constant_lengths(scene, "a Poincaré section")
+    refuse_motion(scene, "a section")
     system = system_of(scene)
     text = at or f"{next(label for label in system.labels if label != 'x')}>0"
     section = section_of(f"section:{text}", system)

@@ -6,9 +6,10 @@ what the record does not determine, residuals.  Start with `fitting`; `flow` has
 
 from nonlinear.identification.comparison import LAWS, Candidate, compare
 from nonlinear.identification.diagnosis import diagnose, turning_points
-from nonlinear.identification.fitting import LOSSES, Fit, fit
+from nonlinear.identification.fitting import LOSSES, fit
 from nonlinear.identification.records import ANGLES, Recording, Segment, Sensor, parse_where, read_recording
 from nonlinear.identification.report import fit_json, fit_record, fit_text
+from nonlinear.identification.result import Fit
 
 __all__ = [
     "ANGLES",

@@ -13,8 +13,9 @@ from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
 from modal.scene import Cart, Scene
 from modal.scene.parameters import find_places, with_numbers
-from nonlinear.identification.fitting import Fit, fit
+from nonlinear.identification.fitting import fit
 from nonlinear.identification.records import FEWEST, Recording
+from nonlinear.identification.result import Fit
 
 LAWS = {"viscous": "damping", "coulomb": "friction", "drag": "quadratic_drag"}
 """Names of laws, and the number of a joint or link that each one frees."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from math import exp
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.signal import find_peaks, savgol_filter
@@ -13,9 +12,7 @@ from scipy.stats import spearmanr
 from modal.modes import natural_modes
 from modal.report import short
 from modal.types import Floats
-
-if TYPE_CHECKING:
-    from nonlinear.identification.fitting import Fit
+from nonlinear.identification.result import Fit
 
 STRONG = 0.25  # part of the residuals' power in one line that is named
 WIDTH = 3  # bins of a line

@@ -8,8 +8,7 @@ Numbers that the record does not determine are held at the scene's values and na
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,24 +18,28 @@ from scipy.sparse import csr_array
 
 from modal.errors import ComputationError, SceneError
 from modal.identification import (
-    Combination,
-    Parameter,
-    Undetermined,
     autocorrelation,
     covariance,
-    find_combinations,
     find_determined,
     find_parameters,
     starts_of,
 )
 from modal.scene import Scene
-from modal.types import Booleans, Floats, Ints
+from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
 from nonlinear.identification.problem import Problem, require_fittable
 from nonlinear.identification.records import Recording
+from nonlinear.identification.result import Fit, root_mean_square
 from nonlinear.identification.starting import initial_states, starting_numbers
 
-LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+WEIGHTS: dict[str, Callable[[Floats], Floats]] = {
+    "linear": np.ones_like,
+    "soft_l1": lambda square: 1 / np.sqrt(1 + square),
+    "huber": lambda square: 1 / np.sqrt(np.maximum(square, 1.0)),
+    "cauchy": lambda square: 1 / (1 + square),
+}
+"""The weight of a squared residual under each loss, ρ' of `scipy.optimize.least_squares`."""
+LOSSES = tuple(WEIGHTS)
 COARSE = 0.02  # of a sensor's rms, its noise before the first fit
 FINEST = 1e-7  # of a sensor's rms, the least noise
 SHORTEST = 0.75  # periods of sqrt(l/g) in the first part that is fitted
@@ -44,109 +47,12 @@ LONGER = 2.5  # times the part before
 STEADY = 1.0  # standard deviation of ln p while parts are fitted
 ROUGH = 12  # evaluations for a part
 MOST = 60  # evaluations for the whole
+LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the other
 CLOSE = 1e-9  # relative change of the sum of squares, or of the unknowns, at the end
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
 ROUNDS = 2  # of fitting and estimating the noise
 Report = Callable[[float], object]
-
-
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """Numbers fitted to a recording.
-
-    `scene` has them; `parameters` (p) are the ones that were free, `held` (indices) those among them that stayed at the
-    scene's values; `unknowns` and `cov` (size, size) are all unknowns of `problem` with their covariance, zero for
-    those held; `residuals` (N,) are in units of the sensors' noise.
-    """
-
-    problem: Problem
-    unknowns: Floats
-    cov: Floats
-    held: Ints
-    undetermined: tuple[Undetermined, ...]
-    condition: float
-    residuals: Floats
-    scene: Scene
-    given: Scene
-    rho: tuple[Floats, ...]
-    evaluations: int = 0
-    verdict: tuple[str, ...] = ()
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """The numbers that were free, held ones included."""
-        return self.problem.parameters
-
-    @property
-    def recording(self) -> Recording:
-        """What was fitted."""
-        return self.problem.recording
-
-    @cached_property
-    def slopes(self) -> Floats:
-        """dp/dz, (p,)."""
-        return np.array([one.slope(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
-
-    @cached_property
-    def values(self) -> Floats:
-        """The numbers (p,), in the scene's units."""
-        return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
-
-    @cached_property
-    def covariance(self) -> Floats:
-        """Of the numbers (p, p), zero for those held."""
-        count = len(self.parameters)
-        return np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
-
-    @cached_property
-    def stds(self) -> Floats:
-        """Standard deviations of the numbers (p,), zero for those held."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-    def given_at(self, path: str) -> float:
-        """The number that the scene gave at one of these places."""
-        return next(one.value for one in self.parameters if one.path == path)
-
-    @cached_property
-    def fitted(self) -> list[int]:
-        """The indices of the numbers that were not held."""
-        return [k for k in range(len(self.parameters)) if k not in set(self.held.tolist())]
-
-    @cached_property
-    def combinations(self) -> tuple[Combination, ...]:
-        """Products of numbers that are determined although the numbers are not."""
-        from modal.identification import Determined
-
-        count = len(self.parameters)
-        found = Determined(np.array(self.fitted, dtype=np.int64), self.held, self.undetermined, self.condition)
-        return find_combinations(found, self.parameters, self.unknowns[:count], self.stds)
-
-    @cached_property
-    def readings(self) -> list[Floats]:
-        """What the sensors read in the fitted motion: (K, C) for each segment."""
-        return self.problem.readings(self.unknowns)
-
-    @cached_property
-    def rms(self) -> Floats:
-        """Root mean square of the angles' residuals of every segment (rad); of the cart's (m) if it alone is read."""
-        return np.array([_rms(self._misses([k])) for k in range(len(self.recording.segments))])
-
-    @property
-    def rms_all(self) -> float:
-        """Of all segments together."""
-        return _rms(self._misses(range(len(self.recording.segments))))
-
-    def _misses(self, segments: Sequence[int]) -> Floats:
-        angles = [k for k, sensor in enumerate(self.recording.sensors) if sensor.pendulum]
-        chosen = angles or [*range(len(self.recording.sensors))]
-        found = [(self.readings[s] - self.recording.segments[s].values)[:, chosen].ravel() for s in segments]
-        return np.concatenate(found)
-
-
-def _rms(values: Floats) -> float:
-    there = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0
 
 
 def fit(
@@ -157,18 +63,23 @@ def fit(
     priors: Sequence[str] = (),
     scaled: bool = False,
     loss: str = "linear",
+    window: float | None = None,
     report: Report = lambda part: None,
 ) -> Fit:
     """The numbers at the places `free` that fit a recording best, from the scene's values on.
 
     `priors` are texts such as "gravity=9.81±0.01"; `scaled` frees the scale of every sensor; `loss` is one of
-    `scipy.optimize.least_squares`.  `report` is called with the part that is done.  Raises SceneError for scenes that
-    cannot be fitted and places that are not free numbers, ComputationError where no motion of the scene comes near the
-    record.
+    `scipy.optimize.least_squares`.  A long chaotic segment is fitted in windows of `window` seconds that join (multiple
+    shooting; Bock & Plitt, IFAC Proc. 17, 1603 (1984)).  `report` is called with the part that is done.
+
+    Raises SceneError for scenes that cannot be fitted and places that are not free numbers, ComputationError where no
+    motion of the scene comes near the record.
     """
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
+    if window is not None:
+        recording = recording.windows(window)
     parameters = find_parameters(scene, free, priors)
     coarse = np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
     problem = Problem(scene, parameters, recording, coarse, scaled)
@@ -207,7 +118,7 @@ class _Search:
         if layout.numbers:
             J = problem.jacobian(u)
             found = find_determined(
-                _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, np.inf
+                _projected(J, self._nuisances(problem), layout.numbers), problem.parameters, z, vague=np.inf
             )
             self.kept[found.held] = False
             u[: layout.numbers][~self.kept] = starts_of(problem.parameters)[~self.kept]
@@ -226,6 +137,8 @@ class _Search:
             )
             self.report(0.05 + 0.35 * part / longest)
             part *= LONGER
+        for tightness in LOOSE if any(one.continued for one in problem.recording.segments) else ():
+            u = self._solved(replace(problem, tightness=tightness, tolerance=1e-6), u, ROUGH, True, 1e-3)
         return u
 
     def finish(self, u: Floats) -> Fit:
@@ -239,7 +152,8 @@ class _Search:
         numbers = problem.layout.numbers
         J = problem.jacobian(u)
         projected = _projected(J, self._nuisances(problem), numbers)
-        found = find_determined(projected, problem.parameters, u[:numbers])
+        lost = np.flatnonzero(~self.kept).tolist()
+        found = find_determined(projected, problem.parameters, u[:numbers], held=lost)
         fresh = self.kept.copy()
         fresh[found.held] = False
         if np.any(fresh != self.kept):
@@ -249,7 +163,8 @@ class _Search:
             problem = replace(problem, noise=self._noise(problem, u))
             J = problem.jacobian(u)
         residuals = problem.residuals(u)
-        cov, rho = _covariance(problem, J, residuals, self._free(problem))
+        weight = np.sqrt(WEIGHTS[self.loss](residuals**2))
+        cov, rho = _covariance(problem, weight[:, None] * J, weight * residuals, self._free(problem))
         self.report(1.0)
         fitted = Fit(
             problem,
@@ -285,7 +200,7 @@ class _Search:
             own = np.concatenate(misses)
             own = own[np.isfinite(own)]
             spread = 1.4826 * float(np.median(np.abs(own))) if self.loss != "linear" else 0.0
-            found.append(max(spread or _rms(own), FINEST * _size(problem.recording, c)))
+            found.append(max(spread or root_mean_square(own), FINEST * _size(problem.recording, c)))
         return np.array(found)
 
     def _solved(self, problem: Problem, u: Floats, most: int, rough: bool, close: float) -> Floats:
@@ -306,7 +221,7 @@ class _Search:
             try:
                 found = problem.residuals(whole(x), ahead=True)
             except ComputationError:
-                return np.full(problem.recording.n_values + len(problem._doubts(u)) + len(steady), np.nan)
+                return np.full(sizes, np.nan)
             return np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
 
         def jacobian(x: Floats) -> Floats:
@@ -317,7 +232,9 @@ class _Search:
 
         many = len(columns) > DENSE
         start = np.clip(u[columns], low + 1e-12, high)
-        if not np.all(np.isfinite(residuals(start))):
+        sizes, begun = 1, residuals(start)
+        sizes = len(begun)
+        if not np.all(np.isfinite(begun)):
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
         found: Any = least_squares(
             residuals,

@@ -28,6 +28,7 @@ SAFETY, SHRINKS, GROWS = 0.9, 0.2, 5.0
 LOOKS = (0.25, 0.5, 0.75, 1.0)
 """Parts of a step at which joints are looked at."""
 ROUNDS = 40  # of the secant method with its ends kept apart
+HALVINGS = 16  # of the time in which a joint that just began to slip may already have turned back
 NEAR = 1e-8  # of a step: what is left of an event's time is made up for to first order
 MOST_EVENTS = 1_000
 MOST_STEPS = 100_000
@@ -45,8 +46,12 @@ class Channel:
     times: Floats
 
     def read(self, rows: Any, offset: int = 0) -> Any:
-        """Its value from the rows of y, with `offset` the size of a half its rate."""
-        return sum(sign * rows[row + offset] for row, sign in self.parts)
+        """Its value from the rows of y, with `offset` the size of a half the rate of a position."""
+        return sum(sign * rows[at] for (_, sign), at in zip(self.parts, self.rows(offset), strict=True))
+
+    def rows(self, offset: int) -> list[int]:
+        """The rows of y that it reads, with `offset` those of their rates; velocities have none there."""
+        return [row + offset if row < offset else row for row, _ in self.parts]
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,7 +251,7 @@ class _Front:
         parts = np.where(there, parts, 0.0)
         for c, channel in enumerate(self.task.channels):
             own = self.spread(parts[c].T)  # (most, W)
-            rows = sorted({row + off for row, _ in channel.parts for off in (0, self.half)})
+            rows = sorted({row for offset in (0, self.half) for row in channel.rows(offset)})
             found = dict(zip(rows, inside.at(own, rows), strict=True))
             s, k = np.nonzero(there[c])
             for offset, into in ((0, self.result.values), (self.half, self.result.rates)):
@@ -259,9 +264,8 @@ class _Front:
         columns = self.columns(np.flatnonzero(keep))
         self.y, self.first = self.y[:, columns], self.first[:, columns]
         self.sides = self.sides[:, keep]
-        self.segment, self.t, self.h, self.ends, self.landing, self.refused, self.usual = (
-            own[keep] for own in (self.segment, self.t, self.h, self.ends, self.landing, self.refused, self.usual)
-        )
+        for name in ("segment", "t", "h", "ends", "landing", "refused", "usual"):
+            setattr(self, name, getattr(self, name)[keep])
         if keep.any():
             self._set_rates()
 
@@ -307,8 +311,10 @@ class _Front:
             grazing = (at_low < 0) & (at_high > at_low)
             out = np.flatnonzero((at_high < 0) & ~grazing)
             if len(out):
-                ends = [(at_low[j], at_high[j], int(j)) for j in out]
-                return min((_root(lambda p, j=j: float(beyond(p)[j]), low, high, a, b), j) for a, b, j in ends)  # type: ignore[misc]
+                return min(
+                    (_root(lambda part, j=j: float(beyond(part)[j]), low, high, at_low[j], at_high[j]), j)
+                    for j in out.tolist()
+                )
             low, at_low = high, at_high
         return 1.0, -1
 
@@ -392,12 +398,18 @@ class _Inside:
 def _weights(parts: Floats) -> Floats:
     """Of the terms of the interpolation, (m, 7)."""
     factors = [1 - parts if number % 2 else parts for number in range(7)]
-    found: Floats = np.cumprod(np.array(factors), axis=0).T
-    return found
+    return np.asarray(np.cumprod(np.array(factors), axis=0).T)
 
 
 def _root(value: Any, low: float, high: float, at_low: float, at_high: float) -> float:
     """Where a function passes from above 0 to below, by the secant method with its ends kept apart (Illinois)."""
+    for _ in range(HALVINGS if at_low <= 0 else 0):
+        middle = low + (high - low) / 2
+        now = value(middle)
+        if now > 0:
+            low, at_low = middle, now
+            break
+        high, at_high = middle, now
     if at_low <= 0:
         return low
     side, middle = 0, low

@@ -26,6 +26,7 @@ from nonlinear.system import Numbers, System, numbers_of, system_of
 EPSILON = 1e-20  # imaginary part of a lane: its square vanishes beside any number
 TOLERANCE = 1e-8  # of the motion: well below what sensors resolve
 FIRST = 0.02  # of sqrt(l/g): the first step
+TIGHT = 0.1  # of the sensors' noise: a gap between a motion and its continuation
 LATEST = 0.1  # of sqrt(l/g): the longest delay of a sensor
 MOST_LINKS = 32
 
@@ -62,7 +63,7 @@ class Layout:
     @property
     def size(self) -> int:
         """Number of unknowns."""
-        return self.delays.stop + self.segments * self.width
+        return self.numbers + 3 * self.sensors + self.segments * self.width
 
 
 def require_fittable(scene: Scene) -> None:
@@ -72,6 +73,14 @@ def require_fittable(scene: Scene) -> None:
         problems.append('space = "space": motions are fitted in the plane')
     if any(isinstance(link.drive, Escapement) for link in scene.links()):
         problems.append("escapements: their kicks cannot be fitted")
+    if scene.is_hoisted:
+        problems.append("hoist: motions of constant lengths are fitted")
+    if scene.is_moved:
+        problems.append('support = "moved": motions on a support at rest or a cart are fitted')
+    if scene.has_modal_damping:
+        problems.append("damping_ratio: give dampers of joints and the rail, which can be fitted")
+    if isinstance(scene.support, Cart) and scene.support.friction_coefficient:
+        problems.append("support.friction_coefficient: give the rail a friction in N, which can be fitted")
     if scene.n_links > MOST_LINKS:
         problems.append(f"the scene has {scene.n_links} links: motions of at most {MOST_LINKS} are fitted")
     if problems:
@@ -82,7 +91,8 @@ def require_fittable(scene: Scene) -> None:
 class Problem:
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
-    `noise` (C,) is the standard deviation of every sensor.
+    `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and
+    its continuation.
     """
 
     scene: Scene
@@ -91,6 +101,7 @@ class Problem:
     noise: Floats
     scaled: bool = False
     tolerance: float = TOLERANCE
+    tightness: float = TIGHT
 
     @cached_property
     def system(self) -> System:
@@ -174,7 +185,7 @@ class Problem:
     def _readings(self, u: Floats, flow: Result) -> list[Floats]:
         layout, found = self.layout, []
         for s, segment in enumerate(self.recording.segments):
-            own = flow.values[:, s, : len(segment.times), 0].real.T
+            own = flow.values[: len(u[layout.offsets]), s, : len(segment.times), 0].real.T
             found.append((1 + u[layout.scales]) * own + u[layout.offsets])
         return found
 
@@ -188,7 +199,36 @@ class Problem:
             ((values - segment.values) / self.noise)[np.isfinite(segment.values)]
             for values, segment in zip(self._readings(u, flow), self.recording.segments, strict=True)
         ]
-        return np.concatenate([*rows, self._doubts(u)])
+        return np.concatenate([*rows, *self._gaps(u, flow), self._doubts(u)])
+
+    @cached_property
+    def _joined(self) -> list[int]:
+        """The segments that are continued by the next."""
+        return [s for s, one in enumerate(self.recording.segments[:-1]) if one.continued]
+
+    @cached_property
+    def _tightness(self) -> Floats:
+        """The standard deviation of a gap between a motion and its continuation, for every component of a state."""
+        return np.asarray(self.tightness * float(self.noise.min()) * self.scale)
+
+    def _gaps(self, u: Floats, flow: Result) -> list[Floats]:
+        """How far each continuation begins from where the motion before it has come, in units of `_tightness`."""
+        first = len(self.recording.sensors)
+        return [
+            (flow.values[first:, s, 0, 0].real - u[self.layout.state(s + 1)]) / self._tightness for s in self._joined
+        ]
+
+    def _gap_slopes(self, flow: Result) -> list[Floats]:
+        """The derivatives of the gaps."""
+        layout, first, found = self.layout, len(self.recording.sensors), []
+        for s in self._joined:
+            block = np.zeros((layout.width, layout.size))
+            slopes = flow.values[first:, s, 0].imag / EPSILON
+            block[:, : layout.numbers] = slopes[:, : layout.numbers]
+            block[:, layout.state(s)] = slopes[:, layout.numbers :]
+            block[:, layout.state(s + 1)] -= np.eye(layout.width)
+            found.append(block / self._tightness[:, None])
+        return found
 
     def _doubts(self, u: Floats) -> Floats:
         priors = [(z, one.believed) for z, one in zip(u, self.parameters, strict=False) if one.believed]
@@ -202,11 +242,11 @@ class Problem:
         for s, segment in enumerate(self.recording.segments):
             K, C = segment.values.shape
             block = np.zeros((K, C, layout.size))
-            values = np.moveaxis(flow.values[:, s, :K], 0, 1)
+            values = np.moveaxis(flow.values[:C, s, :K], 0, 1)
             scale = (1 + u[layout.scales])[:, None]
             block[..., : layout.numbers] = scale * values[..., : layout.numbers].imag / EPSILON
             block[..., layout.state(s)] = scale * values[..., layout.numbers :].imag / EPSILON
-            rates = np.moveaxis(flow.rates[:, s, :K, 0].real, 0, 1)
+            rates = np.moveaxis(flow.rates[:C, s, :K, 0].real, 0, 1)
             for c in range(C):
                 block[:, c, layout.offsets.start + c] = 1.0
                 block[:, c, layout.scales.start + c] = values[:, c, 0].real
@@ -217,7 +257,7 @@ class Problem:
         priors = np.zeros((len(known), layout.size))
         for row, (k, believed) in enumerate(known):
             priors[row, k] = 1 / believed[1] if believed else 0.0
-        return np.vstack([*blocks, priors])
+        return np.vstack([*blocks, *self._gap_slopes(flow), priors])
 
     def series(self) -> list[tuple[int, int, slice]]:
         """Segment, sensor and rows of the residuals of each series, once these are `ordered`."""
@@ -240,6 +280,17 @@ class Problem:
             found.append(rows[at : at + count][np.argsort(sensor, kind="stable")])
             at += count
         return np.concatenate([*found, rows[at:]])
+
+    def _continuations(self, most: int) -> list[Channel]:
+        """Channels for every component of a state where the next segment begins."""
+        if not self._joined:
+            return []
+        segments = self.recording.segments
+        times = np.full((len(segments), most), np.inf)
+        for s in self._joined:
+            times[s, 0] = segments[s + 1].times[0] - segments[s].times[0]
+        half = self.coordinates
+        return [Channel(((row, 1.0),), times) for row in range(2 * half)]
 
     @cached_property
     def _last(self) -> dict[bytes, Result]:
@@ -275,7 +326,9 @@ class Problem:
             for s, segment in enumerate(segments):
                 times[s, : len(segment.times)] = segment.times - segment.times[0] + self.late - u[layout.delays][c]
             channels.append(Channel(self.parts(sensor), times))
-        ends = np.array([np.max([c.times[s][np.isfinite(c.times[s])].max() for c in channels]) for s in range(S)])
+        channels += self._continuations(most)
+        every = np.array([channel.times for channel in channels])
+        ends = np.where(np.isfinite(every), every, 0.0).max(axis=(0, 2))
         numbers = numbers_of(self.scene, values, self.system)
         return integrate(
             Task(

@@ -57,13 +57,15 @@ class Sensor:
 class Segment:
     """A motion that was recorded in one go.
 
-    `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN where a sensor has no value.
+    `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN where a sensor has no value.  The next segment may
+    be its continuation.
     """
 
     file: str
     name: str
     times: Floats
     values: Floats
+    continued: bool = False
 
     @property
     def where(self) -> str:
@@ -106,12 +108,27 @@ class Recording:
         ]
         return replace(self, segments=tuple(found), relative=False)
 
+    def windows(self, duration: float) -> Recording:
+        """The same with every segment in windows of about this duration (s), each continuing the one before."""
+        found = []
+        for one in self.segments:
+            count = max(1, round((one.times[-1] - one.times[0]) / duration))
+            count = min(count, len(one.times) // (2 * FEWEST)) or 1
+            parts = np.array_split(np.arange(len(one.times)), count)
+            for k, own in enumerate(parts):
+                name = f"{one.name} window {k + 1}".strip() if count > 1 else one.name
+                found.append(
+                    replace(one, name=name, times=one.times[own], values=one.values[own], continued=k + 1 < count)
+                )
+        return replace(self, segments=tuple(found))
+
     def until(self, duration: float) -> Recording:
         """The beginning of every segment (s)."""
         kept = []
         for one in self.segments:
             count = max(FEWEST, int(np.searchsorted(one.times, one.times[0] + duration, side="right")))
-            kept.append(replace(one, times=one.times[:count], values=one.values[:count]))
+            whole = count >= len(one.times) and one.continued
+            kept.append(replace(one, times=one.times[:count], values=one.values[:count], continued=whole))
         return replace(self, segments=tuple(kept))
 
 
@@ -218,7 +235,7 @@ def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[i
         if all(row[columns.index(column)].strip() == value for column, value in where.items())
     ]
     if not used:
-        raise SceneError([f"{name}: has no rows" + (" that --where selects" if full and where else "")])
+        raise SceneError([f"{name}: has no rows" + (" with the values that were asked for" if full and where else "")])
     return columns, used
 
 

@@ -10,13 +10,16 @@ import numpy as np
 from modal.report import NOTHING, as_json, grid, short, titled
 from modal.scene.parameters import Variation
 from nonlinear.identification.comparison import Candidate
-from nonlinear.identification.fitting import Fit
+from nonlinear.identification.result import Fit
 
 DIGITS = 6
 
 
-def fit_record(found: Fit, candidates: Sequence[Candidate] = ()) -> dict[str, Any]:
-    """The report of a fit for JSON; `covariance` is that of `parameters` in their order."""
+def fit_record(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> dict[str, Any]:
+    """The report of a fit for JSON; `covariance` is that of `parameters` in their order.
+
+    With `draws` every parameter has its `bootstrap_std` of so many resampled records.
+    """
     numbers = found.fitted
     record: dict[str, Any] = {
         "parameters": [
@@ -41,6 +44,10 @@ def fit_record(found: Fit, candidates: Sequence[Candidate] = ()) -> dict[str, An
         "covariance": found.covariance[np.ix_(numbers, numbers)].tolist(),
         "verdict": list(found.verdict),
     }
+    if draws:
+        stds = found.bootstrap(draws)
+        for one, k in zip(record["parameters"], numbers, strict=True):
+            one["bootstrap_std"] = float(stds[k])
     if candidates:
         record["comparison"] = [
             {
@@ -55,9 +62,9 @@ def fit_record(found: Fit, candidates: Sequence[Candidate] = ()) -> dict[str, An
     return record
 
 
-def fit_json(found: Fit, candidates: Sequence[Candidate] = ()) -> str:
+def fit_json(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
     """The report as JSON."""
-    return as_json(fit_record(found, candidates))
+    return as_json(fit_record(found, candidates, draws))
 
 
 def _sensor(found: Fit, c: int) -> dict[str, Any]:
@@ -103,21 +110,22 @@ def _labels(found: Fit) -> list[str]:
     return labels
 
 
-def fit_text(found: Fit, candidates: Sequence[Candidate] = ()) -> str:
-    """The report as text."""
-    rows = []
+def fit_text(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -> str:
+    """The report as text; with `draws` a column has the standard deviations of a bootstrap."""
+    rows, again = [], found.bootstrap(draws) if draws else None
     for k, one in enumerate(found.parameters):
         unit = Variation(one.path, (one.value,)).unit
         held = k in set(found.held.tolist())
         spread = "held" if held else f"{found.stds[k]:.2g}"
-        rows.append([one.path, short(one.value), _number(found.values[k], found.stds[k]), spread, unit])
+        more = [] if again is None else ["held" if held else f"{again[k]:.2g}"]
+        rows.append([one.path, short(one.value), _number(found.values[k], found.stds[k]), spread, *more, unit])
     sensors = [_sensor(found, c) for c in range(len(found.recording.sensors))]
     segments = [
         [one.file, one.name or NOTHING, str(len(one.times)), f"{found.rms[s]:.3g}"]
         for s, one in enumerate(found.recording.segments)
     ]
     parts = [
-        grid(rows, ["number", "given", "fitted", "std", "unit"]),
+        grid(rows, ["number", "given", "fitted", "std", *(["bootstrap"] if draws else []), "unit"]),
         "\n".join(f"Determined: {c.words} = {_number(c.value, c.std)} ± {c.std:.2g}" for c in found.combinations),
         "\n".join(f"Not determined: {one.words}." for one in found.undetermined),
         grid(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene
+from modal.scene import Moved, Scene
 from modal.types import Floats
 from nonlinear.integration.steppers import Pace
 from nonlinear.integration.timescales import estimate_timescales, sample_count
@@ -18,6 +18,7 @@ from nonlinear.system import AppliedForces, Load, State, System
 
 LOOSEST, TIGHTEST = 1e-2, 1e-15  # tolerances
 COARSEST, FINEST = 0.3, 1e-14  # accuracies (rad)
+LOOKS = 2000  # times at which the push of a support is looked at
 PER_PERIOD, FEWEST, MOST = 24, 1000, 100_000  # default numbers of samples
 MOST_NUMBERS, USUAL_NUMBERS = 50_000_000, 20_000_000  # numbers kept in all: as requested, by default
 
@@ -67,7 +68,9 @@ def sample_times(
     validate_numbers(duration, LOOSEST, start_time)
     size = 2 * (scene.n_links * (3 if scene.space == "space" else 1) + 1)
     if output is None:
-        wished = sample_count(duration, estimate_timescales(scene).swing, PER_PERIOD, FEWEST, MOST)
+        wished = sample_count(
+            duration, max(estimate_timescales(scene).swing, _shaking(scene)), PER_PERIOD, FEWEST, MOST
+        )
         output = max(2, min(wished, USUAL_NUMBERS // size)) + 1
     if isinstance(output, Integral) and not isinstance(output, bool):
         count, most = int(output), MOST_NUMBERS // size
@@ -79,6 +82,15 @@ def sample_times(
     if np.any(np.diff(times) <= 0):
         raise SceneError([f"duration {duration:g}: too short beside the start at {start_time:g} s"])
     return np.asarray(times)
+
+
+def _shaking(scene: Scene) -> float:
+    """The fastest oscillation (rad/s) of a moved support, 0 for any other."""
+    if not isinstance(scene.support, Moved):
+        return 0.0
+    from modal.vibration import prescribed_motion
+
+    return pi / prescribed_motion(scene.support.motion).shortest
 
 
 def paced(breaks: Sequence[float] | Floats | None, max_step: float | None) -> Pace:
@@ -136,6 +148,23 @@ def validate_forces(load: Load | None, system: System, start: State, time: float
         problems.append("load: must be finite")
     if problems:
         raise SceneError(problems)
+
+
+def shaken(state: State, system: System, times: Floats) -> float:
+    """The size of a motion on a moved support: of its start, or the largest acceleration over gravity, at most 1."""
+    assert system.support is not None
+    looked = np.linspace(times[0], times[-1], LOOKS)
+    push = float(np.abs(system.support.motion.acceleration(looked)).max()) / system.gravity
+    started = extent(state, system)
+    at_rest = started == 1.0 and push < 1 and _rests(state, system)
+    return min(1.0, push if at_rest else max(push, started)) or 1.0
+
+
+def _rests(state: State, system: System) -> bool:
+    """Whether every link is exactly at equilibrium."""
+    sigma = system.by_link("sigma")
+    rest = np.outer(sigma, [0.0, 0.0, 1.0]) if system.spatial else system.rest
+    return bool(np.all(state.links == rest) and not np.any(state.link_rates))
 
 
 def extent(state: State, system: System) -> float:

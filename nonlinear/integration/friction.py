@@ -19,8 +19,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
-from modal.types import Booleans, Floats, Ints
-from nonlinear.dynamics import Frictional
+from modal.types import Booleans, Floats
+from nonlinear.dynamics import Frictional, links_of_contacts
 from nonlinear.integration.steppers import Stepper
 from nonlinear.system import Friction
 
@@ -207,13 +207,10 @@ class StickSlip:
         self._account(y)
         lasting = [(j, float(self._since[j]), time) for j in np.flatnonzero(~np.isnan(self._since)).tolist()]
         phases = sorted([*self._phases, *lasting], key=lambda phase: phase[1])
-        places = self._links()
+        places = links_of_contacts(self.equations.system)
         which = np.array([phase[0] for phase in phases], dtype=np.int64)
         begin, end = (np.array([phase[k] for phase in phases], dtype=float) for k in (1, 2))
         return Friction(places[which], begin, end, places, self._work.copy(), self.rest)
-
-    def _links(self) -> Ints:
-        return np.asarray(self.equations.contacts.below - int(self.equations.layout.on_cart))
 
 
 def _root(value: Callable[[float], float], start: float, end: float) -> float:

@@ -12,8 +12,17 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.scene import Scene
 from modal.types import Floats
-from nonlinear.dynamics import Frictional, Generated, Minimal, Reduced, Symmetry, find_symmetries
-from nonlinear.integration.arguments import extent
+from nonlinear.dynamics import (
+    Frictional,
+    Generated,
+    HoistedMaximal,
+    Minimal,
+    Reduced,
+    Symmetry,
+    applied,
+    find_symmetries,
+)
+from nonlinear.integration.arguments import extent, shaken
 from nonlinear.integration.driver import Drive, Record, silent
 from nonlinear.integration.escapements import escapements
 from nonlinear.integration.floats import FloatStepper
@@ -28,7 +37,7 @@ if TYPE_CHECKING:
     from nonlinear.dynamics.compiled import Compiled
 
 FIRST = 0.1  # longest first step of SciPy's methods over sqrt(l/g)
-LOOKED = 0.5  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
+LOOKED = 1.0  # phase (rad) of the fastest oscillation within which a load on what sticks is looked at
 HASTE = 1e6  # phase (rad) of the fastest oscillation beyond which it is blamed for the failure of a run
 NEAR_ZERO = 0.1  # fraction of the motion's size to which the tolerance is relative where a quantity passes zero
 
@@ -79,7 +88,7 @@ class Prepared:
             reduced=equations.words if isinstance(equations, Reduced) else "",
         )
         motion, events = equations.read(record.rows), tuple(record.happenings)
-        driven = equations.load is not None
+        driven = applied(equations.load) is not None
         return Trajectory(
             self.scene,
             equations.system,
@@ -108,7 +117,8 @@ def prepare(
 
     ComputationError where the motion cannot begin.
     """
-    y = equations.begin(start)
+    hoisted = isinstance(equations, HoistedMaximal)
+    y = cast("HoistedMaximal", equations).begin_at(start, float(times[0])) if hoisted else equations.begin(start)
     if isinstance(equations, Frictional):
         equations.release(float(times[0]), y)
     slope = _slope(equations, float(times[0]), y)
@@ -143,9 +153,8 @@ class Request:
         """The symmetry reductions that apply."""
         flat = self.form not in {"spatial", "maximal", "hamiltonian"}
         system = self.system
-        if self.load or system.kicked or system.rubs or system.dragged:
-            return ()
-        return find_symmetries(self.system, self.start, planar=flat)
+        acted_on = self.load or system.kicked or system.support or system.rubs or system.dragged
+        return () if acted_on else find_symmetries(self.system, self.start, planar=flat)
 
     @property
     def integrated(self) -> System:
@@ -154,7 +163,9 @@ class Request:
 
     @cached_property
     def size(self) -> float:
-        """The size of the motion, at most 1; 1 where something drives it."""
+        """The size of the motion, at most 1; 1 where a load drives it, on a moved support at least its push over g."""
+        if self.system.support and not self.load:
+            return shaken(self.start, self.system, self.times)
         return 1.0 if self.load else extent(self.start, self.system)
 
     @property
@@ -179,7 +190,9 @@ class Request:
         """The run prepared with this choice."""
         validate_room(self.scene, self.integrated)
         equations, pace = equations_of(self.system, choice, self.load, self.smaller), self.pace
-        if self.load and self.system.rubs:
+        if self.system.hoisting is not None:
+            pace = replace(pace, breaks=tuple(sorted({*pace.breaks, *self.system.hoisting.breaks})))
+        if (self.load or self.system.support) and self.system.rubs:
             pace = replace(pace, longest=min(pace.longest, LOOKED / estimate_timescales(self.scene).swing))
         return prepare(self.scene, equations, choice, self.start, self.times, self.size, self.before, pace)
 

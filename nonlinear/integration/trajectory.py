@@ -66,7 +66,9 @@ class Trajectory:
     @cached_property
     def mechanics(self) -> Mechanics:
         """Positions, energies and momenta."""
-        return Mechanics(self.system, self.motion)
+        support = self.system.support
+        moved = support.displacements(self.times, 3 if self.system.spatial else 2) if support else None
+        return Mechanics(self.system, self.motion, self.times, moved)
 
     def at(self, rows: Any) -> Trajectory:
         """The trajectory at some of its times: a slice, indices or a mask."""
@@ -88,7 +90,7 @@ class Trajectory:
         if not self.keeps_momentum:
             return self.mechanics
         coasting = self.mechanics.momentum / self.system.total_mass
-        return Mechanics(self.system, replace(self.motion, cart_rate=self.motion.cart_rate - coasting))
+        return Mechanics(self.system, replace(self.motion, cart_rate=self.motion.cart_rate - coasting), self.times)
 
     @cached_property
     def energy_scale(self) -> float:

@@ -65,8 +65,7 @@ class Scenery:
         self.cart = _Cart(axis, stage) if stage.on_cart else None
         if stage.on_cart:
             _rail(axis, -0.17 * stage.depth)
-        else:
-            _ceiling(axis, stage)
+        self.ceiling = None if stage.on_cart else _Ceiling(axis, stage)
         points = _points_per_metre(axis, self.limits)
         self.players = [_Player(axis, actor, colour(k), points, trail) for k, actor in enumerate(stage.actors)]
         if stage.floor is not None:
@@ -76,7 +75,13 @@ class Scenery:
     def moving(self) -> list[Artist]:
         """What a frame draws anew, and the axis' own lines over it."""
         cart = [self.cart.box, *self.cart.circles] if self.cart else []
-        return [*cart, *chain.from_iterable(player.moving for player in self.players), *self.axis.spines.values()]
+        beam = self.ceiling.moving if self.ceiling else []
+        return [
+            *cart,
+            *beam,
+            *chain.from_iterable(player.moving for player in self.players),
+            *self.axis.spines.values(),
+        ]
 
     def show(self, frame: int) -> None:
         """Update everything to a frame."""
@@ -84,6 +89,8 @@ class Scenery:
         self.axis.set_xlim(camera + self.limits.left, camera + self.limits.right)
         if self.cart:
             self.cart.show(float(self.stage.cart[frame]))
+        if self.ceiling:
+            self.ceiling.show(self.stage.support[frame])
         for player in self.players:
             player.show(frame)
 
@@ -135,14 +142,28 @@ def _rail(axis: Axes, height: float) -> None:
     axis.tick_params(axis="x", top=True, bottom=False, colors=muted(), labelsize=SMALL, length=3.5, pad=1)
 
 
-def _ceiling(axis: Axes, stage: Stage) -> None:
-    """A beam hatched from above."""
-    axis.set_axis_off()
-    height, feet = 0.045 * stage.depth, np.linspace(-stage.half, stage.half, 4 + 5 * len(stage.pivots))[:-1]
-    lean = feet[1] - feet[0]
-    strokes = [[(x, 0.0), (x + lean, height)] for x in feet]
-    axis.add_collection(LineCollection(strokes, colors=muted(), linewidths=0.9, zorder=1), autolim=False)
-    axis.plot([-stage.half, stage.half], [0, 0], color=ink(), lw=2.6, zorder=2)
+class _Ceiling:
+    """A beam hatched from above, which moves with its support."""
+
+    def __init__(self, axis: Axes, stage: Stage) -> None:
+        axis.set_axis_off()
+        height, feet = 0.045 * stage.depth, np.linspace(-stage.half, stage.half, 4 + 5 * len(stage.pivots))[:-1]
+        lean = feet[1] - feet[0]
+        self.strokes, self.ends = np.array([[(x, 0.0), (x + lean, height)] for x in feet]), [-stage.half, stage.half]
+        self.moves = bool(np.any(stage.support))
+        self.hatching = LineCollection(list(self.strokes), colors=muted(), linewidths=0.9, zorder=1)
+        axis.add_collection(self.hatching, autolim=False)
+        self.beam = axis.plot(self.ends, [0, 0], color=ink(), lw=2.6, zorder=2)[0]
+
+    @property
+    def moving(self) -> list[Artist]:
+        """All of it where the support moves."""
+        return [self.hatching, self.beam] if self.moves else []
+
+    def show(self, place: Floats) -> None:
+        if self.moves:
+            self.hatching.set_segments(list(self.strokes + place))
+            self.beam.set_data(np.add(self.ends, place[0]), [place[1], place[1]])
 
 
 def _floor(axis: Axes, stage: Stage) -> None:

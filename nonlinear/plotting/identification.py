@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import IO
 
 import numpy as np
+from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 from modal.plotting import WIDTH, colour, headline, rest, save, sheet
@@ -37,7 +38,7 @@ def fit_figure(found: Fit) -> Figure:
         for c, sensor in enumerate(sensors):
             factor = 180 / np.pi if sensor.pendulum else 1e3
             label = {"label": "measured"} if s == c == 0 else {}
-            axes[c].plot(times, factor * one.values[:, c], ".", ms=2.5, color=rest(), **label)
+            axes[c].plot(times, factor * one.values[:, c], ".", ms=2.5, color=rcParams["text.color"], **label)
             label = {"label": "fitted"} if s == c == 0 else {}
             axes[c].plot(times, factor * found.readings[s][:, c], color=colour(c), lw=1.1, **label)
             missed = one.values[:, c] - found.readings[s][:, c]

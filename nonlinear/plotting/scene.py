@@ -57,7 +57,8 @@ class Energies:
 class Stage:
     """The drawn pendula, the position of the cart (F,) in m, the pivots on it and the length (m) of the longest chain.
 
-    `floor` is the depth of the floor below the rail (m), None in the plane.
+    `floor` is the depth of the floor below the rail (m), None in the plane; `support` (F, 2) the place of a moved
+    support to the right and up (m), zero elsewhere.
     """
 
     actors: tuple[Actor, ...]
@@ -66,6 +67,7 @@ class Stage:
     depth: float
     on_cart: bool
     floor: float | None
+    support: Floats
 
     @property
     def half(self) -> float:
@@ -87,7 +89,7 @@ class Stage:
         """The smallest and largest coordinates (m), relative to the camera, of everything that moves."""
         corners = [-self.half, self.half] + (self.cart - self.camera)[:, None]
         across = [corners.ravel()]
-        up = [np.array([-0.2, 0.14]) * self.depth]
+        up = [(np.array([-0.2, 0.14]) * self.depth + self.support[:, 1:]).ravel()]
         for actor in self.actors:
             shadow = [] if actor.shadow is None else [actor.shadow]
             for points in (actor.joints, actor.centres, *shadow):
@@ -107,12 +109,18 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
     system, pendula = trajectory.system, chosen(trajectory.system)
     fine = np.interp(np.arange(DETAIL * (len(at) - 1) + 1) / DETAIL, np.arange(len(at)), at)
     places = [np.flatnonzero(system.pendulum == pendulum) for pendulum in pendula]
+    shaken = np.zeros((len(fine), 3 if system.spatial else 2))
+    if system.support:
+        shaken = system.support.displacements(fine, shaken.shape[1])
     moved = [resample(trajectory.times, picked(trajectory.motion, place), fine) for place in places]
     length, centre = system.by_link("length"), system.by_link("centre")
-    depth = max(float(length[place].sum()) for place in places)
+    if system.hoisting is not None:
+        length = system.hoisting.at(fine)[0]
+        centre = np.where(system.hoisting.moving, length, centre)
+    depth = max(float(length[..., place].sum(-1).max()) for place in places)
     pivots = side_by_side(len(places), depth)
     shapes = [
-        _shape(motion, length[place], centre[place], pivot)
+        _shape(motion, length[..., place], centre[..., place], pivot, shaken)
         for motion, place, pivot in zip(moved, places, pivots, strict=True)
     ]
     floor = max(float(joints[..., -1].max()) for joints, _ in shapes) + 0.3 * depth if system.spatial else None
@@ -120,16 +128,19 @@ def stage_of(trajectory: Trajectory, at: Floats) -> Stage:
         _actor(_links(trajectory, pendulum), joints, centres, floor)
         for pendulum, (joints, centres) in zip(pendula, shapes, strict=True)
     )
-    return Stage(actors, moved[0].cart[::DETAIL], pivots, depth, system.cart is not None, floor)
+    support = np.column_stack((shaken[:, 0], -shaken[:, -1]))[::DETAIL]
+    cart = moved[0].cart[::DETAIL] + support[:, 0]
+    return Stage(actors, cart, pivots, depth, system.cart is not None, floor, support)
 
 
-def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float) -> tuple[Floats, Floats]:
+def _shape(motion: Motion, length: Floats, centre: Floats, pivot: float, support: Floats) -> tuple[Floats, Floats]:
     """Joints (G, n + 1, d) and centres (G, n, d)."""
     along = vectors(motion)[0]
-    joints = np.cumsum(length[:, None] * along, axis=1)
+    joints = np.cumsum(length[..., None] * along, axis=1)
     joints = np.concatenate((np.zeros_like(joints[:, :1]), joints), axis=1)
     joints[..., 0] += pivot + motion.cart[:, None]
-    return joints, joints[:, :-1] + centre[:, None] * along
+    joints += support[:, None]
+    return joints, joints[:, :-1] + centre[..., None] * along
 
 
 def _actor(links: tuple[AnyLink, ...], joints: Floats, centres: Floats, floor: float | None) -> Actor:
@@ -160,6 +171,6 @@ def energies_of(trajectory: Trajectory, at: Floats) -> Energies:
 
 def _energies(trajectory: Trajectory, at: Floats) -> tuple[Floats, Floats]:
     """Kinetic energy and potential energy above equilibrium of every pendulum and, last, of the cart."""
-    found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at))
+    found = Mechanics(trajectory.system, resample(trajectory.times, trajectory.motion, at), at)
     kinetic, potential = found.of_pendula(found.kinetic), found.of_pendula(found.potential)
     return np.column_stack((kinetic, found.cart_kinetic)), np.column_stack((potential, found.cart_potential))

@@ -19,7 +19,9 @@ def reaction_forces_of(trajectory: Trajectory) -> Reactions:
     if trajectory.driven and trajectory.equations is None:
         raise ComputationError("the reaction forces of this run need its applied forces, which are not saved")
     system, motion = trajectory.system, trajectory.motion
-    pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion))
+    support = system.support
+    pushed = support.accelerations(trajectory.times, 3 if system.spatial else 2) if support else None
+    pivots = trajectory.mechanics.pivot_forces(_accelerations(trajectory, motion), pushed)
     tops = np.zeros(system.n_links, dtype=bool)
     tops[np.concatenate([group.index[0] for group in system.groups])] = True
     weight = system.cart.mass * system.gravity if system.cart else 0.0

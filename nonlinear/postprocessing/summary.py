@@ -16,6 +16,7 @@ from modal.eigen import counted
 from modal.errors import ComputationError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
+from modal.scene import Moved, SineMotion
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.reduction import CORRECTED, LINEAR
@@ -88,7 +89,7 @@ def _drift(share: float) -> str:
 def _way(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     run = trajectory.run
     yield "equations", FORMS[run.form]
-    if is_unstable_equilibrium(trajectory.system, trajectory.motion[0]):
+    if trajectory.system.support is None and is_unstable_equilibrium(trajectory.system, trajectory.motion[0]):
         yield "start", "an unstable equilibrium: the motion is due to rounding"
     if run.reduced:
         yield "integrated", run.reduced
@@ -106,8 +107,26 @@ def _ranges(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
     down = np.clip(motion.links[..., -1], -1.0, 1.0) if trajectory.system.spatial else None
     angles = np.rad2deg(motion.links if down is None else np.arccos(down))
     yield "angles", f"{angles.min():.6g} to {angles.max():.6g} deg" + (" from the vertical" if down is not None else "")
+    if support := trajectory.system.support:
+        moved, way = support.motion.displacement(trajectory.times), "upwards" if support.vertical else "along the rail"
+        yield "support", f"{moved.min():.6g} to {moved.max():.6g} m {way}; angles and energies are in its frame"
+        if support.motion.words:
+            yield "", support.motion.words
+        yield from _parametric(trajectory)
     if trajectory.system.cart:
         yield "cart", f"{motion.cart.min():.6g} to {motion.cart.max():.6g} m"
+
+
+def _parametric(trajectory: Trajectory) -> Iterator[tuple[str, str]]:
+    """Whether small angles grow under a vertical sine."""
+    support = trajectory.scene.support
+    if not isinstance(support, Moved) or not isinstance(support.motion, SineMotion):
+        return
+    if support.motion.direction == "vertical":
+        from modal.vibration import MOST_LINKS, parametric_stability
+
+        if trajectory.scene.n_links <= MOST_LINKS:
+            yield "parametric", parametric_stability(trajectory.scene).words
 
 
 @dataclass(frozen=True)
@@ -188,7 +207,7 @@ def _matrices(inner: Any, run: SolverInfo) -> Iterator[tuple[int, int]]:
 def _coordinates(trajectory: Trajectory, inner: Any) -> Iterator[str]:
     run = trajectory.run
     if trajectory.system.cart is None:
-        yield "no cart coordinate: the support is fixed"
+        yield f"no cart coordinate: the support {'moves as prescribed' if trajectory.system.support else 'is fixed'}"
     if run.reduced:
         yield f"all but {run.reduced}"
     if run.form == TRUNCATED:

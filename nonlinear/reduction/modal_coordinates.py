@@ -89,7 +89,8 @@ def modal_motion(motion: Motion, modes: Modes, numbers: Sequence[int] | None = N
     found = modes.matrices
     rows = range(len(modes)) if numbers is None else numbers
     each = [(number, *along_rail(modes, number)) for number in rows]
-    projected = [_projected(found, modes.eigenvalue[number], phi, q, v) for number, _, phi in each]
+    D = None if modes.is_classical or not found.D.any() else found.D
+    projected = [_projected(found.M, D, modes.eigenvalue[number], phi, q, v) for number, _, phi in each]
     none = np.zeros((len(q), 0))
     return ModalMotion(
         modes,
@@ -129,14 +130,14 @@ def along_rail(modes: Modes, number: int) -> tuple[list[int], Any]:
     return kept, np.array(vectors).T if kept else np.zeros((size, 0))
 
 
-def _projected(found: Matrices, value: complex, phi: Any, q: Floats, v: Floats) -> tuple[Floats, Floats]:
-    """η and η' (T, copies)."""
-    if not found.D.any():
-        dual = found.M @ np.linalg.solve(phi.T @ found.M @ phi, phi.T).T
+def _projected(M: Floats, D: Floats | None, value: complex, phi: Any, q: Floats, v: Floats) -> tuple[Floats, Floats]:
+    """η and η' (T, copies); D is None where dampers leave the undamped shapes as they are."""
+    if D is None:
+        dual = M @ np.linalg.solve(phi.T @ M @ phi, phi.T).T
         return q @ dual, v @ dual
-    D = value * found.M + found.D
-    dual = np.linalg.solve(phi.T @ (D + value * found.M) @ phi, phi.T).T
-    z = (1 + (value.imag != 0)) * (q @ (D @ dual) + v @ (found.M @ dual))
+    one = value * M + D
+    dual = np.linalg.solve(phi.T @ (one + value * M) @ phi, phi.T).T
+    z = (1 + (value.imag != 0)) * (q @ (one @ dual) + v @ (M @ dual))
     return z.real, (value * z).real
 
 

@@ -24,7 +24,7 @@ import numpy as np
 from modal.types import Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import drag, plane_drag
-from nonlinear.dynamics.joints import cart_force, joint_torques
+from nonlinear.dynamics.joints import cart_force, joint_torques, modal_drag
 from nonlinear.reduction.two_planes import factors
 from nonlinear.system import Group, System
 
@@ -53,6 +53,8 @@ def residual_forces(system: System, planes: list[Floats]) -> list[Floats]:
     if system.cart:
         x, speed, acceleration = planes[0][:, 0]
         found[0][0] += system.total_mass * acceleration + pull - sum(cart_force(system, x, speed))
+    if system.modal_damping is not None:
+        found[0] -= modal_drag(system, planes[0][1])
     return found
 
 

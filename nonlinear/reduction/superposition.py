@@ -24,13 +24,13 @@ from typing import Any
 
 import numpy as np
 
-from modal.errors import ComputationError
+from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
-from modal.scene import Fixed, Scene, unsupported
+from modal.scene import Fixed, Scene, refuse_motion, unsupported
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
 from nonlinear.reduction.two_planes import join, split
-from nonlinear.system import Motion, State
+from nonlinear.system import Motion, State, require_constant_lengths
 
 LINEAR, CORRECTED = "linear modes", "corrected modes"
 LEAST = -0.5  # κ a² below which it is too large for a correction
@@ -143,10 +143,14 @@ def superpose(scene: Scene, start: State, *, corrected: bool) -> Superposition:
     Raises ComputationError where the modes do not span the start, as where eigenvalues of damped modes coincide,
     and for dry friction and quadratic drag.
     """
+    require_constant_lengths(scene, "motion in closed form")
+    refuse_motion(scene, "a sum of free modes")
     if found := unsupported(scene, "no closed form has it: simulate the scene instead", "friction", "quadratic_drag"):
         raise ComputationError(found[0])
     if scene.space == "plane":
         return Superposition(scene, (_flat(scene, start, corrected),))
+    if scene.has_modal_damping:
+        raise SceneError(['damping_ratio: the closed form of motion in space has none: set space = "plane"'])
     along, across = split(scene, start)
     plane = scene.in_plane
     held = plane.replace(support=Fixed())
@@ -168,7 +172,14 @@ def swings(scene: Scene, start: State, *, corrected: bool) -> list[Swing]:
         raise ComputationError(INCOMPLETE) from None
     kappa = [mode.kappa if corrected and np.isfinite(mode.kappa) else 0.0 for mode in modes]
     each = [
-        Swing(phi, complex(modes.eigenvalue[number]), kappa[number], eta, rate, scene.has_damping)
+        Swing(
+            phi,
+            complex(modes.eigenvalue[number]),
+            kappa[number],
+            eta,
+            rate,
+            scene.has_damping and not modes.is_classical,
+        )
         for number, phi, eta, rate in zip(found.number, found.shapes.T, found.coordinate[0], found.rate[0], strict=True)
     ]
     each += [_drift(scene, modes, number, *deflection(scene, here)) for number in drifting]

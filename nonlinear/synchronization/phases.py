@@ -153,6 +153,8 @@ def phases_of(trajectory: Trajectory) -> Phases:
     system, motion = trajectory.system, trajectory.motion
     if system.spatial:
         raise ComputationError("phases: only for motion in the plane")
+    if system.hoisting is not None:
+        raise ComputationError("phases: only for constant lengths, and this run has a hoist")
     count = min(group.n for group in system.groups)
     z = np.empty((len(trajectory.times), system.n_pendula, count), dtype=np.complex128)
     omega, mass = np.empty((2, system.n_pendula, count))

@@ -17,7 +17,7 @@ from nonlinear.simulation import simulate
 from nonlinear.synchronization.certificates import certified
 from nonlinear.synchronization.modal_energy import Survival, find_survival
 from nonlinear.synchronization.phases import Phases, phases_of
-from nonlinear.system import State
+from nonlinear.system import State, require_constant_lengths
 
 LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and periods added to it
 USUAL, MOST = 200, 5000  # default and longest duration in periods
@@ -99,6 +99,7 @@ def study_synchronization(
     the simulated time and the duration.  A start that ends in an unstable state is replaced by a perturbed one, in
     prediction and simulation.  KeyboardInterrupt where Ctrl-C cuts the run short.
     """
+    require_constant_lengths(scene, "synchronization")
     theory, silent = _tried(lambda: theory_of_scene(scene, start))
     length = duration or usual_duration(scene, theory)
     if theory is not None and theory.prediction.unstable:

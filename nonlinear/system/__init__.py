@@ -4,6 +4,7 @@ In: a `Scene` and a start.  Out: a `System`, a `State` (positions and velocities
 with `system`.
 """
 
+from modal.assembly import Hoisting, Hoists, require_constant_lengths
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
 from nonlinear.system.events import (
     NO_FRICTION,
@@ -29,6 +30,8 @@ __all__ = [
     "EventRecord",
     "Friction",
     "Group",
+    "Hoisting",
+    "Hoists",
     "Kicks",
     "Layout",
     "Load",
@@ -42,6 +45,7 @@ __all__ = [
     "numbers_of",
     "numbers_of_all",
     "of_plane",
+    "require_constant_lengths",
     "state_at_rest",
     "system_of",
     "system_with",

@@ -22,9 +22,10 @@ NO_START = (
 def initial_state(scene: Scene) -> State:
     """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
 
-    Raises SceneError where no pendulum has a start.
+    On a moved support the start is relative to it.  Raises SceneError where no pendulum has a start, unless the support
+    moves.
     """
-    if not any(pendulum.start for pendulum in scene.pendulum):
+    if not scene.is_moved and not any(pendulum.start for pendulum in scene.pendulum):
         raise SceneError([NO_START])
     rows = np.concatenate([np.tile(_of(pendulum), (pendulum.count, 1)) for pendulum in scene.pendulum])
     angles, rates, azimuths = np.deg2rad(rows).T

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import CartNumbers
-from modal.scene import AnyLink, Body, Cart, Escapement, Scene
+from modal.scene import AnyLink, Body, Cart, Escapement, Scene, refuse_motion
 from modal.scene.parameters import Place
 from modal.types import Floats
 from nonlinear.system.system import Excitation, Group, System, system_of
@@ -85,6 +85,7 @@ def _spread(entry: Any) -> Any:
 
 def numbers_of(scene: Scene, values: Values | None = None, system: System | None = None) -> Numbers:
     """The numbers of a scene, with arrays (S,) of `values` at some of its places."""
+    refuse_motion(scene, "computing many members side by side")
     given: Values = values or {}
     support, cart = scene.support, [0.0, 0.0, 0.0]
     if isinstance(support, Cart):

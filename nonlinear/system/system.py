@@ -8,15 +8,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import radians
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly import Block, CartNumbers, coordinate_labels, rig_of
-from modal.scene import Cart, Escapement, Pendulum, Scene, VanDerPol
+from modal.assembly import (
+    Block,
+    CartNumbers,
+    Hoisting,
+    Hoists,
+    coordinate_labels,
+    hoisting_of,
+    modal_dampers,
+    rig_of,
+)
+from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
+
+if TYPE_CHECKING:
+    from nonlinear.system.support import MovingSupport
 
 NONE = (0.0, 0.0, 0.0, 0.0)
 
@@ -163,7 +175,9 @@ class Rail(NamedTuple):
 class System:
     """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
 
-    `rail` is the dry friction on the rail, or None.
+    `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
+    `hoisting` the lengths that change in time, of which the groups hold the first; `support` the motion of a support
+    that moves as prescribed, in whose frame the scene is then described; `rail` the dry friction on the rail.
     """
 
     gravity: float
@@ -171,6 +185,9 @@ class System:
     groups: tuple[Group, ...]
     spatial: bool
     labels: tuple[str, ...]
+    modal_damping: Floats | None = None
+    hoisting: Hoisting | None = None
+    support: MovingSupport | None = None
     rail: Rail | None = None
 
     @cached_property
@@ -228,7 +245,7 @@ class System:
     def dissipates(self) -> bool:
         """Whether there is any damper, drag or dry friction."""
         damped = bool(self.cart and np.any(self.cart.damping)) or any(group.damped for group in self.groups)
-        return damped or self.dragged or self.rubs
+        return self.modal_damping is not None or damped or self.dragged or self.rubs
 
     @property
     def dragged(self) -> bool:
@@ -258,7 +275,7 @@ class System:
     @property
     def works(self) -> bool:
         """Whether energy enters or leaves the system."""
-        return self.dissipates or self.excites
+        return self.dissipates or self.excites or self.hoisting is not None or self.support is not None
 
     def by_link(self, name: str) -> Floats:
         """An array of the blocks in the order of the file, (L,)."""
@@ -268,8 +285,16 @@ class System:
         return found
 
 
-def system_of(scene: Scene) -> System:
-    """The arrays of a scene, with an entry for each copy."""
+@lru_cache(maxsize=4)
+def _modal_dampers(scene: Scene) -> Floats:
+    """D_modal of a scene, computed once for all that ask for its system."""
+    found = modal_dampers(rig_of(scene))
+    found.flags.writeable = False
+    return found
+
+
+def system_of(scene: Scene, hoists: Hoists | None = None) -> System:
+    """The arrays of a scene, with an entry for each copy; `hoists` are laws of lengths in place of its own."""
     rig = rig_of(scene)
     hanging = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
     sizes = np.array([rig.blocks[block].n for block, _, copies in rig.members for _ in range(copies)])
@@ -284,8 +309,22 @@ def system_of(scene: Scene) -> System:
         friction = _each(own, "friction") if scene.has_friction else None
         drag = _each(own, "quadratic_drag") if scene.has_drag else None
         groups.append(Group(block.take(hung[pendula, 1]), index, pendula, excitation, friction, drag))
+    modal = _modal_dampers(scene) if scene.has_modal_damping and not rig.spatial else None
+    labels, hoisting = coordinate_labels(rig), hoisting_of(scene, hoists)
+    prescribed = modal, hoisting, _support(scene), _rail(scene)
+    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, labels, *prescribed)
+
+
+def _support(scene: Scene) -> MovingSupport | None:
+    if not isinstance(scene.support, Moved):
+        return None
+    from nonlinear.system.support import moving_support
+
+    return moving_support(scene.support)
+
+
+def _rail(scene: Scene) -> Rail | None:
     support = scene.support
-    rail = None
-    if isinstance(support, Cart) and support.has_friction:
-        rail = Rail(support.friction, support.friction_coefficient)
-    return System(rig.gravity, rig.cart, tuple(groups), rig.spatial, coordinate_labels(rig), rail)
+    if not (isinstance(support, Cart) and support.has_friction):
+        return None
+    return Rail(support.friction, support.friction_coefficient)

@@ -20,7 +20,7 @@ from multipendula.commands import COMMANDS, FIRST
 from multipendula.commands.scenes import SHELLS
 from multipendula.parser import WIDTH, Page, shown
 
-TOPICS = ("look", "modes", "motion", "coupling and synchronization", "control", "symbols and proof")
+TOPICS = ("look", "modes", "motion", "coupling and synchronization", "measurements", "control", "symbols and proof")
 EXAMPLES = {command.name: command.examples for command in COMMANDS}
 PAGES: dict[str, Page] = next(
     action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)
@@ -157,7 +157,7 @@ def completed(line: str) -> list[str]:
         ("shapes chain-3 -o p", ["picture.png"]),
         ("derive chain-3 --show polynomial,m", ["polynomial,matrices", "polynomial,modes"]),
         ("derive pap", ["paper:000", "paper:001", "paper:002", *(n for n in example_names() if n.startswith("pap"))]),
-        ("gains crane-hook --output angles,t", ["angles,tip_positions"]),
+        ("gains crane-hook --output angles,t", ["angles,tip_accelerations", "angles,tip_positions"]),
         ("gains crane-hook --input cart_f", ["cart_force"]),
         ("sweep chain-1 --measure o", ["order"]),
         ("sweep chain-1 --vary g", ["gravity="]),

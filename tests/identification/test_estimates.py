@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from modal import load
-from modal.errors import SceneError
+from modal.errors import ComputationError, SceneError
 from modal.identification import Estimate, estimate_of, magnitude_std, mode_stds, read_estimate, shaped_modes
 from modal.identification.propagation import response_slopes
 from modal.modes import natural_modes
@@ -192,3 +192,13 @@ def test_a_file_that_is_none_is_told_by_its_name(tmp_path: Path) -> None:
         with pytest.raises(SceneError, match=words) as caught:
             read_estimate(scene(), tmp_path / name)
         assert str(caught.value).startswith(str(tmp_path / name))
+
+
+def test_what_is_no_polynomial_in_its_numbers_is_refused() -> None:
+    one = scene()
+    ratios = estimate_of(one.replace(damping_ratio=0.01), record())
+    with pytest.raises(SceneError, match="damping_ratio: modal dampers depend on all numbers"):
+        mode_stds(natural_modes(ratios.scene), ratios, [1])
+    model = state_space(one, ("support_acceleration",))
+    with pytest.raises(ComputationError, match="responses to support_acceleration have no standard deviations"):
+        magnitude_std(model, estimate(), np.array([1.0]))

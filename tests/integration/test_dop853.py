@@ -162,8 +162,11 @@ PACES = (Pace(), Pace(first=0.02), Pace(first=0.5), Pace(longest=0.03), Pace(bre
 @pytest.mark.parametrize("pace", PACES, ids=str)
 @pytest.mark.parametrize("scene", [load("chain-3"), load("huygens"), mixed()], ids=lambda scene: scene.title or "mixed")
 def test_its_steps_are_those_of_scipy(engine: str, scene: Scene, pace: Pace, tolerance: float) -> None:
-    """Estimates of errors are differences of about the tolerance, so that their rounding is some 1e-15 over that."""
-    near = 1e-13 / tolerance
+    """Estimates of errors are differences of about the tolerance, so that their rounding is some 1e-15 over that.
+
+    A cart between clocks in antiphase stands still but for rounding, which its share of the estimate multiplies.
+    """
+    near = 1e-12 / tolerance
     ours, theirs = both(engine, scene, tolerance, pace)
     while theirs.time < ENOUGH:
         ours.step()

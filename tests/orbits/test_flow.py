@@ -76,7 +76,11 @@ def test_the_compiled_flow_agrees_with_the_plain_one(seed: int) -> None:
 
 @pytest.mark.skipif(not available(), reason="needs numba")
 def test_compiled_kicks_agree_with_the_plain_ones() -> None:
-    """Clocks that are kicked one after the other, and both at once."""
+    """Clocks that are kicked one after the other, and both at once: then along what keeps them together.
+
+    Which of two equal kicks at one time comes first is a matter of rounding, and derivatives across depend on it.
+    """
+    together = np.kron(np.eye(2), np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]]))
     for turned in ((0.11, -0.1), (0.1, 0.1)):
         system = system_of(load("huygens"))
         plain, fast = (Flow(system, 1e-12, fast=choice) for choice in (False, True))
@@ -85,4 +89,5 @@ def test_compiled_kicks_agree_with_the_plain_ones() -> None:
         assert one.side.tolist() == other.side.tolist()
         assert np.sum(np.diff(one.path.times) == 0) >= 2
         assert one.y == pytest.approx(other.y, abs=1e-11)
-        assert pytest.approx(other.V, rel=1e-8, abs=1e-8 * np.abs(one.V).max()) == one.V
+        along = together if turned[0] == turned[1] else np.eye(6)
+        assert pytest.approx(other.V @ along, rel=1e-8, abs=1e-8 * np.abs(one.V).max()) == one.V @ along

@@ -41,12 +41,14 @@ from modal.plotting import (
     sheet,
     thickness,
 )
+from modal.plotting.hoisting import hoist_figure
 from modal.plotting.loci import loci_figure
 from modal.plotting.response import impulse_figure
 from modal.plotting.style import theme
 from modal.scene import InitialCondition, VanDerPol
 from modal.scene.parameters import parse_variations
 from modal.statespace import ModalForm, state_space, to_modal_form
+from modal.statespace.hoisting import frequencies_along
 from multipendula.cli import main
 from nonlinear.accuracy import list_candidates, measure_work_precision
 from nonlinear.chaos import Exponent, Finding, lyapunov_exponent, study
@@ -216,6 +218,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "impulse extreme": lambda: impulse_figure(form(EXTREME)),
     "loci": lambda: followed("crane-two-loads", "pendulum[0].links[0].length=6:14:20"),
     "loci of many": lambda: followed(hung(17, cart=10.0, title=LONG), "support.mass=0.1:100:8log"),
+    "hoist": lambda: hoist_figure(frequencies_along(modal.load("hoisting-crane"), 41)),
     "run": lambda: run_figure(run("paper-cart-3")),
     "run of one": lambda: run_figure(run("chain-1")),
     "run in space": lambda: run_figure(run("chain-spatial")),

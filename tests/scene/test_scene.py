@@ -177,6 +177,7 @@ def test_every_promised_scene_is_shipped() -> None:
         "clocks-double",
         "crane-hook",
         "crane-two-loads",
+        "hoisting-crane",
         "huygens",
         "metronomes",
         "rope",

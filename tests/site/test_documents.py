@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from shutil import copy
 
 import pytest
 from documents import KNOWN, ROOT, Page, WrongPageError, agrees, blocks, divided, tokens
@@ -34,7 +35,10 @@ PAGES = pages()
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A fresh folder, which is also home."""
+    """A fresh folder, which is also home, with the scenes and records of the examples."""
+    for path in (ROOT / "examples").iterdir():
+        if path.suffix in {".toml", ".csv"}:
+            copy(path, tmp_path)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("HOME", str(tmp_path))
     return tmp_path

@@ -35,8 +35,9 @@ def imported(code: str) -> set[str]:
     return {name.partition(".")[0] for name in found}
 
 
-def test_there_are_twelve() -> None:
-    assert [twin.stem[:2] for twin in LESSONS] == [f"{number:02}" for number in range(1, 13)]
+def test_each_has_a_number_of_its_own() -> None:
+    numbers = [twin.stem[:2] for twin in LESSONS]
+    assert len(numbers) == len(set(numbers)) >= 13
     assert sorted(path.stem for path in twins.HERE.glob("*.ipynb")) == [twin.stem for twin in LESSONS]
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scenes import decimal_scene
@@ -55,6 +57,7 @@ def test_transfer_functions_of_forces_and_torques(seed: int) -> None:
         "relative_rates": s * geometry.relative @ q,
         "joint_positions": geometry.joints @ q,
         "tip_positions": geometry.joints[geometry.tips] @ q,
+        "tip_accelerations": s**2 * geometry.joints[geometry.tips] @ q,
         "pivot_forces": pushes - s**2 * (own * geometry.mass) @ geometry.centres @ q,
     }
     np.testing.assert_allclose(transfer(model, s), np.vstack([rows[name] for name in outputs]), rtol=1e-9, atol=1e-10)
@@ -167,4 +170,5 @@ def test_what_needs_a_cart_or_an_inertia() -> None:
     assert state_space(massless, ("cart_acceleration",)).A[3, 1] == pytest.approx(-9.81)
     with pytest.raises(ComputationError, match="at most 4000"):
         state_space(load("paper-cart-2").model_copy(update={"pendulum": load("rope").pendulum * 3}))
-    assert set(INPUTS) == {"cart_force", "joint_torques", "link_forces", "cart_acceleration", "cart_velocity"}
+    moved = {f"{what}_{kind}" for what, kind in product(("cart", "support"), ("acceleration", "velocity"))}
+    assert set(INPUTS) == {"cart_force", "joint_torques", "link_forces", "support_displacement"} | moved

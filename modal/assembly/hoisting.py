@@ -1,0 +1,200 @@
+"""Prescribed lengths of the ropes of a scene as functions of time, and the linear equations along them.
+
+A bob at the end of a rope with length l(t) moves aside by l θ and down by l.  So the column of M of its angle, which is
+proportional to l, gives damping and stiffness
+
+    M_ij (l_j θ_j)''/l_j = M_ij θ_j'' + M_ij (2 l_j'/l_j) θ_j' + M_ij (l_j''/l_j) θ_j,
+
+and the weight of a mass k, which holds all links above upright, is m_k (g − Σ_{j≤k} σ_j l_j'') in place of m_k g.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from modal.assembly.arrays import Block, rig_of
+from modal.assembly.dense import assembled
+from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
+from modal.errors import SceneError
+from modal.scene import Bob, Scene
+from modal.types import Floats, Ints
+
+Law = Callable[[Any], tuple[Any, Any, Any]]
+"""Length (m), speed (m/s) and acceleration (m/s²) at times (s)."""
+Hoists = Mapping[tuple[int, int], Any]
+"""Laws by pendulum and link entry of the scene, both from 0: splines with derivatives, or functions as `Law`."""
+
+
+MOST_KNOTS = 1000
+"""Knots of a law at which an integrator restarts; of more only the first and the last, since splines are smooth."""
+
+
+@dataclass(frozen=True, eq=False)
+class Hoisting:
+    """The lengths (L,) of all links, in the order of the file, of which some follow laws: positions (k,) and law.
+
+    `given` are the laws that are not the scene's own.
+    """
+
+    base: Floats
+    laws: tuple[tuple[Ints, Law], ...]
+    given: Hoists | None = None
+
+    @cached_property
+    def moving(self) -> Any:
+        """Which links (L,) change their length."""
+        found = np.zeros(len(self.base), dtype=bool)
+        for index, _ in self.laws:
+            found[index] = True
+        return found
+
+    @cached_property
+    def breaks(self) -> tuple[float, ...]:
+        """The times (s) at which a derivative of a length may jump, ascending."""
+        found = [tuple(getattr(law, "breaks", ())) for _, law in self.laws]
+        few = (own if len(own) <= MOST_KNOTS else (own[0], own[-1]) for own in found)
+        return tuple(sorted({time for own in few for time in own}))
+
+    def at(self, times: Any) -> tuple[Floats, Floats, Floats]:
+        """Lengths (..., L) in m, their speeds (m/s) and accelerations (m/s²) at times (...) in s.
+
+        SceneError where a law gives a length that is not positive, or anything but finite numbers.
+        """
+        shape = (*np.shape(times), len(self.base))
+        found = np.broadcast_to(self.base, shape).copy(), np.zeros(shape), np.zeros(shape)
+        for index, law in self.laws:
+            for whole, part in zip(found, law(times), strict=True):
+                whole[..., index] = np.asarray(part, dtype=np.float64)[..., None]
+        if not (np.all(found[0] > 0) and all(np.all(np.isfinite(part)) for part in found)):
+            raise SceneError(["hoist: a length must be a positive number of metres, with finite speed, at all times"])
+        return found
+
+
+@dataclass(frozen=True)
+class Spline:
+    """The law of a spline with `derivative`, or of a function of one time that returns all three numbers."""
+
+    given: Any
+
+    def __call__(self, times: Any) -> tuple[Any, Any, Any]:
+        """Length, speed and acceleration."""
+        if hasattr(self.given, "derivative"):
+            return self.given(times), self._speed(times), self._acceleration(times)
+        if np.ndim(times):
+            columns = np.array([self.given(float(time)) for time in np.ravel(times)]).T
+            return tuple(column.reshape(np.shape(times)) for column in columns)
+        return self.given(float(times))  # type: ignore[no-any-return]
+
+    @cached_property
+    def _speed(self) -> Any:
+        return self.given.derivative(1)
+
+    @cached_property
+    def _acceleration(self) -> Any:
+        return self.given.derivative(2)
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """The knots of a spline."""
+        return tuple(np.unique(getattr(self.given, "x", ())).tolist())
+
+
+def hoisting_of(scene: Scene, given: Hoists | None = None) -> Hoisting | None:
+    """The lengths of a scene, with the laws `given` in place of its own; None where no length changes.
+
+    Raises SceneError for a law of a link that is no bob or does not exist, and for one that gives no three numbers.
+    """
+    if not (given or scene.is_hoisted):
+        return None
+    if not isinstance(given or {}, Mapping):
+        raise SceneError(["hoist: must be a mapping such as {(0, 0): spline}"])
+    told = dict(given or {})
+    base: list[float] = []
+    laws: list[tuple[Ints, Law]] = []
+    for p, pendulum in enumerate(scene.pendulum):
+        at, places = len(base), []
+        for i, link in enumerate(pendulum.links):
+            places.append((i, len(base) - at + np.arange(link.count)))
+            base += [link.length] * link.count
+        base += base[at:] * (pendulum.count - 1)
+        first = at + pendulum.n_links * np.arange(pendulum.count)
+        for i, own in places:
+            link, other = pendulum.links[i], told.pop((p, i), None)
+            index = np.add.outer(first, own).ravel()
+            if other is not None:
+                laws.append((index, _validated(other, link, f"hoist of pendulum[{p}].links[{i}]")))
+            elif link.hoist:
+                laws.append((index, link.hoist.law(link.length)))
+    if told:
+        raise SceneError([f"hoist: {place!r} is no pair of a pendulum and a link of this scene" for place in told])
+    return Hoisting(np.array(base), tuple(laws), given or None)
+
+
+def require_constant_lengths(scene: Scene, what: str) -> None:
+    """SceneError for a scene with a hoist; `what` needs constant lengths."""
+    if scene.is_hoisted:
+        raise SceneError([f"hoist: {what} needs constant lengths: remove the hoist"])
+
+
+def _validated(given: Any, link: Any, place: str) -> Spline:
+    if not isinstance(link, Bob):
+        raise SceneError([f"{place}: only the massless rope of a bob can change its length"])
+    law = Spline(given)
+    try:
+        one = tuple(float(part) for part in law(0.0))
+        fits = len(one) == 3
+    except (TypeError, ValueError):
+        fits = False
+    if not fits:
+        words = "must be a spline with derivatives, or a function of time that returns length, speed and acceleration"
+        raise SceneError([f"{place}: {words}"])
+    return law
+
+
+def matrices_at(scene: Scene, time: float) -> Matrices:
+    """M, K and D (SI) of M q'' + D q' + K q = 0 at a time (s), for lengths that change; M alone is symmetric then."""
+    return matrices_along(scene)(time)
+
+
+def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
+    """`matrices_at` as a function of time, for many times."""
+    hoisting, rig = hoisting_of(scene), rig_of(scene)
+    if hoisting is None:
+        constant = matrices_of(rig)
+        return lambda time: constant
+    hung = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
+    ends = np.cumsum([block.n for block, _ in hung])
+    own = [slice(end - block.n, end) for (block, _), end in zip(hung, ends.tolist(), strict=True)]
+    first, D, labels = int(rig.cart is not None), matrices_of(rig).D, coordinate_labels(rig)
+    index = np.arange(first, first + len(hoisting.base))
+
+    def at(time: float) -> Matrices:
+        length, speed, acceleration = hoisting.at(time)
+        columns, lighter = [], np.empty_like(acceleration)
+        for (block, column), place in zip(hung, own, strict=True):
+            chain = block.take(np.array([column]))
+            centre = np.where(hoisting.moving[place], length[place], chain.centre[:, 0])
+            chain = replace(chain, length=length[place][:, None], centre=centre[:, None])
+            columns.append((chain, 0))
+            lighter[place] = _lighter(chain, acceleration[place])
+        M, K = assembled(columns, rig.cart, rig.gravity)
+        K[:, first:] += M[:, first:] * (acceleration / length)
+        K[index, index] -= lighter
+        spread = np.zeros_like(M)
+        spread[:, first:] = M[:, first:] * (2 * speed / length)
+        return Matrices(M, K, D + spread, labels)
+
+    return at
+
+
+def _lighter(chain: Block, acceleration: Floats) -> Floats:
+    """σ (m c s_i + l Σ_{k>i} m_k s_k) of every link (n,), s_k the downward acceleration of mass k by all hoists."""
+    m, l, c, sigma = (part[:, 0] for part in (chain.mass, chain.length, chain.centre, chain.sigma))
+    fallen = m * np.cumsum(sigma * acceleration)
+    below = np.append(np.cumsum(fallen[:0:-1])[::-1], 0.0)
+    return np.asarray(sigma * (c * fallen + l * below))

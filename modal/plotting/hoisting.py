@@ -1,0 +1,40 @@
+"""Lengths and frequencies along a hoist as a picture."""
+
+from __future__ import annotations
+
+from typing import IO
+
+from matplotlib.figure import Figure
+
+from modal.errors import ComputationError
+from modal.plotting.layout import framed, headline, legend
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, save, sheet
+from modal.statespace.hoisting import Along
+
+
+def draw_hoist(found: Along, stream: IO[bytes], form: str = "png") -> None:
+    """Write the picture as png, svg or pdf."""
+    save(hoist_figure(found), stream, form)
+
+
+def hoist_figure(found: Along) -> Figure:
+    """The changing lengths (m), the angular frequencies (rad/s) and the adiabatic swing of every mode against time (s).
+
+    Raises ComputationError for more modes or lengths than one picture holds.
+    """
+    most = max(found.omega.shape[1], found.lengths.shape[1])
+    if most > MOST_CURVES:
+        raise ComputationError(f"{most} curves do not fit in a figure: at most {MOST_CURVES}")
+    figure = sheet(WIDTH, 8.0)
+    axes = figure.subplots(3, 1, sharex=True)
+    ropes = [f"pendulum {p + 1}, link {i + 1}" for p, i in found.links]
+    modes = [f"mode {name}" for name in found.names]
+    panels = (found.lengths, ropes, "length (m)"), (found.omega, modes, "angular frequency ω (rad/s)")
+    for axis, (values, names, words) in zip(axes, (*panels, (found.swing, modes, "relative swing (–)")), strict=True):
+        for k, name in enumerate(names):
+            axis.plot(found.times, values[:, k], color=colour(k), ls=dash(k), label=name)
+        framed(axis, "time (s)" if axis is axes[-1] else "", words)
+        axis.set_xlim(found.times[0], found.times[-1])
+        legend(axis)
+    headline(figure, found.scene.title, "along the hoist")
+    return figure

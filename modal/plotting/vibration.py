@@ -1,0 +1,148 @@
+"""Random vibration as PSDs, and shock as histories with the combinations of their peaks."""
+
+from __future__ import annotations
+
+from typing import IO, TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from modal.errors import ComputationError
+from modal.plotting.layout import framed, headline, legend, log_ticks, mark_modes
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, muted, save, sheet, thickness
+from modal.statespace import Signal
+
+if TYPE_CHECKING:
+    from modal.vibration import RandomResponse, ShockResponse
+
+DEEPEST = 1e-26
+"""Lowest PSD drawn, over the largest of its panel."""
+POINTS = 4000
+QUANTITIES = {
+    "m": "position",
+    "m/s": "velocity",
+    "m/s^2": "acceleration",
+    "rad": "angle",
+    "rad/s": "rate",
+    "N": "force",
+}
+"""What a unit measures."""
+BAR = 0.36
+
+
+def draw_random(found: RandomResponse, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `random_figure` as png, svg or pdf."""
+    save(random_figure(found), stream, kind)
+
+
+def random_figure(found: RandomResponse) -> Figure:
+    """The PSD of the support's acceleration, and below it those of the outputs, one panel for each unit.
+
+    Raises ComputationError for more outputs than a picture holds.
+    """
+    from modal.vibration.report import named_modes, response_frequencies
+
+    units = _units(found.outputs)
+    f = response_frequencies(found)
+    psd = found.psd(f)
+    figure = sheet(WIDTH, 1.8 + 2.3 * len(units))
+    panels = figure.subplots(len(units) + 1, 1, sharex=True, height_ratios=(2, *[3] * len(units)))
+    panels[0].plot(f, np.where(found.input_psd(f) > 0, found.input_psd(f), np.nan), color=ink())
+    framed(panels[0], "", "PSD (m²/s⁴/Hz)", "acceleration of the support")
+    for axis, unit in zip(panels[1:], units, strict=True):
+        shown = [k for k, signal in enumerate(found.outputs) if signal.unit == unit]
+        for place, k in enumerate(shown):
+            words = f"{found.outputs[k].name}, RMS {_size(found.rms[k])} {unit}"
+            drawn = np.where((psd[k] > 0) & np.isfinite(psd[k]), psd[k], np.nan)
+            axis.plot(f, drawn, color=colour(place), ls=dash(place), lw=thickness(place, 1.8), label=words)
+        sizes = psd[shown][np.isfinite(psd[shown])]
+        if sizes.size and sizes.max() > 0:
+            axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))
+        framed(axis, "", f"PSD ({_per_hertz(unit)})", "response")
+        _logarithmic(axis)
+        axis.legend(fontsize="small", loc="best")
+    panels[-1].set_xlabel("frequency (Hz)")
+    _logarithmic(panels[0])
+    panels[0].set(xscale="log", xlim=(f[0], f[-1]))
+    log_ticks(panels[-1].xaxis, f[-1] / f[0])
+    inside = [(number, rate) for number, rate in named_modes(found.modes) if f[0] <= rate <= f[-1]]
+    for axis in panels[1:]:
+        mark_modes(axis, inside, numbered=False)
+    headline(figure, found.modes.scene.title, "random vibration")
+    return figure
+
+
+def draw_shock(found: ShockResponse, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `shock_figure` as png, svg or pdf."""
+    save(shock_figure(found), stream, kind)
+
+
+def shock_figure(found: ShockResponse) -> Figure:
+    """The support's acceleration, the histories of the outputs by unit, and SRSS and CQC over the exact peaks.
+
+    Raises ComputationError for more outputs than a picture holds.
+    """
+    units = _units(found.outputs)
+    combined = np.flatnonzero(~found.follows_support & (found.peaks[:, 0] > 0)).tolist()
+    rows = slice(None, None, -(-len(found.times) // POINTS))
+    times = found.times[rows]
+    figure = sheet(WIDTH, 1.6 + 2.0 * len(units) + 2.0 * bool(combined))
+    panels = figure.subplots(1 + len(units) + bool(combined), 1, squeeze=False)[:, 0]
+    histories = panels[: 1 + len(units)]
+    histories[0].plot(times, found.record.acceleration(times), color=ink(), lw=1.0)
+    framed(histories[0], "", "acceleration (m/s²)", "support")
+    for axis, unit in zip(histories[1:], units, strict=True):
+        for place, k in enumerate(k for k, signal in enumerate(found.outputs) if signal.unit == unit):
+            line = {"color": colour(place), "ls": dash(place), "lw": thickness(place, 1.5)}
+            axis.plot(times, found.history[k, rows], label=found.outputs[k].name, **line)
+        framed(axis, "", f"{QUANTITIES.get(unit, '')} ({_pretty(unit)})".strip(), "response")
+        legend(axis)
+    for axis in histories:
+        axis.set_xlim(times[0], times[-1])
+        axis.axvline(found.record.last, color=muted(), ls=":", lw=0.9)
+    for axis in histories[:-1]:
+        axis.tick_params(labelbottom=False)
+    histories[-1].set_xlabel("time, with the end of the record dotted (s)")
+    if combined:
+        _combinations(panels[-1], found, combined)
+    headline(figure, found.modes.scene.title, "response to a record")
+    return figure
+
+
+def _combinations(axis: Axes, found: ShockResponse, shown: list[int]) -> None:
+    """SRSS and CQC of the peaks of the modes over the peak of their exact sum."""
+    places = np.arange(len(shown))
+    for k, (name, values) in enumerate((("SRSS", found.srss), ("CQC", found.cqc))):
+        ratios = values[shown] / found.peaks[shown, 0]
+        hatch = ("", "//")[k]
+        axis.bar(places + (k - 0.5) * BAR, ratios, BAR, color=colour(k), hatch=hatch, label=name)
+    axis.axhline(1.0, color=ink(), lw=1.0)
+    axis.set_xticks(places, [found.outputs[k].name for k in shown])
+    framed(axis, "", "over exact peak (–)", "peaks of modes, combined")
+    legend(axis)
+
+
+def _units(outputs: tuple[Signal, ...]) -> list[str]:
+    if len(outputs) > MOST_CURVES:
+        raise ComputationError(f"{len(outputs)} outputs do not fit in a figure: choose at most {MOST_CURVES}")
+    return list(dict.fromkeys(signal.unit for signal in outputs))
+
+
+def _logarithmic(axis: Axes) -> None:
+    axis.set_yscale("log")
+    axis.yaxis.set_minor_formatter("")
+
+
+def _pretty(unit: str) -> str:
+    return unit.replace("^2", "²")
+
+
+def _per_hertz(unit: str) -> str:
+    above, _, below = unit.partition("/")
+    raised = {"s": "s²", "s^2": "s⁴", "": ""}.get(below, f"({below})²")
+    return f"{above}²/{raised}/Hz" if raised else f"{above}²/Hz"
+
+
+def _size(value: float) -> str:
+    return "∞" if np.isinf(value) else f"{value:.3g}"

@@ -1,0 +1,145 @@
+"""Records of a support's motion and power spectral densities (PSDs) in CSV files, by the names of their columns.
+
+    time_s, and one of displacement_m, velocity_m_per_s, acceleration_m_per_s2    (also displacement, velocity, …)
+    frequency_hz, and one of psd (of the acceleration), acceleration_psd, velocity_psd, displacement_psd
+
+Any unit after the name of a PSD is taken as SI per hertz.  Lines that begin with # and further columns are passed over.
+"""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from os import PathLike, fspath
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from modal.errors import SceneError, meant
+from modal.scene.motion import RECORDED, Quantity, spectrum_problems
+
+LARGEST_FILE = 256_000_000
+MOST_ROWS = 2_000_000
+TIMES = ("time_s", "time", "t_s")
+QUANTITIES: tuple[Quantity, ...] = ("displacement", "velocity", "acceleration")
+
+
+class Spectrum(NamedTuple):
+    """A one-sided PSD `psd` of the support's acceleration, velocity or displacement (`of`) at `frequency_hz`."""
+
+    frequency_hz: tuple[float, ...]
+    psd: tuple[float, ...]
+    of: Quantity
+
+
+def read_record(path: str | PathLike[str]) -> dict[str, Any]:
+    """The fields `time_s` and one quantity of a `RecordMotion`; SceneError, with its name, for any other file."""
+    columns = _columns(path)
+    time = next((name for name in TIMES if name in columns), None)
+    found = {key: name for key, word in RECORDED.items() for name in (key, word) if name in columns}
+    if time is None or len(found) != 1:
+        asked = "time_s and one of " + ", ".join(RECORDED)
+        raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}"])
+    key, name = next(iter(found.items()))
+    return {"time_s": columns[time], key: columns[name]}
+
+
+def read_spectrum(path: str | PathLike[str]) -> Spectrum:
+    """The PSD in a file; SceneError, with the file's name, where it has none or an impossible one."""
+    columns = _columns(path)
+    found = [(name, of) for name in columns if (of := _quantity(name))]
+    if "frequency_hz" not in columns or len(found) != 1:
+        asked = "frequency_hz and one of psd, acceleration_psd, velocity_psd, displacement_psd"
+        hint = "" if "frequency_hz" in columns else meant("frequency_hz", columns)
+        raise SceneError([f"{fspath(path)}: needs the columns {asked}; it has {_listed(columns)}{hint}"])
+    name, of = found[0]
+    frequencies, psd = columns["frequency_hz"], columns[name]
+    problems = list(spectrum_problems(frequencies, psd))
+    problems += [f".{name} = {value!r}: must not be negative" for value in psd if value < 0][:1]
+    problems += [f".frequency_hz = {value!r}: must not be negative" for value in frequencies if value < 0][:1]
+    if problems:
+        raise SceneError([f"{fspath(path)}: {problem.removeprefix('.')}" for problem in problems])
+    return Spectrum(frequencies, psd, of)
+
+
+def _quantity(name: str) -> Quantity | None:
+    if name == "psd" or name.startswith("psd_"):
+        return "acceleration"
+    return next((of for of in QUANTITIES if name == f"{of}_psd" or name.startswith(f"{of}_psd_")), None)
+
+
+def _listed(columns: Mapping[str, Any]) -> str:
+    return ", ".join(list(columns)[:8]) or "none"
+
+
+def _columns(path: str | PathLike[str]) -> dict[str, tuple[float, ...]]:
+    """The numbers under each name of the first line."""
+    name = fspath(path)
+    try:
+        if Path(name).exists() and not Path(name).is_file():
+            raise SceneError([f"{name}: not a file"])
+        if Path(name).stat().st_size > LARGEST_FILE:
+            raise SceneError([f"{name}: is larger than {LARGEST_FILE} bytes"])
+        text = Path(name).read_text(encoding="utf-8-sig")
+    except SceneError:
+        raise
+    except UnicodeDecodeError as error:
+        raise SceneError([f"{name}: byte {error.start} is not UTF-8 text"]) from None
+    except (OSError, ValueError) as error:
+        raise SceneError([f"{name}: cannot be read: {getattr(error, 'strerror', None) or error}"]) from None
+    lines = [(at, line) for at, line in enumerate(text.splitlines(), 1) if line.strip() and line.lstrip()[0] != "#"]
+    if len(lines) > MOST_ROWS:
+        raise SceneError([f"{name}: has over {MOST_ROWS} lines"])
+    try:
+        rows = list(csv.reader(line for _, line in lines))
+    except csv.Error as error:
+        raise SceneError([f"{name}: {error}"]) from None
+    if not rows:
+        raise SceneError([f"{name}: is empty"])
+    heads = [head.strip() for head in rows[0]]
+    wanted = [at for at, head in enumerate(heads) if head in {*TIMES, *RECORDED, *QUANTITIES, "frequency_hz"}]
+    wanted += [at for at, head in enumerate(heads) if _quantity(head) and at not in wanted]
+    if len({heads[at] for at in wanted}) < len(wanted):
+        raise SceneError([f"{name}: has a column twice"])
+    if not wanted:
+        return dict.fromkeys(heads, ())
+    values = [_row(name, row, number, heads, wanted) for row, (number, _) in zip(rows[1:], lines[1:], strict=True)]
+    columns = zip(*values, strict=True) if values else [()] * len(wanted)
+    return dict.fromkeys(heads, ()) | {heads[at]: tuple(own) for at, own in zip(wanted, columns, strict=True)}
+
+
+def _row(name: str, row: Sequence[str], line: int, heads: Sequence[str], wanted: Sequence[int]) -> list[float]:
+    found = []
+    for at in wanted:
+        text = row[at].strip() if at < len(row) else ""
+        try:
+            value = float(text)
+        except ValueError:
+            value = float("nan")
+        if not isfinite(value):
+            raise SceneError([f'{name}: line {line}: {heads[at]} = "{text[:40]}": must be a finite number'])
+        found.append(value)
+    return found
+
+
+def with_files_read(data: object, folder: Path) -> object:
+    """A scene's nested mappings with the numbers of the files that its support's motion names, relative to `folder`."""
+    support = data.get("support") if isinstance(data, dict) else None
+    motion = support.get("motion") if isinstance(support, dict) else None
+    if not isinstance(data, dict) or not isinstance(support, dict) or not isinstance(motion, dict):
+        return data
+    name = {"record": "file", "random": "psd"}.get(str(motion.get("kind")), "")
+    path = motion.get(name)
+    if not isinstance(path, str):
+        return data
+    others = [key for key in ("time_s", "frequency_hz", "of", *RECORDED) if key in motion]
+    place = f'support.motion.{name} = "{path}"'
+    if others:
+        raise SceneError([f"{place}: leaves no place for {', '.join(others)}"])
+    try:
+        read = read_record(folder / path) if name == "file" else read_spectrum(folder / path)._asdict()
+    except SceneError as error:
+        shown = f"{folder / path}: "
+        raise SceneError([f"{place}: {problem.removeprefix(shown)}" for problem in error.problems]) from None
+    kept = {key: value for key, value in motion.items() if key != name}
+    return data | {"support": support | {"motion": kept | read}}

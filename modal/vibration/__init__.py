@@ -1,0 +1,35 @@
+"""Supports that move: their motion, random vibration, shock, and parametric excitation.  Needs SciPy.
+
+In: a scene, and the motion of its support: prescribed, recorded, or random with a power spectral density.  Out: the
+motion as functions of time; PSD and RMS of every output and mode; exact histories, peaks and their combination by SRSS
+and CQC; Floquet multipliers under vertical motion.
+
+Start with `prescribed`; `random`, `shock` and `parametric` each answer one question.
+"""
+
+from modal.vibration.combination import correlation, cqc, srss
+from modal.vibration.oscillators import response_spectrum
+from modal.vibration.parametric import MOST_LINKS, ParametricStability, parametric_stability
+from modal.vibration.prescribed import PrescribedMotion, Record, prescribed_motion
+from modal.vibration.random import RandomResponse, random_response
+from modal.vibration.report import random_report, shock_report
+from modal.vibration.shock import ShockResponse, shock_response
+
+__all__ = [
+    "MOST_LINKS",
+    "ParametricStability",
+    "PrescribedMotion",
+    "RandomResponse",
+    "Record",
+    "ShockResponse",
+    "correlation",
+    "cqc",
+    "parametric_stability",
+    "prescribed_motion",
+    "random_report",
+    "random_response",
+    "response_spectrum",
+    "shock_report",
+    "shock_response",
+    "srss",
+]

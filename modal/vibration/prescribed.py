@@ -1,0 +1,227 @@
+"""The prescribed motion of a support as functions of time: displacement, velocity and acceleration.
+
+A record is joined by an interpolating spline of degree 5 (3 where it has fewer than 6 samples) of the recorded
+quantity; the others are its derivatives and integrals, exactly.  The integral of an acceleration begins at zero
+velocity, every integral at zero displacement.  Outside the record the acceleration is zero.
+
+A random process of the PSD S (one-sided, per hertz) is the sum of sines √(2 S(f_k) Δf) cos(2π f_k t + φ_k) at all
+multiples f_k of Δf = 1/duration within the PSD, with independent uniform phases φ_k (Shinozuka & Jan, J. Sound Vib. 25,
+111 (1972), equation (17) with equal amplitudes a line): its PSD over one duration is S.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cached_property, lru_cache
+from math import factorial, inf, pi, radians, sin, tau
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import PPoly, make_interp_spline
+from scipy.optimize import brentq
+
+from modal.scene import RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
+from modal.types import Floats
+from modal.vibration.spectra import psd_at
+
+DEGREE = 5
+ORDERS = {"displacement": 0, "velocity": 1, "acceleration": 2}
+WITHIN = 0.01
+"""Relative error of the support's acceleration up to the band's end."""
+IMAGES = np.arange(1, 200)[:, None] * [1, -1]
+DRIFTING = 1e-3  # velocity at the end, over the largest in the record, from which the record drifts
+BLOCK = 4_000_000  # sines times instants at once
+
+
+class PrescribedMotion(ABC):
+    """A support's displacement (m), velocity (m/s) and acceleration (m/s²) in its direction.
+
+    `breaks` (s) are the times at which its acceleration has a kink or a jump, `shortest` (s) the time in which it may
+    change substantially.
+    """
+
+    breaks: tuple[float, ...] = ()
+    shortest: float = inf
+    words: str = ""
+    """What the user should know of it."""
+
+    @abstractmethod
+    def derivative(self, time: Any, order: int) -> Any:
+        """The derivative of the displacement of this order, 0 to 2, at times of any shape (s)."""
+
+    def displacement(self, time: ArrayLike) -> Floats:
+        """Displacement (m) at times of any shape (s)."""
+        return np.asarray(self.derivative(np.asarray(time, dtype=float), 0))
+
+    def velocity(self, time: ArrayLike) -> Floats:
+        """Velocity (m/s)."""
+        return np.asarray(self.derivative(np.asarray(time, dtype=float), 1))
+
+    def acceleration(self, time: ArrayLike) -> Floats:
+        """Acceleration (m/s²)."""
+        return np.asarray(self.derivative(np.asarray(time, dtype=float), 2))
+
+    def acceleration_at(self, time: float) -> float:
+        """The acceleration (m/s²) at one time (s)."""
+        return float(self.derivative(time, 2))
+
+
+class Sine(PrescribedMotion):
+    """A sin(ω t + φ)."""
+
+    def __init__(self, motion: SineMotion) -> None:
+        self.amplitude, self.omega, self.phase = motion.amplitude, tau * motion.frequency_hz, radians(motion.phase_deg)
+        self.shortest = 0.5 / motion.frequency_hz
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """A ωⁿ sin(ω t + φ + n π/2)."""
+        turned = self.omega * time + self.phase
+        return self.amplitude * self.omega**order * (np.sin(turned), np.cos(turned), -np.sin(turned))[order]
+
+    def acceleration_at(self, time: float) -> float:
+        """In plain floats."""
+        return -self.amplitude * self.omega**2 * sin(self.omega * time + self.phase)
+
+
+class Sweep(PrescribedMotion):
+    """A sin(ψ) with ψ'' constant within the duration, zero outside."""
+
+    def __init__(self, motion: SweepMotion) -> None:
+        self.amplitude, self.first, self.last = motion.amplitude, tau * motion.from_hz, tau * motion.to_hz
+        self.duration = motion.duration
+        self.breaks = (0.0, motion.duration)
+        self.shortest = 0.5 / max(motion.from_hz, motion.to_hz)
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """By the chain rule."""
+        within = np.clip(time, 0.0, self.duration)
+        rate = (self.last - self.first) / self.duration
+        omega = self.first + rate * within
+        phase = (self.first + omega) / 2 * within + np.where(within == time, 0.0, omega * (time - within))
+        if order == 0:
+            return self.amplitude * np.sin(phase)
+        if order == 1:
+            return self.amplitude * omega * np.cos(phase)
+        bent = np.where(within == time, rate, 0.0)
+        return self.amplitude * (bent * np.cos(phase) - omega**2 * np.sin(phase))
+
+
+class Record(PrescribedMotion):
+    """A record joined by a spline."""
+
+    def __init__(self, motion: RecordMotion) -> None:
+        of, values = motion.samples
+        times = np.array(motion.time_s)
+        self.first, self.last, self.of = float(times[0]), float(times[-1]), ORDERS[of]
+        self.degree = DEGREE if len(times) > DEGREE else 3
+        spline = make_interp_spline(times, np.array(values), k=self.degree)
+        splines = {self.of: spline}
+        for order in range(self.of + 1, 3):
+            splines[order] = splines[order - 1].derivative()
+        for order in reversed(range(self.of)):
+            splines[order] = splines[order + 1].antiderivative()
+        self._splines = [splines[order] for order in range(3)]
+        begun, ended = (float(splines[1](at)) for at in (self.first, self.last))
+        self.steady = (ended - begun) / (self.last - self.first) if motion.baseline == "velocity" else 0.0
+        spacing = float(np.diff(times).max())
+        self.breaks, self.shortest = (self.first, self.last), 4 * spacing
+        self.band_hz = band(self.degree, 2 - self.of) / spacing
+        self.left = float(self.derivative(self.last, 1))
+        self.words = self._words(times)
+
+    def _words(self, times: Floats) -> str:
+        band_words = f"the spline through the record is within {WITHIN:.0%} of a sine up to {self.band_hz:.4g} Hz"
+        if abs(self.left) <= DRIFTING * float(np.abs(self.velocity(times)).max()):
+            return band_words
+        drift = f"the record ends at {self.left:.4g} m/s, and the support moves on at that velocity"
+        return f'{band_words}; {drift} (baseline = "velocity" takes such a drift out)'
+
+    @cached_property
+    def pieces(self) -> tuple[Floats, Floats]:
+        """Times (J + 1,) between which the acceleration is a polynomial, and all its derivatives after each (K, J)."""
+        found = PPoly.from_spline(self._splines[2])
+        wide = np.diff(found.x) > 0
+        wide &= (found.x[:-1] >= self.first) & (found.x[1:] <= self.last)
+        derivatives = found.c[::-1, wide] * np.array([factorial(k) for k in range(len(found.c))])[:, None]
+        derivatives[0] -= self.steady
+        return np.append(found.x[:-1][wide], self.last), derivatives
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """Of the spline less its baseline; at constant velocity outside the record."""
+        within = np.clip(time, self.first, self.last)
+        found = self._own(within, order)
+        if order == 0:
+            return found + self._own(within, 1) * (time - within)
+        return found if order == 1 else np.where(within == time, found, 0.0)
+
+    def _own(self, within: Any, order: int) -> Any:
+        passed = within - self.first
+        taken = self.steady * (passed**2 / 2, passed, 1.0)[order] if self.steady else 0.0
+        return self._splines[order](within) - taken
+
+
+class RandomProcess(PrescribedMotion):
+    """One realization of a random process, a sum of sines."""
+
+    def __init__(self, motion: RandomMotion) -> None:
+        grid = np.array(motion.frequency_hz)
+        first, last = np.ceil(grid[0] * motion.duration), np.floor(grid[-1] * motion.duration)
+        f = np.arange(max(first, 1.0), last + 1) / motion.duration
+        psd = psd_at(grid, np.array(motion.psd), f)
+        phases = np.random.default_rng(motion.seed).uniform(0.0, tau, len(f))
+        self.omega = tau * f
+        size = np.sqrt(2 * psd / motion.duration) / self.omega ** ORDERS[motion.of]
+        self.lines = size * np.exp(1j * (phases + {0: 0.0, 1: -pi / 2, 2: pi}[ORDERS[motion.of]]))
+        self.shortest = 0.5 / float(f[-1])
+        self.words = (
+            f"a sum of {len(f)} sines from {f[0]:.4g} to {f[-1]:.4g} Hz that repeats after {motion.duration:g} s"
+        )
+
+    @cached_property
+    def _orders(self) -> list[Any]:
+        return [self.lines * (1j * self.omega) ** order for order in range(3)]
+
+    def derivative(self, time: Any, order: int) -> Any:
+        """Re Σ (iω)ⁿ c e^{iωt}."""
+        times, lines = np.asarray(time, dtype=float), self._orders[order]
+        if times.size == 1:
+            turned = self.omega * times.item()
+            return np.full(times.shape, lines.real @ np.cos(turned) - lines.imag @ np.sin(turned))
+        rows = max(1, BLOCK // len(lines))
+        flat = times.ravel()
+        parts = [self._summed(lines, flat[at : at + rows]) for at in range(0, len(flat), rows)]
+        return np.concatenate(parts).reshape(times.shape)
+
+    def _summed(self, lines: Any, times: Floats) -> Floats:
+        turned = np.multiply.outer(times, self.omega)
+        return np.asarray(np.cos(turned) @ lines.real - np.sin(turned) @ lines.imag)
+
+
+@lru_cache(maxsize=8)
+def prescribed_motion(motion: SupportMotion) -> PrescribedMotion:
+    """A support's motion as functions of time."""
+    kinds: dict[type, Callable[[Any], PrescribedMotion]] = {
+        SineMotion: Sine,
+        SweepMotion: Sweep,
+        RecordMotion: Record,
+        RandomMotion: RandomProcess,
+    }
+    return kinds[type(motion)](motion)
+
+
+def band(degree: int, derivatives: int) -> float:
+    """Up to which frequency, in samples, a spline gives that derivative of a sine within WITHIN, images included.
+
+    The spline of degree n through evenly spaced samples of e^{2πift} consists of e^{2πi(f−k)t} for all whole k, with
+    the weights (f−k)^{−n−1} / Σ_k (f−k)^{−n−1} (Schoenberg, Cardinal Spline Interpolation, 1973, lecture 4).
+    """
+
+    def excess(f: float) -> float:
+        weights = (f / (f - IMAGES)) ** (degree + 1)
+        own = 1 / (1 + weights.sum())
+        images = own * weights * ((f - IMAGES) / f) ** derivatives
+        return float(np.sqrt((own - 1) ** 2 + np.sum(images**2))) - WITHIN
+
+    return float(brentq(excess, 1e-3, 0.49))

@@ -1,0 +1,238 @@
+"""Stationary random vibration of a scene whose support moves along the rail with a given PSD.
+
+With H the response of an output to the support's acceleration and S the one-sided PSD of that acceleration,
+
+    S_y(f) = |H(2πi f)|² S(f)        RMS² = ∫ S_y df        RMS² of a mode alone = ∫ |H_r|² S df
+
+H is the sum over modes of `modal.statespace.response`, and the integrals are taken by Gauss's rule on intervals that
+shrink towards every resonance, to nearly full precision however sharp it is.  For white noise about a lightly damped
+mode with H_r = (N1 s + N0)/(s² + 2ζω s + ω²) they are Miles' equation (J. Aeronaut. Sci. 21, 753 (1954)),
+
+    RMS² ≈ S(ω/2π) (N0²/ω² + N1²) / (8 ζ ω),
+
+of which the acceleration felt on an oscillator, √(π f Q S/2), is the best-known case.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby
+from math import tau
+
+import numpy as np
+
+from modal.errors import ComputationError
+from modal.modes import Modes, natural_modes
+from modal.scene import Scene
+from modal.scene.records import Spectrum
+from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
+from modal.statespace.gains import without_noise
+from modal.statespace.response import Term, terms
+from modal.statespace.signals import Signal, geometry_of
+from modal.types import Booleans, Complexes, Floats
+from modal.vibration.spectra import acceleration_psd
+
+USUAL = ("angles", "tip_accelerations")
+INPUT = "support_acceleration"
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(16)
+GROWTH = 4.0
+"""Ratio of the distances of an interval's ends from a resonance: Gauss's error is then below 3⁻³²."""
+BLOCK = 4096  # frequencies at once
+FROM = 1e-9  # first interval, over the highest frequency, where a PSD begins at 0
+NAMED = 6  # most modes named in a sentence
+STEEP = -0.99  # power of ω from which on an integral down to 0 is infinite
+MOST = 5e6
+"""Most modes, squared, times outputs."""
+DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
+DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output follows the support's own drift"
+
+
+@dataclass(frozen=True, eq=False)
+class RandomResponse:
+    """The response of some outputs (p of them) of a scene to a PSD of its support's motion."""
+
+    form: ModalForm
+    spectrum: Spectrum
+
+    @property
+    def modes(self) -> Modes:
+        """The modes of the scene."""
+        return self.form.modes
+
+    @property
+    def outputs(self) -> tuple[Signal, ...]:
+        """The outputs."""
+        return self.form.model.outputs
+
+    def input_psd(self, f: Floats) -> Floats:
+        """The PSD of the support's acceleration, (m/s²)²/Hz, at the frequencies f (W,) in Hz."""
+        return acceleration_psd(self.spectrum, np.asarray(f, dtype=float))
+
+    def psd(self, f: Floats) -> Floats:
+        """The PSD of every output, (p, W) in its unit squared per hertz."""
+        H = frequency_response(self.form, tau * np.asarray(f, dtype=float))[:, 0]
+        S = self.input_psd(f)
+        return np.asarray(np.where(S > 0, np.abs(np.where(S > 0, H, 0.0)) ** 2 * S, 0.0))
+
+    @cached_property
+    def _terms(self) -> list[tuple[Term, complex]]:
+        """Every term without rounding, and its pole in the upper half-plane."""
+        return [(term, _pole(term)) for term in exact_terms(self.form)]
+
+    @cached_property
+    def rms(self) -> Floats:
+        """The RMS of every output, (p,), infinite where it is."""
+        return self._both[0]
+
+    @cached_property
+    def by_mode(self) -> Floats:
+        """The RMS that every mode alone would give, (R, p)."""
+        return self._both[1]
+
+    @cached_property
+    def white(self) -> Floats:
+        """The same by Miles' equation, (R, p): NaN for modes that do not oscillate."""
+        found = np.full(self.by_mode.shape, np.nan)
+        for number in range(len(found)):
+            own = [(term, pole) for term, pole in self._terms if term.mode == number]
+            if not own or not own[0][1].imag > 0:
+                continue
+            omega, decay = abs(own[0][1]), abs(own[0][1].real)
+            N1, N0 = (sum(getattr(term, name)[:, 0] for term, _ in own) for name in ("N1", "N0"))
+            S = float(self.input_psd(np.array([omega / tau]))[0])
+            with np.errstate(all="ignore"):
+                squared = S * ((N0 / omega) ** 2 + N1**2) / (8 * decay)
+            found[number] = np.where(squared > 0, np.sqrt(squared), 0.0)
+        return found
+
+    @cached_property
+    def words(self) -> tuple[str, ...]:
+        """Why some outputs have no finite RMS."""
+        endless = np.isinf(self.by_mode)
+        found = []
+        for k in np.flatnonzero(np.isinf(self.rms)).tolist():
+            numbers = np.flatnonzero(endless[:, k]) + 1
+            named = ", ".join(map(str, numbers[:NAMED].tolist()))
+            named += f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
+            which = f"mode {named} is {DIVERGES}" if len(numbers) == 1 else f"modes {named} are {DIVERGES}"
+            found.append(f"{self.outputs[k].name}: {which if len(numbers) else DRIFTS}")
+        return tuple(found)
+
+    @cached_property
+    def _both(self) -> tuple[Floats, Floats]:
+        """RMS of the outputs and of each mode alone."""
+        p, R = len(self.outputs), len(self.modes)
+        total, each = np.zeros(p), np.zeros((R, p))
+        endless = np.zeros((R, p), dtype=bool)
+        for low, high in self._stretches():
+            reached = [(term, pole) for term, pole in self._terms if term.N0.any() or term.N1.any()]
+            for term, pole in reached:
+                if term.mode is not None and pole.imag > 0 and pole.real == 0 and low <= pole.imag <= high:
+                    endless[term.mode] |= _felt(self._terms, term.mode)
+            poles = [pole for _, pole in reached if not (pole.real == 0 and low <= pole.imag <= high)]
+            for omega, weight in nodes(low, high, poles):
+                S = weight * acceleration_psd(self.spectrum, omega / tau) / tau
+                H = np.repeat(self.form.model.D[:, :1], len(omega), axis=1).astype(np.complex128)
+                for mode, own in self._responses(omega):
+                    H += own
+                    if mode is not None:
+                        each[mode] += (np.abs(own) ** 2) @ S
+                total += (np.abs(H) ** 2) @ S
+        found, parts = np.sqrt(total), np.sqrt(each)
+        parts[endless] = np.inf
+        found[endless.any(0) | self._drifting()] = np.inf
+        return found, parts
+
+    def _stretches(self) -> Iterator[tuple[float, float]]:
+        """The intervals (rad/s) between points of the PSD in which it is not zero."""
+        f, psd = np.array(self.spectrum.frequency_hz), np.array(self.spectrum.psd)
+        for k in np.flatnonzero((psd[1:] > 0) | (psd[:-1] > 0)).tolist():
+            yield tau * f[k], tau * f[k + 1]
+
+    def _drifting(self) -> Booleans:
+        """Which outputs have an infinite integral down to 0 Hz, (p,)."""
+        f, psd = self.spectrum.frequency_hz, self.spectrum.psd
+        if f[0] > 0 or not (psd[0] > 0 or psd[1] > 0):
+            return np.zeros(len(self.outputs), dtype=bool)
+        near = np.array([1e-7, 1e-6]) * f[1]
+        size = self.psd(near)
+        with np.errstate(all="ignore"):
+            power = np.log10(size[:, 1] / size[:, 0])
+        return np.asarray((size[:, 0] > 0) & (power <= STEEP))
+
+    def _responses(self, omega: Floats) -> Iterator[tuple[int | None, Complexes]]:
+        """What each mode adds to H, (p, W); None for the support itself."""
+        s = 1j * omega
+        for mode, group in groupby(self._terms, key=lambda each: each[0].mode):
+            found = np.zeros((len(self.outputs), len(s)), dtype=np.complex128)
+            for term, pole in group:
+                twice = term.c[0] == 1.0
+                other = (-term.c[1] - pole) if twice and not pole.imag else np.conj(pole)
+                below = (s - pole) * (s - other) if twice else s - pole
+                found += (term.N1[:, :1] * s + term.N0[:, :1]) / below
+            yield mode, found
+
+
+def exact_terms(form: ModalForm) -> Iterator[Term]:
+    """The terms of H for the support's acceleration, zero where it does not reach or an output does not see a mode.
+
+    Else the rounding of a mode that nothing reaches would ring for ever.  A mode φ is reached by pᵀφ, with p the
+    momentum of everything at unit velocity along the rail.
+    """
+    modes, geometry = form.modes, geometry_of(form.modes.scene)
+    p = modes.matrices.M[:, 0] if modes.on_cart else geometry.centres.T @ geometry.mass
+    for block, term in zip(form.blocks, terms(form), strict=True):
+        phi = block.right[1 : len(p) + 1]
+        reached = block.mode is None or bool(np.any(without_noise(phi.T, p[:, None])))
+        seen = np.any(np.atleast_2d(without_noise(block.right.T, form.model.C.T)), axis=0).astype(float)
+        yield term._replace(N1=term.N1 * seen[:, None] * reached, N0=term.N0 * seen[:, None] * reached)
+
+
+def _felt(every: list[tuple[Term, complex]], mode: int) -> Booleans:
+    """The outputs in which a mode is felt, (p,)."""
+    own = [(term.N0[:, 0] != 0) | (term.N1[:, 0] != 0) for term, _ in every if term.mode == mode]
+    return np.asarray(np.any(own, axis=0))
+
+
+def _pole(term: Term) -> complex:
+    """The pole of a term, of two conjugate ones the upper, of two real ones the larger."""
+    c2, c1, c0 = term.c
+    if not c2:
+        return complex(-c0)
+    a = -c1 / 2
+    nu = c0 - a * a
+    return complex(a, nu**0.5) if nu > 0 else complex(a + (-nu) ** 0.5)
+
+
+def nodes(low: float, high: float, poles: list[complex]) -> Iterator[tuple[Floats, Floats]]:
+    """Nodes and weights of Gauss's rule from `low` to `high`, on intervals that shrink towards poles, in blocks."""
+    edges = {low, high}
+    for pole in {*poles, 0j}:
+        middle, width = pole.imag, abs(pole.real)
+        width = max(width, low - middle, middle - high) / 2 or FROM * high
+        while width < high:
+            edges |= {edge for edge in (middle - width, middle + width) if low < edge < high}
+            width *= GROWTH
+    ends = np.array(sorted(edges))
+    half = np.diff(ends) / 2
+    omega, weight = (half[:, None] * NODES + (ends[:-1] + half)[:, None]).ravel(), np.outer(half, WEIGHTS).ravel()
+    for at in range(0, len(omega), BLOCK):
+        yield omega[at : at + BLOCK], weight[at : at + BLOCK]
+
+
+def random_response(scene: Scene, spectrum: Spectrum, outputs: tuple[str, ...] = USUAL) -> RandomResponse:
+    """The response of a scene to a PSD of its support's motion along the rail, at small angles.
+
+    `outputs` are groups of `modal.statespace.signals.OUTPUTS`.  Raises ComputationError where a mode grows by itself,
+    since nothing is then stationary, and the errors of `state_space` and `to_modal_form`.
+    """
+    modes = natural_modes(scene)
+    if growing := [number for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.real > 0]:
+        raise ComputationError(f"mode {growing[0]} grows by itself: there is no stationary random vibration")
+    model = state_space(scene, (INPUT,), tuple(outputs))
+    if len(modes) ** 2 * len(model.outputs) > MOST:
+        sizes = f"{len(modes)} modes and {len(model.outputs)} outputs"
+        raise ComputationError(f"{sizes}: modes² times outputs may be at most {MOST:g}; choose fewer outputs")
+    return RandomResponse(to_modal_form(modes, model), spectrum)

@@ -1,0 +1,222 @@
+"""Random vibration and shock as text, CSV or JSON."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from math import tau
+from typing import Any
+
+import numpy as np
+
+from modal.modes import Modes
+from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.types import Floats
+from modal.vibration.random import RandomResponse
+from modal.vibration.shock import ShockResponse
+
+POINTS = 400
+PER_RESONANCE = (-10.0, -3.0, -1.0, -0.3, 0.0, 0.3, 1.0, 3.0, 10.0)
+"""Distances from a resonance, in half-widths, at which a PSD is printed besides its grid."""
+MOST_SAMPLES = 20_000
+INFINITE = "∞"
+
+
+def response_frequencies(found: RandomResponse) -> Floats:
+    """Frequencies (Hz) that show every resonance of a PSD: those of the given PSD, a grid, and more at the modes."""
+    given = np.array(found.spectrum.frequency_hz)
+    low, high = max(given[0], 1e-4 * given[-1]), given[-1]
+    values = found.modes.eigenvalue
+    near = [
+        abs(v.imag) + step * max(abs(v.real), 1e-4 * abs(v.imag)) for v in values.tolist() for step in PER_RESONANCE
+    ]
+    every = np.concatenate([given, np.geomspace(low, high, POINTS), np.array(near) / tau])
+    return np.unique(every[(every >= low) & (every <= high)])
+
+
+def random_report(found: RandomResponse, form: str = "text") -> str:
+    """RMS by output and by mode, and in CSV and JSON the PSDs: "text", "csv" or "json"."""
+    if form == "text":
+        return _random_text(found)
+    f = response_frequencies(found)
+    psd = found.psd(f)
+    if form == "csv":
+        return as_csv(list(_random_records(found, f, psd)))
+    return as_json(
+        {
+            "title": found.modes.scene.title,
+            "input": {"quantity": "support acceleration", "unit": "(m/s^2)^2/Hz"},
+            "outputs": [
+                {
+                    "name": signal.name,
+                    "unit": signal.unit,
+                    "rms": finite(float(found.rms[k])),
+                    "by_mode": [
+                        {"mode": number, "rms": finite(rms), "miles": finite(white)}
+                        for number, (rms, white) in enumerate(
+                            zip(found.by_mode[:, k].tolist(), found.white[:, k].tolist(), strict=True), 1
+                        )
+                    ],
+                    "psd": [finite(value) for value in psd[k].tolist()],
+                    "psd_unit": f"({signal.unit})^2/Hz",
+                }
+                for k, signal in enumerate(found.outputs)
+            ],
+            "frequency_hz": f.tolist(),
+            "input_psd": found.input_psd(f).tolist(),
+            "infinite": list(found.words),
+        }
+    )
+
+
+def _random_records(found: RandomResponse, f: Floats, psd: Floats) -> Iterator[dict[str, Any]]:
+    names = ("quantity", "output", "unit", "mode", "frequency_hz", "value")
+    rates = found.modes.omega / tau
+    for k, signal in enumerate(found.outputs):
+        yield dict(zip(names, ("rms", signal.name, signal.unit, "all", "", float(found.rms[k])), strict=True))
+        for number in range(len(rates)):
+            for what, values in (("rms", found.by_mode), ("miles", found.white)):
+                cells = (what, signal.name, signal.unit, number + 1, float(rates[number]), float(values[number, k]))
+                yield dict(zip(names, cells, strict=True))
+    for frequency, value in zip(f.tolist(), found.input_psd(f).tolist(), strict=True):
+        yield dict(zip(names, ("psd", "support_acceleration", "(m/s^2)^2/Hz", "all", frequency, value), strict=True))
+    for k, signal in enumerate(found.outputs):
+        for frequency, value in zip(f.tolist(), psd[k].tolist(), strict=True):
+            yield dict(zip(names, ("psd", signal.name, f"({signal.unit})^2/Hz", "all", frequency, value), strict=True))
+
+
+def _random_text(found: RandomResponse) -> str:
+    f, of = found.spectrum.frequency_hz, found.spectrum.of
+    names = [signal.name for signal in found.outputs]
+    units = [signal.unit for signal in found.outputs]
+    rows = [["all", "", *map(_number, found.rms.tolist())]]
+    rows += [
+        [f"{number}", _number(omega / tau), *map(_number, rms)]
+        for number, (omega, rms) in enumerate(zip(found.modes.omega.tolist(), found.by_mode.tolist(), strict=True), 1)
+    ]
+    white = [
+        [f"{number}", _number(omega / tau), *map(_number, rms)]
+        for number, (omega, rms) in enumerate(zip(found.modes.omega.tolist(), found.white.tolist(), strict=True), 1)
+    ]
+    headings = ["mode", "f (Hz)", *(f"{name} ({unit})" for name, unit in zip(names, units, strict=True))]
+    parts = [
+        f"RMS from {f[0]:g} to {f[-1]:g} Hz",
+        grid(rows, headings),
+        "RMS by Miles' equation, for white noise of the PSD at each mode",
+        grid(white, headings),
+        *found.words,
+    ]
+    return titled(found.modes.scene.title, f"random vibration, from the PSD of the support's {of}", parts, "text")
+
+
+def shock_report(found: ShockResponse, form: str = "text") -> str:
+    """Peaks by output and by mode with their combinations, and in CSV and JSON the histories."""
+    if form == "text":
+        return _shock_text(found)
+    rows = _rows(found)
+    if form == "csv":
+        return as_csv(list(_shock_records(found, rows)))
+    return as_json(
+        {
+            "title": found.modes.scene.title,
+            "record": {"first_s": found.record.first, "last_s": found.record.last, "band_hz": found.record.band_hz},
+            "notes": [found.record.words],
+            "modes": [
+                {
+                    "mode": number,
+                    "frequency_hz": omega / tau,
+                    "effective_mass_share": finite(share),
+                    "cumulative_share": finite(total),
+                }
+                for number, omega, share, total in _masses(found)
+            ],
+            "modes_for_90_percent": found.enough,
+            "outputs": [
+                {
+                    "name": signal.name,
+                    "unit": signal.unit,
+                    "peak": finite(found.peaks[k, 0].item()),
+                    "time_s": finite(found.peaks[k, 1].item()),
+                    "srss": finite(found.srss[k].item()),
+                    "cqc": finite(found.cqc[k].item()),
+                    "by_mode": found.mode_peaks[:, k].tolist(),
+                    "history": found.history[k, rows].tolist(),
+                }
+                for k, signal in enumerate(found.outputs)
+            ],
+            "time_s": found.times[rows].tolist(),
+        }
+    )
+
+
+def _rows(found: ShockResponse) -> Any:
+    """At most MOST_SAMPLES samples of a history, evenly spread."""
+    return slice(None, None, -(-len(found.times) // MOST_SAMPLES))
+
+
+def _masses(found: ShockResponse) -> list[tuple[int, float, float, float]]:
+    shares = found.mass_shares
+    columns = (found.modes.omega.tolist(), shares.tolist(), np.cumsum(shares).tolist())
+    return [(number, *values) for number, values in enumerate(zip(*columns, strict=True), 1)]
+
+
+def _shock_records(found: ShockResponse, rows: Any) -> Iterator[dict[str, Any]]:
+    names = ("quantity", "output", "unit", "mode", "time_s", "value")
+
+    def record(*cells: Any) -> dict[str, Any]:
+        return dict(zip(names, cells, strict=True))
+
+    for k, signal in enumerate(found.outputs):
+        size, time = found.peaks[k].tolist()
+        yield record("peak", signal.name, signal.unit, "all", time, size)
+        yield record("srss", signal.name, signal.unit, "all", "", float(found.srss[k]))
+        yield record("cqc", signal.name, signal.unit, "all", "", float(found.cqc[k]))
+        for number, value in enumerate(found.mode_peaks[:, k].tolist(), 1):
+            yield record("peak", signal.name, signal.unit, number, "", value)
+    for number, _, share, total in _masses(found):
+        yield record("effective_mass_share", "", "1", number, "", share)
+        yield record("cumulative_share", "", "1", number, "", total)
+    for k, signal in enumerate(found.outputs):
+        for time, value in zip(found.times[rows].tolist(), found.history[k, rows].tolist(), strict=True):
+            yield record("history", signal.name, signal.unit, "all", time, value)
+
+
+def _shock_text(found: ShockResponse) -> str:
+    headings = ["output", "peak", "at (s)", "SRSS", "CQC", "unit"]
+    cells = [
+        [signal.name, *map(_number, (*found.peaks[k].tolist(), found.srss[k], found.cqc[k])), signal.unit]
+        for k, signal in enumerate(found.outputs)
+    ]
+    modes = ["mode", "f (Hz)", "mass share", "cumulative", *(signal.name for signal in found.outputs)]
+    rows = [
+        [f"{number}", _number(omega / tau), _number(share), _number(total), *map(_number, found.mode_peaks[number - 1])]
+        for number, omega, share, total in _masses(found)
+    ]
+    parts = [
+        grid(cells, headings),
+        "peaks of each mode alone, with the sign of the mode",
+        grid(rows, modes),
+        *_notes(found),
+    ]
+    return titled(found.modes.scene.title, "response to the record", parts, "text")
+
+
+def _notes(found: ShockResponse) -> Sequence[str]:
+    notes = []
+    if found.enough:
+        notes.append(f"The lowest {found.enough} of {len(found.modes)} modes hold 90 % of the mass along the rail.")
+    else:
+        notes.append("The effective masses of these modes are unknown.")
+    if np.any(found.follows_support):
+        names = ", ".join(np.array([signal.name for signal in found.outputs])[found.follows_support])
+        notes.append(f"No combination of modes for {names}: the support's own motion adds to theirs.")
+    words = found.record.words
+    return [*notes, f"{words[:1].upper()}{words[1:]}."]
+
+
+def _number(value: float) -> str:
+    return INFINITE if np.isinf(value) else NOTHING if np.isnan(value) else f"{value:.5g}"
+
+
+def named_modes(modes: Modes) -> list[tuple[int, float]]:
+    """The number and the frequency (Hz) of every mode that oscillates."""
+    return [(number, value.imag / tau) for number, value in enumerate(modes.eigenvalue.tolist(), 1) if value.imag > 0]

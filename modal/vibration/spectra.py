@@ -1,0 +1,36 @@
+"""One-sided power spectral densities (PSDs) given at points, per hertz.
+
+Between two points a PSD is a straight line over logarithmic axes, S = S₁ (f/f₁)^p, as test specifications draw it, and
+a straight line over linear axes where an end or its frequency is zero; outside its points it is zero.
+"""
+
+from __future__ import annotations
+
+from math import tau
+
+import numpy as np
+
+from modal.scene.records import Spectrum
+from modal.types import Floats
+
+POWERS = {"acceleration": 0, "velocity": 2, "displacement": 4}
+"""Powers of ω that make the PSD of an acceleration of each quantity's."""
+
+
+def psd_at(frequencies: Floats, psd: Floats, f: Floats) -> Floats:
+    """The PSD given at ascending `frequencies` (Hz), at the frequencies `f`."""
+    at = np.clip(np.searchsorted(frequencies, f, side="right") - 1, 0, len(frequencies) - 2)
+    low, high, left, right = frequencies[at], frequencies[at + 1], psd[at], psd[at + 1]
+    straight = left + (right - left) * (f - low) / (high - low)
+    positive = (left > 0) & (right > 0) & (low > 0) & (f > 0)
+    with np.errstate(all="ignore"):
+        power = np.log(right / left) / np.log(high / low)
+        curved = left * (f / low) ** power
+    inside = (f >= frequencies[0]) & (f <= frequencies[-1])
+    return np.where(inside, np.where(positive, curved, straight), 0.0)
+
+
+def acceleration_psd(spectrum: Spectrum, f: Floats) -> Floats:
+    """The PSD of the acceleration, in (m/s²)²/Hz, at the frequencies `f` (Hz)."""
+    found = psd_at(np.array(spectrum.frequency_hz), np.array(spectrum.psd), f)
+    return np.asarray(found * (tau * f) ** POWERS[spectrum.of])

@@ -1,0 +1,130 @@
+"""The command about ropes that change their length: hoist."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import TYPE_CHECKING, Any
+
+from multipendula.command import Command
+from multipendula.commands.shared import drawn, picture, small_swings
+from multipendula.options import add_format, add_picture, add_scene, number, whole
+from multipendula.parser import Page
+
+if TYPE_CHECKING:
+    from modal.scene import Scene
+    from modal.statespace.hoisting import Along, Residual
+
+TRAVEL = ("over", "kind", "count")
+
+
+def hoist(options: argparse.Namespace) -> None:
+    """Print lengths and frequencies along a hoist, and the swing that hoist and travel leave together."""
+    from modal.errors import SceneError
+    from modal.scene import load
+    from modal.statespace.hoisting import frequencies_along
+
+    form = picture(options.file) if options.file else ""
+    alone = [name for name in TRAVEL if getattr(options, name) is not None and options.travel is None]
+    if alone:
+        raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
+    scene = small_swings(load(options.scene))
+    found = frequencies_along(scene, options.samples, options.drive)
+    left = _left(scene, options) if options.travel else ()
+    sys.stdout.write(_written(found, left, options))
+    if options.file:
+        from modal.plotting import draw_hoist
+
+        with drawn(options.file, options.theme) as stream:
+            draw_hoist(frequencies_along(scene, max(options.samples, 201), options.drive), stream, form)
+
+
+def _left(scene: Scene, options: argparse.Namespace) -> tuple[Residual, ...]:
+    from modal.statespace.hoisting import Travel, travel_residuals
+    from modal.statespace.varying import hoisting_times
+
+    times = hoisting_times(scene)
+    travel = Travel(options.travel, float(times[0]), options.over or float(times[-1] - times[0]))
+    return travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
+
+
+def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespace) -> str:
+    """The table in the format asked for."""
+    from math import degrees
+
+    from modal.report import as_csv, as_json, grid, short, titled
+
+    names = [f"length_{p + 1}_{i + 1}_m" for p, i in found.links]
+    modes = found.names
+    names += [f"omega_{k}_rad_per_s" for k in modes] + [f"swing_{k}" for k in modes]
+    rows = [
+        [time, *lengths, *omega, *swing]
+        for time, lengths, omega, swing in zip(
+            found.times.tolist(), found.lengths.tolist(), found.omega.tolist(), found.swing.tolist(), strict=True
+        )
+    ]
+    residual = [(one.words, degrees(one.angle)) for one in left]
+    if options.format == "json":
+        told: dict[str, Any] = {
+            "title": found.scene.title,
+            "drive": found.drive,
+            "time_s": found.times.tolist(),
+            "modes": found.names,
+            "links": [{"pendulum": p + 1, "link": i + 1} for p, i in found.links],
+            "length_m": found.lengths.tolist(),
+            "omega_rad_per_s": found.omega.tolist(),
+            "swing": found.swing.tolist(),
+            "residual": [{"command": words, "angle_deg": angle} for words, angle in residual],
+        }
+        return as_json(told)
+    if options.format == "csv":
+        head = "".join(f"# residual swing {angle!r} deg: {words}\n" for words, angle in residual)
+        return head + as_csv([dict(zip(["time_s", *names], row, strict=True)) for row in rows])
+    headings = ["t (s)", *(f"l[{p + 1},{i + 1}] (m)" for p, i in found.links)]
+    headings += [f"ω_{k} (rad/s)" for k in modes] + [f"swing_{k}" for k in modes]
+    table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
+    words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
+    lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
+    return titled(found.scene.title, "along the hoist", [table, words, "\n".join(lines)], "text")
+
+
+def _arguments(page: Page) -> None:
+    add_scene(page)
+    page.asked.add_argument(
+        "--samples", metavar="N", type=whole(10_000), default=11, help="number of times along the hoist (default 11)"
+    )
+    drives = ("cart_force", "cart_acceleration")
+    words = "cart_force (default): the frequencies with the cart free; cart_acceleration: with its motion prescribed"
+    page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
+    words = "the cart travels so far, smoothly, from the begin of the hoist on: print the swing that is left"
+    page.asked.add_argument("--travel", metavar="METRES", type=number("metres above 0"), help=words)
+    words = "duration of the travel (default: that of the hoist)"
+    page.asked.add_argument("--over", metavar="SECONDS", type=number("seconds above 0"), help=words)
+    words = "shaper of the travel (default zv)"
+    page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), help=words)
+    words = "for the K slowest modes (default 1)"
+    page.asked.add_argument("--count", metavar="K", type=whole(99999), help=words)
+    page.rephrase(r"^travel:", "--travel:")
+    page.rephrase(r"^samples (\S+):", r"--samples \1:")
+    add_format(page, ("text", "csv", "json"))
+    add_picture(page, "-o", dest="file")
+
+
+COMMANDS = (
+    Command(
+        name="hoist",
+        topic="control",
+        run=hoist,
+        arguments=_arguments,
+        details=(
+            "Of a scene in which ropes change their length: the lengths and the frequencies of the scene at each time, "
+            "and the swing of each mode as a slow hoist changes it. With --travel the linear model that varies in time "
+            "is integrated for a cart that travels meanwhile, as it is and with an input shaper."
+        ),
+        examples=(
+            ("hoist hoisting-crane", "frequencies of the shipped crane along its hoist"),
+            ("hoist hoisting-crane --travel 10 --kind zvd", "what a travel of 10 m leaves, and what shapers change"),
+            ("hoist hoisting-crane --format csv -o hoist.png", "numbers, and a picture"),
+        ),
+    ),
+)

@@ -1,0 +1,134 @@
+"""The commands about a moved support at small angles: vibration and shock."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from multipendula.command import Command
+from multipendula.commands.shared import drawn, listed, output, picture, small_swings
+from multipendula.completion import files
+from multipendula.options import add_format, add_picture, add_scene, add_text, add_words, offer
+from multipendula.parser import Page
+
+if TYPE_CHECKING:
+    from modal.scene import Scene
+
+OUTPUTS = (
+    *("angles", "tip_accelerations", "rates", "relative_angles", "relative_rates", "joint_positions"),
+    *("tip_positions", "cart_position", "cart_velocity", "pivot_forces"),
+)
+
+
+def vibration(options: argparse.Namespace) -> None:
+    """Compute the PSD and RMS of every output when the support shakes at random."""
+    from modal.scene.records import read_spectrum
+    from modal.vibration import random_report, random_response
+
+    kind, scene = picture(options.picture, "--picture") if options.picture else "", _scene(options)
+    found = random_response(scene, read_spectrum(options.psd), **_outputs(options))
+    if kind:
+        from modal.plotting.vibration import draw_random
+
+        with drawn(options.picture, options.theme) as stream:
+            draw_random(found, stream, kind)
+    with output(options.output) as write:
+        write(random_report(found, options.format))
+
+
+def _vibration_arguments(page: Page) -> None:
+    add_scene(page)
+    words = (
+        "one-sided PSD of the support's motion along the rail, a CSV file with frequency_hz, and psd in (m/s²)²/Hz or "
+        "velocity_psd or displacement_psd"
+    )
+    offer(page.asked.add_argument("--psd", metavar="CSV", required=True, help=words), files((".csv",)))
+    _add_written(page)
+
+
+def shock(options: argparse.Namespace) -> None:
+    """Compute the response of every mode and output to a record of the support's motion, and its peaks."""
+    from modal.scene import RecordMotion
+    from modal.scene.records import read_record
+    from modal.vibration import shock_report, shock_response
+
+    kind, scene = picture(options.picture, "--picture") if options.picture else "", _scene(options)
+    motion = RecordMotion(**read_record(options.record), baseline=options.baseline)
+    found = shock_response(scene, motion, **_outputs(options))
+    if kind:
+        from modal.plotting.vibration import draw_shock
+
+        with drawn(options.picture, options.theme) as stream:
+            draw_shock(found, stream, kind)
+    with output(options.output) as write:
+        write(shock_report(found, options.format))
+
+
+def _shock_arguments(page: Page) -> None:
+    add_scene(page)
+    words = (
+        "CSV file of the support's motion along the rail: time_s, and displacement_m, velocity_m_per_s or "
+        "acceleration_m_per_s2"
+    )
+    offer(page.asked.add_argument("record", metavar="RECORD", help=words), files((".csv",)))
+    words = "velocity takes out a constant acceleration so that the support ends as it began (default keep)"
+    page.asked.add_argument("--baseline", choices=("keep", "velocity"), default="keep", help=words)
+    _add_written(page)
+
+
+def _add_written(page: Page) -> None:
+    """The outputs of the model, and the files."""
+    page.rephrase(r"^output (\S+):", r"--signals \1:")
+    page.rephrase(r"choose (at most \d+|fewer outputs)$", r"\g<0> with --signals")
+    words = f"angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}"
+    add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
+    add_format(page, ("text", "csv", "json"))
+    add_text(page)
+    add_picture(page, "--picture")
+
+
+def _scene(options: argparse.Namespace) -> Scene:
+    from modal.scene import load
+
+    return small_swings(load(options.scene))
+
+
+def _outputs(options: argparse.Namespace) -> dict[str, tuple[str, ...]]:
+    return {"outputs": listed(options.signals)} if options.signals else {}
+
+
+COMMANDS = (
+    Command(
+        name="vibration",
+        topic="control",
+        run=vibration,
+        arguments=_vibration_arguments,
+        details=(
+            "In closed form over the modes, at small angles. The PSD is interpolated by straight lines over "
+            "logarithmic axes and is zero outside its frequencies. The RMS of each mode alone stands beside Miles' "
+            "equation; an undamped mode that the noise reaches has no finite RMS. CSV and JSON contain the PSDs."
+        ),
+        examples=(
+            ("vibration suspension.toml --psd ground.csv", "two files of the folder examples"),
+            (
+                "vibration suspension.toml --psd ground.csv --signals tip_positions --picture psd.png",
+                "how the mirror moves in the laboratory, with a figure",
+            ),
+        ),
+    ),
+    Command(
+        name="shock",
+        topic="control",
+        run=shock,
+        arguments=_shock_arguments,
+        details=(
+            "At small angles, exactly: the record is joined by a spline, and every mode is followed through it and two "
+            "of the slowest periods beyond. Beside the exact peaks are those of the modes combined by SRSS and CQC, "
+            "and the effective masses with the number of modes that hold 90 % of the mass."
+        ),
+        examples=(
+            ("shock crane-hook quake.csv", "peaks by output and by mode; the record is in the folder examples"),
+            ("shock crane-hook quake.csv --baseline velocity --picture shock.png", "without a drift, with a figure"),
+        ),
+    ),
+)

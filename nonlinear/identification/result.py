@@ -1,0 +1,136 @@
+"""The result of a fit: numbers with their covariance, what is not determined, residuals."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.identification import Combination, Determined, Parameter, Undetermined, find_combinations, resampled
+from modal.scene import Scene
+from modal.types import Floats, Ints
+from nonlinear.identification.problem import Problem
+from nonlinear.identification.records import Recording
+
+BLOCKS = 10  # of residuals in a series, at least
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Numbers fitted to a recording.
+
+    `scene` has them; `parameters` (p) are the ones that were free, `held` (indices) those among them that stayed at the
+    scene's values; `unknowns` and `cov` (size, size) are all unknowns of `problem` with their covariance, zero for
+    those held; `residuals` (N,) are in units of the sensors' noise.
+    """
+
+    problem: Problem
+    unknowns: Floats
+    cov: Floats
+    held: Ints
+    undetermined: tuple[Undetermined, ...]
+    condition: float
+    residuals: Floats
+    scene: Scene
+    given: Scene
+    rho: tuple[Floats, ...]
+    evaluations: int = 0
+    verdict: tuple[str, ...] = ()
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The numbers that were free, held ones included."""
+        return self.problem.parameters
+
+    @property
+    def recording(self) -> Recording:
+        """What was fitted."""
+        return self.problem.recording
+
+    @cached_property
+    def slopes(self) -> Floats:
+        """dp/dz, (p,)."""
+        return np.array([one.slope(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
+
+    @cached_property
+    def values(self) -> Floats:
+        """The numbers (p,), in the scene's units."""
+        return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Of the numbers (p, p), zero for those held."""
+        count = len(self.parameters)
+        return np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
+
+    @cached_property
+    def stds(self) -> Floats:
+        """Standard deviations of the numbers (p,), zero for those held."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def given_at(self, path: str) -> float:
+        """The number that the scene gave at one of these places."""
+        return next(one.value for one in self.parameters if one.path == path)
+
+    @cached_property
+    def fitted(self) -> list[int]:
+        """The indices of the numbers that were not held."""
+        return [k for k in range(len(self.parameters)) if k not in set(self.held.tolist())]
+
+    @cached_property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Products of numbers that are determined although the numbers are not."""
+        count = len(self.parameters)
+        found = Determined(np.array(self.fitted, dtype=np.int64), self.held, self.undetermined, self.condition)
+        return find_combinations(found, self.parameters, self.unknowns[:count], self.stds)
+
+    def bootstrap(self, draws: int, seed: int = 1) -> Floats:
+        """Standard deviations (p,) of the numbers by resampled blocks of residuals, zero for those held.
+
+        Each of the `draws` is one Gauss-Newton step from the fit, to the record with other residuals.
+        """
+        problem, count, rng = self.problem, len(self.parameters), np.random.default_rng(seed)
+        columns = np.flatnonzero(np.diag(self.cov) > 0)
+        J = problem.ordered(problem.jacobian(self.unknowns))[:, columns]
+        back, residuals = np.linalg.pinv(J, rcond=1e-11), problem.ordered(self.residuals)
+        rows = [own for *_, own in problem.series()]
+        blocks = max(BLOCKS, int(sum(own.stop - own.start for own in rows) ** (1 / 3)))
+        steps = []
+        for _ in range(draws):
+            drawn = np.zeros(len(residuals))
+            series = resampled([residuals[own] for own in rows], blocks, rng)
+            for own, values in zip(rows, series, strict=True):
+                drawn[own] = values - values.mean()
+            steps.append(back @ drawn)
+        found = np.zeros(problem.layout.size)
+        found[columns] = np.std(steps, axis=0)
+        return np.asarray(found[:count] * np.abs(self.slopes))
+
+    @cached_property
+    def readings(self) -> list[Floats]:
+        """What the sensors read in the fitted motion: (K, C) for each segment."""
+        return self.problem.readings(self.unknowns)
+
+    @cached_property
+    def rms(self) -> Floats:
+        """Root mean square of the angles' residuals of every segment (rad); of the cart's (m) if it alone is read."""
+        return np.array([root_mean_square(self._misses([k])) for k in range(len(self.recording.segments))])
+
+    @property
+    def rms_all(self) -> float:
+        """Of all segments together."""
+        return root_mean_square(self._misses(range(len(self.recording.segments))))
+
+    def _misses(self, segments: Sequence[int]) -> Floats:
+        angles = [k for k, sensor in enumerate(self.recording.sensors) if sensor.pendulum]
+        chosen = angles or [*range(len(self.recording.sensors))]
+        found = [(self.readings[s] - self.recording.segments[s].values)[:, chosen].ravel() for s in segments]
+        return np.concatenate(found)
+
+
+def root_mean_square(values: Floats) -> float:
+    """Of the values that are there."""
+    there = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(there**2))) if len(there) else 0.0

@@ -1,0 +1,109 @@
+"""The command hoist, and what other commands say of a scene with a hoist."""
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modal import load
+from modal.statespace.hoisting import Travel, frequencies_along, travel_residuals
+from multipendula.cli import main
+
+CRANE = "hoisting-crane"
+
+
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    assert main(words) == 0
+    return capsys.readouterr().out
+
+
+def refused(capsys: pytest.CaptureFixture[str], *words: str) -> str:
+    assert main(words) in {1, 2}
+    streams = capsys.readouterr()
+    assert streams.out == ""
+    assert "Traceback" not in streams.err
+    return streams.err
+
+
+def test_csv_and_json_are_the_numbers_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
+    found = frequencies_along(load(CRANE), 3)
+    rows = list(csv.DictReader(io.StringIO(printed(capsys, "hoist", CRANE, "--samples", "3", "--format", "csv"))))
+    assert [float(row["omega_2_rad_per_s"]) for row in rows] == found.omega[:, 0].tolist()
+    assert [float(row["length_1_1_m"]) for row in rows] == found.lengths[:, 0].tolist()
+    assert [float(row["swing_3"]) for row in rows] == found.swing[:, 1].tolist()
+    whole = json.loads(printed(capsys, "hoist", CRANE, "--samples", "3", "--format", "json"))
+    assert whole["omega_rad_per_s"] == found.omega.tolist()
+    assert whole["modes"] == ["2", "3"]
+    assert whole["links"] == [{"pendulum": 1, "link": 1}]
+    assert whole["residual"] == []
+
+
+@pytest.mark.slow
+def test_travel_is_that_of_the_package(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    small = tmp_path / "small.toml"
+    hoist = "{ to = 1.0, duration = 2.0 }"
+    link = f'{{ kind = "bob", mass = 1.0, length = 2.0, hoist = {hoist} }}'
+    text = f'gravity = 9.81\n[support]\nkind = "cart"\nmass = 1.0\n[[pendulum]]\nlinks = [{link}]\n'
+    small.write_text(text, encoding="utf-8")
+    words = ("hoist", str(small), "--travel", "0.5", "--over", "1.5", "--samples", "2", "--format")
+    left = travel_residuals(load(small), Travel(0.5, 0.0, 1.5))
+    whole = json.loads(printed(capsys, *words, "json"))
+    assert [one["angle_deg"] for one in whole["residual"]] == [np.degrees(one.angle) for one in left]
+    comments = [line for line in printed(capsys, *words, "csv").splitlines() if line.startswith("# residual swing")]
+    assert len(comments) == 4
+
+
+@pytest.mark.slow
+def test_pictures_are_written_in_both_themes(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for theme in ("light", "dark"):
+        target = tmp_path / f"{theme}.svg"
+        printed(capsys, "hoist", CRANE, "--samples", "2", "-o", str(target), "--theme", theme)
+        assert "angular frequency" in target.read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("hoist", "crane-hook"), "hoist: no link of this scene has one"),
+        (("hoist", CRANE, "--over", "3"), "--over: needs --travel METRES"),
+        (("hoist", CRANE, "-o", "a.txt"), "the name must end in"),
+        (("export", CRANE, "--to", "json", "-o", "-"), "--to json: holds a constant model"),
+        (("export", CRANE, "--to", "npz", "--minimal", "-o", "-"), "--minimal: needs constant lengths"),
+        (("gains", CRANE), "varies in time"),
+        (("response", CRANE, "--at", "1"), "varies in time"),
+        (("simulate", CRANE, "--form", "hamiltonian"), "form hamiltonian: has constant lengths"),
+        (("simulate", CRANE, "--keep-modes", "1"), "needs constant lengths"),
+        (("explain", CRANE), "constant lengths"),
+        (("derive", CRANE), "constant lengths"),
+        (("orbits", CRANE, "--mode", "2"), "constant lengths"),
+        (("check", CRANE), "constant lengths"),
+        (("tradeoff", CRANE), "constant lengths"),
+        (("chaos", CRANE), "constant lengths"),
+        (("basins", CRANE), "constant lengths"),
+        (("section", CRANE), "constant lengths"),
+        (("sync", CRANE), "constant lengths"),
+    ],
+)
+def test_mistakes_are_refused_in_a_sentence(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], message: str
+) -> None:
+    found = refused(capsys, *words)
+    assert message in found
+
+
+@pytest.mark.slow
+def test_the_shaper_says_what_the_hoist_leaves_and_matrices_whose_they_are(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert "# along the hoist it leaves" in printed(capsys, "shaper", CRANE)
+    assert main(("matrices", CRANE)) == 0
+    assert "lengths before it" in capsys.readouterr().err
+    target = tmp_path / "model.npz"
+    printed(capsys, "export", CRANE, "--to", "npz", "-o", str(target))
+    with np.load(target) as read:
+        assert read["A"].shape == (201, 6, 6)
+        assert read["B"].shape == (201, 6, 1)
+        assert read["time_s"][[0, -1]].tolist() == [0.0, 8.0]

@@ -1,0 +1,118 @@
+"""The commands vibration and shock: their files, formats and refusals."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from seen import flaws
+
+from modal import load
+from modal.plotting.style import theme
+from modal.plotting.vibration import random_figure, shock_figure
+from modal.scene import RecordMotion
+from modal.scene.records import read_record, read_spectrum
+from modal.vibration import random_response, shock_response
+from multipendula.cli import main
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+SUSPENSION, GROUND, QUAKE = (str(EXAMPLES / name) for name in ("suspension.toml", "ground.csv", "quake.csv"))
+
+
+def said(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
+    assert main(list(words)) == code
+    captured = capsys.readouterr()
+    return captured.err if code else captured.out
+
+
+def test_vibration_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = random_response(load(SUSPENSION), read_spectrum(GROUND))
+    text = said(capsys, "vibration", SUSPENSION, "--psd", GROUND)
+    assert f"{found.rms[0]:.5g}" in text
+    whole = json.loads(said(capsys, "vibration", SUSPENSION, "--psd", GROUND, "--format", "json"))
+    assert [one["rms"] for one in whole["outputs"]] == pytest.approx(found.rms.tolist())
+    psd = np.array([one["psd"] for one in whole["outputs"]])
+    assert psd == pytest.approx(found.psd(np.array(whole["frequency_hz"])))
+    assert np.trapezoid(psd[0], whole["frequency_hz"]) == pytest.approx(found.rms[0] ** 2, rel=0.2)
+    to = tmp_path / "v.csv"
+    said(capsys, "vibration", SUSPENSION, "--psd", GROUND, "--format", "csv", "-o", str(to))
+    rows = list(csv.DictReader(io.StringIO(to.read_text())))
+    rms = [float(row["value"]) for row in rows if row["quantity"] == "rms" and row["mode"] == "all"]
+    assert rms == pytest.approx(found.rms.tolist())
+
+
+@pytest.mark.slow
+def test_shock_in_every_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    found = shock_response(load(SUSPENSION), RecordMotion(**read_record(QUAKE)))
+    text = said(capsys, "shock", SUSPENSION, QUAKE)
+    assert f"{found.peaks[0, 0]:.5g}" in text
+    assert "hold 90 % of the mass" in text
+    assert 'baseline = "velocity"' in text
+    whole = json.loads(said(capsys, "shock", SUSPENSION, QUAKE, "--format", "json", "--baseline", "velocity"))
+    assert whole["modes"][-1]["cumulative_share"] == pytest.approx(1.0)
+    assert len(whole["time_s"]) == len(whole["outputs"][0]["history"])
+    rows = list(csv.DictReader(io.StringIO(said(capsys, "shock", SUSPENSION, QUAKE, "--format", "csv"))))
+    assert {row["quantity"] for row in rows} == {
+        *("peak", "srss", "cqc", "effective_mass_share", "cumulative_share", "history")
+    }
+
+
+def test_undamped_modes_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    text = said(capsys, "vibration", "chain-2", "--psd", GROUND)
+    assert "modes 1, 2 are undamped" in text
+    assert "∞" in text
+    whole = json.loads(said(capsys, "vibration", "chain-2", "--psd", GROUND, "--format", "json"))
+    assert whole["outputs"][0]["rms"] is None
+    assert whole["infinite"]
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        (("vibration", "chain-2", "--psd", QUAKE), "needs the columns frequency_hz"),
+        (("vibration", "chain-2", "--psd", "no.csv"), "no.csv: cannot be read"),
+        (("vibration", "chain-2", "--psd", GROUND, "--signals", "nothing"), "--signals nothing: must be one of"),
+        (("vibration", "chain-2", "--psd", GROUND, "--signals", "cart_position"), "the support is fixed"),
+        (("shock", "chain-2", GROUND), "needs the columns time_s"),
+        (("shock", "chain-2", QUAKE, "--picture", "a.exe"), "--picture a.exe"),
+        (("check", SUSPENSION), "needs a support at rest"),
+        (("derive", SUSPENSION), "needs a support at rest"),
+    ],
+)
+def test_what_cannot_be_is_refused_in_a_word(
+    capsys: pytest.CaptureFixture[str], words: tuple[str, ...], expected: str
+) -> None:
+    error = said(capsys, *words, code=2)
+    assert expected in error
+    assert "Traceback" not in error
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("colours", ["light", "dark"])
+def test_the_pictures_are_whole(colours: str) -> None:
+    scene = load(SUSPENSION)
+    with theme(colours):
+        assert flaws(random_figure(random_response(scene, read_spectrum(GROUND)))) == []
+        record = RecordMotion(**read_record(QUAKE), baseline="velocity")
+        assert flaws(shock_figure(shock_response(scene, record, ("angles", "tip_positions")))) == []
+
+
+@pytest.mark.slow
+def test_a_film_shows_the_support_moving(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    from nonlinear import simulate
+    from nonlinear.plotting.scene import stage_of
+
+    run = simulate(load(EXAMPLES / "kapitza.toml"), 0.2, output=41)
+    at = np.linspace(0.0, 0.2, 5)
+    stage = stage_of(run, at)
+    support = run.system.support
+    assert support is not None
+    assert stage.support[:, 1] == pytest.approx(support.motion.displacement(at))
+    assert stage.actors[0].joints[:, 0, 1] == pytest.approx(stage.support[:, 1])
+    assert not said(capsys, "animate", str(EXAMPLES / "kapitza.toml"), "--duration", "0.2", "--seconds", "0.2",
+                    "-o", str(tmp_path / "a.html")).startswith("multipendula")  # fmt: skip
+    assert (tmp_path / "a.html").stat().st_size > 1000

@@ -1,0 +1,213 @@
+"""Fits: synthetic records whose truth is known, and a measured arm with dry friction."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modal.errors import SceneError
+from modal.identification import find_parameters, numbers_at, scene_with
+from modal.scene import Scene, scene_from
+from modal.scene.parameters import number_at
+from modal.types import Floats
+from nonlinear import State, simulate
+from nonlinear.identification import (
+    Fit,
+    Recording,
+    Segment,
+    Sensor,
+    compare,
+    fit,
+    fit_record,
+    read_recording,
+    turning_points,
+)
+from nonlinear.identification.problem import Problem
+from nonlinear.identification.starting import spectral_lines
+
+DATA = Path(__file__).parents[2] / "notebooks" / "data"
+SWING = DATA / "single_pendulum_free_swing.csv"
+STEP = 2 * np.pi / 2**12
+ARM = {"kind": "body", "mass": 0.1478, "length": 0.3, "centre": 0.1476, "inertia": 1.0912e-4, "damping": 1e-4}
+TWO: list[dict[str, Any]] = [
+    {"kind": "rod", "mass": 1.0, "length": 0.5, "damping": 0.01, "friction": 0.02},
+    {"kind": "bob", "mass": 0.6, "length": 0.4, "damping": 0.005, "friction": 0.01},
+]
+
+
+def made(scene: Scene, seed: int, *, noise: float = 1e-3, segments: int = 2, seconds: float = 3.0) -> Recording:
+    """A recording with offsets, delays and the steps of a 12-bit encoder."""
+    rng = np.random.default_rng(seed)
+    links, times = scene.n_links, np.arange(0, seconds, 0.01)
+    sensors = tuple(Sensor(1, k + 1) for k in range(links))
+    blank = tuple(Segment("made", str(s), times + 10 * s, np.zeros((len(times), links))) for s in range(segments))
+    problem = Problem(scene, (), Recording(sensors, blank), np.ones(links), tolerance=1e-10)
+    u, half = np.zeros(problem.layout.size), problem.coordinates
+    for s in range(segments):
+        state = np.zeros(problem.layout.width)
+        state[half - links : half] = rng.normal(0, 0.4, links)
+        u[problem.layout.state(s)] = state
+    u[problem.layout.offsets] = rng.normal(0, 0.01, links)
+    u[problem.layout.delays] = [0.0, *rng.uniform(0.0, 0.5, links - 1) * problem.late]
+    read = [np.round((v + rng.normal(0, noise, v.shape)) / STEP) * STEP for v in problem.readings(u)]
+    return Recording(sensors, tuple(replace(one, values=v) for one, v in zip(blank, read, strict=True)))
+
+
+def wrong(scene: Scene, free: list[str], seed: int, size: float = 0.08) -> Scene:
+    """The scene with other numbers at these places."""
+    rng = np.random.default_rng(seed)
+    parameters = find_parameters(scene, free)
+    z = np.array([one.start + size * rng.normal() * (1.0 if one.log else one.start) for one in parameters])
+    return scene_with(scene, numbers_at(parameters, z))
+
+
+def pulls(scene: Scene, found: Fit) -> Floats:
+    """Errors over standard deviations, the held ones making up for nothing: they are true."""
+    true = np.array([number_at(scene, one.place) for one in found.parameters])
+    return np.array([(found.values[k] - true[k]) / found.stds[k] for k in found.fitted])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("seed", "support"), [(1, {"kind": "fixed"}), (2, {"kind": "cart", "mass": 4.0, "stiffness": 60.0})]
+)
+def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) -> None:
+    """Lengths, dampers and friction; the masses are known."""
+    scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": TWO}]})
+    free = [f"pendulum[0].links[*].{name}" for name in ("length", "damping", "friction")]
+    found = fit(wrong(scene, free, seed), made(scene, seed), free)
+    assert len(found.held) == 0
+    assert np.abs(pulls(scene, found)).max() < 4
+    assert np.mean(np.square(pulls(scene, found))) < 4
+    assert found.bootstrap(300)[found.fitted] == pytest.approx(found.stds[found.fitted], rel=0.35)
+    assert found.rms_all == pytest.approx(np.hypot(1e-3, STEP / np.sqrt(12)), rel=0.1)
+    assert found.problem.noise == pytest.approx([found.rms_all] * 2, rel=0.2)
+
+
+@pytest.mark.slow
+def test_free_swings_never_give_the_absolute_mass() -> None:
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**own, "friction": 0.0} for own in TWO]}]})
+    free = ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"]
+    record = made(scene, 3)
+    found = fit(scene, record, free)
+    (direction,) = found.undetermined
+    assert {direction.held, *direction.changes} == {one.path for one in found.parameters}
+    assert [*direction.changes.values()] == pytest.approx([1.0] * 3, abs=1e-6)
+    assert found.values[found.held] == [number_at(scene, found.parameters[found.held[0]].place)]
+    report = fit_record(found)
+    assert [one["place"] for one in report["fixed"]] == [direction.held]
+    assert len(report["combinations"]) == len(report["parameters"]) == len(report["covariance"]) == 3
+    known = fit(scene, record, free, priors=["pendulum[0].links[0].mass=1.0±0.01"])
+    assert not len(known.held)
+    assert known.stds[0] == pytest.approx(0.01, rel=0.05)
+
+
+@pytest.mark.slow
+def test_a_sensors_scale_and_outliers_are_found() -> None:
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**TWO[1], "friction": 0.0}]}]})
+    record = made(scene, 4, noise=5e-4)
+    rng = np.random.default_rng(7)
+    bent = []
+    for one in record.segments:
+        values = one.values.copy()
+        values[rng.choice(len(values), 12, replace=False)] += 1.0
+        values[40:45] = np.nan
+        bent.append(replace(one, values=values))
+    bad = replace(record, segments=tuple(bent))
+    found = fit(scene, bad, ["pendulum[0].links[0].length"], loss="soft_l1")
+    assert found.values == pytest.approx([0.4], abs=1e-3)
+    plain = fit(scene, bad, ["pendulum[0].links[0].length"])
+    assert plain.rms_all > 0.1
+    assert plain.stds[0] > 10 * found.stds[0]
+    bent = [replace(one, values=1.05 * one.values) for one in record.segments]
+    scaled = fit(scene, replace(record, segments=tuple(bent)), scaled=True)
+    (at,) = range(scaled.problem.layout.size)[scaled.problem.layout.scales]
+    assert abs(scaled.unknowns[at] - 0.05) < 4 * np.sqrt(scaled.cov[at, at]) < 0.04
+
+
+@pytest.mark.slow
+def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
+    """A double pendulum that turns over, from lengths that are off by 3 %."""
+    links = [{**own, "friction": 0.0, "damping": 0.0} for own in TWO]
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": links}]})
+    times = np.arange(0, 4, 0.02)
+    run = simulate(scene, 4.0, start=State(np.array([2.2, 2.6]), np.zeros(2)), output=times, tolerance=1e-12)
+    values = run.motion.links + np.random.default_rng(8).normal(0, 2e-3, (len(times), 2))
+    record = Recording((Sensor(1, 1), Sensor(1, 2)), (Segment("", "", times, values),))
+    off = scene_with(scene, {"pendulum[0].links[0].length": 0.515, "pendulum[0].links[1].length": 0.388})
+    found = fit(off, record, ["pendulum[0].links[*].length"], window=1.0)
+    assert [one.continued for one in found.recording.segments] == [True, True, True, False]
+    assert found.rms_all == pytest.approx(2e-3, rel=0.1)
+    assert np.abs(pulls(scene, found)).max() < 4
+    problem = found.problem
+    gaps = problem.residuals(found.unknowns)[problem.recording.n_values :]
+    assert gaps.size == 3 * problem.layout.width
+    assert np.abs(gaps).max() < 4
+
+
+@pytest.mark.slow
+def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
+    """0.0051 rad a half swing; rms of 1e-3 rad over 14 s, and a stop when the arm stopped (within 0.15 s)."""
+    viscous = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})
+    record = read_recording(viscous, [SWING])
+    free = [f"pendulum[0].links[0].{name}" for name in ("inertia", "damping")]
+    told = fit(viscous, record, free)
+    assert any(
+        "turning points fall on a straight line, 0.0051 rad a half swing: try friction" in one for one in told.verdict
+    )
+    found = fit(viscous, record, [*free, "pendulum[0].links[0].friction"])
+    (segment,) = record.segments
+    begin = segment.times < segment.times[0] + 14
+    off = (found.readings[0] - segment.values)[begin]
+    assert np.sqrt(np.mean(off**2)) < 1e-3 < told.rms_all
+    still = [
+        times[np.flatnonzero(np.abs(v - v[-1]) > 5e-4)[-1]]
+        for times, v in ((segment.times, found.readings[0][:, 0]), (segment.times, segment.values[:, 0]))
+    ]
+    assert still[0] == pytest.approx(still[1], abs=0.15)
+    candidates = compare(viscous, record, free[:1], ["viscous", "coulomb", "viscous+coulomb"])
+    assert [one.name for one in candidates][-1] == "viscous"
+    assert candidates[-1].held_out_rms > 3 * candidates[0].held_out_rms
+
+
+def test_spectral_lines_are_the_frequencies() -> None:
+    times = np.arange(0, 20, 0.01)
+    values = (np.sin(4 * times) + 0.5 * np.cos(9 * times))[:, None]
+    found = spectral_lines(Recording((Sensor(1, 1),), (Segment("", "", times, values),)))
+    assert found == pytest.approx([4, 9], abs=0.02)
+
+
+def test_turning_points_of_an_exponential_are_not_a_straight_line() -> None:
+    times = np.arange(0, 20, 0.01)
+    assert turning_points(times, 0.1 * np.exp(-0.15 * times) * np.cos(5 * times), 5.0) is None
+    line = 0.1 * np.maximum(1 - times / 15, 0) * np.cos(5 * times)
+    assert turning_points(times, line, 5.0) == pytest.approx(0.1 / 15 * np.pi / 5, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"space": "space"}, "fitted in the plane"),
+        ({"damping_ratio": 0.01}, "damping_ratio"),
+        ({"support": {"kind": "cart", "mass": 1.0, "friction_coefficient": 0.1}}, "friction_coefficient"),
+    ],
+)
+def test_scenes_that_cannot_be_fitted(change: dict[str, Any], words: str) -> None:
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [TWO[1] | {"friction": 0.0}]}], **change})
+    times = np.arange(0.0, 1.0, 0.1)
+    record = Recording((Sensor(1, 1),), (Segment("", "", times, np.sin(times)[:, None]),))
+    with pytest.raises(SceneError, match=words):
+        fit(scene, record, ["gravity"])
+
+
+def test_unknown_laws_and_losses_are_refused() -> None:
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})
+    record = read_recording(scene, [SWING])
+    with pytest.raises(SceneError, match="did you mean viscous"):
+        compare(scene, record, [], ["viscos"])
+    with pytest.raises(SceneError, match="loss square"):
+        fit(scene, record, [], loss="square")

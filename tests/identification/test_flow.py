@@ -1,0 +1,127 @@
+"""Motions with exact derivatives: against `simulate`, differences, and closed forms of dry friction."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from modal import Scene
+from modal.identification import find_parameters, numbers_at, scene_with
+from modal.scene import scene_from
+from modal.types import Floats
+from nonlinear import State, simulate
+from nonlinear.identification.problem import Problem
+from nonlinear.identification.records import Recording, Segment, Sensor
+
+TIMES = np.linspace(0.0, 3.0, 151)
+TWO: list[dict[str, Any]] = [
+    {"kind": "bob", "mass": 1.0, "length": 0.5, "damping": 0.01},
+    {"kind": "rod", "mass": 0.5, "length": 0.4, "damping": 0.02},
+]
+CART = {"kind": "cart", "mass": 2.0, "stiffness": 30.0, "damping": 0.3}
+SCENES = {
+    "cart": {"gravity": 9.81, "support": CART, "pendulum": [{"links": TWO}]},
+    "friction": {
+        "gravity": 9.81,
+        "pendulum": [{"links": [{**own, "friction": 0.05 - 0.04 * k} for k, own in enumerate(TWO)]}],
+    },
+    "rail": {"gravity": 9.81, "support": {**CART, "friction": 0.4}, "pendulum": [{"links": TWO}]},
+    "drag": {
+        "gravity": 9.81,
+        "support": CART,
+        "pendulum": [{"links": [{**own, "drag": 0.1, "quadratic_drag": 0.3} for own in TWO]}],
+    },
+    "two": {
+        "gravity": 9.81,
+        "support": CART,
+        "pendulum": [{"links": TWO[:1]}, {"links": [{**TWO[1], "friction": 0.02}]}],
+    },
+}
+FREE = {
+    "cart": [
+        "pendulum[0].links[*].length",
+        "pendulum[0].links[0].damping",
+        "support.mass",
+        "support.stiffness",
+        "gravity",
+    ],
+    "friction": ["pendulum[0].links[*].friction", "pendulum[0].links[*].mass"],
+    "rail": ["support.friction", "support.damping", "pendulum[0].links[0].mass"],
+    "drag": ["pendulum[0].links[*].drag", "pendulum[0].links[*].quadratic_drag"],
+    "two": ["pendulum[1].links[0].friction", "pendulum[0].links[0].length"],
+}
+
+
+def problem_of(scene: Scene, free: list[str], tolerance: float = 1e-11) -> Problem:
+    sensors = tuple(Sensor(p + 1, i + 1) for p, own in enumerate(scene.pendulum) for i in range(own.n_links))
+    if scene.support.kind == "cart":
+        sensors = (Sensor(), *sensors)
+    blank = Segment("", "", TIMES, np.zeros((len(TIMES), len(sensors))))
+    recording = Recording(sensors, (blank,))
+    return Problem(scene, find_parameters(scene, free), recording, np.ones(len(sensors)), tolerance=tolerance)
+
+
+def unknowns_of(problem: Problem) -> Floats:
+    rng = np.random.default_rng(3)
+    u = np.zeros(problem.layout.size)
+    u[: problem.layout.numbers] = [one.start for one in problem.parameters]
+    u[problem.layout.state(0)] = rng.normal(0, 0.4, problem.layout.width)
+    return u
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_readings_are_those_of_simulate(name: str) -> None:
+    scene = scene_from(SCENES[name])
+    problem = problem_of(scene, [])
+    u = unknowns_of(problem)
+    state, half, on_cart = u[problem.layout.state(0)], problem.coordinates, int(scene.support.kind == "cart")
+    cart = (float(state[0]), float(state[half])) if on_cart else (0.0, 0.0)
+    begun = State(state[on_cart:half], state[half + on_cart :], *cart)
+    late = problem.late
+    run = simulate(scene, float(TIMES[-1] + late), start=begun, output=np.append(0.0, TIMES + late), tolerance=1e-12)
+    own = np.column_stack((run.motion.cart, run.motion.links))[1:, 1 - on_cart :]
+    assert problem.readings(u)[0] == pytest.approx(own, abs=2e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_derivatives_are_those_of_differences(name: str) -> None:
+    """By every number and component of the start, through all changes between slip and stick."""
+    problem = problem_of(scene_from(SCENES[name]), FREE[name])
+    u = unknowns_of(problem)
+    J = problem.jacobian(u)
+    rng, free = np.random.default_rng(4), np.flatnonzero(problem.free)
+    along = np.zeros_like(u)
+    along[free] = rng.normal(0, 1, len(free)) * np.maximum(np.abs(u[free]), 0.1)
+    step = 1e-5 * along
+    wide = [(problem.residuals(u + f * step) - problem.residuals(u - f * step)) / (2e-5 * f) for f in (1, 2)]
+    told = (4 * wide[0] - wide[1]) / 3
+    assert J @ along == pytest.approx(told, abs=2e-6 * max(1.0, float(np.abs(told).max())))
+
+
+def test_half_swings_lose_what_coulomb_says() -> None:
+    """2 M_f/(m g l) a half swing in the limit of small angles, and rest within the stick zone |θ| ≤ M_f/(m g l)."""
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**TWO[0], "damping": 0.0, "friction": 1e-5}]}]})
+    times = np.linspace(0, 20, 4001)
+    blank = Segment("", "", times, np.zeros((len(times), 1)))
+    problem = Problem(scene, (), Recording((Sensor(1, 1),), (blank,)), np.ones(1), tolerance=1e-12)
+    u = np.zeros(problem.layout.size)
+    zone = 1e-5 / (9.81 * 0.5)
+    u[problem.layout.state(0)] = [9.3 * zone, 0.0]
+    theta = problem.readings(u)[0][:, 0]
+    turning = [theta[0], *(b for a, b, c in zip(theta, theta[1:], theta[2:], strict=False) if (b - a) * (c - b) < 0)]
+    assert np.abs(turning[:5]) / zone == pytest.approx([9.3, 7.3, 5.3, 3.3, 1.3], abs=2e-3)
+    assert abs(theta[-1]) / zone == pytest.approx(0.7, abs=2e-3)
+    assert np.ptp(theta[-1000:]) == 0.0
+
+
+def test_numbers_and_coordinates_go_both_ways() -> None:
+    scene = scene_from(SCENES["drag"])
+    for one in find_parameters(scene, [*FREE["cart"], *FREE["drag"]]):
+        z = one.start + 0.3
+        assert one.z_of(one.at(z)) == pytest.approx(z)
+        assert one.slope(z) == pytest.approx((one.at(z + 1e-6) - one.at(z - 1e-6)) / 2e-6, rel=1e-6)
+        moved = scene_with(scene, numbers_at([one], np.array([z])))
+        assert find_parameters(moved, [one.path])[0].value == pytest.approx(one.at(z))

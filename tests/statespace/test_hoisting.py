@@ -1,0 +1,158 @@
+"""The linear model along a hoist: frequencies, swing, the promise of shapers, and files."""
+
+from io import BytesIO
+
+import numpy as np
+import pytest
+from scipy.io import loadmat
+from scipy.special import jv, yv
+
+from modal import load, natural_modes
+from modal.errors import ComputationError, SceneError
+from modal.exports import FORMATS, format_named
+from modal.scene import Bob, Cart, Hoist, Pendulum, Scene
+from modal.statespace import minimal, shaper_for, state_space, swings_of
+from modal.statespace.hoisting import (
+    Travel,
+    frequencies_along,
+    mean_lengths,
+    residual_words,
+    shaper_residual,
+    travel_residuals,
+)
+from modal.statespace.varying import hoisting_times, model_at, varying_model
+from nonlinear.simulation import simulate
+from nonlinear.system import AppliedForces, State
+
+G = 9.81
+
+
+def crane(mass: float = 1e9, **hoist: object) -> Scene:
+    bob = Bob(mass=1.0, length=4.0, hoist=Hoist(**({"to": 1.0, "duration": 5.0} | hoist)))
+    return Scene(gravity=G, support=Cart(mass=mass), pendulum=(Pendulum(links=(bob,)),))
+
+
+def test_frequencies_and_swing_of_one_pendulum() -> None:
+    found = frequencies_along(crane(), 7, "cart_acceleration")
+    assert np.allclose(found.omega[:, 0], np.sqrt(G / found.lengths[:, 0]), rtol=1e-12)
+    assert np.allclose(found.swing[:, 0], (found.lengths[:, 0] / 4.0) ** -0.75, rtol=1e-12)
+    assert found.lengths[[0, -1], 0] == pytest.approx([4.0, 1.0])
+    assert found.names == ("1",)
+
+
+def test_frequencies_are_those_of_the_table_at_each_length() -> None:
+    scene = load("hoisting-crane")
+    found = frequencies_along(scene, 5)
+    assert found.names == ("2", "3")
+    for time, omega in zip(found.times.tolist(), found.omega, strict=True):
+        assert np.allclose(omega, natural_modes(scene.at(time)).omega[1:], rtol=1e-11)
+    held = frequencies_along(scene, 3, "cart_acceleration")
+    assert held.names == ("1", "2")
+    assert np.allclose(held.omega[0], [swing.omega for swing in swings_of(scene.at(0.0))], rtol=1e-11)
+
+
+@pytest.mark.slow
+def test_a_slow_hoist_changes_the_swing_as_the_adiabatic_invariant_says() -> None:
+    scene = crane(duration=60.0)
+    run = simulate(
+        Scene(gravity=G, pendulum=scene.pendulum), 70.0, start=State(np.array([1e-4]), np.zeros(1)), output=4000
+    )
+    end = np.abs(run.motion.links[run.times > 62.0]).max() / 1e-4
+    assert end == pytest.approx(frequencies_along(scene, 2, "cart_acceleration").swing[-1, 0], rel=2e-3)
+
+
+def test_the_model_of_one_pendulum_is_the_textbook_equation() -> None:
+    scene = crane()
+    found = varying_model(scene, inputs=("cart_acceleration",))
+    law = scene.pendulum[0].links[0].hoist.law(4.0)
+    length, speed, _ = law(found.times)
+    assert found.A.shape == (201, 4, 4)
+    assert found.B.shape == (201, 4, 1)
+    assert np.allclose(found.A[:, 3, 1], -G / length, rtol=1e-12)
+    assert np.allclose(found.A[:, 3, 3], -2 * speed / length, rtol=1e-12, atol=1e-15)
+    assert np.allclose(found.B[:, 3, 0], -1 / length, rtol=1e-12)
+    assert found.C.shape == (2, 4)
+    assert varying_model(scene, outputs=("tip_positions",)).C.ndim == 3
+
+
+def test_lewins_pendulum_is_the_solution_of_the_model() -> None:
+    """In the middle of a trapezoidal hoist the speed is constant: Bessel functions satisfy z' = A(t) z there."""
+    scene = crane(profile="trapezoidal", ramp=0.2)
+    law = scene.pendulum[0].links[0].hoist.law(4.0)
+    length, speed, bend = (float(part) for part in law(2.5))
+    assert bend == 0
+    x = 2 * np.sqrt(G * length) / abs(speed)
+    turned = 2 * G / (abs(speed) * x) * np.sign(speed)
+    for bessel in (jv, yv):
+        angle, rate = bessel(1, x) / x, -bessel(2, x) / x * turned
+        # with (Z₁/x)' = −Z₂/x, (Z₂/x)' = Z₁/x − 3 Z₂/x² and x'' = −x'²/x
+        second = turned**2 * (4 * bessel(2, x) / x**2 - bessel(1, x) / x)
+        A = model_at(scene, 2.5, ("cart_acceleration",)).A
+        assert A[3] @ [0, angle, 0, rate] == pytest.approx(second, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_travel_is_that_of_the_full_equations_at_small_angles() -> None:
+    scene, travel = crane(), Travel(0.01, 0.0, 4.0)
+    found = {one.words: one.angle for one in travel_residuals(scene, travel)}
+    heavy = scene.support.mass
+
+    def push(time: float, state: State) -> AppliedForces:
+        return AppliedForces(heavy * travel.acceleration(time))
+
+    rest = State(np.zeros(1), np.zeros(1))
+    run = simulate(scene, 12.0, start=rest, load=push, breaks=[0.0, 4.0], tolerance=1e-11, output=4000)
+    left = np.abs(run.motion.links[run.times > 5.0]).max()
+    assert found["the travel as it is"] == pytest.approx(left, rel=1e-4)
+    constant = found["the travel as it is, without the hoist"]
+    still = simulate(scene.at(0.0), 12.0, start=rest, load=push, breaks=[0.0, 4.0], tolerance=1e-11, output=4000)
+    assert constant == pytest.approx(np.abs(still.motion.links[still.times > 4.0]).max(), rel=1e-4)
+
+
+@pytest.mark.slow
+def test_a_shaper_keeps_its_promise_without_hoist_and_loses_it_with() -> None:
+    nearly = crane(to=4.0 * (1 + 1e-9), duration=1.0)
+    assert shaper_residual(nearly, shaper_for(nearly.at(0.0))) < 1e-6
+    scene = crane(duration=3.0)
+    left = shaper_residual(scene, shaper_for(scene.at(0.0)))
+    assert 0.01 < left < 2
+    words = list(residual_words(scene, 1, "zv", "cart_acceleration", shaper_for(scene.at(0.0))))
+    assert f"{100 * left:.3g} %" in words[1]
+
+
+def test_mean_lengths_are_averages_over_time() -> None:
+    assert mean_lengths(crane()).pendulum[0].links[0].length == pytest.approx(2.5, rel=1e-9)
+    assert not mean_lengths(crane()).is_hoisted
+
+
+@pytest.mark.parametrize("name", sorted(FORMATS))
+def test_models_along_a_hoist_are_written_or_refused(name: str) -> None:
+    found = varying_model(load("hoisting-crane"), np.linspace(0, 8, 5))
+    if name not in {"npz", "mat"}:
+        with pytest.raises(SceneError, match=f"format {name}: holds a constant model"):
+            format_named(name).write_varying(found)
+        return
+    content = BytesIO(format_named(name).write_varying(found))
+    read = np.load(content) if name == "npz" else loadmat(content)
+    for key, values in (("A", found.A), ("B", found.B), ("C", found.C), ("D", found.D)):
+        assert np.array_equal(read[key], values)
+    assert np.array_equal(np.ravel(read["time_s"]), found.times)
+
+
+def test_constant_models_and_other_scenes_are_refused() -> None:
+    scene = load("hoisting-crane")
+    for refused in (lambda: state_space(scene), lambda: minimal(scene)):
+        with pytest.raises(SceneError, match="varies in time"):
+            refused()
+    with pytest.raises(SceneError, match="cart_velocity"):
+        varying_model(scene, inputs=("cart_velocity",))
+    with pytest.raises(SceneError, match="ascending"):
+        varying_model(scene, [1.0, 0.5])
+    for call in (hoisting_times, frequencies_along, varying_model):
+        with pytest.raises(SceneError, match="no link of this scene has one"):
+            call(load("crane-hook"))
+    with pytest.raises(SceneError, match="support is fixed"):
+        travel_residuals(Scene(gravity=G, pendulum=crane().pendulum), Travel(1.0, 0.0, 1.0))
+    upright = crane().pendulum[0].replace(equilibrium=("up",))
+    with pytest.raises(ComputationError, match="unstable"):
+        frequencies_along(Scene(gravity=G, pendulum=(upright,)))

@@ -1,0 +1,127 @@
+"""Shock: exact histories, spectra, and combinations of peaks against the textbook."""
+
+from __future__ import annotations
+
+from math import pi, tau
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from modal import Bob, Cart, Fixed, Pendulum, Rod, Scene
+from modal.scene import RecordMotion
+from modal.statespace import state_space
+from modal.vibration import Record, correlation, cqc, prescribed_motion, response_spectrum, shock_response, srss
+from modal.vibration.oscillators import phi
+
+TIMES = np.arange(120) * 0.05
+PUSH = RecordMotion(
+    time_s=tuple(TIMES.tolist()),
+    acceleration_m_per_s2=tuple((np.sin(3.0 * TIMES) * np.sin(pi * TIMES / 5.95) ** 2 + 0.1).tolist()),
+)
+HELD = Fixed()
+ALL = ("angles", "tip_accelerations", "tip_positions", "pivot_forces")
+
+
+def scene(support: Fixed | Cart = HELD, damping: float = 0.02) -> Scene:
+    links = (Bob(mass=1.3, length=0.8, damping=damping), Rod(mass=0.4, length=0.5, damping=2 * damping))
+    return Scene(gravity=9.81, support=support, pendulum=(Pendulum(links=links),))
+
+
+def whole(one: Scene, record: Record, times: np.ndarray, outputs: tuple[str, ...]) -> np.ndarray:
+    """The outputs by an integrator of the whole model."""
+    model = state_space(one, ("support_acceleration",), outputs)
+    run = solve_ivp(
+        lambda t, z: model.A @ z + model.B[:, 0] * record.acceleration_at(t),
+        (times[0], times[-1]), np.zeros(len(model.A)), "DOP853", t_eval=times, rtol=1e-10, atol=1e-12, max_step=0.05,
+    )  # fmt: skip
+    found = model.C @ run.y + model.D * record.acceleration(times)
+    begun = float(record.displacement(record.first)) + record.velocity(record.first) * (times - record.first)
+    return found + (np.array([signal.name.startswith("tip_1") for signal in model.outputs])[:, None] * begun)
+
+
+@pytest.mark.parametrize(
+    "support", [Fixed(), Cart(mass=2.0), Cart(mass=2.0, stiffness=3.0, damping=1.0), Cart(mass=0.5, damping=90.0)]
+)
+@pytest.mark.parametrize("damping", [0.0, 0.02])
+def test_histories_are_those_of_the_whole_model(support: Fixed | Cart, damping: float) -> None:
+    one = scene(support, damping)
+    found = shock_response(one, PUSH, ALL)
+    inside = found.times <= found.record.last
+    exact = whole(one, found.record, found.times[inside], ALL)
+    assert found.history[:, inside] == pytest.approx(exact, abs=1e-7 * max(1.0, np.abs(exact).max()))
+    assert found.times[-1] > found.record.last
+    assert found.peaks[:, 0] == pytest.approx(np.abs(found.history).max(1), rel=2e-3, abs=1e-9)
+
+
+def test_a_record_of_displacement_is_the_same_motion() -> None:
+    smooth = np.sin(1.9 * TIMES)
+    moves = RecordMotion(time_s=PUSH.time_s, displacement_m=tuple(smooth.tolist()))
+    pushes = RecordMotion(time_s=PUSH.time_s, acceleration_m_per_s2=tuple((-(1.9**2) * smooth).tolist()))
+    one, other = (shock_response(scene(), motion, ("angles",)) for motion in (moves, pushes))
+    assert one.peaks[:, 0] == pytest.approx(other.peaks[:, 0], rel=1e-4)
+
+
+def test_the_spectrum_is_the_peak_of_one_pendulum() -> None:
+    """A simple pendulum of length l is an oscillator whose displacement is l θ."""
+    length, zeta = 0.7, 0.05
+    omega = np.sqrt(9.81 / length)
+    link = Bob(mass=2.0, length=length, damping=2 * zeta * omega * 2.0 * length**2)
+    single = Scene(gravity=9.81, pendulum=(Pendulum(links=(link,)),))
+    found = shock_response(single, PUSH, ("angles",))
+    spectrum = response_spectrum(found.record, np.array([omega / tau]), zeta)
+    assert length * found.peaks[0, 0] == pytest.approx(spectrum[0], rel=1e-6)
+    assert found.srss[0] == pytest.approx(found.peaks[0, 0], rel=1e-12)
+    assert found.cqc[0] == pytest.approx(found.peaks[0, 0], rel=1e-12)
+
+
+def test_a_half_sine_pulse_has_its_textbook_spectrum() -> None:
+    """An undamped oscillator of T = t_d/1.5… under a half sine: closed form after the pulse (Chopra, §4.8)."""
+    pulse, f = 1.0, 0.3
+    t = np.linspace(0.0, pulse, 401)
+    record = prescribed_motion(
+        RecordMotion(time_s=tuple(t.tolist()), acceleration_m_per_s2=tuple(np.sin(pi * t / pulse).tolist()))
+    )
+    assert isinstance(record, Record)
+    ratio = f * pulse
+    amplification = 2 * ratio * np.cos(pi * ratio) / (4 * ratio**2 - 1)
+    omega = tau * f
+    assert response_spectrum(record, np.array([f]), 0.0)[0] == pytest.approx(
+        abs(2 * amplification) / omega**2, rel=1e-3
+    )
+
+
+def test_srss_and_cqc_are_the_textbook_formulas() -> None:
+    """Der Kiureghian's coefficient for equal damping (Chopra, Dynamics of Structures, equation (13.7.10))."""
+    omega, zeta = np.array([4.0, 4.4, 9.0]), np.full(3, 0.05)
+    beta = omega[:, None] / omega
+    equal = 8 * 0.05**2 * (1 + beta) * beta**1.5 / ((1 - beta**2) ** 2 + 4 * 0.05**2 * beta * (1 + beta) ** 2)
+    assert correlation(omega, zeta) == pytest.approx(equal, rel=1e-12)
+    uneven = correlation(omega, np.array([0.02, 0.05, 0.1]))
+    assert uneven == pytest.approx(uneven.T, rel=1e-12)
+    assert np.diag(uneven) == pytest.approx(np.ones(3))
+    peaks = np.array([1.0, -2.0, 0.5])
+    assert srss(peaks) == pytest.approx(np.sqrt(5.25))
+    by_hand = sum(equal[r, s] * peaks[r] * peaks[s] for r in range(3) for s in range(3))
+    assert cqc(peaks, omega, zeta) == pytest.approx(np.sqrt(by_hand), rel=1e-12)
+    far = np.array([1.0, 30.0, 900.0])
+    assert cqc(peaks, far, zeta) == pytest.approx(srss(peaks), rel=1e-2)
+    assert cqc(np.array([1.0, -1.0]), np.array([2.0, 2.0]), np.array([0.05, 0.05])) == pytest.approx(0.0, abs=1e-12)
+    assert correlation(np.array([1.0, 2.0]), np.zeros(2)) == pytest.approx(np.eye(2))
+
+
+def test_combinations_are_near_the_exact_peak_and_masses_add_up() -> None:
+    found = shock_response(scene(), PUSH, ("angles", "tip_positions"))
+    assert found.cqc[:2] == pytest.approx(found.peaks[:2, 0], rel=0.3)
+    assert np.isnan(found.cqc[2])
+    assert found.mass_shares.sum() == pytest.approx(1.0, rel=1e-12)
+    cumulative = np.cumsum(found.mass_shares)
+    assert found.enough == 1 + int(np.argmax(cumulative >= 0.9))
+
+
+def test_phi_functions() -> None:
+    z = np.array([1e-9, -0.3 + 0.2j, 0.999, -1.001, -40.0 + 300j])
+    expected = [(np.expm1(z) / z), (np.expm1(z) - z) / z**2]
+    assert phi(z, 2)[0] == pytest.approx(expected[0], rel=1e-13)
+    assert phi(z, 2)[1][1:] == pytest.approx(expected[1][1:], rel=1e-11)
+    assert phi(z, 3)[2][0] == pytest.approx(1 / 6)
