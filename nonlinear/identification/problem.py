@@ -232,7 +232,7 @@ class Problem:
 
     def _doubts(self, u: Floats) -> Floats:
         priors = [(z, one.believed) for z, one in zip(u, self.parameters, strict=False) if one.believed]
-        return np.array([(z - believed[0]) / believed[1] for z, believed in priors if believed])
+        return np.array([(z - believed[0]) / believed[1] for z, believed in priors])
 
     def jacobian(self, u: Floats) -> Floats:
         """The derivatives of the residuals, (N, size)."""
@@ -256,7 +256,7 @@ class Problem:
         known = [(k, one.believed) for k, one in enumerate(self.parameters) if one.believed]
         priors = np.zeros((len(known), layout.size))
         for row, (k, believed) in enumerate(known):
-            priors[row, k] = 1 / believed[1] if believed else 0.0
+            priors[row, k] = 1 / believed[1]
         return np.vstack([*blocks, *self._gap_slopes(flow), priors])
 
     def series(self) -> list[tuple[int, int, slice]]:
