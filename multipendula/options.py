@@ -76,6 +76,13 @@ def add_format(page: Page, formats: Sequence[str], **more: Any) -> None:
     page.written.add_argument("--format", choices=formats, default=formats[0], **more)
 
 
+def add_covariance(page: Page, words: str) -> None:
+    """The covariance of a fitted scene's numbers; `words` say what is done with it."""
+    told = f"the report of the fit that gave the scene, as JSON: {words}"
+    action = page.asked.add_argument("--covariance", metavar="FIT.json", help=told)
+    offer(action, completion.files((".json",)))
+
+
 def add_explain(page: Page) -> None:
     """A report of how the result was computed."""
     words = "report what was computed, and what the scene did not require"

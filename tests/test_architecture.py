@@ -24,6 +24,7 @@ HEAVY = {
         "modal.statespace.transfer",
         "modal.vibration",
         "modal.exports.matlab",
+        "modal.identification",
         "modal.exports.objects",
         "nonlinear",
     },

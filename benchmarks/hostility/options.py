@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import random
 from collections.abc import Iterator
+from math import cos, exp
 from pathlib import Path
 
 from hostility.judge import Ended, run
@@ -51,6 +52,9 @@ BASES = {
     "basins": "small.toml --vary gravity=1:10:2 --vary pendulum[0].links[0].length=1:2:2 --duration 0.1 --workers 1",
     "section": "small.toml --energy 1 --orbits 2 --duration 1 --workers 1",
     "spread": "small.toml --tolerance gravity=0.1 --members 5",
+    "fit": "small.toml modes.csv --free none",
+    "poles": "decay.csv",
+    "mac": "small.toml modes.csv",
     "export": "small.toml --to json -o a.json",
     "gains": "small.toml",
     "response": "small.toml -o a.png",
@@ -116,11 +120,14 @@ def _given(option: str, value: str) -> tuple[str, ...]:
 
 
 def case(call: tuple[str, ...], folder: Path, *, patience: float = 10.0) -> Ended:
-    """Run one call in a folder that has a small scene, a driven one, a PSD, a record and a broken file."""
+    """Run one call in a folder that has a small scene, a driven one, a PSD, records, modes and a broken file."""
     (folder / "small.toml").write_text(SMALL, encoding="utf-8")
     (folder / "clock.toml").write_text(CLOCK, encoding="utf-8")
     (folder / "psd.csv").write_text(PSD, encoding="utf-8")
     (folder / "record.csv").write_text(RECORD, encoding="utf-8")
+    (folder / "modes.csv").write_text("mode,frequency_hz,std_hz\n1,0.5,0.1\n", encoding="utf-8")
+    decay = [f"{t / 50},{exp(-t / 500) * cos(t / 10)}" for t in range(200)]
+    (folder / "decay.csv").write_text("\n".join(["time_s,theta_1_1_rad", *decay]), encoding="utf-8")
     (folder / "broken.npz").write_bytes(random.Random(0).randbytes(300))
     binary = any(word == "-" or word.endswith("=-") for word in call)
     return run(call, folder, patience=patience, text=not binary)

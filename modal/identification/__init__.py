@@ -1,10 +1,14 @@
 """From measurements to numbers of a scene: which of them are determined, and how well.
 
-In: derivatives of readings by a scene's numbers, measured modes.  Out: parameters with standard deviations, the
-combinations that the data determine, and in words those that they do not.  Start with `parameters`.
+In: derivatives of readings by a scene's numbers, measured modes, records.  Out: parameters with standard deviations,
+the combinations that the data determine, and in words those that they do not; poles and shapes of records; what the
+covariance of a fit makes of modes, responses and shaped commands.  Start with `parameters`; `mode_fitting` fits to
+measured modes, `poles` needs no scene, `assurance` compares both, `propagation` goes on from a fit.
 """
 
+from modal.identification.assurance import Assurance, assurance_table, compare_modes
 from modal.identification.covariance import autocorrelation, covariance, influence, resampled
+from modal.identification.estimate import Estimate, estimate_of, read_estimate
 from modal.identification.identifiability import (
     Combination,
     Determined,
@@ -12,21 +16,50 @@ from modal.identification.identifiability import (
     find_combinations,
     find_determined,
 )
+from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, read_modes
+from modal.identification.mode_fitting import ModeFit, fit_modes
+from modal.identification.mode_report import mode_fit_json, mode_fit_text
 from modal.identification.parameters import Parameter, find_parameters, numbers_at, scene_with, starts_of
+from modal.identification.pole_report import poles_table
+from modal.identification.poles import EXCITATIONS, METHODS, Identified, IdentifiedMode, identify
+from modal.identification.propagation import magnitude_std, mode_stds, shaped_modes
 
 __all__ = [
+    "EXCITATIONS",
+    "METHODS",
+    "Assurance",
     "Combination",
     "Determined",
+    "Estimate",
+    "Identified",
+    "IdentifiedMode",
+    "MeasuredMode",
+    "MeasuredModes",
+    "ModeFit",
     "Parameter",
     "Undetermined",
+    "assurance_table",
     "autocorrelation",
+    "compare_modes",
     "covariance",
+    "estimate_of",
     "find_combinations",
     "find_determined",
     "find_parameters",
+    "fit_modes",
+    "has_modes",
+    "identify",
     "influence",
+    "magnitude_std",
+    "mode_fit_json",
+    "mode_fit_text",
+    "mode_stds",
     "numbers_at",
+    "poles_table",
+    "read_estimate",
+    "read_modes",
     "resampled",
     "scene_with",
+    "shaped_modes",
     "starts_of",
 ]

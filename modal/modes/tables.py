@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, log10, nan, radians
+from math import isfinite, isnan, log10, nan, pi, radians
 from typing import Any
 
 from modal.assembly import Matrices
@@ -17,6 +17,9 @@ from modal.types import Floats
 
 MOST_SHAPE_NUMBERS = 5_000_000
 GUIDE = "the 1 % amplitude is a guide"
+SPLIT = "± –: the numbers split a frequency that several modes share, so it has no standard deviation of its own."
+Stds = Mapping[int, tuple[float, float]]
+"""Standard deviations of ω (rad/s) and of the damping ratio by the number of the mode."""
 Value = float | int | str | bool | None
 
 
@@ -116,23 +119,46 @@ def table(
     shapes: bool = False,
     starred: str = GUIDE,
     amplitude_deg: float | None = None,
+    stds: Stds | None = None,
 ) -> str:
     """These rows of `modes` as text, markdown, latex, csv, html or json, as `form` says.
 
     `shapes` adds mode shapes and energy shares to JSON; ComputationError if they are too many.  `starred` says what the
     1 % amplitude of a starred mode is.  With `amplitude_deg` a column has the damping ratio at that largest angle, with
-    dry friction and quadratic drag; NaN for modes across the rail.
+    dry friction and quadratic drag; NaN for modes across the rail.  With `stds` columns have the standard deviations of
+    ω, of the frequency and of the damping ratio.
     """
-    every = list(COLUMNS)
+    every = list(COLUMNS) if stds is None else _with_stds(stds)
     if amplitude_deg is not None:
-        every.insert(1 + [column.key for column in COLUMNS].index("damping_ratio"), _at_amplitude(modes, amplitude_deg))
+        every.insert(1 + [column.key for column in every].index("damping_ratio"), _at_amplitude(modes, amplitude_deg))
     if form == "json":
         return _json(modes, rows, every, shapes=shapes)
     if form == "csv":
         return _csv(rows, every)
     columns = [column for column in every if column.shown and column.only_if(modes)]
     cells = [[column.shown(row) for column in columns if column.shown] for row in rows]
-    return _WRITERS[form](modes, columns, cells, _footnotes(modes, rows, starred))
+    split = stds is not None and any(isnan(stds[row.number][0]) for row in rows if not row.is_uncertain)
+    return _WRITERS[form](modes, columns, cells, _footnotes(modes, rows, starred) + [SPLIT] * split)
+
+
+def _with_stds(stds: Stds) -> list[Column]:
+    """All columns, with those of standard deviations beside what they are of."""
+    beside = {
+        "omega_rad_per_s": ("omega_std_rad_per_s", 0, 1.0, "± (rad/s)", r"$\pm$ (rad/s)"),
+        "frequency_hz": ("frequency_std_hz", 0, 1 / (2 * pi), "± (Hz)", r"$\pm$ (Hz)"),
+        "damping_ratio": ("damping_ratio_std", 1, 1.0, "± ζ", r"$\pm\zeta$"),
+    }
+    found = []
+    for column in COLUMNS:
+        found.append(column)
+        if own := beside.get(column.key):
+            key, which, factor, heading, latex = own
+
+            def value(mode: Mode, which: int = which, factor: float = factor) -> float:
+                return factor * stds[mode.number][which]
+
+            found.append(_number(key, value, heading, latex, 2, column.only_if))
+    return found
 
 
 def _at_amplitude(modes: Modes, amplitude_deg: float) -> Column:

@@ -7,6 +7,14 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
 from modal.plotting.hoisting import draw_hoist
+from modal.plotting.identification import (
+    assurance_figure,
+    draw_assurance,
+    draw_mode_fit,
+    draw_poles,
+    mode_fit_figure,
+    poles_figure,
+)
 from modal.plotting.layout import (
     NUMBER,
     SMALL,
@@ -58,17 +66,21 @@ __all__ = [
     "WIDTH",
     "Picture",
     "any_letters",
+    "assurance_figure",
     "axis_words",
     "bode_figure",
     "caption",
     "colour",
     "coupling_figure",
     "dash",
+    "draw_assurance",
     "draw_bode",
     "draw_coupling",
     "draw_hoist",
     "draw_impulse",
     "draw_loci",
+    "draw_mode_fit",
+    "draw_poles",
     "draw_shapes",
     "evenly",
     "framed",
@@ -79,8 +91,10 @@ __all__ = [
     "legend",
     "log_ticks",
     "mark_modes",
+    "mode_fit_figure",
     "muted",
     "paper",
+    "poles_figure",
     "rest",
     "save",
     "scale",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from math import ceil, floor
 from typing import IO
 
@@ -20,6 +20,7 @@ from modal.statespace import ModalForm, Signal, frequency_response, impulse_resp
 from modal.types import Complexes, Floats
 
 POINTS, LONGEST = 2000, 20_000
+Spread = Callable[[Floats], Floats]
 FAR = 70.0
 """Decibels from the median of all curves that a picture goes up and down."""
 
@@ -32,18 +33,25 @@ def draw_bode(
     outputs: Sequence[int] = (),
     band: tuple[float, float] | None = None,
     kind: str = "png",
+    std: Spread | None = None,
 ) -> None:
     """Write the picture of `bode_figure` as png, svg or pdf."""
-    save(bode_figure(form, source=source, outputs=outputs, band=band), stream, kind)
+    save(bode_figure(form, source=source, outputs=outputs, band=band, std=std), stream, kind)
 
 
 def bode_figure(
-    form: ModalForm, *, source: int = 0, outputs: Sequence[int] = (), band: tuple[float, float] | None = None
+    form: ModalForm,
+    *,
+    source: int = 0,
+    outputs: Sequence[int] = (),
+    band: tuple[float, float] | None = None,
+    std: Spread | None = None,
 ) -> Figure:
     """Magnitude and phase of G(iω) from input `source` to these outputs (indices; by default all) over a band (rad/s).
 
     Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; an undamped
-    peak, which is infinite, is cut off.  Raises ComputationError for more curves than a picture holds.
+    peak, which is infinite, is cut off.  `std` gives the standard deviations (p, m, W) of |G| at ω (W,): two of them to
+    either side are shaded.  Raises ComputationError for more curves than a picture holds.
     """
     shown = _shown(form, outputs)
     low, high = band or _band(form)
@@ -55,7 +63,10 @@ def bode_figure(
         size = np.abs(response)
         _draw(top, omega, _decibel(size), k)
         _draw(bottom, omega, _phase(response), k)
+    spread = None if std is None else std(omega)[shown, source]
     top.set(xscale="log", ylabel=f"magnitude (dB, {_units(form, shown, source)})", ylim=_limits(_decibel(np.abs(G))))
+    if spread is not None:
+        _shade(top, omega, np.abs(G), spread)
     top.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
     bottom.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
     bottom.yaxis.set_major_locator(MultipleLocator(90))
@@ -64,8 +75,19 @@ def bode_figure(
     mark_modes(top, inside)
     mark_modes(bottom, inside, numbered=False)
     held = ", with the fixed-base modes" if any(block.mode is None for block in form.blocks) else ""
-    _finish(figure, form, shown, f"response to {_named(form.model.inputs[source])}{held}")
+    words = f"response to {_named(form.model.inputs[source])}{held}"
+    _finish(figure, form, shown, words + (", ± 2 standard deviations" if std else ""))
     return figure
+
+
+def _shade(axis: Axes, omega: Floats, size: Floats, spread: Floats) -> None:
+    """Two standard deviations to either side of every curve."""
+    low, high = axis.get_ylim()
+    least = 10 ** (low / 20)
+    for k, (own, std) in enumerate(zip(size, spread, strict=True)):
+        with np.errstate(all="ignore"):
+            below, above = (np.clip(_decibel(np.maximum(own + sign * std, least)), low, high) for sign in (-2, 2))
+        axis.fill_between(omega, below, above, color=colour(k), alpha=0.22, lw=0)
 
 
 def draw_impulse(

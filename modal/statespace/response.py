@@ -15,7 +15,7 @@ where sin(νt)/ν is t for ν = 0 and a hyperbolic sine for ν² < 0.  (Ewins, M
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -66,25 +66,36 @@ def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
     return response
 
 
-def response_table(form: ModalForm, frequencies: Sequence[float], source: int, outputs: Sequence[int], to: str) -> str:
+def response_table(
+    form: ModalForm,
+    frequencies: Sequence[float],
+    source: int,
+    outputs: Sequence[int],
+    to: str,
+    std: Floats | None = None,
+) -> str:
     """Magnitude and phase of some outputs for one input at these frequencies (Hz), as "text", "csv" or "json".
 
-    An undamped mode that is hit exactly has no finite magnitude: NaN, in JSON null.
+    `std` (p, m, W) are standard deviations of the magnitudes, in columns of their own.  An undamped mode that is
+    hit exactly has no finite magnitude: NaN, in JSON null.
     """
     G = frequency_response(form, 2 * np.pi * np.asarray(frequencies))[:, source]
     size = np.where(np.isfinite(G), np.abs(G), np.nan)
     phase = np.where(np.isfinite(G) & (G != 0), np.degrees(np.angle(G)), np.nan)
     with np.errstate(divide="ignore"):
         decibel = 20 * np.log10(size)
+    spread = None if std is None else std[:, source]
     signals, given = form.model.outputs, form.model.inputs[source]
     if to == "json":
-        rows = {
+        rows: dict[str, Any] = {
             "input": given.name,
             "unit": {signals[k].name: f"{signals[k].unit} per {given.unit}" for k in outputs},
             "frequency_hz": list(frequencies),
             "magnitude": {signals[k].name: list(map(finite, size[k].tolist())) for k in outputs},
             "phase_deg": {signals[k].name: list(map(finite, phase[k].tolist())) for k in outputs},
         }
+        if spread is not None:
+            rows["magnitude_std"] = {signals[k].name: list(map(finite, spread[k].tolist())) for k in outputs}
         return as_json(rows)
     records = [
         {
@@ -92,6 +103,7 @@ def response_table(form: ModalForm, frequencies: Sequence[float], source: int, o
             "output": signals[k].name,
             "unit": f"{signals[k].unit} per {given.unit}",
             "magnitude": size[k, at],
+            **({} if spread is None else {"magnitude_std": spread[k, at]}),
             "magnitude_db": decibel[k, at],
             "phase_deg": phase[k, at],
         }
@@ -100,7 +112,7 @@ def response_table(form: ModalForm, frequencies: Sequence[float], source: int, o
     ]
     if to == "csv":
         return as_csv(records)
-    headings = ("f (Hz)", "output", "unit", "magnitude", "dB", "phase (°)")
+    headings = ("f (Hz)", "output", "unit", "magnitude", *["±"] * (spread is not None), "dB", "phase (°)")
     cells = [[_shown(value) for value in record.values()] for record in records]
     return titled(form.model.title, f"response to {given.name} ({given.unit})", [grid(cells, headings)], "text")
 

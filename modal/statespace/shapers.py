@@ -134,11 +134,11 @@ def swings_of(scene: Scene, drive: Drive = "cart_acceleration") -> list[Swing]:
     Under "cart_force" they are the free modes that move the cart.  Raises SceneError for another drive and for a fixed
     support, ComputationError for an unstable equilibrium.
     """
-    modes, rows = _swinging(scene, drive)
+    modes, rows = swing_rows(scene, drive)
     return [Swing(mode.omega, mode.damping_ratio) for mode in modes.rows(rows)]
 
 
-def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
+def swing_rows(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
     """The modes of the scene with this drive, and the indices of those that it excites."""
     drives = get_args(Drive)
     problems = (
@@ -161,7 +161,7 @@ def _swinging(scene: Scene, drive: Drive) -> tuple[Modes, list[int]]:
 
 def swing_words(scene: Scene, count: int = 1, drive: Drive = "cart_acceleration") -> Iterator[str]:
     """The assumptions of a shaper for the `count` slowest modes, then a line for each, with the table's mode."""
-    modes, rows = _swinging(scene, drive)
+    modes, rows = swing_rows(scene, drive)
     pushed, told = drive == "cart_force", scene.n_links <= MOST_COMPARED
     beside = [""] * len(modes) if pushed or not told else _beside(modes, natural_modes(scene))
     yield ASSUMED[drive]

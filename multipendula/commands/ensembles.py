@@ -10,9 +10,19 @@ from math import prod
 from typing import Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, picture
+from multipendula.commands.shared import bar, drawn, estimate_of, in_a_folder, picture
 from multipendula.completion import places
-from multipendula.options import add_duration, add_format, add_picture, add_scene, add_words, number, offer, whole
+from multipendula.options import (
+    add_covariance,
+    add_duration,
+    add_format,
+    add_picture,
+    add_scene,
+    add_words,
+    number,
+    offer,
+    whole,
+)
 from multipendula.parser import Page
 
 FORMATS = ("text", "csv", "json")
@@ -84,13 +94,17 @@ def _section_arguments(page: Page) -> None:
 
 def spread(options: argparse.Namespace) -> None:
     """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
+    from modal.errors import SceneError
     from modal.scene import load
     from nonlinear.ensembles import find_spread, spread_table
 
     kind, scene = _kind(options), load(options.scene)
     members, seed = options.members or 1000, options.seed or 5
     with _engine(options, members) as more:
-        found = find_spread(scene, options.tolerance, options.duration, members=members, seed=seed, **more)
+        more["estimate"] = estimate_of(scene, options.covariance)
+        if more["estimate"] is None and not options.tolerance:
+            raise SceneError(["spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"])
+        found = find_spread(scene, options.tolerance or (), options.duration, members=members, seed=seed, **more)
     sys.stdout.write(spread_table(found, options.format))
     if options.output:
         from nonlinear.plotting import draw_spread
@@ -105,10 +119,9 @@ def _spread_arguments(page: Page) -> None:
         "a number with its standard deviation, support.mass=0.5 or support.mass=2%%, or its interval, "
         "gravity=9.8:9.83; repeat for several"
     )
-    tolerance = page.asked.add_argument(
-        "--tolerance", metavar="PLACE=WIDTH", action="append", required=True, help=words
-    )
+    tolerance = page.asked.add_argument("--tolerance", metavar="PLACE=WIDTH", action="append", help=words)
     offer(tolerance, places)
+    add_covariance(page, "draws its numbers together")
     page.asked.add_argument("--members", metavar="N", type=whole(10_000_000), help="number drawn (default 1000)")
     page.asked.add_argument("--seed", metavar="N", type=whole(2**31), help="of the random numbers")
     add_duration(page, "of the motion, from the scene's own start (default: frequencies only)")
@@ -205,7 +218,8 @@ COMMANDS = (
         run=spread,
         arguments=_spread_arguments,
         details=(
-            "Numbers are drawn within their tolerances, given as standard deviations or as intervals. Reported are "
+            "Numbers are drawn within their tolerances, given as standard deviations or as intervals, or from the "
+            "covariance of a fit. Reported are "
             "quantiles of every frequency, with --duration bands of the motion, and which number matters most."
         ),
         examples=(

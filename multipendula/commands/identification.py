@@ -1,4 +1,4 @@
-"""The command that fits a scene to measurements: fit."""
+"""The commands about measurements: fit, poles, mac."""
 
 from __future__ import annotations
 
@@ -6,16 +6,73 @@ import argparse
 import sys
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture
+from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture, small_swings
 from multipendula.completion import files, places
-from multipendula.options import add_scene, add_theme, add_words, number, offer, whole
+from multipendula.options import (
+    PICTURES,
+    add_file,
+    add_format,
+    add_picture,
+    add_scene,
+    add_theme,
+    add_words,
+    number,
+    offer,
+    whole,
+)
 from multipendula.parser import Page
 
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
 def fit(options: argparse.Namespace) -> None:
-    """Fit numbers of a scene to measured motions, with error bars and what the data leave open."""
+    """Fit numbers of a scene to measured motions or modes, with error bars and what the data leave open."""
+    from modal.identification import has_modes
+
+    if any(map(has_modes, options.data)):
+        _fit_modes(options)
+    else:
+        _fit_motions(options)
+
+
+def _fit_modes(options: argparse.Namespace) -> None:
+    from modal.errors import SceneError
+    from modal.identification import fit_modes, mode_fit_json, mode_fit_text, read_modes
+    from modal.scene import dump, load
+
+    motions = {"--where": options.where, "--scale": options.scale, "--compare": options.compare}
+    motions |= {"--window": options.window, "--bootstrap": options.bootstrap}
+    problems = [
+        f"{name}: is for measured motions, and {options.data[0]} has modes" for name, own in motions.items() if own
+    ]
+    if options.angles != "absolute":
+        problems.append("--angles: shapes of modes have absolute angles")
+    if len(options.data) > 1:
+        problems.append("measured modes are read from one file, by itself")
+    if problems:
+        raise SceneError(problems)
+    kind = picture(options.picture, "--picture") if options.picture else ""
+    for path in (options.output, options.report, options.picture):
+        in_a_folder(path)
+    scene = load(options.scene)
+    measured = read_modes(scene, options.data[0])
+    if measured.unused:
+        print(f"multipendula: columns not used: {', '.join(measured.unused)}", file=sys.stderr)
+    found = fit_modes(scene, measured, listed(options.free), priors=options.prior or (), loss=options.loss)
+    if options.output:
+        dump(found.scene, options.output)
+    if options.report:
+        with output(options.report) as write:
+            write(mode_fit_json(found))
+    if options.picture:
+        from modal.plotting import draw_mode_fit
+
+        with drawn(options.picture, options.theme) as stream:
+            draw_mode_fit(found, stream, kind)
+    sys.stdout.write(mode_fit_json(found) if options.format == "json" else mode_fit_text(found))
+
+
+def _fit_motions(options: argparse.Namespace) -> None:
     from modal.identification import find_parameters
     from modal.scene import dump, load
     from nonlinear.identification import compare, fit_json, fit_text, parse_where, read_recording
@@ -55,7 +112,10 @@ def fit(options: argparse.Namespace) -> None:
 
 def _fit_arguments(page: Page) -> None:
     add_scene(page)
-    words = "CSV files with time_s and theta_1_1_rad (or _deg), cart_m and the like, one column for each sensor"
+    words = (
+        "CSV files with time_s and theta_1_1_rad (or _deg), cart_m and the like, one column for each sensor; or one of "
+        "measured modes with mode, frequency_hz and std_hz"
+    )
     offer(page.asked.add_argument("data", metavar="DATA.csv", nargs="+", help=words), files((".csv",)))
     words = "numbers to fit, separated by commas, such as 'pendulum[0].links[*].damping', or none to judge the scene"
     offer(page.asked.add_argument("--free", metavar="PLACES", required=True, help=words), places)
@@ -74,15 +134,92 @@ def _fit_arguments(page: Page) -> None:
     page.computed.add_argument("--bootstrap", metavar="N", type=whole(100_000), help=words)
     words = "laws of damping to compare: viscous, coulomb, drag, or several joined by +; the best by BIC is reported"
     add_words(page.computed, "--compare", ("viscous", "coulomb", "drag", "viscous+coulomb"), metavar="LAWS", help=words)
-    words = "the scene with the fitted numbers"
-    offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), files((".toml",)))
-    words = "the report with its covariance, as JSON"
-    offer(page.written.add_argument("--report", metavar="FILE", help=words), files((".json",)))
-    words = "draw record, fitted motion and residuals"
-    offer(page.written.add_argument("--picture", metavar="FILE", help=words), files((".png", ".svg", ".pdf")))
+    add_file(page, "--output", "-o", words="the scene with the fitted numbers, {}", kinds=("toml",))
+    add_file(page, "--report", words="the report with its covariance, {}", kinds=("json",))
+    add_file(page, "--picture", words="draw record, fitted motion and residuals in {}", kinds=PICTURES)
     add_theme(page)
     words = "what is printed (default text)"
     page.written.add_argument("--format", choices=("text", "json"), default="text", help=words)
+
+
+def poles(options: argparse.Namespace) -> None:
+    """Find frequencies, damping ratios and shapes in measured motions, without a scene."""
+    from modal.identification import identify, poles_table
+    from nonlinear.identification import parse_where, read_recording
+    from nonlinear.integration import validate
+
+    kind = picture(options.output) if options.output else ""
+    recording, *_ = validate(
+        lambda: read_recording(None, options.data, where=parse_where(options.where or ()), angles=options.angles),
+        *(lambda path=path: in_a_folder(path) for path in (options.output, options.modes)),
+    )
+    absolute = recording.absolute()
+    found = identify(
+        [(one.times, one.values) for one in absolute.segments],
+        [sensor.name for sensor in absolute.sensors],
+        method=options.method,
+        excitation=options.excitation,
+        order=options.order,
+    )
+    if recording.unused:
+        print(f"multipendula: columns not used: {', '.join(recording.unused)}", file=sys.stderr)
+    title = ", ".join(dict.fromkeys(one.file for one in recording.segments))
+    if options.modes:
+        with output(options.modes) as write:
+            write(poles_table(found, "csv"))
+    if options.output:
+        from modal.plotting import draw_poles
+
+        with drawn(options.output, options.theme) as stream:
+            draw_poles(found, stream, kind, title)
+    sys.stdout.write(poles_table(found, options.format, title))
+
+
+def _poles_arguments(page: Page) -> None:
+    words = "CSV files with time_s and theta_1_1_rad (or _deg), cart_m and the like, as for fit"
+    offer(page.asked.add_argument("data", metavar="DATA.csv", nargs="+", help=words), files((".csv",)))
+    words = "use only rows with this value in a column, such as use=identify; repeat for several"
+    page.asked.add_argument("--where", metavar="COLUMN=VALUE", action="append", help=words)
+    words = "absolute, from the vertical (default), or relative, from the link above"
+    page.asked.add_argument("--angles", choices=("absolute", "relative"), default="absolute", help=words)
+    words = "what the motions are: free decays (default), or responses to random excitation"
+    page.asked.add_argument("--excitation", choices=("free", "random"), default="free", help=words)
+    words = "era: eigensystem realization (default); decrement: turning points of a single mode"
+    page.computed.add_argument("--method", choices=("era", "decrement"), default="era", help=words)
+    words = "order of the model, twice the number of modes and one for offsets (default: from the singular values)"
+    page.computed.add_argument("--order", metavar="N", type=whole(200), help=words)
+    add_format(page, ("text", "csv", "json"))
+    add_file(page, "--modes", words="write the modes as {}, for fit and mac", kinds=("csv",))
+    add_picture(page, "--output", "-o")
+
+
+def mac(options: argparse.Namespace) -> None:
+    """Compare measured with computed modes: MAC matrix, pairs and errors of frequencies."""
+    from modal.identification import assurance_table, compare_modes, read_modes
+    from modal.modes import natural_modes
+    from modal.scene import load
+
+    kind = picture(options.output) if options.output else ""
+    in_a_folder(options.output)
+    scene = small_swings(load(options.scene))
+    measured = read_modes(scene, options.data)
+    if measured.unused:
+        print(f"multipendula: columns not used: {', '.join(measured.unused)}", file=sys.stderr)
+    found = compare_modes(natural_modes(scene), measured)
+    if options.output:
+        from modal.plotting import draw_assurance
+
+        with drawn(options.output, options.theme) as stream:
+            draw_assurance(found, stream, kind)
+    sys.stdout.write(assurance_table(found, options.format))
+
+
+def _mac_arguments(page: Page) -> None:
+    add_scene(page)
+    words = "measured modes, a CSV file with mode, frequency_hz, std_hz and columns theta_P_L and cart of the shapes"
+    offer(page.asked.add_argument("data", metavar="MODES.csv", help=words), files((".csv",)))
+    add_format(page, ("text", "csv", "json"))
+    add_picture(page, "--output", "-o")
 
 
 COMMANDS = (
@@ -103,6 +240,45 @@ COMMANDS = (
                 "a length from it: the scene with the fitted number, and its covariance",
             ),
             ("fit fitted.toml run.csv --free none", "judge a scene: only the start and offsets are fitted"),
+        ),
+    ),
+    Command(
+        name="poles",
+        topic="measurements",
+        run=poles,
+        arguments=_poles_arguments,
+        details=(
+            "Free decays are realized by the eigensystem realization algorithm (Juang & Pappa 1985), and the poles "
+            "then fitted to the records themselves; of responses to random excitation the correlations are realized. "
+            "Frequencies are natural frequencies, as in the table of modes. The picture shows which poles are stable "
+            "over its order."
+        ),
+        examples=(
+            (
+                "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
+                "a small swing to measure",
+            ),
+            ("poles run.csv -o poles.png --modes modes.csv", "its two modes, as a file for fit and mac"),
+            ("poles run.csv --format json", "with shapes, standard deviations and the poles of all orders"),
+        ),
+    ),
+    Command(
+        name="mac",
+        topic="measurements",
+        run=mac,
+        arguments=_mac_arguments,
+        details=(
+            "The modal assurance criterion is 1 where two shapes are equal but for a factor, and 0 where they are "
+            "orthogonal. Every measured mode is paired with the computed one most similar to it, without shapes with "
+            "that of the nearest frequency."
+        ),
+        examples=(
+            (
+                "simulate chain-2 --start angles:2,5 --duration 20 -o run.csv",
+                "a small swing to measure",
+            ),
+            ("poles run.csv --modes modes.csv", "its modes"),
+            ("mac chain-2 modes.csv -o mac.png", "beside those of the scene"),
         ),
     ),
 )

@@ -8,8 +8,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.shared import chosen, drawn, output, picture, small_swings
-from multipendula.options import add_explain, add_format, add_modes, add_picture, add_scene, add_text, number
+from multipendula.commands.shared import chosen, drawn, estimate_of, output, picture, small_swings
+from multipendula.options import (
+    add_covariance,
+    add_explain,
+    add_format,
+    add_modes,
+    add_picture,
+    add_scene,
+    add_text,
+    number,
+)
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -28,11 +37,12 @@ def table(options: argparse.Namespace) -> None:
     if options.shapes and options.format != "json":
         raise SceneError(["--shapes: needs --format json"])
     modes, numbers = _modes(options, options.accuracy)
+    stds = _stds(modes, numbers, options.covariance)
     rows, starred = list(_with_progress(modes.rows(numbers), len(numbers))), tables.GUIDE
     if options.orbits:
         rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
-        more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude}
+        more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
         write(tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution
@@ -40,8 +50,20 @@ def table(options: argparse.Namespace) -> None:
         sys.stderr.write(report_solution(modes).text())
 
 
+def _stds(modes: Modes, numbers: Sequence[int], path: str | None) -> dict[int, tuple[float, float]] | None:
+    """Standard deviations of ω and ζ by the modes' numbers, from the covariance in a report of `fit`."""
+    estimate = estimate_of(modes.scene, path)
+    if estimate is None:
+        return None
+    from modal.identification import mode_stds
+
+    found = mode_stds(modes, estimate, numbers)
+    return {modes.first + row + 1: (one.omega, one.zeta) for row, one in zip(numbers, found, strict=True)}
+
+
 def _table_arguments(page: Page) -> None:
     add_scene(page)
+    add_covariance(page, "adds standard deviations")
     add_format(page, ("text", "markdown", "latex", "csv", "html", "json"))
     add_text(page)
     add_modes(page)

@@ -5,13 +5,29 @@ from __future__ import annotations
 import argparse
 import sys
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.runs import add_run_arguments, in_few_modes, run_of, shown_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, picture
-from multipendula.options import FILMS, add_explain, add_file, add_motion, add_picture, add_theme, number
+from multipendula.commands.runs import add_run_arguments, in_few_modes, run_of, shown_of, start_of, whole
+from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, picture
+from multipendula.options import (
+    FILMS,
+    PICTURES,
+    add_covariance,
+    add_explain,
+    add_file,
+    add_motion,
+    add_picture,
+    add_theme,
+    number,
+)
 from multipendula.options import whole as whole_number
 from multipendula.parser import Page
+
+if TYPE_CHECKING:
+    from modal.identification import Estimate
+
+BAND_MEMBERS = 200
 
 
 def simulate(options: argparse.Namespace) -> None:
@@ -23,6 +39,7 @@ def simulate(options: argparse.Namespace) -> None:
     from nonlinear.integration import SimulationError
     from nonlinear.postprocessing import summary
 
+    band = _banded(options)
     begun, run = perf_counter(), in_few_modes if options.keep_modes else run_of
     try:
         trajectory = run(options, lambda: options.output and checked_kind(options.output))
@@ -36,6 +53,8 @@ def simulate(options: argparse.Namespace) -> None:
     target = "standard output" if options.output == STANDARD else options.output
     print(summary.text(trajectory))
     print(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}" if options.output else ""))
+    if band is not None and not trajectory.run.interrupted:
+        _print_band(options, *band)
     if options.explain:
         from nonlinear.postprocessing import run_inventory
 
@@ -43,8 +62,51 @@ def simulate(options: argparse.Namespace) -> None:
     whole(trajectory)
 
 
+def _banded(options: argparse.Namespace) -> tuple[Estimate, str] | None:
+    """The covariance of the scene's numbers and the format of a picture of the band, before anything is computed."""
+    from modal.errors import SceneError
+    from modal.scene import load
+    from multipendula.commands.runs import recorded
+
+    if options.covariance is None:
+        if options.band:
+            raise SceneError(["--band: needs --covariance FIT.json"])
+        return None
+    if recorded(options.scene):
+        raise SceneError([f"--covariance: needs the scene that was fitted, and {options.scene} is a saved run"])
+    if options.keep_modes:
+        raise SceneError(["--covariance: cannot be combined with --keep-modes"])
+    estimate = estimate_of(load(options.scene), options.covariance)
+    assert estimate is not None
+    in_a_folder(options.band)
+    return estimate, picture(options.band, "--band") if options.band else ""
+
+
+def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> None:
+    """How wide the motion is where the numbers vary by their covariance."""
+    from nonlinear.ensembles import find_spread, motion_words
+
+    scene, duration = estimate.scene, options.duration or options.usual
+    start = start_of(scene, options.start)
+    with bar(BAND_MEMBERS, "member") as report:
+        found = find_spread(
+            scene, (), duration, members=BAND_MEMBERS, estimate=estimate, start=start, report=report, check=0
+        )
+    print(f"band of {found.size} members with {found.words}, from 5 to 95 %:\n{motion_words(found)}")
+    if found.failures:
+        print(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
+    if kind:
+        from nonlinear.plotting import draw_spread
+
+        with drawn(options.band, options.theme) as stream:
+            draw_spread(found, stream, kind)
+
+
 def _simulate_arguments(page: Page) -> None:
     add_run_arguments(page, 60.0)
+    add_covariance(page, "adds the band of the motion over the fitted numbers")
+    add_file(page, "--band", words="draw that band in {}", kinds=PICTURES)
+    add_theme(page)
     add_motion(page)
     words = "restrict the motion to the R lowest modes"
     page.computed.add_argument("--keep-modes", metavar="R", type=whole_number(100_000), help=words)

@@ -11,6 +11,7 @@ from typing import IO, TYPE_CHECKING
 from multipendula.options import FILMS, PICTURES
 
 if TYPE_CHECKING:
+    from modal.identification import Estimate
     from modal.scene import Scene
 
 
@@ -89,6 +90,15 @@ def bar(total: float, unit: str = "s") -> Iterator[Callable[[float], object]]:
 
     with tqdm(total=total, unit=unit, unit_scale=True, delay=1.0, leave=False) as shown:
         yield lambda elapsed: shown.update(elapsed - shown.n)
+
+
+def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
+    """The covariance of a scene's fitted numbers in a report of `fit`, None where no file is given."""
+    if path is None:
+        return None
+    from modal.identification import read_estimate
+
+    return read_estimate(scene, path)
 
 
 def small_swings(scene: Scene) -> Scene:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
 from multipendula.command import Command
-from multipendula.commands.shared import drawn, listed, picture, small_swings
+from multipendula.commands.shared import drawn, estimate_of, listed, picture, small_swings
 from multipendula.completion import files
-from multipendula.options import add_format, add_picture, add_scene, add_words, number, offer, whole
+from multipendula.options import add_covariance, add_format, add_picture, add_scene, add_words, number, offer, whole
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -90,6 +90,10 @@ def _gains_arguments(page: Page) -> None:
 
 def response(options: argparse.Namespace) -> None:
     """Draw a Bode plot or an impulse response, or print the response at given frequencies."""
+    from math import pi
+
+    import numpy as np
+
     from modal.errors import SceneError
     from modal.modes import natural_modes
     from modal.statespace import response_table, to_modal_form
@@ -104,21 +108,35 @@ def response(options: argparse.Namespace) -> None:
     problems += [f"--of {name}: must be one of {', '.join(outputs)}" for name in shown if name not in outputs]
     if problems:
         raise SceneError(problems)
+    if options.impulse and options.covariance:
+        raise SceneError(["--covariance: gives a band to the Bode plot and to --at, not to --impulse"])
+    estimate = estimate_of(scene, options.covariance)
     form, at = to_modal_form(natural_modes(scene), model), inputs.index(source)
+    std = None
+    if estimate is not None:
+        from functools import partial
+
+        from modal.identification import magnitude_std
+
+        std = partial(magnitude_std, model, estimate)
     chosen = [outputs.index(name) for name in shown]
     if options.at:
         every = chosen or list(range(len(outputs)))
-        sys.stdout.write(response_table(form, options.at, at, every, options.format))
+        spread = None if std is None else std(2 * pi * np.asarray(options.at))
+        sys.stdout.write(response_table(form, options.at, at, every, options.format, spread))
     if options.file:
         from modal.plotting import draw_bode, draw_impulse
 
-        draw = draw_impulse if options.impulse else draw_bode
         with drawn(options.file, options.theme) as stream:
-            draw(form, stream, source=at, outputs=chosen, kind=kind)
+            if options.impulse:
+                draw_impulse(form, stream, source=at, outputs=chosen, kind=kind)
+            else:
+                draw_bode(form, stream, source=at, outputs=chosen, kind=kind, std=std)
 
 
 def _response_arguments(page: Page) -> None:
     add_scene(page)
+    add_covariance(page, "adds standard deviations of magnitudes, in the picture a band of two to either side")
     _add_signals(page)
     add_picture(page, "-o", dest="file")
     words = "print magnitude and phase at these frequencies in Hz, separated by commas"
@@ -142,10 +160,16 @@ def shaper(options: argparse.Namespace) -> None:
     from modal.statespace import shaper_for, swing_words
 
     scene = small_swings(load(options.scene))
+    estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.tolerance / 100
     found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)
     for words in swing_words(scene, options.count, options.drive):
         print(f"# {words}")
+    if estimate is not None:
+        from modal.identification import shaped_modes
+
+        for number, left in enumerate(shaped_modes(found, estimate, options.drive, options.count), 1):
+            print(f"# {left.words(number)}")
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
@@ -157,6 +181,7 @@ def shaper(options: argparse.Namespace) -> None:
 
 def _shaper_arguments(page: Page) -> None:
     add_scene(page)
+    add_covariance(page, "adds what the shaped command leaves over the band of the fitted numbers")
     words = "zvd and ei tolerate more error in the frequencies; um is the shortest, with impulses of both signs"
     page.asked.add_argument("--kind", choices=("zv", "zvd", "ei", "um"), default="zv", help=words)
     words = "impulses at multiples of this time step, the sample time of the controller"

@@ -17,7 +17,7 @@ from nonlinear.ensembles.members import Members, members_of
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.ensembles.runs import run_together
 from nonlinear.ensembles.sections import PoincareSection, find_section, section_table
-from nonlinear.ensembles.spread import Spread, find_spread, spread_table
+from nonlinear.ensembles.spread import Spread, find_spread, motion_words, spread_table
 
 __all__ = [
     "ENGINES",
@@ -34,6 +34,7 @@ __all__ = [
     "find_spread",
     "grid_of",
     "members_of",
+    "motion_words",
     "run_together",
     "section_table",
     "spread_table",

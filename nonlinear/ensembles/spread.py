@@ -1,11 +1,12 @@
 """Monte Carlo over tolerances: what frequencies and motion become where numbers of a scene are not known exactly.
 
-A number is drawn from a normal distribution with a standard deviation, or evenly from an interval; all are independent.
-How much of the variance of a result one number x explains by a straight line is the square of their correlation,
+A number is drawn from a normal distribution with a standard deviation, or evenly from an interval, all independent; the
+numbers of a fit are drawn from their joint normal distribution.  How much of the variance of a result one number x
+explains by a straight line is the square of their correlation,
 
     share = cov(x, r)²/(var x · var r),
 
-which for small tolerances is (∂r/∂x σ_x)²/σ_r², so that the shares of all numbers add up to 1.
+which for small tolerances is (∂r/∂x σ_x)²/σ_r², so that the shares of independent numbers add up to 1.
 """
 
 from __future__ import annotations
@@ -14,18 +15,21 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_frequencies
-from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, as_csv, as_json, counted, finite, grid, titled
 from modal.scene import Scene, describe
 from modal.scene.parameters import Variable, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.system import system_of
+from nonlinear.system import State, system_of
+
+if TYPE_CHECKING:
+    from modal.identification import Estimate
 
 MEMBERS, SAMPLES, SEED = 1000, 201, 5
 ROUNDING = 1e-12  # of a result, below which nothing is said to matter
@@ -124,6 +128,15 @@ class Spread:
     nominal: Floats
     failures: dict[int, str]
     ensemble: Ensemble | None = None
+    estimate: Estimate | None = None
+
+    @property
+    def words(self) -> str:
+        """What the members were drawn from."""
+        texts = [one.text for one in self.tolerances]
+        if self.estimate is not None:
+            texts.append(f"{counted(len(self.estimate.paths), 'fitted number', 'fitted numbers')} by their covariance")
+        return ", ".join(texts)
 
     @property
     def size(self) -> int:
@@ -144,6 +157,13 @@ class Spread:
         if self.scene.space == "space":
             links = np.arctan2(np.hypot(links[..., 0], links[..., 1]), links[..., 2])
         return np.degrees(np.nanquantile(links, QUANTILES, axis=0))
+
+    @cached_property
+    def stds(self) -> Floats:
+        """Standard deviations (T, L) of the angles (deg) over time."""
+        if self.ensemble is None:
+            return np.empty((0, self.scene.n_links))
+        return np.asarray(np.degrees(np.nanstd(self.ensemble.column("links_rad"), axis=0, ddof=1)))
 
     @cached_property
     def quantiles(self) -> Floats:
@@ -193,18 +213,26 @@ def find_spread(
     *,
     members: int = MEMBERS,
     seed: int = SEED,
+    estimate: Estimate | None = None,
+    start: State | None = None,
     report: Callable[[float], object] = lambda done: None,
     **options: Any,
 ) -> Spread:
     """Frequencies of so many members with numbers drawn within `tolerances`, and their motion over a duration (s).
 
+    The numbers of an `estimate` are drawn by its covariance.  The motion is from `start`, if not from the scene's own;
     `options` are those of `ensemble`.  SceneError names every mistake; ComputationError where no member can be.
     """
-    own = parse_tolerances(scene, tolerances)
+    own = parse_tolerances(scene, tolerances) if tolerances or estimate is None else ()
+    if estimate is not None:
+        twice = [one.path for one in own if {*find_places(scene, one.path)} & {*estimate.places}]
+        if twice:
+            raise SceneError([f"{path}: has a tolerance and is among the fitted numbers" for path in twice])
     if members < 3:
         raise SceneError([f"members {members}: must be at least 3"])
     rng = np.random.default_rng(seed)
     values = {one.path: one.drawn(_value(scene, one.path), members, rng) for one in own}
+    values |= estimate.drawn(members, rng) if estimate is not None else {}
     scenes, failures = _scenes(scene, values)
     if not scenes:
         raise ComputationError(f"no member can be: {next(iter(failures.values()))}")
@@ -213,11 +241,12 @@ def find_spread(
     omega[[*scenes]] = found[1:]
     motion = None
     if duration is not None:
-        motion = ensemble(scene, duration, vary=values, output=SAMPLES, report=report, **options)
+        starts = None if start is None else [start] * members
+        motion = ensemble(scene, duration, starts=starts, vary=values, output=SAMPLES, report=report, **options)
         if motion.interrupted:
             raise KeyboardInterrupt
         failures = failures | motion.failures
-    return Spread(scene, own, values, omega, found[0], failures, motion)
+    return Spread(scene, own, values, omega, found[0], failures, motion, estimate)
 
 
 def _scenes(scene: Scene, values: dict[str, Floats]) -> tuple[dict[int, Scene], dict[int, str]]:
@@ -248,8 +277,7 @@ def spread_table(found: Spread, form: str) -> str:
         for one in found.frequencies
     ]
     headings = ("mode", "ω (rad/s)", "σ (rad/s)", "5 %", "95 %", "matters most")
-    tolerances = ", ".join(one.text for one in found.tolerances)
-    parts = [f"{found.size} members with {tolerances}", grid(rows, headings), _motion(found)]
+    parts = [f"{found.size} members with {found.words}", grid(rows, headings), motion_words(found)]
     if found.failures:
         parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
     return titled(found.scene.title, "spread", parts, "text")
@@ -259,7 +287,8 @@ def _words(shares: dict[str, float], most: str) -> str:
     return f"{most} ({100 * shares[most]:.0f} %)" if most else NOTHING
 
 
-def _motion(found: Spread) -> str:
+def motion_words(found: Spread) -> str:
+    """How wide the band of every angle becomes, and by which engine; nothing without a motion."""
     if found.ensemble is None:
         return ""
     widths = found.bands[-1] - found.bands[0]
@@ -285,6 +314,7 @@ def _whole(found: Spread) -> dict[str, Any]:
     record: dict[str, Any] = {
         "scene": describe(found.scene),
         "tolerances": [one.text for one in found.tolerances],
+        **({} if found.estimate is None else {"fitted": list(found.estimate.paths)}),
         "members": found.size,
         "failed": len(found.failures),
         "frequencies": found.frequencies,

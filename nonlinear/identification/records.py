@@ -91,6 +91,23 @@ class Recording:
         """Some of its segments."""
         return replace(self, segments=tuple(self.segments[k] for k in which))
 
+    def absolute(self) -> Recording:
+        """With angles from the vertical; SceneError where relative ones of links above are not recorded."""
+        if not self.relative:
+            return self
+        at = {(one.pendulum, one.link): k for k, one in enumerate(self.sensors)}
+        missing = {f"theta_{p}_{i}" for p, link in at for i in range(1, link) if (p, i) not in at}
+        if missing:
+            raise SceneError([f"relative angles need {listed(sorted(missing), len(missing))} too"])
+        sums = np.zeros((len(self.sensors), len(self.sensors)))
+        for (pendulum, link), k in at.items():
+            sums[k, [at[pendulum, i] for i in range(1, link + 1)] if pendulum else [k]] = 1.0
+        found = [
+            replace(one, values=np.array([one.values[:, row > 0].sum(axis=1) for row in sums]).T)
+            for one in self.segments
+        ]
+        return replace(self, segments=tuple(found), relative=False)
+
     def windows(self, duration: float) -> Recording:
         """The same with every segment in windows of about this duration (s), each continuing the one before."""
         found = []
@@ -116,13 +133,13 @@ class Recording:
 
 
 def read_recording(
-    scene: Scene,
+    scene: Scene | None,
     paths: Sequence[str | os.PathLike[str]],
     *,
     where: Mapping[str, str] | None = None,
     angles: str = "absolute",
 ) -> Recording:
-    """The recording in these files, of a scene whose links and cart the sensors read.
+    """The recording in these files, of a scene whose links and cart the sensors read, or of any with None.
 
     `where` gives columns with the value that used rows have there.  SceneError lists every mistake.
     """
@@ -134,7 +151,7 @@ def read_recording(
         name = os.fspath(path)
         try:
             header, rows = _table(name, where or {})
-            if not isinstance(scene.support, Cart):
+            if not isinstance(scene.support, Cart) if scene else _is_still(header, rows):
                 header = [f"({column})" if column == RUNS else column for column in header]
             tables.append((name, header, rows))
         except SceneError as error:
@@ -144,7 +161,7 @@ def read_recording(
     if problems:
         raise SceneError(problems)
     sensors = sorted({_sensor(column) for _, header, _ in tables for column in header if SENSOR.fullmatch(column)})
-    problems += [problem for one in sensors for problem in _absent(scene, one)]
+    problems += [problem for one in sensors if scene for problem in _absent(scene, one)]
     segments: list[Segment] = []
     for name, header, rows in tables:
         try:
@@ -159,6 +176,11 @@ def read_recording(
         f"({RUNS})",
     }
     return Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(unused)))
+
+
+def _is_still(header: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> bool:
+    """Whether the cart of a simulated run never moves."""
+    return RUNS in header and len({row[header.index(RUNS)] for _, row in rows}) == 1
 
 
 def _sensor(column: str) -> Sensor:

@@ -148,9 +148,9 @@ def _deviations(axis: Axes, found: Spread) -> None:
     records = found.frequencies[:FEW_MODES]
     at, bottom = np.arange(len(records)), np.zeros(len(records))
     deviation = np.array([one["standard_deviation_rad_per_s"] / one["omega_rad_per_s"] for one in records])
-    for k, tolerance in enumerate(found.tolerances):
-        part = deviation * _parts(records, tolerance.path)
-        axis.bar(at, part, bottom=bottom, width=0.6, color=colour(k), label=tolerance.path)
+    for k, path in enumerate(found.values):
+        part = deviation * _parts(records, path)
+        axis.bar(at, part, bottom=bottom, width=0.6, color=colour(k), label=path)
         bottom = bottom + part
     axis.set_xticks(at, [f"mode {one['mode']}\n{one['omega_rad_per_s']:.4g} rad/s" for one in records])
     axis.set(

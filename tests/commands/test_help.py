@@ -20,7 +20,7 @@ from multipendula.commands import COMMANDS, FIRST
 from multipendula.commands.scenes import SHELLS
 from multipendula.parser import WIDTH, Page, shown
 
-TOPICS = ("look", "modes", "motion", "coupling and synchronization", "control", "symbols and proof")
+TOPICS = ("look", "modes", "motion", "coupling and synchronization", "measurements", "control", "symbols and proof")
 EXAMPLES = {command.name: command.examples for command in COMMANDS}
 PAGES: dict[str, Page] = next(
     action for action in _parser()._actions if isinstance(action, argparse._SubParsersAction)

@@ -1,0 +1,183 @@
+"""Measured beside computed modes: MAC matrix, pairs, errors of frequencies and damping ratios.
+
+    MAC_rs = |φ_rᴴψ_s|²/((φ_rᴴφ_r)(ψ_sᴴψ_s))
+
+over the components that were measured, as they stand: angles in rad, the cart in m (Allemang & Brown, Proc. 1st IMAC,
+110 (1982); Ewins, Modal Testing, 2nd ed. 2000, §7.4).  Where all measured modes have shapes, pairs are those of the
+largest MAC; else those of the nearest frequencies, by the least sum of |ln f/f'|.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import log, pi
+from typing import Any
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+
+from modal.errors import ComputationError
+from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
+from modal.modes import Mode, Modes
+from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.types import Floats
+
+LEAST = 0.5  # MAC of a pair below which shapes are called different
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A measured mode and the computed one nearest to it; `mac` is None without shapes."""
+
+    measured: MeasuredMode
+    computed: Mode
+    mac: float | None
+
+    @property
+    def frequency(self) -> float:
+        """The computed one, in Hz."""
+        return self.computed.omega / (2 * pi)
+
+    @property
+    def error(self) -> float:
+        """Of the computed frequency, relative to the measured one."""
+        return self.frequency / self.measured.frequency - 1
+
+    @property
+    def deviation(self) -> float:
+        """Of the computed frequency, in standard deviations of the measured one."""
+        return (self.frequency - self.measured.frequency) / self.measured.std
+
+
+@dataclass(frozen=True, eq=False)
+class Assurance:
+    """MAC (R, S) of measured modes with the oscillating ones computed, `rows`; NaN where there is no shape."""
+
+    modes: Modes
+    measured: MeasuredModes
+    rows: tuple[Mode, ...]
+    mac: Floats
+    pairs: tuple[Pair, ...]
+
+    @property
+    def notes(self) -> list[str]:
+        """What there is to say of the pairs."""
+        found = []
+        for pair in self.pairs:
+            if pair.mac is not None and pair.mac < LEAST:
+                found.append(f"mode {pair.measured.number}: no computed shape is like it (MAC {pair.mac:.2f})")
+            elif pair.computed.number != pair.measured.number:
+                found.append(
+                    f"mode {pair.measured.number} of the file is like mode {pair.computed.number} of the table"
+                )
+        if np.isfinite(self.mac).any() and len(self.measured.components) < len(self.rows):
+            found.append("fewer components than modes: shapes of different modes may look alike")
+        return found
+
+
+def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
+    """Measured modes beside those of a scene that oscillate; a repeated frequency has the MAC of its nearest shape.
+
+    Raises ComputationError where nothing oscillates.
+    """
+    rows = tuple(mode for mode in modes if mode.oscillates and mode.omega > 0)
+    if not rows:
+        raise ComputationError("no mode of this scene oscillates")
+    places = component_rows(modes.scene, measured.components)
+    mac = np.full((len(measured.modes), len(rows)), np.nan)
+    first = modes.first
+    for r, one in enumerate(measured.modes):
+        if one.shape is None:
+            continue
+        there = np.isfinite(one.shape)
+        for s, mode in enumerate(rows):
+            own = modes.matrix.row == mode.number - 1 - first
+            mac[r, s] = _nearest(one.shape[there], modes.matrix.shapes[:, own & ~modes.matrix.across][places][there])
+    return Assurance(modes, measured, rows, mac, tuple(_pairs(measured, rows, mac)))
+
+
+def _nearest(shape: Floats, basis: Any) -> float:
+    """MAC with the nearest combination of the columns of a basis (C, k); 0 where none has these components."""
+    if not basis.shape[1]:
+        return 0.0
+    if basis.shape[1] == 1:
+        return _square(shape, turned(basis[:, 0]).real)
+    Q, R, *_ = np.linalg.svd(basis, full_matrices=False)
+    Q = Q[:, 1e-10 * max(R[0], 1e-300) < R]
+    return float(np.linalg.norm(Q.conj().T @ shape) ** 2 / (shape @ shape)) if Q.size else 0.0
+
+
+def _square(one: Floats, other: Floats) -> float:
+    whole = float((one @ one) * (other @ other))
+    return float((one @ other) ** 2) / whole if whole else 0.0
+
+
+def _pairs(measured: MeasuredModes, rows: tuple[Mode, ...], mac: Floats) -> list[Pair]:
+    shaped = bool(np.isfinite(mac).all())
+    cost = np.array([[abs(log(one.frequency / (mode.omega / (2 * pi)))) for mode in rows] for one in measured.modes])
+    left, right = linear_sum_assignment(-mac if shaped else cost)
+    return [
+        Pair(measured.modes[r], rows[s], None if np.isnan(mac[r, s]) else float(mac[r, s]))
+        for r, s in zip(left.tolist(), right.tolist(), strict=True)
+    ]
+
+
+def assurance_table(found: Assurance, form: str) -> str:
+    """The pairs and the matrix as text or json, the matrix alone as csv, by `form`."""
+    numbers = [f"mode_{mode.number}" for mode in found.rows]
+    matrix = [
+        {"measured": one.number} | dict(zip(numbers, map(float, own), strict=True))
+        for one, own in zip(found.measured.modes, found.mac, strict=True)
+    ]
+    if form == "csv":
+        return as_csv(matrix)
+    if form == "json":
+        return as_json(
+            {
+                "measured": [one.number for one in found.measured.modes],
+                "computed": [mode.number for mode in found.rows],
+                "components": found.measured.labels,
+                "mac": [[finite(float(value)) for value in own] for own in found.mac],
+                "pairs": [_pair_record(pair) for pair in found.pairs],
+                "notes": found.notes,
+            }
+        )
+    pairs = [
+        [
+            str(pair.measured.number),
+            str(pair.computed.number),
+            NOTHING if pair.mac is None else f"{pair.mac:.4f}",
+            f"{pair.measured.frequency:.6g}",
+            f"{pair.measured.std:.2g}",
+            f"{pair.frequency:.6g}",
+            f"{100 * pair.error:+.3g}",
+            f"{pair.deviation:+.2g}",
+            NOTHING if pair.measured.damping_ratio is None else f"{pair.measured.damping_ratio:.4g}",
+            f"{pair.computed.damping_ratio:.4g}",
+        ]
+        for pair in found.pairs
+    ]
+    headings = ["measured", "table", "MAC", "f (Hz)", "±", "computed (Hz)", "error (%)", "error (±)", "ζ", "computed ζ"]
+    cells = [
+        [str(one.number), *(NOTHING if np.isnan(value) else f"{value:.3f}" for value in own)]
+        for one, own in zip(found.measured.modes, found.mac, strict=True)
+    ]
+    shaped = bool(np.isfinite(found.mac).any())
+    matrix_text = grid(cells, ["MAC", *(str(mode.number) for mode in found.rows)]) if shaped else ""
+    parts = [grid(pairs, headings), matrix_text, "\n".join(f"{note[0].upper()}{note[1:]}." for note in found.notes)]
+    return titled(found.modes.scene.title, "measured beside computed modes", parts, "text")
+
+
+def _pair_record(pair: Pair) -> dict[str, Any]:
+    return {
+        "measured": pair.measured.number,
+        "computed": pair.computed.number,
+        "mac": pair.mac,
+        "measured_frequency_hz": pair.measured.frequency,
+        "std_hz": pair.measured.std,
+        "computed_frequency_hz": pair.frequency,
+        "relative_error": pair.error,
+        "deviation_in_stds": pair.deviation,
+        "measured_damping_ratio": pair.measured.damping_ratio,
+        "computed_damping_ratio": pair.computed.damping_ratio,
+    }

@@ -1,0 +1,149 @@
+"""Exact derivatives of M, K and D, of eigenvalues and of shapes by any number of a scene.
+
+M, K and D are polynomials of degree 2 at most in each number, so that a difference quotient with a large step
+
+    ∂f/∂p = (f(p + h) − f(p − h))/2h,     at p = 0 (4 f(h) − f(2h) − 3 f(0))/2h
+
+is their derivative but for rounding.  With Q = λ²M + λD + K, Q_p = λ²M_p + λD_p + K_p and Q_λ = 2λM + D a simple
+eigenvalue and its shape follow from
+
+    [ Q    Q_λ φ ] [ φ_p ]     [ −Q_p φ ]
+    [ φᴴ     0   ] [ λ_p ]  =  [   0    ]
+
+(Andrew, Chu & Lancaster, SIAM J. Matrix Anal. Appl. 14, 903 (1993), §2), of which λ_p = −φᵀQ_pφ/φᵀQ_λφ.  An eigenvalue
+shared by the shapes Φ keeps one derivative where ΦᵀQ_pΦ is a multiple of ΦᵀQ_λΦ, and splits where it is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from modal.assembly import matrices
+from modal.errors import SceneError
+from modal.modes import UNCERTAIN, Modes
+from modal.scene import Scene
+from modal.scene.parameters import Place, Variable, number_at, with_numbers
+from modal.types import Complexes, Floats
+
+STEPS = (2.0**-2, 2.0**-6, 2.0**-12)
+"""Relative steps, the first that the scene's own bounds allow."""
+SPLITS = 1e-7
+"""Part of a derivative by which those of one eigenvalue's shapes differ where it splits."""
+Arrays = tuple[NDArray[Any], ...]
+
+
+def differences(scene: Scene, place: Place, unit: float, arrays_of: Callable[[Scene], Arrays]) -> Arrays:
+    """Derivatives by the number at a place of arrays that are polynomials of degree 2 at most in it.
+
+    `unit` is the size of a step from 0.  SceneError where the scene allows no step to either side.
+    """
+    path, value = with_numbers(place), number_at(scene, place)
+    variable = Variable(scene, [path])
+
+    def at(number: float) -> Arrays:
+        return arrays_of(variable.at({path: number}))
+
+    if value == 0:
+        none, one, two = at(0.0), at(unit), at(2 * unit)
+        return tuple((4 * b - c - 3 * a) / (2 * unit) for a, b, c in zip(none, one, two, strict=True))
+    for step in STEPS:
+        low, high = value * (1 - step), value * (1 + step)
+        try:
+            return tuple((b - a) / (high - low) for a, b in zip(at(low), at(high), strict=True))
+        except SceneError:
+            continue
+    raise SceneError([f"{path} = {value:g}: is at a bound, and has no derivative there"])
+
+
+def require_polynomial(scene: Scene) -> None:
+    """SceneError where M, K or D are no polynomials in the numbers of a scene."""
+    problems = []
+    if scene.has_modal_damping:
+        problems.append("damping_ratio: modal dampers depend on all numbers through the modes: give joint dampers")
+    if scene.is_hoisted:
+        problems.append("hoist: a length that changes in time has no single value to be uncertain: fix it first")
+    if problems:
+        raise SceneError([f"{problem} for fits to modes and standard deviations" for problem in problems])
+
+
+def matrix_derivatives(scene: Scene, places: Sequence[Place], units: Sequence[float]) -> tuple[Floats, Floats, Floats]:
+    """M, K and D (p, n, n) differentiated by the numbers at these places."""
+    require_polynomial(scene)
+
+    def of(one: Scene) -> Arrays:
+        found = matrices(one)
+        return found.M, found.K, found.D
+
+    parts = [differences(scene, place, unit, of) for place, unit in zip(places, units, strict=True)]
+    M, K, D = (np.array(own) for own in zip(*parts, strict=True))
+    return M, K, D
+
+
+class ModeDerivatives:
+    """Derivatives of the modes of a scene by p numbers, from those of its matrices, each (p, n, n)."""
+
+    def __init__(self, modes: Modes, dM: Floats, dK: Floats, dD: Floats) -> None:
+        self.modes, self.dM, self.dK, self.dD = modes, dM, dK, dD
+        self.M, self.K, self.D = modes.matrices.M, modes.matrices.K, modes.matrices.D
+        self.shapes = modes.matrix
+
+    def eigenvalue(self, row: int) -> Complexes:
+        """∂λ/∂p (p,) of the mode with index `row`; NaN where it splits, and where no digit of it is certain."""
+        value = complex(self.modes.eigenvalue[row])
+        lost = np.full(len(self.dM), np.nan + 0j)
+        if not self.modes.error[row] < UNCERTAIN:
+            return lost
+        if value == 0:
+            return np.zeros(len(self.dM), dtype=np.complex128)
+        found = []
+        for across in (False, True):
+            own = self.shapes.shapes[:, (self.shapes.row == row) & (self.shapes.across == across)]
+            if own.shape[1]:
+                found.append(self._of_group(value, own.astype(np.complex128)))
+        whole = np.concatenate(found, axis=1)
+        first = whole[:, :1]
+        size = np.maximum(np.abs(whole).max(axis=1, keepdims=True), 1e-12 * abs(value))
+        return np.asarray(np.where(np.any(np.abs(whole - first) > SPLITS * size, axis=1), np.nan, first[:, 0]))
+
+    def _of_group(self, value: complex, phi: Complexes) -> Complexes:
+        """Derivatives (p, copies) by each of the shapes; NaN where they are coupled."""
+        pencil = phi.T @ (2 * value * self.M + self.D) @ phi
+        change = np.einsum("ia,pij,jb->pab", phi, self._Q_p(value), phi, optimize=True)
+        slope = -np.linalg.solve(pencil, change)
+        found = np.einsum("paa->pa", slope).copy()
+        off = np.abs(slope - np.einsum("pa,ab->pab", found, np.eye(phi.shape[1]))).max(axis=(1, 2))
+        found[off > SPLITS * np.abs(slope).max(axis=(1, 2))] = np.nan
+        return np.asarray(found)
+
+    def shape(self, row: int) -> tuple[Complexes, Complexes, Complexes]:
+        """φ (n,), ∂φ/∂p (n, p) and ∂λ/∂p (p,) of a mode that is alone with its frequency; φᴴφ_p = 0."""
+        value = complex(self.modes.eigenvalue[row])
+        phi = self.shapes.shapes[:, self.shapes.row == row][:, 0].astype(np.complex128)
+        n = len(phi)
+        unit = np.sqrt(np.abs(np.diag(value**2 * self.M)) + np.abs(np.diag(self.K)))
+        Q = value**2 * self.M + value * self.D + self.K
+        border = (2 * value * self.M + self.D) @ phi
+        right = -np.einsum("pij,j->ip", self._Q_p(value), phi)
+        whole = np.zeros((n + 1, n + 1), dtype=np.complex128)
+        whole[:n, :n] = Q / unit[:, None] / unit
+        size = np.linalg.norm(border / unit)
+        whole[:n, n] = border / unit / size
+        whole[n, :n] = phi.conj() / unit / np.linalg.norm(phi / unit)
+        found = np.linalg.solve(whole, np.vstack((right / unit[:, None], np.zeros((1, right.shape[1])))))
+        return phi, found[:n] / unit[:, None], found[n] / size
+
+    def _Q_p(self, value: complex) -> Complexes:
+        return np.asarray(value**2 * self.dM + value * self.dD + self.dK)
+
+
+def polar(value: complex, slope: Complexes) -> tuple[Floats, Floats]:
+    """∂ω/∂p and ∂ζ/∂p (p,) of ω = |λ| and ζ = −Re λ/|λ| from λ and ∂λ/∂p."""
+    omega = abs(value)
+    if omega == 0:
+        return np.zeros(len(slope)), np.zeros(len(slope))
+    rate = (np.conj(value) * slope).real / omega
+    return np.asarray(rate), np.asarray(-slope.real / omega + value.real * rate / omega**2)

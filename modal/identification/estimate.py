@@ -1,0 +1,167 @@
+"""The numbers of a fitted scene with their covariance, as a report of `fit` keeps them in JSON.
+
+It has `{"parameters": [{"place": …, "value": …, "std": …}, …], "covariance": [[…], …]}`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.identification.parameters import natural_unit
+from modal.scene import Scene
+from modal.scene.parameters import Place, find_places, number_at
+from modal.types import Floats
+
+LARGEST_FILE = 2**26
+SAME = 1e-6  # relative difference of a number from the scene's
+ALIKE = 1e-9  # of two entries that mirror each other, relative to their standard deviations
+INDEFINITE = 1e-9  # of the largest eigenvalue of the correlations: a negative one beyond rounding
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """Numbers of a `scene` at `places`, written as `paths`, with their `covariance` (p, p) in the scene's units."""
+
+    scene: Scene
+    places: tuple[Place, ...]
+    paths: tuple[str, ...]
+    covariance: Floats
+
+    @cached_property
+    def values(self) -> Floats:
+        """The scene's numbers (p,)."""
+        return np.array([number_at(self.scene, place) for place in self.places])
+
+    @cached_property
+    def stds(self) -> Floats:
+        """Standard deviations (p,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def units(self) -> list[float]:
+        """The natural unit of each number."""
+        return [natural_unit(self.scene, place) for place in self.places]
+
+    def drawn(self, count: int, rng: np.random.Generator) -> dict[str, Floats]:
+        """So many values (count,) by path, from the joint normal distribution."""
+        size = np.where(self.stds > 0, self.stds, 1.0)
+        strength, axes = np.linalg.eigh(self.covariance / size / size[:, None])
+        steps = rng.standard_normal((count, len(size))) * np.sqrt(np.maximum(strength, 0.0)) @ axes.T
+        return dict(zip(self.paths, (self.values + size * steps).T, strict=True))
+
+    def std(self, slopes: Floats) -> Floats:
+        """Standard deviations (…) of results with derivatives (…, p), to first order."""
+        variance = np.einsum("...p,pq,...q->...", slopes, self.covariance, slopes)
+        return np.sqrt(np.where(variance > 0, variance, np.where(np.isnan(variance), np.nan, 0.0)))
+
+
+def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
+    """The estimate in a report of `fit`, of this scene; SceneError lists every mistake."""
+    name = os.fspath(path)
+    try:
+        return estimate_of(scene, _content(name))
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
+
+
+def _content(name: str) -> Any:
+    try:
+        with open(name, "rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise SceneError([f"is larger than {LARGEST_FILE >> 20} MB"])
+        return json.loads(content.decode("utf-8-sig"))
+    except OSError as error:
+        raise SceneError([f"{error.strerror or error}"]) from None
+    except RecursionError:
+        raise SceneError(["is not JSON: nested too deeply"]) from None
+    except ValueError as error:
+        if isinstance(error, SceneError):
+            raise
+        raise SceneError([f"is not JSON: {error}"]) from None
+
+
+def estimate_of(scene: Scene, record: Any) -> Estimate:
+    """The estimate in a record such as that of a fit; SceneError lists every mistake."""
+    parameters = record.get("parameters") if isinstance(record, dict) else None
+    rows = record.get("covariance") if isinstance(record, dict) else None
+    if not (isinstance(parameters, list) and isinstance(rows, list)):
+        raise SceneError(['has no "parameters" and "covariance": it must be the report of a fit, in JSON'])
+    if not parameters:
+        raise SceneError(["has no fitted numbers, so that nothing is uncertain"])
+    problems: list[str] = []
+    places: list[Place] = []
+    for k, one in enumerate(parameters):
+        try:
+            places.append(_place(scene, k, one))
+        except SceneError as error:
+            problems += error.problems
+    for place, one in zip(places, parameters, strict=False):
+        if places.count(place) > 1 and places.index(place) < len(places):
+            problems.append(f"parameters: {one.get('place') if isinstance(one, dict) else one} stands there twice")
+    count = len(parameters)
+    matrix = _matrix(rows, count)
+    if matrix is None:
+        problems.append(f"covariance: must be {count} rows of {count} finite numbers, as there are parameters")
+    else:
+        problems += _faults(matrix)
+    if problems:
+        raise SceneError(list(dict.fromkeys(problems)))
+    assert matrix is not None
+    paths = tuple(str(one["place"]) for one in parameters)
+    return Estimate(scene, tuple(places), paths, (matrix + matrix.T) / 2)
+
+
+def _place(scene: Scene, k: int, one: Any) -> Place:
+    path = one.get("place") if isinstance(one, dict) else None
+    value = one.get("value") if isinstance(one, dict) else None
+    if not isinstance(path, str) or not isinstance(value, int | float) or not _is_number(value):
+        raise SceneError([f'parameters[{k}]: must have a "place" and a "value" that is a finite number'])
+    found = find_places(scene, path)
+    own = number_at(scene, found[0])
+    if len(found) > 1:
+        raise SceneError([f"parameters[{k}]: {path} means several numbers: each has its own entry"])
+    if found[0][-1] == "count":
+        raise SceneError([f"parameters[{k}]: {path} is a count and has no standard deviation"])
+    if abs(own - value) > SAME * max(abs(own), abs(value)):
+        raise SceneError([f"{path} = {value:.9g}: the scene has {own:.9g}: give the scene that was fitted with it"])
+    return found[0]
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _matrix(rows: list[Any], count: int) -> Floats | None:
+    if len(rows) != count or not all(isinstance(row, list) and len(row) == count for row in rows):
+        return None
+    if not all(_is_number(value) for row in rows for value in row):
+        return None
+    return np.array(rows, dtype=np.float64)
+
+
+def _faults(matrix: Floats) -> Iterator[str]:
+    variance = np.diag(matrix)
+    if np.any(variance < 0):
+        k = int(np.argmin(variance))
+        yield f"covariance[{k}][{k}] = {variance[k]:.6g}: a variance must not be negative"
+        return
+    size = np.where(variance > 0, np.sqrt(variance), 1.0)
+    correlation = matrix / size / size[:, None]
+    apart = np.abs(correlation - correlation.T)
+    if apart.max() > ALIKE:
+        j, k = sorted(divmod(int(np.argmax(apart)), len(apart)))
+        yield f"covariance[{j}][{k}] = {matrix[j, k]:.6g}, [{k}][{j}] = {matrix[k, j]:.6g}: must be symmetric"
+        return
+    least = float(np.linalg.eigvalsh(correlation)[0])
+    if least < -INDEFINITE * len(matrix):
+        yield f"covariance: must be positive semidefinite, and its correlations have the eigenvalue {least:.3g}"

@@ -1,0 +1,213 @@
+"""Measured modes: rows of a CSV file with the number of a mode, its frequency and standard deviation.
+
+    mode, frequency_hz, std_hz [, damping_ratio [, damping_ratio_std]] [, cart, theta_1_1, theta_1_2, …] [, shape_std]
+
+`mode` is the number in the table of modes, `frequency_hz` the natural frequency |λ|/2π, as there.  Columns `theta_P_L`
+and `cart` are a shape of any scale, angles from the vertical in rad beside metres, the real part of a complex one
+after `turned`.  Empty cells are missing values.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+
+import numpy as np
+
+from modal.errors import SceneError, meant
+from modal.report import counted
+from modal.scene import Cart, Scene
+from modal.types import Complexes, Floats, Ints
+
+MODE, FREQUENCY, STD = "mode", "frequency_hz", "std_hz"
+RATIO, RATIO_STD, SHAPE_STD = "damping_ratio", "damping_ratio_std", "shape_std"
+NEEDED = (MODE, FREQUENCY, STD)
+OPTIONAL = (RATIO, RATIO_STD, SHAPE_STD)
+CART = "cart"
+COMPONENT = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})|cart", re.ASCII)
+NEAR = re.compile(r"theta|cart|freq|std|damp|shape", re.ASCII)
+LARGEST_FILE = 2**24
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredMode:
+    """A mode: its `number` in the table, frequency and standard deviation (Hz), damping ratio and shape where measured.
+
+    `shape` (C,) has NaN for components without a value; `shape_std` is the standard deviation of a component where the
+    largest is 1.
+    """
+
+    number: int
+    frequency: float
+    std: float
+    damping_ratio: float | None = None
+    damping_ratio_std: float | None = None
+    shape: Floats | None = None
+    shape_std: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class MeasuredModes:
+    """Modes of a file; `components` are the columns of shapes, (pendulum, link) from 1 and (0, 0) for the cart."""
+
+    file: str
+    modes: tuple[MeasuredMode, ...]
+    components: tuple[tuple[int, int], ...] = ()
+    unused: tuple[str, ...] = ()
+
+    @property
+    def labels(self) -> list[str]:
+        """The components as in columns."""
+        return [f"theta_{p}_{l}" if p else CART for p, l in self.components]
+
+
+def has_modes(path: str | os.PathLike[str]) -> bool:
+    """Whether a file is a table of measured modes, by the column `mode` in its first line."""
+    try:
+        with open(path, encoding="utf-8-sig", errors="replace") as stream:
+            first = next((line for line in stream if not line.startswith("#")), "")
+    except (OSError, ValueError):
+        return False
+    return MODE in [word.strip() for word in first.split(",")]
+
+
+def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
+    """The measured modes in a file, of a scene that has the components of their shapes; SceneError lists mistakes."""
+    name = os.fspath(path)
+    try:
+        return _parsed(scene, name, _text(name))
+    except SceneError as error:
+        raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
+
+
+def _text(name: str) -> str:
+    try:
+        with open(name, "rb") as stream:
+            content = stream.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            raise SceneError([f"is larger than {LARGEST_FILE >> 20} MB"])
+        return content.decode("utf-8-sig")
+    except OSError as error:
+        raise SceneError([f"{error.strerror or error}"]) from None
+    except UnicodeDecodeError:
+        raise SceneError(["is not text in UTF-8"]) from None
+
+
+def _parsed(scene: Scene, name: str, text: str) -> MeasuredModes:
+    try:
+        reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
+        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader if any(map(str.strip, row))]
+    except csv.Error as error:
+        raise SceneError([f"{error}"]) from None
+    header = rows[0][1] if rows else []
+    problems = [*_header_problems(scene, header)]
+    problems += [
+        f"line {line} has not {len(header)} cells like the first" for line, row in rows if len(row) != len(header)
+    ]
+    if not rows[1:]:
+        problems.append("has no modes")
+    if problems:
+        raise SceneError(problems)
+    components = [column for column in header if COMPONENT.fullmatch(column)]
+    found = []
+    for line, row in rows[1:]:
+        try:
+            found.append(_mode(line, dict(zip(header, row, strict=True)), components))
+        except SceneError as error:
+            problems += error.problems
+    numbers = [one.number for one in found]
+    problems += [f"mode {own}: stands there twice" for own in dict.fromkeys(numbers) if numbers.count(own) > 1]
+    if problems:
+        raise SceneError(problems)
+    unused = tuple(column for column in header if column not in (*NEEDED, *OPTIONAL, *components))
+    return MeasuredModes(name, tuple(found), tuple(map(_component, components)), unused)
+
+
+def _component(column: str) -> tuple[int, int]:
+    found = COMPONENT.fullmatch(column)
+    return (int(found[1]), int(found[2])) if found and found[1] else (0, 0)
+
+
+def _header_problems(scene: Scene, header: Sequence[str]) -> Iterator[str]:
+    for column in NEEDED:
+        if column not in header:
+            yield f"has no column {column}{meant(column, header)}"
+    yield from (f"column {one}: stands there twice" for one in dict.fromkeys(header) if one and header.count(one) > 1)
+    for column in (RATIO_STD,):
+        if column in header and RATIO not in header:
+            yield f"column {column}: needs {RATIO}"
+    sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    for column in header:
+        if COMPONENT.fullmatch(column):
+            pendulum, link = _component(column)
+            if not pendulum and not isinstance(scene.support, Cart):
+                yield f"column {column}: the scene has no cart"
+            elif pendulum > len(sizes):
+                yield f"column {column}: the scene has {counted(len(sizes), 'pendulum', 'pendula')}"
+            elif pendulum and link > sizes[pendulum - 1]:
+                yield f"column {column}: the pendulum has {counted(sizes[pendulum - 1], 'link', 'links')}"
+        elif column not in (*NEEDED, *OPTIONAL) and NEAR.match(column):
+            known = (*NEEDED, *OPTIONAL)
+            yield f"column {column}: must be one of {', '.join(known)}, theta_P_L or cart{meant(column, known)}"
+
+
+def _mode(line: int, row: dict[str, str], components: Sequence[str]) -> MeasuredMode:
+    problems: list[str] = []
+
+    def number(column: str, least: float, strict: bool, needed: bool) -> float | None:
+        word = row.get(column, "")
+        if not word or word.lower() == "nan":
+            if needed:
+                problems.append(f"line {line}, {column}: is missing")
+            return None
+        try:
+            value = float(word)
+        except ValueError:
+            value = nan
+        if not isfinite(value) or value < least or (strict and value == least):
+            bound = f"above {least:g}" if strict else f"of at least {least:g}" if isfinite(least) else "that is finite"
+            problems.append(f"line {line}, {column} = {word:.40}: must be a number {bound}")
+            return None
+        return value
+
+    whole = row[MODE]
+    if not (whole.isascii() and whole.isdigit() and int(whole[:9]) >= 1 and len(whole) < 9):
+        problems.append(f"line {line}, {MODE} = {whole:.40}: must be a whole number from 1")
+    frequency, std = number(FREQUENCY, 0.0, True, True), number(STD, 0.0, True, True)
+    ratio, ratio_std = number(RATIO, -1.0, True, False), number(RATIO_STD, 0.0, True, False)
+    if ratio is not None and not ratio < 1:
+        problems.append(f"line {line}, {RATIO} = {row[RATIO]:.40}: must be below 1")
+    if ratio is None and ratio_std is not None:
+        problems.append(f"line {line}, {RATIO_STD}: has no {RATIO} beside it")
+    shape_std = number(SHAPE_STD, 0.0, True, False)
+    cells = [number(column, -np.inf, False, False) for column in components]
+    shape = np.array([nan if cell is None else cell for cell in cells]) if components else np.zeros(0)
+    there = np.isfinite(shape)
+    if there.any() and not np.any(shape[there]):
+        problems.append(f"line {line}: its shape is zero")
+    if problems:
+        raise SceneError(problems)
+    assert frequency is not None
+    assert std is not None
+    own = shape if np.count_nonzero(there) > 1 else None
+    return MeasuredMode(int(whole), frequency, std, ratio, ratio_std, own, shape_std)
+
+
+# ------------------------------------------------------------------------------------------- computed components
+
+
+def component_rows(scene: Scene, components: Sequence[tuple[int, int]]) -> Ints:
+    """The place of every component in a column of modes."""
+    sizes = [one.n_links for one in scene.pendulum for _ in range(one.count)]
+    first = np.cumsum([int(isinstance(scene.support, Cart)), *sizes])
+    return np.array([0 if not p else first[p - 1] + l - 1 for p, l in components], dtype=np.int64)
+
+
+def turned(phi: Complexes) -> Complexes:
+    """A shape (C,) multiplied by e^{−iα}, 2α = arg Σφ², so that its real part is as large as it can be."""
+    return np.asarray(phi * np.exp(-0.5j * np.angle(np.sum(phi**2))))

@@ -1,0 +1,422 @@
+"""Fit the numbers of a scene to measured modes, by weighted least squares on exact derivatives.
+
+The residuals are those of frequencies, of damping ratios and of shapes, each in units of its standard deviation:
+
+    (f(p) − f)/σ_f,    (ζ(p) − ζ)/σ_ζ,    (s u(p) − v)/σ_v
+
+with v a measured shape whose largest component is 1, u the computed one and s the scale that brings it nearest.
+Derivatives are those of `derivatives`; what the modes determine is found as for motions.  (Friswell & Mottershead,
+Finite Element Model Updating in Structural Dynamics, 1995, ch. 8.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.stats import chi2
+
+from modal.errors import ComputationError, SceneError
+from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
+from modal.identification.identifiability import (
+    Combination,
+    Determined,
+    Undetermined,
+    find_combinations,
+    find_determined,
+)
+from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
+from modal.identification.parameters import Parameter, find_parameters, numbers_at, scene_with, starts_of
+from modal.modes import Modes, natural_modes
+from modal.report import percent, short
+from modal.scene import Scene
+from modal.types import Floats, Ints
+
+ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
+FINEST_SHAPE = 1e-9
+ROUNDS = 4  # of fitting and estimating the noise of shapes
+MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, or of the numbers, at the end
+WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
+UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
+LOSSES = ("linear", "soft_l1", "huber", "cauchy")
+
+
+@dataclass(frozen=True)
+class FittedMode:
+    """A measured mode beside the computed one; residuals in standard deviations of the measurement."""
+
+    measured: MeasuredMode
+    frequency: float
+    damping_ratio: float
+    damping_ratio_std: float | None
+    mac: float | None
+
+    @property
+    def deviation(self) -> float:
+        """Of the frequency."""
+        return (self.frequency - self.measured.frequency) / self.measured.std
+
+
+@dataclass(frozen=True, eq=False)
+class ModeFit:
+    """Numbers fitted to measured modes: `scene` has them, `given` those of the start.
+
+    `values` (p,) and `covariance` (p, p), zero for those `held` (indices), are in the scene's units; `chi_square` is
+    the sum of squares of the residuals with `freedom` degrees of freedom.
+    """
+
+    given: Scene
+    scene: Scene
+    measured: MeasuredModes
+    parameters: tuple[Parameter, ...]
+    z: Floats
+    cov: Floats
+    determined: Determined
+    held: Ints
+    modes: tuple[FittedMode, ...]
+    chi_square: float
+    freedom: int
+    shape_std: float | None
+    verdict: tuple[str, ...] = ()
+
+    @cached_property
+    def values(self) -> Floats:
+        """The numbers (p,)."""
+        return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.z, strict=True)])
+
+    @cached_property
+    def covariance(self) -> Floats:
+        """Of the numbers, (p, p)."""
+        slopes = np.array([one.slope(float(z)) for one, z in zip(self.parameters, self.z, strict=True)])
+        return np.asarray(slopes[:, None] * self.cov * slopes)
+
+    @cached_property
+    def stds(self) -> Floats:
+        """Standard deviations (p,)."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    @property
+    def fitted(self) -> list[int]:
+        """The indices of the numbers that were not held."""
+        return [int(k) for k in self.determined.kept]
+
+    @property
+    def undetermined(self) -> tuple[Undetermined, ...]:
+        """What the modes do not determine."""
+        return self.determined.directions
+
+    @cached_property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Products of numbers that are determined although the numbers are not."""
+        return find_combinations(self.determined, self.parameters, self.z, self.stds)
+
+
+def fit_modes(
+    scene: Scene,
+    measured: MeasuredModes,
+    free: Sequence[str] = (),
+    *,
+    priors: Sequence[str] = (),
+    loss: str = "linear",
+) -> ModeFit:
+    """The numbers at the places `free` that fit measured modes best, from the scene's values on.
+
+    `priors` are texts such as "gravity=9.81±0.01".  Raises SceneError for places that are no free numbers and for modes
+    that the scene does not have, ComputationError where a mode has no derivative.
+    """
+    if loss not in LOSSES:
+        raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
+    parameters = find_parameters(scene, free, priors)
+    problem = _Problem(scene, parameters, measured)
+    z, shape_std = _search(problem, loss)
+    return _certified(problem, z, shape_std, loss)
+
+
+class _Problem:
+    """Residuals and their derivatives, by z of the numbers."""
+
+    def __init__(self, scene: Scene, parameters: tuple[Parameter, ...], measured: MeasuredModes) -> None:
+        self.scene, self.parameters, self.measured = scene, parameters, measured
+        self.kept = np.ones(len(parameters), dtype=bool)
+        self.shape_std = ROUGH_SHAPE
+        self.rows = component_rows(scene, measured.components)
+        self.places = _places(natural_modes(scene), measured)
+        self.shaped = [one for one in measured.modes if one.shape is not None]
+
+    @property
+    def estimates_noise(self) -> bool:
+        """Whether the residuals of shapes tell their noise."""
+        return any(one.shape_std is None for one in self.shaped)
+
+    def modes_at(self, z: Floats) -> tuple[Scene, Modes]:
+        """The scene with these numbers, and its modes."""
+        scene = scene_with(self.scene, numbers_at(self.parameters, z))
+        return scene, natural_modes(scene)
+
+    def residuals(self, z: Floats) -> Floats:
+        """In standard deviations, priors last; ComputationError where a measured mode is none any more."""
+        _, modes = self.modes_at(z)
+        found: list[Any] = []
+        for one, place in zip(self.measured.modes, self.places, strict=True):
+            row = _row(modes, place)
+            value = modes.eigenvalue[row]
+            found.append([(abs(value) / (2 * np.pi) - one.frequency) / one.std])
+            if one.damping_ratio is not None:
+                found.append([(-value.real / abs(value) - one.damping_ratio) / _ratio_std(one)])
+            if one.shape is not None:
+                phi = modes.matrix.shapes[:, modes.matrix.row == row][:, 0]
+                found.append(self._shape(one, phi.astype(np.complex128), None)[0])
+        return np.concatenate([*found, self._beliefs(z)[0]])
+
+    def jacobian(self, z: Floats) -> Floats:
+        """Derivatives of the residuals by z, (N, p)."""
+        scene, modes = self.modes_at(z)
+        count = len(self.parameters)
+        if not count:
+            return np.zeros((len(self.residuals(z)), 0))
+        units = [one.unit for one in self.parameters]
+        derivatives = ModeDerivatives(modes, *matrix_derivatives(scene, [one.place for one in self.parameters], units))
+        slopes = np.array([one.slope(float(own)) for one, own in zip(self.parameters, z, strict=True)])
+        found: list[Floats] = []
+        for one, place in zip(self.measured.modes, self.places, strict=True):
+            row = _row(modes, place)
+            by_number = derivatives.eigenvalue(row)
+            if np.any(np.isnan(by_number)):
+                k = int(np.flatnonzero(np.isnan(by_number))[0])
+                raise ComputationError(
+                    f"mode {one.number} shares its frequency with others, and {self.parameters[k].path} splits it: "
+                    "it has no single derivative; free a number of all equal pendula, or leave the mode out"
+                )
+            omega, zeta = polar(complex(modes.eigenvalue[row]), by_number)
+            found.append((omega / (2 * np.pi) / one.std)[None])
+            if one.damping_ratio is not None:
+                found.append((zeta / _ratio_std(one))[None])
+            if one.shape is not None:
+                phi, by, _ = derivatives.shape(row)
+                found.append(self._shape(one, phi, by)[1])
+        whole = np.vstack(found) * slopes
+        return np.vstack((whole, self._beliefs(z)[1]))
+
+    def _shape(self, one: MeasuredMode, phi: Any, by: Any) -> tuple[Floats, Floats]:
+        """Residuals of a shape, and their derivatives."""
+        assert one.shape is not None
+        there = np.isfinite(one.shape)
+        v = one.shape[there]
+        v = v / np.abs(v).max()
+        own = phi[self.rows][there]
+        square = np.sum(own**2)
+        turn = np.exp(-0.5j * np.angle(square))
+        u = (own * turn).real
+        noise = one.shape_std or self.shape_std
+        s = (u @ v) / (u @ u)
+        miss = (s * u - v) / noise
+        if by is None:
+            return miss, np.zeros((len(v), 0))
+        change = by[self.rows][there]
+        alpha = np.imag(2 * own @ change / square) / 2
+        du = ((change - 1j * own[:, None] * alpha) * turn).real
+        ds = (v @ du - 2 * s * (u @ du)) / (u @ u)
+        return miss, np.asarray((s * du + u[:, None] * ds) / noise)
+
+    def _beliefs(self, z: Floats) -> tuple[Floats, Floats]:
+        known = [(k, one.believed) for k, one in enumerate(self.parameters) if one.believed is not None]
+        rows = np.zeros((len(known), len(self.parameters)))
+        miss = np.zeros(len(known))
+        for at, (k, belief) in enumerate(known):
+            assert belief is not None
+            rows[at, k], miss[at] = 1 / belief[1], (z[k] - belief[0]) / belief[1]
+        return miss, rows
+
+    def freedom(self) -> int:
+        """Number of residuals less that of the numbers fitted and of the shapes' scales."""
+        values = len(self.residuals(starts_of(self.parameters)))
+        return values - int(np.count_nonzero(self.kept)) - len(self.shaped)
+
+
+def _places(modes: Modes, measured: MeasuredModes) -> list[int]:
+    """The position of every measured mode among the oscillating ones, each counted as often as it occurs."""
+    problems, found = [], []
+    before = np.concatenate(([0], np.cumsum(np.where(_swings(modes), modes.multiplicity, 0))))
+    for one in measured.modes:
+        if one.number > len(modes):
+            problems.append(f"mode {one.number}: the scene has modes 1 to {len(modes)}")
+        elif not _swings(modes)[one.number - 1]:
+            problems.append(f"mode {one.number}: does not oscillate in this scene")
+        elif one.shape is not None and modes.multiplicity[one.number - 1] > 1:
+            problems.append(f"mode {one.number}: is shared by several modes, so that its shape is not determined")
+        else:
+            found.append(int(before[one.number - 1]))
+    if problems:
+        raise SceneError([f"{measured.file}: {problem}" for problem in problems])
+    return found
+
+
+def _swings(modes: Modes) -> Any:
+    return modes.eigenvalue.imag > 0
+
+
+def _row(modes: Modes, place: int) -> int:
+    """The row of the mode at a position among the oscillating ones."""
+    ends = np.cumsum(np.where(_swings(modes), modes.multiplicity, 0))
+    row = int(np.searchsorted(ends, place, side="right"))
+    if row >= len(modes):
+        raise ComputationError("a measured mode does not oscillate with these numbers")
+    return row
+
+
+def _ratio_std(one: MeasuredMode) -> float:
+    """Of a damping ratio; without a stated one that of the frequency, relative: a pole is as uncertain either way."""
+    return one.damping_ratio_std or one.std / one.frequency
+
+
+def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
+    z = starts_of(problem.parameters)
+    if len(z):
+        J = problem.jacobian(z)
+        problem.kept[find_determined(J, problem.parameters, z, vague=WHATEVER).held] = False
+    for _ in range(ROUNDS):
+        z = _solved(problem, z, loss)
+        if not problem.estimates_noise:
+            break
+        problem.shape_std = _shape_noise(problem, z)
+    if len(z):
+        lost = np.flatnonzero(~problem.kept).tolist()
+        found = find_determined(problem.jacobian(z), problem.parameters, z, held=lost)
+        if len(found.held) > len(lost):
+            problem.kept[found.held] = False
+            z[~problem.kept] = starts_of(problem.parameters)[~problem.kept]
+            z = _solved(problem, z, loss)
+            problem.shape_std = _shape_noise(problem, z) if problem.estimates_noise else problem.shape_std
+    return z, problem.shape_std if problem.estimates_noise else None
+
+
+def _shape_noise(problem: _Problem, z: Floats) -> float:
+    """The standard deviation of shapes' components by their residuals, one scale being fitted to each."""
+    _, modes = problem.modes_at(z)
+    square, count = 0.0, 0
+    for one, place in zip(problem.measured.modes, problem.places, strict=True):
+        if one.shape is None or one.shape_std is not None:
+            continue
+        phi = modes.matrix.shapes[:, modes.matrix.row == _row(modes, place)][:, 0].astype(np.complex128)
+        miss = problem._shape(one, phi, None)[0] * problem.shape_std
+        square, count = square + float(miss @ miss), count + len(miss) - 1
+    return max(FINEST_SHAPE, float(np.sqrt(square / max(count, 1))))
+
+
+def _solved(problem: _Problem, z: Floats, loss: str) -> Floats:
+    columns = np.flatnonzero(problem.kept)
+    if not len(columns):
+        return z
+    least = np.array([one.least for one in problem.parameters])[columns]
+
+    def whole(x: Floats) -> Floats:
+        found = z.copy()
+        found[columns] = x
+        return found
+
+    def residuals(x: Floats) -> Floats:
+        try:
+            return problem.residuals(whole(x))
+        except (ComputationError, SceneError):
+            return np.full(size, 1e12)
+
+    size = len(problem.residuals(z))
+    steps = [0.1 if one.log else 0.1 * max(one.start, 0.05) for one in problem.parameters]
+    jacobian: Callable[[Floats], Floats] = lambda x: problem.jacobian(whole(x))[:, columns]  # noqa: E731
+    found = least_squares(
+        residuals,
+        np.maximum(z[columns], least + 1e-12),
+        jacobian,
+        bounds=(least, np.inf),
+        x_scale=np.array(steps)[columns],
+        loss=loss,
+        max_nfev=MOST,
+        ftol=CLOSE,
+        xtol=CLOSE,
+        gtol=CLOSE,
+    )
+    return whole(found.x)
+
+
+def _certified(problem: _Problem, z: Floats, shape_std: float | None, loss: str) -> ModeFit:
+    count, kept = len(problem.parameters), np.flatnonzero(problem.kept)
+    residuals, J = problem.residuals(z), problem.jacobian(z)
+    cov = np.zeros((count, count))
+    determined = Determined(kept, np.flatnonzero(~problem.kept), (), 1.0)
+    if count:
+        size = np.linalg.norm(J[:, kept], axis=0)
+        inverse = np.linalg.pinv(J[:, kept] / size, rcond=1e-12) if len(kept) else np.zeros((0, len(J)))
+        cov[np.ix_(kept, kept)] = inverse @ inverse.T / size / size[:, None]
+        lost = np.flatnonzero(~problem.kept).tolist()
+        found = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
+        determined = Determined(kept, np.flatnonzero(~problem.kept), found.directions, found.condition)
+    scene, modes = problem.modes_at(z)
+    square, freedom = float(residuals @ residuals), problem.freedom()
+    beside = tuple(
+        _beside(problem, modes, one, place) for one, place in zip(problem.measured.modes, problem.places, strict=True)
+    )
+    found_fit = ModeFit(
+        problem.scene,
+        scene,
+        problem.measured,
+        problem.parameters,
+        z,
+        cov,
+        determined,
+        determined.held,
+        beside,
+        square,
+        freedom,
+        shape_std,
+    )
+    return ModeFit(**{**vars(found_fit), "verdict": tuple(_verdict(problem, found_fit, loss))})
+
+
+def _beside(problem: _Problem, modes: Modes, one: MeasuredMode, place: int) -> FittedMode:
+    row = _row(modes, place)
+    value = modes.eigenvalue[row]
+    mac = None
+    if one.shape is not None:
+        there = np.isfinite(one.shape)
+        own = modes.matrix.shapes[:, modes.matrix.row == row][problem.rows, 0].astype(np.complex128)
+        u, v = turned(own[there]).real, one.shape[there]
+        mac = float((u @ v) ** 2 / ((u @ u) * (v @ v)))
+    stated = None if one.damping_ratio is None else _ratio_std(one)
+    return FittedMode(one, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), stated, mac)
+
+
+def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
+    words = []
+    if found.freedom > 0:
+        chance = float(chi2.sf(found.chi_square, found.freedom))
+        told = f"chi-square {short(found.chi_square)} with {found.freedom} degrees of freedom"
+        if chance < UNLIKELY:
+            words.append(
+                f"{told}: so large by chance in {percent(chance)} of cases, so the stated standard deviations are too "
+                "small or the model lacks something"
+            )
+        else:
+            words.append(
+                f"{told}: as the stated standard deviations let expect (larger by chance in {percent(chance)})"
+            )
+    else:
+        words.append("as many numbers as measured values: nothing is left to test the model by")
+    worst = max(found.modes, key=lambda one: abs(one.deviation))
+    if abs(worst.deviation) > 3:
+        words.append(f"mode {worst.measured.number} is off by {worst.deviation:+.1f} standard deviations in frequency")
+    if any(one.damping_ratio is not None and one.damping_ratio_std is None for one in problem.measured.modes):
+        words.append(
+            "damping ratios without a standard deviation are taken to have that of the frequency, relative to it"
+        )
+    if found.shape_std is not None:
+        words.append(f"the noise of the shapes is estimated from their residuals: {found.shape_std:.2g} of the largest")
+    for k in found.fitted:
+        if not found.parameters[k].log and found.z[k] < 1e-6:
+            words.append(f"{found.parameters[k].path} is at its bound, 0: the modes give no sign of it")
+    if loss != "linear":
+        words.append(f"standard deviations are those of the linear loss at the optimum of {loss}")
+    return words

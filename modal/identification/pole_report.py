@@ -1,0 +1,84 @@
+"""Identified modes as text, CSV and JSON; the CSV is a file of measured modes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from modal.identification.mode_report import with_error
+from modal.identification.poles import Identified, IdentifiedMode
+from modal.report import NOTHING, as_csv, as_json, capital, grid, titled
+
+
+def poles_table(found: Identified, form: str, title: str = "") -> str:
+    """The modes as text, csv or json, the `form`; `title` names the record in text."""
+    if form == "csv":
+        return as_csv([_row(found, k, mode) for k, mode in enumerate(found.modes, 1)])
+    if form == "json":
+        return as_json(_record(found))
+    rows = [
+        [
+            str(k),
+            with_error(mode.frequency, mode.frequency_std),
+            f"{mode.frequency_std:.2g}",
+            with_error(mode.damping_ratio, mode.damping_ratio_std),
+            f"{mode.damping_ratio_std:.2g}",
+            f"{mode.collinearity:.3f}",
+            *(f"{value:+.3f}" for value in mode.shape.real.tolist()),
+            NOTHING if mode.shape_std is None else f"{mode.shape_std:.2g}",
+        ]
+        for k, mode in enumerate(found.modes, 1)
+    ]
+    headings = ["mode", "f (Hz)", "± (Hz)", "ζ", "± ζ", "collinearity", *found.names, "± shape"]
+    how = {"era": "eigensystem realization", "decrement": "logarithmic decrement"}[found.method]
+    order = f", order {found.order}" if found.method == "era" else ""
+    notes = "\n".join(capital(note) + "." for note in found.notes)
+    what = "free decays" if found.excitation == "free" else "responses to random excitation"
+    return titled(title, f"poles of {what}", [grid(rows, headings), f"By {how}{order}.", notes], "text")
+
+
+def _row(found: Identified, k: int, mode: IdentifiedMode) -> dict[str, Any]:
+    shape = dict(zip(found.names, mode.shape.real.tolist(), strict=True)) if len(found.names) > 1 else {}
+    noise = {"shape_std": mode.shape_std} if shape and found.method == "era" else {}
+    return {
+        "mode": k,
+        "frequency_hz": mode.frequency,
+        "std_hz": mode.frequency_std,
+        "damping_ratio": mode.damping_ratio,
+        "damping_ratio_std": mode.damping_ratio_std,
+        **shape,
+        **noise,
+    }
+
+
+def _record(found: Identified) -> dict[str, Any]:
+    modes = [
+        {
+            "mode": k,
+            "frequency_hz": mode.frequency,
+            "frequency_std_hz": mode.frequency_std,
+            "damping_ratio": mode.damping_ratio,
+            "damping_ratio_std": mode.damping_ratio_std,
+            "eigenvalue_per_s": [mode.pole.real, mode.pole.imag],
+            "shape": [[value.real, value.imag] for value in mode.shape.tolist()],
+            "shape_std": mode.shape_std,
+            "collinearity": mode.collinearity,
+        }
+        for k, mode in enumerate(found.modes, 1)
+    ]
+    return {
+        "components": list(found.names),
+        "method": found.method,
+        "excitation": found.excitation,
+        "order": found.order,
+        "modes": modes,
+        "stabilization": [
+            {
+                "order": one.order,
+                "frequency_hz": one.frequency,
+                "damping_ratio": one.damping_ratio,
+                "stable": one.stable,
+            }
+            for one in found.stabilization
+        ],
+        "notes": list(found.notes),
+    }

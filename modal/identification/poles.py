@@ -1,0 +1,404 @@
+"""Experimental modal analysis: frequencies, damping ratios and shapes from records alone, without a scene.
+
+Free decays are realized (`realization`) and their poles fitted to the records themselves (`decays`).  Of responses to
+random excitation the correlations are realized, and standard deviations are those of a jackknife over parts of the
+records (Efron & Stein, Ann. Stat. 9, 586 (1981)).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+
+from modal.errors import ComputationError, SceneError
+from modal.identification.decays import Decays, Series, fit_decays, log_decrement
+from modal.identification.derivatives import polar
+from modal.identification.measured import turned
+from modal.identification.realization import Realization, modal_assurance, realize
+from modal.report import counted, short
+from modal.types import Booleans, Complexes, Floats
+
+METHODS = ("era", "decrement")
+EXCITATIONS = ("free", "random")
+SAMPLES = 10  # least number of a segment
+UNEVEN = 0.01  # of a step, by which samples may be off an even grid without interpolation
+SPANNED = 1.5  # periods of the slowest line that the rows of a Hankel matrix span
+LINE = 1e-3  # part of the highest peak's power that counts as a line
+LEAST_RATE = 6.0  # samples per period of the fastest line
+LAGS = 6.0  # periods of the slowest line over which correlations are used
+PARTS = 16  # of a record of random responses, for their jackknife
+MOST_ORDER = 30
+FAINT = 0.01  # of the strongest amplitude: harmonics of swings that are not small
+ALIKE, ALIKE_DAMPING, ALIKE_SHAPE = 0.01, 0.02, 0.95  # of poles of successive orders that are stable
+APART = 0.03  # of poles of one order that are different modes
+OFTEN = 4  # orders at which a pole is stable that is one of random responses
+VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is none
+
+
+@dataclass(frozen=True, eq=False)
+class IdentifiedMode:
+    """A pole λ (1/s) with the standard deviations of |λ|/2π (Hz) and of the damping ratio, and its shape (C,).
+
+    The largest component of the shape is 1; `shape_std` is the standard deviation of a component.
+    """
+
+    pole: complex
+    frequency_std: float
+    damping_ratio_std: float
+    shape: Complexes
+    shape_std: float | None
+
+    @property
+    def frequency(self) -> float:
+        """The natural frequency |λ|/2π in Hz, as in the table of modes."""
+        return abs(self.pole) / (2 * pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """−Re λ/|λ|."""
+        return -self.pole.real / abs(self.pole)
+
+    @property
+    def collinearity(self) -> float:
+        """Modal phase collinearity: 1 for a real shape, 0 for a travelling wave.
+
+        (Pappa, Elliott & Schenk, J. Guid. Control Dyn. 16, 860 (1993).)
+        """
+        x, y = self.shape.real, self.shape.imag
+        whole = (x @ x + y @ y) ** 2
+        return float(((x @ x - y @ y) ** 2 + 4 * (x @ y) ** 2) / whole) if whole else 1.0
+
+
+@dataclass(frozen=True)
+class OrderPole:
+    """A pole found at an order of the model (Hz), and whether it was there at the order before."""
+
+    order: int
+    frequency: float
+    damping_ratio: float
+    stable: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Identified:
+    """Modes of records with sensors of these `names`, the poles of all orders tried, and what there is to say."""
+
+    modes: tuple[IdentifiedMode, ...]
+    names: tuple[str, ...]
+    method: str
+    excitation: str
+    order: int
+    stabilization: tuple[OrderPole, ...]
+    notes: tuple[str, ...]
+
+
+def identify(
+    segments: Sequence[tuple[Floats, Floats]],
+    names: Sequence[str],
+    *,
+    method: str = "era",
+    excitation: str = "free",
+    order: int | None = None,
+) -> Identified:
+    """The modes of segments of times (K,) in s and values (K, C), NaN where a sensor has none, of sensors `names`.
+
+    `method` is "era" or "decrement", for a single mode; `excitation` is "free" or "random"; `order` is that of the
+    model (twice the number of modes, and one for offsets), by default found from the singular values.  Raises
+    SceneError for records that cannot be used, ComputationError where no mode stands out.
+    """
+    notes: list[str] = []
+    even, step = _evened(segments, notes)
+    if method == "decrement":
+        return _by_decrement(even, step, names, notes)
+    lines = _lines(even, step)
+    if excitation == "random":
+        return _random(even, step, names, order, lines, notes)
+    stride = _stride(lines, step, even)
+    realization = realize([own - own.mean(axis=0) for own in even], step, stride)
+    chosen = min(order or min(realization.rank, MOST_ORDER), len(realization.singular))
+    diagram = stabilization(realization, max(MOST_ORDER // 2, min(chosen + 10, MOST_ORDER)))
+    poles, _ = realization.poles(chosen)
+    poles = poles[-poles.real / np.abs(poles) > -0.2]
+    found = fit_decays(_series(segments), poles, 0.0 if order else FAINT)
+    if len(found.poles) < len(poles):
+        notes.append(f"{counted(len(poles) - len(found.poles), 'pole', 'poles')} left out: faint or not significant")
+    if not found.white:
+        notes.append("the residuals are correlated: standard deviations allow for it; large swings are not linear")
+    modes = tuple(_of_decays(found, r, segments, len(names)) for r in range(len(found.poles)))
+    return Identified(modes, tuple(names), "era", "free", chosen, diagram, tuple(notes))
+
+
+# ------------------------------------------------------------------------------------------------------- records
+
+
+def _evened(segments: Sequence[tuple[Floats, Floats]], notes: list[str]) -> tuple[list[Floats], float]:
+    """Values on even times with one step for all segments."""
+    short_ones = [len(times) for times, _ in segments if len(times) < SAMPLES]
+    if short_ones:
+        raise SceneError([f"a segment has {short_ones[0]} samples: at least {SAMPLES} are needed"])
+    step = float(np.median(np.concatenate([np.diff(times) for times, _ in segments])))
+    found, moved = [], False
+    for times, values in segments:
+        grid = times[0] + step * np.arange(round((times[-1] - times[0]) / step) + 1)
+        is_even = len(grid) == len(times) and float(np.abs(times - grid).max()) < UNEVEN * step
+        if is_even and np.all(np.isfinite(values)):
+            found.append(values)
+            continue
+        moved = True
+        columns = []
+        for own in values.T:
+            there = np.isfinite(own)
+            if np.count_nonzero(there) < SAMPLES:
+                raise SceneError([f"a sensor has {np.count_nonzero(there)} values in a segment: {SAMPLES} are needed"])
+            columns.append(np.interp(grid, times[there], own[there]))
+        found.append(np.array(columns).T)
+    if moved:
+        notes.append("samples are uneven or missing: interpolated for starting values")
+    return found, step
+
+
+def _series(segments: Sequence[tuple[Floats, Floats]]) -> list[Series]:
+    found = []
+    for s, (times, values) in enumerate(segments):
+        for c, own in enumerate(values.T):
+            there = np.isfinite(own)
+            found.append(Series(c, s, times[there] - times[0], own[there]))
+    return found
+
+
+def _lines(even: Sequence[Floats], step: float) -> tuple[float, float]:
+    """The slowest and fastest line in Hz."""
+    count = int(2 ** np.ceil(np.log2(4 * max(map(len, even)))))
+    power = np.zeros(count // 2 + 1)
+    for own in even:
+        centred = (own - own.mean(axis=0)) / np.maximum(own.std(axis=0), 1e-300)
+        power += np.sum(np.abs(np.fft.rfft(centred * np.hanning(len(own))[:, None], count, axis=0)) ** 2, axis=1)
+    frequency = np.fft.rfftfreq(count, step)
+    power[frequency < 1.5 / (max(map(len, even)) * step)] = 0.0
+    strong = np.flatnonzero(power > LINE * power.max())
+    if not len(strong) or not power.max() > 0:
+        raise ComputationError("the records contain no oscillation")
+    peak = float(frequency[int(np.argmax(power))])
+    above = np.flatnonzero(power > 0.05 * power.max())
+    return min(float(frequency[above[0]]), peak), max(float(frequency[strong[-1]]), peak)
+
+
+def _stride(lines: tuple[float, float], step: float, even: Sequence[Floats]) -> int:
+    """So many samples apart that the rows span the slowest line, and the fastest one is still sampled well."""
+    slow, fast = lines
+    rows = max(2, 240 // even[0].shape[1])
+    wanted = int(np.ceil(SPANNED / slow / (rows * step)))
+    return max(1, min(wanted, int(1 / (LEAST_RATE * fast * step)), min(map(len, even)) // 8))
+
+
+# ------------------------------------------------------------------------------------------------ stabilization
+
+
+def stabilization(realization: Realization, most: int) -> tuple[OrderPole, ...]:
+    """The poles of the orders 2, 4, … up to `most`, each compared with those of the order before."""
+    found: list[OrderPole] = []
+    before: tuple[Complexes, Complexes] | None = None
+    usable = int(np.count_nonzero(realization.singular > 1e-12 * realization.singular[0]))
+    for order in range(2, max(2, min(most, usable)) + 1, 2):
+        poles, shapes = realization.poles(order)
+        stable = _stable(poles, shapes, before)
+        found += [
+            OrderPole(order, abs(pole) / (2 * pi), -pole.real / abs(pole), bool(own))
+            for pole, own in zip(poles.tolist(), stable, strict=True)
+        ]
+        before = poles, shapes
+    return tuple(found)
+
+
+def _stable(poles: Complexes, shapes: Complexes, before: tuple[Complexes, Complexes] | None) -> Booleans:
+    if before is None or not len(before[0]) or not len(poles):
+        return np.zeros(len(poles), dtype=bool)
+    others, other_shapes = before
+    near = np.abs(np.abs(poles)[:, None] / np.abs(others) - 1) < ALIKE
+    damping, dampings = -poles.real / np.abs(poles), -others.real / np.abs(others)
+    near &= np.abs(damping[:, None] - dampings) < ALIKE_DAMPING
+    near &= modal_assurance(shapes, other_shapes) > ALIKE_SHAPE
+    return np.asarray(near.any(axis=1))
+
+
+# --------------------------------------------------------------------------------------------------- free decays
+
+
+def _of_decays(found: Decays, r: int, segments: Sequence[tuple[Floats, Floats]], sensors: int) -> IdentifiedMode:
+    count, R = len(segments), len(found.poles)
+    own = found.amplitudes[:, r].reshape(count, sensors)
+    shape = np.linalg.svd(own, full_matrices=False)[2][0]
+    noise = found.amplitude_stds[:, r].reshape(count, sensors)
+    size = np.abs(own @ shape.conj())
+    std = np.sqrt(1 / np.sum(size[:, None] ** 2 / np.maximum(noise, 1e-300) ** 2, axis=0))
+    shape, largest = _scaled(shape)
+    pole = complex(found.poles[r])
+    cov = found.cov[np.ix_([r, R + r], [r, R + r])]
+    return _identified(pole, cov, shape, float(np.sqrt(np.mean(std**2))) / largest if sensors > 1 else None)
+
+
+def _scaled(shape: Complexes) -> tuple[Complexes, float]:
+    """Turned to its largest real part, with 1 as the largest component; and what it was divided by."""
+    own = turned(shape)
+    at = int(np.argmax(np.abs(own.real)))
+    return own / own[at].real, abs(float(own[at].real))
+
+
+def _identified(pole: complex, cov: Floats, shape: Complexes, shape_std: float | None) -> IdentifiedMode:
+    """With the covariance (2, 2) of the real and imaginary parts of the pole."""
+    omega, zeta = polar(pole, np.array([1.0, 1.0j]))
+    return IdentifiedMode(
+        pole,
+        sqrt(max(0.0, float(omega @ cov @ omega))) / (2 * pi),
+        sqrt(max(0.0, float(zeta @ cov @ zeta))),
+        shape,
+        shape_std,
+    )
+
+
+def _by_decrement(even: Sequence[Floats], step: float, names: Sequence[str], notes: list[str]) -> Identified:
+    """By the sensor with the largest swing; segments are averaged by their weights."""
+    found = []
+    for own in even:
+        swing = own - own.mean(axis=0)
+        k = int(np.argmax(swing.std(axis=0)))
+        found.append((log_decrement(step * np.arange(len(own), dtype=np.float64), own[:, k]), own))
+    weights = np.array([[1 / max(one.real_std, 1e-300) ** 2, 1 / max(one.imag_std, 1e-300) ** 2] for one, _ in found])
+    parts = np.array([[one.pole.real, one.pole.imag] for one, _ in found])
+    mean = (weights * parts).sum(axis=0) / weights.sum(axis=0)
+    shape = _single_shape(even)
+    notes.append(f"{sum(one.peaks for one, _ in found)} turning points of one mode")
+    mode = _identified(complex(*mean), np.diag(1 / weights.sum(axis=0)), shape, None)
+    return Identified((mode,), tuple(names), "decrement", "free", 2, (), tuple(notes))
+
+
+def _single_shape(even: Sequence[Floats]) -> Complexes:
+    swing = np.vstack([own - own.mean(axis=0) for own in even])
+    _, _, right = np.linalg.svd(swing, full_matrices=False)
+    return _scaled(right[0].astype(np.complex128))[0]
+
+
+# ---------------------------------------------------------------------------------------------- random responses
+
+
+def _random(
+    even: Sequence[Floats],
+    step: float,
+    names: Sequence[str],
+    order: int | None,
+    lines: tuple[float, float],
+    notes: list[str],
+) -> Identified:
+    lags = int(min(LAGS / lines[0] / step, min(map(len, even)) / 4))
+    parts = _parts(even, lags)
+    if len(parts) < 4:
+        raise ComputationError(
+            f"the records are too short for random excitation: {short(4 * 4 * lags * step)} s at least, or free decays"
+        )
+    correlations = [_correlation(own, lags) for own in parts]
+    sizes = np.array([len(own) for own in parts], dtype=float)
+
+    def realized(left_out: int | None) -> Realization:
+        weights = sizes.copy()
+        if left_out is not None:
+            weights[left_out] = 0.0
+        mean = np.tensordot(weights / weights.sum(), np.array(correlations), axes=1)
+        columns = [mean[1:, :, k] for k in range(mean.shape[2])]
+        return realize(columns, step, _stride(lines, step, columns))
+
+    whole = realized(None)
+    diagram = stabilization(whole, MOST_ORDER)
+    chosen = order or _settled_order(diagram)
+    poles, shapes = whole.poles(chosen)
+    if order is None:
+        often = [_count(diagram, pole) >= OFTEN for pole in poles.tolist()]
+        poles, shapes = poles[often], shapes[:, often]
+    modes = _jackknifed(poles, shapes, lambda k: realized(k).poles(chosen), len(parts))
+    if not modes:
+        raise ComputationError("no oscillation is stable over the orders of the model")
+    notes.append(f"correlations of {len(parts)} parts of {short(len(parts[0]) * step)} s, up to {short(lags * step)} s")
+    return Identified(tuple(modes), tuple(names), "era", "random", chosen, diagram, tuple(notes))
+
+
+def _parts(even: Sequence[Floats], lags: int) -> list[Floats]:
+    total = sum(map(len, even))
+    length = max(total // PARTS, 3 * lags)
+    return [own[at : at + length] for own in even for at in range(0, len(own) - length + 1, length)]
+
+
+def _correlation(values: Floats, lags: int) -> Floats:
+    """R(τ) (lags, C, C) of the sensors with each other, unbiased."""
+    own = values - values.mean(axis=0)
+    size = 2 ** int(np.ceil(np.log2(2 * len(own))))
+    spectrum = np.fft.rfft(own, size, axis=0)
+    cross = np.fft.irfft(spectrum[:, :, None] * spectrum[:, None, :].conj(), size, axis=0)[:lags]
+    return np.asarray(cross / (len(own) - np.arange(lags))[:, None, None])
+
+
+def _settled_order(diagram: Sequence[OrderPole]) -> int:
+    """The least order that has as many different stable poles as any."""
+    counts: dict[int, int] = {}
+    for order in sorted({pole.order for pole in diagram}):
+        own = sorted(
+            pole.frequency
+            for pole in diagram
+            if pole.order == order and pole.stable and _count(diagram, 2j * pi * pole.frequency) >= OFTEN
+        )
+        counts[order] = sum(k == 0 or f > (1 + APART) * own[k - 1] for k, f in enumerate(own))
+    return max(counts, key=lambda order: (counts[order], -order)) if counts else 2
+
+
+def _count(diagram: Sequence[OrderPole], pole: complex) -> int:
+    """The number of orders at which a pole is stable."""
+    near = {o.order for o in diagram if o.stable and abs(o.frequency / (abs(pole) / (2 * pi)) - 1) < 2 * ALIKE}
+    return len(near)
+
+
+def _jackknifed(
+    poles: Complexes, shapes: Complexes, without: Callable[[int], tuple[Complexes, Complexes]], count: int
+) -> list[IdentifiedMode]:
+    replicas = np.full((count, len(poles)), np.nan + 0j)
+    shaped = np.full((count, *shapes.shape), np.nan + 0j)
+    for k in range(count):
+        others, other_shapes = without(k)
+        alike = modal_assurance(shapes, other_shapes)
+        for r, pole in enumerate(poles.tolist()):
+            near = np.abs(others - pole) / abs(pole)
+            if len(near) and near.min() < 0.2:
+                at = int(np.argmin(near + (1 - alike[r])))
+                replicas[k, r], shaped[k, :, r] = others[at], other_shapes[:, at]
+    modes = []
+    for r, pole in enumerate(poles.tolist()):
+        own = replicas[:, r]
+        there = np.isfinite(own)
+        m = int(there.sum())
+        if m < 0.75 * count:
+            continue
+        apart = own[there] - own[there].mean()
+        parts = np.stack((apart.real, apart.imag))
+        cov = (m - 1) / m * parts @ parts.T
+        shape, _ = _scaled(shapes[:, r])
+        reference = int(np.argmax(np.abs(shape)))
+        ratios = shaped[there][:, :, r] / shaped[there][:, reference, r][:, None] * shape[reference]
+        spread = np.sqrt((m - 1) / m * np.sum((ratios.real - ratios.real.mean(axis=0)) ** 2, axis=0))
+        std = float(np.sqrt(np.mean(spread**2))) if len(shape) > 1 else None
+        mode = _identified(pole, cov, shape, std)
+        if mode.frequency_std < VAGUE * mode.frequency and mode.damping_ratio > -0.05:
+            modes.append(mode)
+    return _without_doubles(modes)
+
+
+def _without_doubles(modes: Sequence[IdentifiedMode]) -> list[IdentifiedMode]:
+    """The modes without those that are another, better known one, within their standard deviations."""
+    kept: list[IdentifiedMode] = []
+    for mode in sorted(modes, key=lambda one: one.frequency_std):
+        for other in kept:
+            near = abs(mode.frequency - other.frequency) < 3 * (mode.frequency_std + other.frequency_std)
+            if near and modal_assurance(mode.shape[:, None], other.shape[:, None])[0, 0] > ALIKE_SHAPE:
+                break
+        else:
+            kept.append(mode)
+    return sorted(kept, key=lambda one: one.frequency)

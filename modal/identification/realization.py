@@ -1,0 +1,88 @@
+"""Poles and shapes from free responses by the eigensystem realization algorithm (ERA).
+
+From samples y_k (C,) of free responses, in columns side by side, the block Hankel matrices
+
+    H₀ = [y_{i+j}],   H₁ = [y_{i+j+1}],     H₀ = U S Vᵀ,    A = S^{-1/2} Uᵀ H₁ V S^{-1/2}
+
+give the poles λ = ln μ / Δt of order n by the eigenvalues μ of A (n, n), and shapes by the first block of U S^{1/2}.
+(Juang & Pappa, J. Guid. Control Dyn. 8, 620 (1985).)  Correlations of the responses to random excitation are free
+responses themselves: James, Carne & Lauffer, Int. J. Anal. Exp. Modal Anal. 10, 260 (1995).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from modal.types import Complexes, Floats
+
+FAINT = 1e-4  # of the largest singular value: harmonics of swings that are not small, and rounding
+FLAT = 2.858  # times the median singular value: noise (Gavish & Donoho, IEEE Trans. Inf. Theory 60, 5040 (2014))
+MOST_ROWS, MOST_COLUMNS = 240, 4000
+LAST_DAMPING = 0.95  # a damping ratio beyond which an oscillation is none
+
+
+@dataclass(frozen=True, eq=False)
+class Realization:
+    """The singular vectors of H₀ with H₁ between them, for C sensors sampled every `step` (s)."""
+
+    U: Floats
+    singular: Floats
+    between: Floats
+    sensors: int
+    step: float
+
+    @cached_property
+    def rank(self) -> int:
+        """The number of singular values that stand out of noise and are not faint."""
+        floor = max(FAINT * self.singular[0], FLAT * float(np.median(self.singular)))
+        return int(np.count_nonzero(self.singular > floor))
+
+    def poles(self, order: int) -> tuple[Complexes, Complexes]:
+        """Oscillating poles λ (R,) with Im λ > 0 (1/s) and their shapes (C, R), by a model of this order."""
+        order = min(order, len(self.singular))
+        root = np.sqrt(self.singular[:order])
+        A = self.between[:order, :order] / root[:, None] / root
+        values, vectors = np.linalg.eig(A)
+        with np.errstate(all="ignore"):
+            poles = np.asarray(np.log(values + 0j) / self.step)
+        shapes = (self.U[: self.sensors, :order] * root) @ vectors
+        damping = -poles.real / np.maximum(np.abs(poles), 1e-300)
+        within = (poles.imag > 0) & (poles.imag < 0.98 * np.pi / self.step)
+        kept = np.flatnonzero(within & (np.abs(damping) < LAST_DAMPING) & np.isfinite(poles))
+        kept = kept[np.argsort(np.abs(poles[kept]))]
+        return np.asarray(poles[kept]), np.asarray(shapes[:, kept], dtype=np.complex128)
+
+
+def realize(responses: Sequence[Floats], step: float, stride: int = 1, rows: int | None = None) -> Realization:
+    """The realization of free responses (K, C) sampled every `step` (s), each from a state of its own.
+
+    Rows of the Hankel matrix are `stride` samples apart, at most `rows` blocks of them.
+    """
+    sensors = responses[0].shape[1]
+    shortest = min(len(own) for own in responses)
+    most = max(2, min(rows or MOST_ROWS // sensors, shortest // (2 * stride)))
+    columns = max(1, MOST_COLUMNS // len(responses))
+    first, second = [], []
+    for own in responses:
+        count = min(len(own) - most * stride, columns)
+        starts = np.linspace(0, len(own) - most * stride - 1, count).astype(np.int64)
+        blocks = own[starts[:, None] + stride * np.arange(most + 1)]
+        first.append(blocks[:, :-1].reshape(count, -1).T)
+        second.append(blocks[:, 1:].reshape(count, -1).T)
+    H0, H1 = np.hstack(first), np.hstack(second)
+    U, singular, V = np.linalg.svd(H0, full_matrices=False)
+    return Realization(U, singular, U.T @ H1 @ V.T, sensors, stride * step)
+
+
+def modal_assurance(one: Complexes, other: Complexes) -> Floats:
+    """MAC (R, S) between columns of (C, R) and (C, S): |φᴴψ|²/((φᴴφ)(ψᴴψ)), 0 for a column of zeros.
+
+    (Allemang & Brown, Proc. 1st IMAC, 110 (1982).)
+    """
+    inner = np.abs(one.conj().T @ other) ** 2
+    sizes = np.outer(np.sum(np.abs(one) ** 2, axis=0), np.sum(np.abs(other) ** 2, axis=0))
+    return np.asarray(np.divide(inner, sizes, out=np.zeros_like(inner), where=sizes > 0))

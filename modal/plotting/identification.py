@@ -1,0 +1,142 @@
+"""Experimental modal analysis as pictures: stabilization, MAC matrix with frequency pairs, fitted modes."""
+
+from __future__ import annotations
+
+from typing import IO, TYPE_CHECKING
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from modal.plotting.layout import SMALL, headline, legend
+from modal.plotting.style import WIDTH, colour, ink, muted, paper, rest, save, sheet
+from modal.types import Floats
+
+if TYPE_CHECKING:
+    from modal.identification import Assurance, Identified, ModeFit
+
+BARS = 2.0  # standard deviations of an error bar
+MOST_WRITTEN = 12  # modes of a matrix whose entries are written
+
+
+def draw_poles(found: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
+    """Write the picture of `poles_figure` as png, svg or pdf."""
+    save(poles_figure(found, title), stream, kind)
+
+
+def poles_figure(found: Identified, title: str = "") -> Figure:
+    """Poles over the order of the model, the stable ones filled, above the damping ratios with error bars."""
+    figure = sheet(WIDTH, 6.0)
+    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    for stable, face, words in ((False, "none", "new at this order"), (True, colour(0), "stable")):
+        own = [one for one in found.stabilization if one.stable == stable]
+        top.plot(
+            [one.frequency for one in own],
+            [one.order for one in own],
+            "o",
+            ms=4.5,
+            mfc=face,
+            mec=colour(0) if stable else muted(),
+            label=words,
+        )
+    for mode in found.modes:
+        for axis in (top, bottom):
+            axis.axvline(mode.frequency, color=colour(1), lw=1.0, zorder=0)
+    frequency = [mode.frequency for mode in found.modes]
+    bottom.errorbar(
+        frequency,
+        [mode.damping_ratio for mode in found.modes],
+        BARS * np.array([mode.damping_ratio_std for mode in found.modes]),
+        BARS * np.array([mode.frequency_std for mode in found.modes]),
+        fmt="o",
+        color=colour(1),
+        capsize=3,
+        label="mode ± 2 standard deviations",
+    )
+    top.set(ylabel="order of the model (–)", xlim=(0, 1.25 * max(frequency)))
+    top.yaxis.set_major_locator(MaxNLocator(8, integer=True))
+    low, high = bottom.get_ylim()
+    bottom.set(xlabel="frequency (Hz)", ylabel="damping ratio (–)")
+    legend(top, 2)
+    bottom.set_ylim(min(0.0, low), high + 0.3 * (high - low))
+    bottom.legend(loc="upper right")
+    headline(figure, title, f"poles of {'free decays' if found.excitation == 'free' else 'random responses'}")
+    return figure
+
+
+def draw_assurance(found: Assurance, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `assurance_figure` as png, svg or pdf."""
+    save(assurance_figure(found), stream, kind)
+
+
+def assurance_figure(found: Assurance) -> Figure:
+    """The MAC matrix in shades, where there are shapes, beside measured over computed frequencies."""
+    shaped = bool(np.isfinite(found.mac).any())
+    figure = sheet(WIDTH + 1.5 * shaped, 4.4)
+    panels = figure.subplots(1, 1 + shaped, squeeze=False)[0]
+    if shaped:
+        _matrix(figure, panels[0], found)
+    axis = panels[-1]
+    computed = np.array([pair.frequency for pair in found.pairs])
+    measured = np.array([pair.measured.frequency for pair in found.pairs])
+    std = np.array([pair.measured.std for pair in found.pairs])
+    most = 1.1 * float(max(computed.max(), measured.max()))
+    axis.plot([0, most], [0, most], color=muted(), label="equal")
+    axis.errorbar(computed, measured, BARS * std, fmt="o", color=colour(0), capsize=3, label="pair ± 2 std")
+    for pair in found.pairs:
+        words = f"{100 * pair.error:+.2g} %"
+        at = (pair.frequency, pair.measured.frequency)
+        beside = {"ha": "right", "xytext": (-8, 4)} if pair.frequency > most / 2 else {"ha": "left", "xytext": (8, -11)}
+        axis.annotate(words, at, textcoords="offset points", fontsize=SMALL, color=ink(), **beside)
+    axis.set(xlabel="computed frequency (Hz)", ylabel="measured frequency (Hz)", xlim=(0, most), ylim=(0, most))
+    axis.legend(loc="upper left")
+    headline(figure, found.modes.scene.title, "measured beside computed modes")
+    return figure
+
+
+def _matrix(figure: Figure, axis: Axes, found: Assurance) -> None:
+    shown: Floats = np.ma.masked_invalid(found.mac)
+    mesh = axis.imshow(shown, cmap="cividis", vmin=0, vmax=1, aspect="auto")
+    axis.set_xticks(range(len(found.rows)), [str(mode.number) for mode in found.rows])
+    axis.set_yticks(range(len(found.measured.modes)), [str(one.number) for one in found.measured.modes])
+    axis.set(xlabel="computed mode (–)", ylabel="measured mode (–)")
+    axis.grid(visible=False)
+    if max(found.mac.shape) <= MOST_WRITTEN:
+        for r, own in enumerate(found.mac):
+            for s, value in enumerate(own):
+                if np.isfinite(value):
+                    patch = {"facecolor": paper(), "edgecolor": "none", "pad": 1.5}
+                    axis.text(s, r, f"{value:.2f}", ha="center", va="center", fontsize=SMALL, bbox=patch)
+    bar = figure.colorbar(mesh, ax=axis, pad=0.02)
+    bar.set_label("MAC (–)")
+    bar.outline.set_visible(False)
+
+
+def draw_mode_fit(found: ModeFit, stream: IO[bytes], kind: str = "png") -> None:
+    """Write the picture of `mode_fit_figure` as png, svg or pdf."""
+    save(mode_fit_figure(found), stream, kind)
+
+
+def mode_fit_figure(found: ModeFit) -> Figure:
+    """Deviations of fitted from measured frequencies, and damping ratios, in standard deviations."""
+    figure = sheet(WIDTH, 4.2)
+    axis = figure.subplots()
+    at = np.arange(len(found.modes))
+    axis.axhspan(-BARS, BARS, color=rest(), alpha=0.4, lw=0)
+    axis.axhline(0.0, color=muted(), lw=0.8)
+    axis.plot(at, [one.deviation for one in found.modes], "o", ms=8, color=colour(0), label="frequency")
+    damped = [(k, one) for k, one in enumerate(found.modes) if one.damping_ratio_std]
+    if damped:
+        own = [
+            (one.damping_ratio - (one.measured.damping_ratio or 0.0)) / (one.damping_ratio_std or 1)
+            for _, one in damped
+        ]
+        axis.plot([k for k, _ in damped], own, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio")
+    most = max(3.0, 1.2 * max(abs(one.deviation) for one in found.modes))
+    axis.set_xticks(at, [f"mode {one.measured.number}\n{one.measured.frequency:.4g} Hz" for one in found.modes])
+    axis.set(ylabel="fitted − measured (standard deviations)", ylim=(-most, most), xlim=(-0.5, len(at) - 0.5))
+    axis.legend(loc="upper right", ncols=2)
+    words = f"fit to measured modes, chi-square {found.chi_square:.3g} with {found.freedom} degrees of freedom"
+    headline(figure, found.given.title, words)
+    return figure

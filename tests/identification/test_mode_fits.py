@@ -1,0 +1,190 @@
+"""Fits to measured modes: exact ones come back, noise lies within its error bars, what is not determined is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from modal import load
+from modal.errors import ComputationError, SceneError
+from modal.identification import MeasuredMode, MeasuredModes, estimate_of, fit_modes, has_modes, read_modes
+from modal.identification.measured import component_rows, turned
+from modal.identification.mode_fitting import _Problem
+from modal.identification.mode_report import mode_fit_record, mode_fit_text
+from modal.identification.parameters import find_parameters, starts_of
+from modal.modes import natural_modes
+from modal.scene import Scene
+from modal.scene.parameters import vary
+
+COMPONENTS = ((0, 0), (1, 1), (1, 2))
+LENGTHS = "pendulum[0].links[*].length"
+TRUE = {
+    "pendulum[0].links[0].length": 11.5,
+    "pendulum[0].links[1].length": 2.7,
+    "pendulum[0].links[1].mass": 450.0,
+    "pendulum[0].links[0].damping": 2000.0,
+}
+
+
+def given() -> Scene:
+    return vary(load("crane-hook"), {"pendulum[0].links[0].damping": 1000.0})
+
+
+def measured(scene: Scene, std: float = 1e-5, *, shapes: bool = True, shape_std: float | None = 1e-4) -> MeasuredModes:
+    modes = natural_modes(scene)
+    rows, found = component_rows(scene, COMPONENTS), []
+    for row in np.flatnonzero(modes.eigenvalue.imag > 0).tolist():
+        shape = turned(modes.matrix.shapes[rows, row].astype(complex)).real * -3.7
+        mode = modes[row]
+        own = (shape, shape_std) if shapes else (None, None)
+        found.append(MeasuredMode(mode.number, mode.omega / (2 * np.pi), std, mode.damping_ratio, std, *own))
+    return MeasuredModes("modes.csv", tuple(found), COMPONENTS)
+
+
+@pytest.mark.slow
+def test_exact_modes_give_the_numbers_back() -> None:
+    for shape_std in (1e-4, None):
+        found = fit_modes(given(), measured(vary(given(), TRUE), shape_std=shape_std), list(TRUE))
+        assert np.allclose(found.values, list(TRUE.values()), rtol=1e-9)
+        assert found.chi_square < 1e-6
+        assert not len(found.held)
+        assert found.freedom == 4
+        assert all(one.mac == pytest.approx(1, abs=1e-12) for one in found.modes)
+
+
+def test_derivatives_are_those_of_the_residuals() -> None:
+    problem = _Problem(given(), find_parameters(given(), list(TRUE)), measured(vary(given(), TRUE)))
+    z = starts_of(problem.parameters) + np.array([0.01, -0.02, 0.03, 1e-4])
+    h = 1e-5
+    steps = [[problem.residuals(z + n * h * unit) for unit in np.eye(4)] for n in (-2, -1, 1, 2)]
+    expected = (np.array(steps[0]) - 8 * np.array(steps[1]) + 8 * np.array(steps[2]) - np.array(steps[3])).T / (12 * h)
+    found = problem.jacobian(z)
+    assert np.abs(found - expected).max(axis=0) == pytest.approx(np.zeros(4), abs=1e-7 * np.abs(found).max())
+
+
+@pytest.mark.slow
+def test_standard_deviations_are_those_of_noise_drawn_anew() -> None:
+    truth, rng = measured(vary(given(), TRUE), 1e-4, shape_std=1e-3), np.random.default_rng(5)
+    found, squares = [], []
+    for _ in range(24):
+        noisy = []
+        for one in truth.modes:
+            assert one.shape is not None
+            assert one.damping_ratio is not None
+            shape = one.shape + 1e-3 * np.abs(one.shape).max() * rng.standard_normal(3)
+            frequency = one.frequency + one.std * rng.standard_normal()
+            ratio = one.damping_ratio + one.std * rng.standard_normal()
+            noisy.append(replace(one, frequency=frequency, damping_ratio=ratio, shape=shape))
+        own = fit_modes(given(), replace(truth, modes=tuple(noisy)), list(TRUE))
+        found.append((own.values - list(TRUE.values())) / own.stds)
+        squares.append(own.chi_square)
+    assert np.all(np.abs(np.std(found, axis=0) - 1) < 0.4)
+    assert np.mean(np.abs(found) < 1.96) > 0.88
+    assert np.mean(squares) == pytest.approx(own.freedom, rel=0.3)
+
+
+def test_a_single_bob_determines_its_length_over_gravity_but_not_its_mass() -> None:
+    scene = load("chain-1")
+    modes = natural_modes(vary(scene, {"pendulum[0].links[0].length": 1.3}))
+    own = MeasuredModes("m.csv", (MeasuredMode(1, float(modes.omega[0]) / (2 * np.pi), 1e-5),))
+    found = fit_modes(scene, own, ["pendulum[0].links[0].mass", "pendulum[0].links[0].length", "gravity"])
+    held = {found.parameters[k].path for k in found.held}
+    assert "pendulum[0].links[0].mass" in held
+    assert len(held) == 2
+    assert np.sqrt(found.scene.gravity / found.scene.pendulum[0].links[0].length) == pytest.approx(
+        modes.omega[0], rel=1e-9
+    )
+    report = mode_fit_record(found)
+    words = " ".join(one["words"] for one in report["unidentifiable"])
+    assert "effect on these data" in words
+    assert "only ratios" in words
+    assert report["segments"] == []
+    assert len(report["combinations"]) == 1
+    assert "Not determined" in mode_fit_text(found)
+    assert estimate_of(found.scene, report).stds[0] > 0
+
+
+def test_a_relative_standard_deviation_of_frequency_is_half_that_of_length() -> None:
+    """ω² = g/l: dl/l = −2 dω/ω."""
+    scene = load("chain-1")
+    frequency = float(natural_modes(scene).omega[0]) / (2 * np.pi)
+    own = MeasuredModes("m.csv", (MeasuredMode(1, frequency, 1e-3 * frequency),))
+    found = fit_modes(scene, own, ["pendulum[0].links[0].length"])
+    assert found.stds[0] / found.values[0] == pytest.approx(2e-3, rel=1e-9)
+    known = fit_modes(scene, own, ["gravity"], priors=["gravity=9.81±0.01"])
+    assert known.stds[0] == pytest.approx(1 / np.hypot(1 / 0.01, 1 / (2e-3 * 9.81)), rel=1e-6)
+
+
+def test_what_the_model_lacks_is_said_by_chi_square() -> None:
+    truth = measured(vary(given(), TRUE | {"gravity": 9.0}), 1e-6)
+    found = fit_modes(given(), truth, ["pendulum[0].links[0].length"])
+    assert any("too small or the model lacks" in words for words in found.verdict)
+    judged = fit_modes(given(), truth, ["none"])
+    assert judged.chi_square > found.chi_square > 100
+    assert judged.covariance.shape == (0, 0)
+
+
+def test_a_frequency_that_a_number_splits_is_refused() -> None:
+    one = load("chain-2").pendulum[0]
+    scene = load("chain-2").replace(pendulum=(one, one))
+    own = MeasuredModes("m.csv", (MeasuredMode(1, 0.4, 1e-3),))
+    with pytest.raises(ComputationError, match=r"mode 1 shares its frequency .*links\[0\].length splits it"):
+        fit_modes(scene, own, ["pendulum[0].links[0].length"])
+
+
+HEADER = "mode,frequency_hz,std_hz,damping_ratio,damping_ratio_std,cart,theta_1_1,theta_1_2,remark\n"
+
+
+def written(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "modes.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_is_read(tmp_path: Path) -> None:
+    path = written(tmp_path, f"# by hand\n{HEADER}2,0.16,1e-3,0.01,,1,2,,a\n3,1.06,2e-3,,,,,,b\n")
+    assert has_modes(path)
+    found = read_modes(given(), path)
+    assert [one.number for one in found.modes] == [2, 3]
+    assert found.components == COMPONENTS
+    assert found.labels == ["cart", "theta_1_1", "theta_1_2"]
+    assert found.unused == ("remark",)
+    first, second = found.modes
+    assert first.shape is not None
+    assert np.array_equal(first.shape, [1, 2, np.nan], equal_nan=True)
+    assert (second.shape, second.damping_ratio) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "has no column mode"),
+        ("mode,frequency,std_hz\n1,2,3\n", "has no column frequency_hz (did you mean frequency?)"),
+        ("mode,frequency_hz,std_hz\n", "has no modes"),
+        ("mode,frequency_hz,std_hz\n1,2\n", "line 2 has not 3 cells"),
+        ("mode,frequency_hz,std_hz\n0,2,0.1\n", "mode = 0: must be a whole number from 1"),
+        ("mode,frequency_hz,std_hz\n1,x,0.1\n", "frequency_hz = x: must be a number above 0"),
+        ("mode,frequency_hz,std_hz\n1,2,0\n", "std_hz = 0: must be a number above 0"),
+        ("mode,frequency_hz,std_hz\n1,2,\n", "std_hz: is missing"),
+        ("mode,frequency_hz,std_hz\n1,2,1\n1,3,1\n", "mode 1: stands there twice"),
+        ("mode,frequency_hz,std_hz,theta_2_1\n1,2,1,1\n", "column theta_2_1: the scene has 1 pendulum"),
+        ("mode,frequency_hz,std_hz,theta_1_9\n1,2,1,1\n", "column theta_1_9: the pendulum has 2 links"),
+        ("mode,frequency_hz,std_hz,theta_1\n1,2,1,1\n", "column theta_1: must be one of"),
+        ("mode,frequency_hz,std_hz,damping_ratio_std\n1,2,1,1\n", "needs damping_ratio"),
+        ("mode,frequency_hz,std_hz,damping_ratio\n1,2,1,1.5\n", "must be below 1"),
+        ("mode,frequency_hz,std_hz,theta_1_1,theta_1_2\n1,2,1,0,0\n", "its shape is zero"),
+    ],
+)
+def test_every_mistake_in_a_file_is_named(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(SceneError) as caught:
+        read_modes(given(), written(tmp_path, text))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(("number", "words"), [(9, "the scene has modes 1 to 3"), (1, "does not oscillate")])
+def test_modes_that_the_scene_has_not_are_named(number: int, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        fit_modes(given(), MeasuredModes("m.csv", (MeasuredMode(number, 1.0, 0.1),)), ["gravity"])

@@ -1,0 +1,160 @@
+"""Poles of records: those of a linear decay to many digits, with noise within their error bars; random responses."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import expm, solve_continuous_lyapunov
+
+from modal import load
+from modal.errors import ComputationError, SceneError
+from modal.identification import identify, poles_table
+from modal.identification.decays import log_decrement
+from modal.identification.realization import realize
+from modal.modes import natural_modes
+from modal.scene import Scene
+from modal.scene.parameters import vary
+from modal.statespace import state_space
+
+NAMES = ("theta_1_1", "theta_1_2", "theta_1_3")
+STEP = 0.02
+
+
+def scene() -> Scene:
+    return vary(load("chain-3"), {"pendulum[0].links[0].damping": 0.02})
+
+
+@cache
+def decay(samples: int = 1000, start: tuple[float, ...] = (0.1, 0.05, -0.1)) -> tuple[np.ndarray, np.ndarray]:
+    model = state_space(scene())
+    step, state = expm(STEP * model.A), np.array([*start, 0.0, 0.0, 0.0])
+    states = [state]
+    for _ in range(samples - 1):
+        states.append(step @ states[-1])
+    return STEP * np.arange(samples), np.array(states) @ model.C.T
+
+
+def test_the_realization_alone_has_the_poles_of_a_linear_decay() -> None:
+    found, shapes = realize([decay()[1]], STEP, 4).poles(6)
+    modes = natural_modes(scene())
+    assert np.allclose(found, modes.eigenvalue, rtol=1e-9)
+    own = modes.matrix.shapes
+    assert np.allclose(shapes / shapes[-1], own / own[-1], rtol=1e-7)
+
+
+def test_the_poles_of_a_linear_decay_are_found_to_the_last_digits() -> None:
+    found = identify([decay()], NAMES)
+    modes = natural_modes(scene())
+    assert np.allclose([one.pole for one in found.modes], modes.eigenvalue, rtol=1e-12)
+    assert np.allclose([one.damping_ratio for one in found.modes], [one.damping_ratio for one in modes], rtol=1e-9)
+    assert all(one.frequency_std < 1e-10 for one in found.modes)
+
+
+@pytest.mark.slow
+def test_offsets_gaps_and_uneven_samples_change_nothing() -> None:
+    times, values = decay()
+    rng = np.random.default_rng(0)
+    kept = np.sort(rng.choice(len(times), 900, replace=False))
+    values = values[kept] + np.array([0.2, -0.1, 0.05])
+    values[rng.random(values.shape) < 0.02] = np.nan
+    found = identify([(times[kept] + 7.0, values)], NAMES)
+    assert np.allclose([one.pole for one in found.modes], natural_modes(scene()).eigenvalue, rtol=1e-9)
+    assert any("uneven or missing" in note for note in found.notes)
+
+
+@pytest.mark.slow
+def test_noise_lies_within_the_error_bars() -> None:
+    times, values = decay()
+    other = decay(700, (-0.03, 0.1, 0.02))
+    modes, rng, found = natural_modes(scene()), np.random.default_rng(1), []
+    noise = np.array([2e-3, 1e-3, 3e-3])
+    for _ in range(10):
+        segments = [(t, y + noise * rng.standard_normal(y.shape)) for t, y in ((times, values), other)]
+        own = identify(segments, NAMES)
+        assert len(own.modes) == 3
+        for one, mode in zip(own.modes, modes, strict=True):
+            found.append((one.frequency - mode.omega / (2 * np.pi)) / one.frequency_std)
+            found.append((one.damping_ratio - mode.damping_ratio) / one.damping_ratio_std)
+    assert 0.75 < np.std(found) < 1.25
+    assert np.mean(np.abs(found) < 1.96) > 0.88
+
+
+@pytest.mark.slow
+def test_the_noise_of_a_shape_is_stated() -> None:
+    times, values = decay()
+    rng, misses, stds = np.random.default_rng(2), [], []
+    exact = natural_modes(scene()).matrix.shapes[:, 0].real
+    for _ in range(6):
+        mode = identify([(times, values + 2e-3 * rng.standard_normal(values.shape))], NAMES).modes[0]
+        misses.append((mode.shape.real - exact / exact[np.argmax(np.abs(exact))])[:2])
+        stds.append(mode.shape_std)
+    assert np.sqrt(np.mean(np.square(misses))) == pytest.approx(np.mean(stds), rel=0.6)
+
+
+@cache
+def shaken(samples: int = 30_000) -> np.ndarray:
+    """Responses to white joint torques, sampled exactly."""
+    model = state_space(scene())
+    stationary = solve_continuous_lyapunov(model.A, -model.B @ model.B.T)
+    step = expm(STEP * model.A)
+    noise = stationary - step @ stationary @ step.T
+    strength, axes = np.linalg.eigh((noise + noise.T) / 2)
+    rng = np.random.default_rng(3)
+    kicks = rng.standard_normal((samples, 6)) * np.sqrt(np.maximum(strength, 0.0)) @ axes.T
+    states, state = [], np.zeros(6)
+    for kick in kicks:
+        state = step @ state + kick
+        states.append(state)
+    return np.array(states) @ model.C.T
+
+
+@pytest.mark.slow
+def test_random_responses_give_the_poles_within_their_error_bars() -> None:
+    values = shaken()
+    found = identify([(STEP * np.arange(len(values)), values)], NAMES, excitation="random")
+    modes = natural_modes(scene())
+    assert len(found.modes) == 3
+    for one, mode in zip(found.modes, modes, strict=True):
+        assert abs(one.frequency - mode.omega / (2 * np.pi)) < 3.5 * one.frequency_std
+        assert abs(one.damping_ratio - mode.damping_ratio) < 3.5 * one.damping_ratio_std
+        assert one.frequency_std < 0.01 * one.frequency
+    assert any(pole.stable for pole in found.stabilization)
+
+
+def test_the_decrement_of_one_mode_is_that_of_its_pole() -> None:
+    times = 0.01 * np.arange(2000)
+    pole = complex(-0.1, 3.0)
+    values = 0.3 + 0.2 * np.exp(pole * times).real
+    found = log_decrement(times, values)
+    assert found.pole == pytest.approx(pole, rel=1e-4)
+    noisy = values + 1e-3 * np.random.default_rng(4).standard_normal(len(times))
+    own = identify([(times, noisy[:, None])], ("theta_1_1",), method="decrement").modes[0]
+    assert abs(own.damping_ratio - 0.1 / abs(pole)) < 4 * own.damping_ratio_std < 0.01
+    assert abs(own.frequency - abs(pole) / (2 * np.pi)) < 4 * own.frequency_std
+
+
+def test_two_modes_have_no_decrement() -> None:
+    times = 0.01 * np.arange(2000)
+    values = np.exp(-0.1 * times) * (np.cos(3 * times) + np.cos(4.3 * times))
+    with pytest.raises(ComputationError, match="turning points"):
+        identify([(times, values[:, None])], NAMES[:1], method="decrement")
+
+
+def test_noise_alone_has_no_poles() -> None:
+    rng = np.random.default_rng(5)
+    with pytest.raises(ComputationError, match="no oscillation"):
+        identify([(STEP * np.arange(400), rng.standard_normal((400, 2)))], NAMES[:2])
+    with pytest.raises(SceneError, match="5 samples"):
+        identify([(STEP * np.arange(5), np.zeros((5, 1)))], NAMES[:1])
+    with pytest.raises(ComputationError, match="too short for random excitation"):
+        identify([decay(300)], NAMES, excitation="random")
+
+
+def test_tables_have_the_columns_of_measured_modes() -> None:
+    found = identify([decay()], NAMES)
+    header, first, *_ = poles_table(found, "csv").splitlines()
+    assert header == "mode,frequency_hz,std_hz,damping_ratio,damping_ratio_std,theta_1_1,theta_1_2,theta_1_3,shape_std"
+    assert float(first.split(",")[1]) == pytest.approx(found.modes[0].frequency, rel=1e-15)
+    assert "eigensystem realization" in poles_table(found, "text", "run.csv")
