@@ -1,8 +1,8 @@
 """A Chromium without a window, driven through a pipe by the DevTools protocol: nothing but the browser is needed.
 
-    with Chromium() as browser:
-        browser.open(Path("page.html"))
-        browser.run("document.title")
+with Chromium() as browser:
+    browser.open(Path("page.html"))
+    browser.run("document.title")
 """
 
 from __future__ import annotations
@@ -11,7 +11,8 @@ import fcntl
 import json
 import os
 import shutil
-import subprocess
+import signal
+import time
 from base64 import b64decode
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -20,6 +21,20 @@ from typing import Any, Self
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = ("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-pipe")
+CLOCKWORK = """(() => {
+  const queue = [];
+  let now = 0;
+  window.requestAnimationFrame = (frame) => queue.push(frame);
+  performance.now = () => now;
+  window.tick = (count) => {
+    for (let i = 0; i < count; i++) {
+      now += 1000 / 60;
+      for (const frame of queue.splice(0)) frame(now);
+    }
+  };
+})()"""
+"""A clock of 60 frames a second that goes on by `tick`."""
+PATIENCE = 5.0  # s that a browser has to end
 TOUCHED = 3  # the descriptors on which the browser reads, and one further on which it writes
 
 
@@ -29,22 +44,20 @@ def found() -> str | None:
 
 
 class Chromium:
-    """A browser with one page; `errors` are the exceptions and complaints that the page has not caught."""
+    """A browser with one page; `errors` are the exceptions and complaints that the page has not caught.
 
-    def __init__(self) -> None:
+    With `clockwork` no time passes in its pages but by `frames`, so that the same calls show the same picture.
+    """
+
+    def __init__(self, *, clockwork: bool = True) -> None:
         self.errors: list[str] = []
         self._folder = TemporaryDirectory(ignore_cleanup_errors=True)
         (theirs_in, self._out), (self._in, theirs_out) = os.pipe(), os.pipe()
-        theirs = [fcntl.fcntl(end, fcntl.F_DUPFD, 10) for end in (theirs_in, theirs_out)]
-
-        def arrange() -> None:
-            for place, end in enumerate(theirs):
-                os.dup2(end, TOUCHED + place)
-
+        theirs = [fcntl.fcntl(end, fcntl.F_DUPFD_CLOEXEC, 10) for end in (theirs_in, theirs_out)]
+        arranged = [(os.POSIX_SPAWN_DUP2, end, TOUCHED + place) for place, end in enumerate(theirs)]
+        quiet = (os.POSIX_SPAWN_OPEN, 2, os.devnull, os.O_WRONLY, 0)
         command = [found() or NAMES[0], *FLAGS, f"--user-data-dir={self._folder.name}", "about:blank"]
-        self._process = subprocess.Popen(
-            command, preexec_fn=arrange, pass_fds=(TOUCHED, TOUCHED + 1), stderr=subprocess.DEVNULL
-        )
+        self._process = os.posix_spawnp(command[0], command, os.environ, file_actions=[*arranged, quiet])
         for end in (theirs_in, theirs_out, *theirs):
             os.close(end)
         self._left, self._count, self._session, self._loaded = b"", 0, "", False
@@ -52,6 +65,8 @@ class Chromium:
         self._session = self.call("Target.attachToTarget", targetId=target["targetId"], flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
+        if clockwork:
+            self.call("Page.addScriptToEvaluateOnNewDocument", source=CLOCKWORK)
 
     def __enter__(self) -> Self:
         return self
@@ -62,11 +77,11 @@ class Chromium:
     def close(self) -> None:
         """End the browser and remove what it wrote."""
         os.close(self._out)
-        try:
-            self._process.wait(5)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        begun = time.monotonic()
+        while os.waitpid(self._process, os.WNOHANG) == (0, 0):
+            if time.monotonic() - begun > PATIENCE:
+                os.kill(self._process, signal.SIGKILL)
+            time.sleep(0.01)
         os.close(self._in)
         self._folder.cleanup()
 
@@ -119,6 +134,14 @@ class Chromium:
             details = answer["exceptionDetails"]
             raise RuntimeError(details.get("exception", {}).get("description") or details["text"])
         return answer["result"].get("value")
+
+    def frames(self, count: int) -> None:
+        """Let that many sixtieths of a second pass in a page with clockwork."""
+        self.run(f"tick({count})")
+
+    def click(self, name: str) -> None:
+        """Press the element with this id."""
+        self.run(f"document.getElementById({json.dumps(name)}).click()")
 
     def size(self, width: int, height: int, *, dark: bool = False, still: bool = False, scale: float = 1) -> None:
         """The size of the window, and what its user prefers."""

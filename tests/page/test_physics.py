@@ -197,6 +197,22 @@ def test_a_push_is_pythons_load_and_the_linear_motion_is_the_superposition(brows
     assert size > 1e-4
 
 
+def test_five_double_pendula_cost_little(browser: Chromium) -> None:
+    """Counts, not times: 25 passes along the chains a frame, each of some 4 µs (`benchmarks/page.py`)."""
+    pair = load("paper-cart-2")
+    scene = pair.replace(pendulum=(pair.pendulum[0].replace(count=5),))
+    question = """(scene) => {
+      const system = $system.systemOf(scene);
+      const motion = new $motion.Motion(system, $system.startOf(scene, system));
+      for (let frame = 1; frame <= 600; frame++) motion.advance(frame / 60);
+      return [motion.full.calls / 600, motion.linear.calls / 600, motion.worst];
+    }"""
+    full, linear, drift = asked(browser, question, scene_data(scene))
+    assert 12 <= full < 25
+    assert 12 <= linear < 25
+    assert drift < 1e-8
+
+
 def test_a_scene_file_of_the_page_reads_back(browser: Chromium) -> None:
     scenes = [load(name) for name in ("huygens", "cart-upright", "metronomes", "rope")][:3]
     scenes += [motion_scene(seed) for seed in range(5)] + [mild_scene(seed) for seed in range(5)]

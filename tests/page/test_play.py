@@ -113,9 +113,7 @@ ODD = {
 
 
 @pytest.mark.parametrize("name", ODD)
-def test_what_a_page_does_not_treat_is_named(
-    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_a_page_does_not_treat_is_named(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scene, words = ODD[name]
     with pytest.raises(SceneError, match=words):
         scene_data(scene)
@@ -125,7 +123,9 @@ def test_what_a_page_does_not_treat_is_named(
     assert not (tmp_path / "a.html").exists()
 
 
-@pytest.mark.parametrize("words", [("chain-1", "-o", "a.png"), ("nosuch", "-o", "a.html"), ("chain-1", "-o", "no/a.html")])
+@pytest.mark.parametrize(
+    "words", [("chain-1", "-o", "a.png"), ("nosuch", "-o", "a.html"), ("chain-1", "-o", "no/a.html")]
+)
 def test_a_wrong_call_is_refused(
     words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

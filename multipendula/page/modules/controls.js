@@ -47,7 +47,7 @@ class Slider {
     const part = this.linear ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low);
     this.bar.value = Math.round(STEPS * part);
     this.bar.setAttribute("aria-valuetext", `${digits(value)} ${this.unit}`);
-    if (document.activeElement !== this.number) this.number.value = String(Number(value.toPrecision(5)));
+    if (document.activeElement !== this.number) this.number.value = String(Number(value.toPrecision(4)));
   }
 
   forget() {
@@ -79,7 +79,7 @@ export class Controls {
       }),
       new Slider(boxes.scene, {
         label: "Damping",
-        unit: "% of critical",
+        unit: "% critical",
         linear: true,
         read: () => this.dampingOf(),
         write: (value) => this.damp(value),

@@ -2,7 +2,7 @@
 
 import { Controls } from "./controls.js";
 import { degrees, digits, scientific } from "./numbers.js";
-import { drawScene, drawStrip, paint } from "./picture.js";
+import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
 import { Player } from "./player.js";
 import { Recording } from "./recording.js";
 import { packed, sceneFile, unpacked } from "./scene_file.js";
@@ -107,7 +107,7 @@ class LivePage {
     const named = (name) => style.getPropertyValue(`--${name}`).trim();
     this.colours = Object.fromEntries(["ink", "muted", "line", "grid", "paper", "cart", "accent"].map((name) => [name, named(name)]));
     this.colours.hues = [1, 2, 3, 4, 5, 6].map((number) => named(`hue${number}`));
-    element("theme").setAttribute("aria-pressed", String(this.isDark));
+    element("theme").textContent = this.isDark ? "Light" : "Dark";
   }
 
   // What has changed is shown; numbers that run are shown by the frames.
@@ -180,14 +180,14 @@ class LivePage {
 
   draw() {
     const { player, colours, trails, stage } = this;
-    const predicted = element("ghost").checked && player.motion ? player.motion.predicted : null;
+    const shows = element("ghost").checked && player.motion?.linear && player.motion.apart < 2 * Math.PI;
+    const predicted = shows ? player.motion.predicted : null;
     paint(element("scene"), colours, (ink, width, height) => {
       player.view.fit(width, height);
       drawScene(ink, player.view, { y: player.y, predicted, trails, selected: player.selected, tool: stage.tool, colours });
     });
-    const { chain } = player.home(player.selected);
     const { chains, links } = player.system;
-    const colour = colours.hues[(chains.length > 1 ? chains.indexOf(chain) : chain.entry) % colours.hues.length];
+    const colour = hueOf(player.system, chains.indexOf(player.home(player.selected).chain), colours);
     const now = Math.max(SPAN, this.now);
     paint(element("strip"), colours, (ink, width, height) =>
       drawStrip(ink, width, height, { rows: this.strip, now, span: SPAN, rest: links[player.selected].rest, colours, colour }),
@@ -203,7 +203,8 @@ class LivePage {
     element("kinetic").style.transform = `scaleX(${(kinetic / (kinetic + potential || 1)).toFixed(4)})`;
     const drift = player.replaying ? given.recording.drift : player.motion?.worst;
     element("drift").textContent = Number.isFinite(drift) ? (drift ? scientific(drift) : "0") : "–";
-    element("apart").textContent = player.motion ? `${digits(degrees(player.motion.apart), 3)}°` : "–";
+    const apart = player.motion?.linear ? degrees(player.motion.apart) : player.motion ? Infinity : NaN;
+    element("apart").textContent = Number.isNaN(apart) ? "–" : apart > 360 ? "over 360°" : `${digits(apart, 3)}°`;
     element("behind").hidden = !player.behind;
     const { chain, index } = player.home(player.selected);
     element("strip-name").textContent = `Angle of pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;

@@ -122,7 +122,8 @@ function describe(system, rows, row, i) {
   const beats = next && row.omega && !row.growing && !next.growing;
   row.beat = beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
   row.resonant = row.omega > 0 && (row.multiplicity > 1 && system.cart !== null ? true : rows.some((other) => other !== row && meets(row.omega, other.omega)));
-  row.words = [row.where, row.multiplicity > 1 ? `${row.multiplicity}-fold` : "", row.growing ? "grows" : "", orderOf(system, row)].filter(Boolean).join(", ");
+  const fold = row.multiplicity > 1 ? `${row.multiplicity}-fold` : "";
+  row.words = [row.where, fold, row.growing ? "grows" : "", agreementOf(system, row), orderOf(system, row)].filter(Boolean).join(", ");
 }
 
 function meets(omega, other) {
@@ -148,11 +149,30 @@ export function kappaOf(system, row) {
   return (-4 * gamma) / (inertiaForm(system.chains, system.cart, ones, shape) * x);
 }
 
+// The kinetic energy of each chain in a mode, up to a factor.
+function energiesIn(system, { shapes: [shape] }) {
+  return system.chains.map(({ first, links }) => {
+    const own = Float64Array.of(shape[0], ...shape.slice(1 + first, 1 + first + links.length));
+    return inertiaForm([{ links }], null, [1], own);
+  });
+}
+
+// How the pendula with a fair share of the energy agree, by their first links.
+function agreementOf(system, row) {
+  if (!row.omega || system.chains.length === 1 || row.where !== "cart moves") return "";
+  const energies = energiesIn(system, row);
+  const most = Math.max(...energies);
+  const busy = system.chains.filter((_, i) => energies[i] >= 0.01 * most);
+  if (busy.length === 1) return `mostly pendulum ${system.chains.indexOf(busy[0]) + 1}`;
+  const tops = busy.map(({ first }) => row.shapes[0][1 + first]);
+  return tops.every((top) => top * tops[0] > 0) ? "in phase" : "mixed phases";
+}
+
 // How the links of the chain that moves most agree.
 function orderOf(system, row) {
   if (!row.omega) return "";
-  const energy = ({ first, links }) => sum(links.map((link, i) => link.b * row.shapes[0][1 + first + i] ** 2));
-  const chain = system.chains.reduce((one, other) => (energy(other) > energy(one) ? other : one));
+  const energies = energiesIn(system, row);
+  const chain = system.chains[energies.indexOf(Math.max(...energies))];
   const n = chain.links.length;
   const f = [...row.shapes[0].slice(1 + chain.first, 1 + chain.first + n)];
   const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;

@@ -6,6 +6,8 @@ import { backward, cholesky, forward, matricesOf } from "./matrices.js";
 import { atRest } from "./system.js";
 import { energiesOf, equationsOf } from "./recursion.js";
 
+const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
+
 export class Motion {
   constructor(system, y, { tolerance = 1e-10, push = null, linear = true, time = 0 } = {}) {
     const start = Float64Array.from(y);
@@ -36,6 +38,7 @@ export class Motion {
       escapements?.kick(full.y);
     }
     this.linear?.advance(end);
+    if (this.linear && !(this.apart < FAR)) this.linear = null;
     this.book();
   }
 

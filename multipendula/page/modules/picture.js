@@ -19,17 +19,25 @@ export function paint(canvas, colours, draw) {
 export function drawScene(ink, view, { y, predicted, trails, selected, tool, colours }) {
   drawSupport(ink, view, y, colours, tool);
   if (predicted) drawPredicted(ink, view, predicted, colours);
-  view.places(y).forEach(({ joints, centres }, number) => {
-    const { first, links, entry } = view.system.chains[number];
-    const colour = colours.hues[(view.system.chains.length > 1 ? number : entry) % colours.hues.length];
-    drawTrail(ink, view, trails[number], colour);
+  const places = view.places(y);
+  places.forEach(({ joints, centres }, number) => {
+    const { first, links } = view.system.chains[number];
+    const colour = hueOf(view.system, number, colours);
+    drawTrail(ink, view, trails[number] ?? [], colour);
     const points = joints.map((joint) => view.pixel(joint));
-    links.forEach((link, i) => drawLink(ink, view, link, points[i], points[i + 1], view.pixel(centres[i]), colour, colours));
+    const middles = centres.map((centre) => view.pixel(centre));
+    links.forEach((link, i) => drawLink(ink, view, link, points[i], points[i + 1], middles[i], colour, colours));
+    links.forEach((link, i) => drawMass(ink, view, link, points[i + 1], middles[i], colour, colours));
     links.forEach((link, i) => {
-      if (first + i === selected) drawHandle(ink, view, link, points[i], points[i + 1], view.pixel(centres[i]), tool, colours);
+      if (first + i === selected) drawHandle(ink, view, link, points[i], points[i + 1], middles[i], tool, colours);
     });
     dot(ink, points[0], 2.6, colours.ink);
   });
+}
+
+// Pendula differ in colour; those beyond the hues begin again.
+export function hueOf(system, number, colours) {
+  return colours.hues[number % colours.hues.length];
 }
 
 function drawSupport(ink, view, y, colours, tool) {
@@ -98,6 +106,7 @@ function drawPredicted(ink, view, y, colours) {
 function drawTrail(ink, view, trail, colour) {
   ink.strokeStyle = colour;
   ink.lineWidth = 2;
+  ink.lineCap = "butt";
   for (let i = 1; i < trail.length; i++) {
     ink.globalAlpha = (0.55 * i) / trail.length;
     ink.beginPath();
@@ -106,6 +115,7 @@ function drawTrail(ink, view, trail, colour) {
     ink.stroke();
   }
   ink.globalAlpha = 1;
+  ink.lineCap = "round";
 }
 
 function drawLink(ink, view, link, from, to, centre, colour, colours) {
@@ -115,13 +125,17 @@ function drawLink(ink, view, link, from, to, centre, colour, colours) {
   ink.moveTo(...from);
   ink.lineTo(...to);
   ink.stroke();
+  if (link.kind !== "body") return;
+  ink.beginPath();
+  ink.moveTo(...from);
+  ink.lineTo(...centre);
+  ink.stroke();
+}
+
+function drawMass(ink, view, link, to, centre, colour, colours) {
   if (link.kind === "rod") dot(ink, to, 2.6, colours.paper, colours.ink);
   else if (link.kind === "bob") dot(ink, to, view.radius(link), colour);
   else {
-    ink.beginPath();
-    ink.moveTo(...from);
-    ink.lineTo(...centre);
-    ink.stroke();
     dot(ink, centre, view.radius(link), colour);
     dot(ink, to, 2.6, colours.ink);
   }
@@ -170,7 +184,7 @@ function dot(ink, place, radius, fill, edge = null) {
 // The angle of one link over the last `span` seconds: rows of [time, angle, predicted] in radians.
 export function drawStrip(ink, width, height, { rows, now, span, rest, colours, colour }) {
   const shown = rows.filter(([time]) => time >= now - span);
-  const values = shown.flatMap(([, ...angles]) => angles.filter(Number.isFinite)).map((value) => degrees(value - rest));
+  const values = shown.map(([, angle]) => degrees(angle - rest));
   const most = niceCeiling(Math.max(5, ...values.map(Math.abs)));
   const [left, bottom] = [46, height - 20];
   const at = (time, value) => [left + ((time - now + span) / span) * (width - left - 8), 8 + ((bottom - 8) * (1 - value / most)) / 2];
@@ -193,6 +207,10 @@ export function drawStrip(ink, width, height, { rows, now, span, rest, colours, 
     const [x] = at(time, 0);
     if (x > left + 8 && x < width - 22) ink.fillText(`${time} s`, x, height - 8);
   }
+  ink.save();
+  ink.beginPath();
+  ink.rect(left, 6, width - left - 8, bottom - 4);
+  ink.clip();
   const curve = (column, dash, stroke, thick) => {
     ink.setLineDash(dash);
     ink.strokeStyle = stroke;
@@ -204,6 +222,7 @@ export function drawStrip(ink, width, height, { rows, now, span, rest, colours, 
   };
   curve(1, [], colour, 2);
   curve(2, [5, 4], colours.muted, 1.5);
+  ink.restore();
 }
 
 function niceCeiling(value) {

@@ -51,7 +51,7 @@ export class ModeTable {
       swings ? digits((2 * Math.PI) / row.omega, 5) : row.growing ? `×e in ${digits(1 / row.omega, 3)}` : "–",
       digits(row.beat, 4),
       Number.isNaN(row.onePercent) ? "–" : `${digits(row.onePercent, 3)}${row.resonant ? "*" : ""}`,
-      row.omega && !row.growing ? `${digits(100 * row.ratio, 3)} %` : "–",
+      swings ? share(row.ratio) : "–",
     ];
     cells.forEach((cell, i) => (cell.textContent = values[i]));
   }
@@ -60,4 +60,8 @@ export class ModeTable {
   measure(amplitudes) {
     this.lines.forEach(({ bar }, i) => (bar.style.transform = `scaleX(${Math.min(1, (amplitudes[i] ?? 0) / 0.5236).toFixed(4)})`));
   }
+}
+
+function share(ratio) {
+  return ratio && ratio < 1e-5 ? "< 0.001 %" : `${digits(100 * ratio, 2)} %`;
 }
