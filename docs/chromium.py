@@ -1,8 +1,10 @@
-"""A Chromium without a window, driven through a pipe by the DevTools protocol: nothing but the browser is needed.
+"""A Chromium without a window, driven through a pipe by the DevTools protocol.
 
-with Chromium() as browser:
-    browser.open(Path("page.html"))
-    browser.run("document.title")
+    with Chromium() as browser:
+        browser.open(Path("page.html"))
+        browser.run("document.title")
+
+Nothing but the browser is needed.
 """
 
 from __future__ import annotations
@@ -175,3 +177,11 @@ class Chromium:
         for x, y in points[1:]:
             self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y, button="left", buttons=1)
         self.call("Input.dispatchMouseEvent", type="mouseReleased", x=x, y=y, button="left", clickCount=1)
+
+    def swipe(self, *points: tuple[float, float]) -> None:
+        """A finger from the first point to the others, lifted at the last."""
+        for place, (x, y) in enumerate(points):
+            self.call(
+                "Input.dispatchTouchEvent", type="touchMove" if place else "touchStart", touchPoints=[{"x": x, "y": y}]
+            )
+        self.call("Input.dispatchTouchEvent", type="touchEnd", touchPoints=[])

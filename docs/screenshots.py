@@ -34,7 +34,7 @@ def swinging(browser: Chromium, page: Path) -> None:
     browser.frames(FRAMES)
 
 
-def examined(browser: Chromium, folder: Path, pages: Path, manual: Path | None) -> None:
+def examined(browser: Chromium, folder: Path, pages: Path) -> None:
     """Every page at every width in both themes, the whole length of it."""
     for width, height in WIDTHS.items():
         for theme, end in THEMES.items():
@@ -42,9 +42,16 @@ def examined(browser: Chromium, folder: Path, pages: Path, manual: Path | None) 
             for name in SCENES:
                 swinging(browser, pages / f"{name}.html")
                 (folder / f"{name}-{width}{end}.png").write_bytes(browser.picture(whole=True))
-            for name in PAGES if manual else ():
-                browser.open(Path(manual or "") / f"{name}.html")
-                browser.run(f"document.body.dataset.theme = {theme!r}")
+
+
+def read(browser: Chromium, folder: Path, manual: Path) -> None:
+    """Pages of the built manual, as they are first seen."""
+    for width, height in WIDTHS.items():
+        for theme, end in THEMES.items():
+            browser.size(width, height, dark=theme == "dark")
+            for name in PAGES:
+                browser.open(manual / f"{name}.html")
+                browser.run("new Promise((done) => setTimeout(done, 500))")
                 (folder / f"manual-{Path(name).name}-{width}{end}.png").write_bytes(browser.picture())
 
 
@@ -68,9 +75,12 @@ def main() -> None:
         build(Path(name))
         if asked.folder:
             asked.folder.mkdir(parents=True, exist_ok=True)
-            examined(browser, asked.folder, Path(name), asked.manual)
+            examined(browser, asked.folder, Path(name))
         else:
             landing(browser, Path(name))
+    if asked.folder and asked.manual:
+        with Chromium(clockwork=False) as browser:
+            read(browser, asked.folder, asked.manual)
 
 
 if __name__ == "__main__":

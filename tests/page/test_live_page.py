@@ -124,6 +124,20 @@ def test_a_bob_is_pulled_and_let_go(browser: Chromium, tmp_path: Path) -> None:
     assert browser.errors == []
 
 
+def test_a_finger_pulls_a_bob_and_scrolls_beside_it(browser: Chromium, tmp_path: Path) -> None:
+    browser.size(360, 640)
+    browser.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    browser.open(written(load("chain-1"), tmp_path))
+    browser.frames(1)
+    x, y = centre(browser)
+    bob = next(y + step for step in range(-40, 240, 4) if browser.run(cursor(x, y + step)) == "grab") + 34
+    browser.swipe((x, bob), (x + 40, bob - 60), (x + 80, bob - 90), (x + 80, bob - 100))
+    browser.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    assert browser.run("scrollY") == 0
+    assert initial_state(parse(file_of(browser).encode())).links[0] > 0.4
+    assert text(browser, "play") == "Pause"
+
+
 def cursor(x: float, y: float) -> str:
     return f"""(() => {{ const scene = document.getElementById('scene');
       scene.dispatchEvent(new PointerEvent('pointermove', {{ clientX: {x}, clientY: {y} }}));

@@ -15,7 +15,7 @@ from scipy.integrate._ivp import dop853_coefficients as coefficients
 
 from modal import natural_modes
 from modal.modes import Modes
-from modal.scene import Scene, example_names, load, parse
+from modal.scene import Scene, example_names, load, parse, scene_from
 from multipendula.page import MOST_LINKS, scene_data
 from nonlinear import simulate
 from nonlinear.integration import Trajectory
@@ -159,6 +159,19 @@ def test_clocks_tick_as_pythons(browser: Chromium, name: str) -> None:
     assert apart(answer["rows"], run).max() < MOTION
     assert np.array(answer["rows"])[-1, -1] == pytest.approx(run.motion.work[-1], rel=1e-6)
     assert answer["worst"] < 1e-8
+
+
+@pytest.mark.parametrize(("angle", "start"), [(10.0, 10.001), (0.0, 5.0), (10.0, 9.99)])
+def test_a_kick_is_not_missed_between_steps(browser: Chromium, angle: float, start: float) -> None:
+    """Some 9 ms beyond the angle; a kick at the lowest point; a swing that never gets there."""
+    drive = {"kind": "escapement", "impulse": 1e-3, "angle_deg": angle}
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "drive": drive}
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [link], "start": {"angles_deg": [-start]}}]})
+    (answer,) = asked(browser, RUNS, {"scenes": [scene_data(scene)], "times": [0.25 * k for k in range(1, 21)]})
+    run = simulate(scene, 5.0, tolerance=1e-12)
+    assert answer["rows"][-1][1] == pytest.approx(run.final.links[0], abs=MOTION)
+    assert (len(run.kicks.time) > 0) == (start != 9.99)
+    assert answer["rows"][-1][-1] == pytest.approx(run.motion.work[-1], abs=1e-8)
 
 
 @pytest.mark.parametrize("name", ["paper-cart-2", "chain-2"])

@@ -12,12 +12,18 @@ export class Stage {
     canvas.addEventListener("pointermove", (event) => this.move(event));
     canvas.addEventListener("pointerup", () => this.drop());
     canvas.addEventListener("pointercancel", () => this.drop());
+    // A finger on a bob pulls it; anywhere else it scrolls the page.
+    canvas.addEventListener("touchstart", (event) => this.touch(event), { passive: false });
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
 
   point(event) {
     const box = this.canvas.getBoundingClientRect();
     return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  touch(event) {
+    if (this.player.view.under(this.point(event.touches[0]), this.player.y, NEAR)) event.preventDefault();
   }
 
   take(event) {
