@@ -192,6 +192,22 @@ def test_a_link_holds_the_state(shown: Chromium, tmp_path: Path) -> None:
     assert cells(shown)[1][1] == "0.42655"
 
 
+def test_a_hostile_title_is_shown_and_not_run(browser: Chromium, tmp_path: Path) -> None:
+    title = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 2'>{{data}}"
+    scene = load("chain-2").replace(title=title)
+    browser.errors.clear()
+    browser.open(written(scene, tmp_path))
+    browser.frames(2)
+    harmed = "[window.harm ?? 0, document.images.length, document.scripts.length]"
+    assert browser.run(harmed) == [0, 0, 2]
+    assert (text(browser, "title"), browser.run("document.title")) == (title, title)
+    assert parse(file_of(browser).encode()).title == title
+    browser.click("link")
+    browser.open(tmp_path / "page.html", browser.run("location.hash"))
+    assert browser.run(harmed) == [0, 0, 2]
+    assert browser.errors == []
+
+
 def test_energy_and_the_linear_prediction_stand_beside_the_motion(browser: Chromium, tmp_path: Path) -> None:
     browser.open(written(load("paper-cart-3"), tmp_path))
     browser.click("play")

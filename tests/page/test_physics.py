@@ -91,6 +91,9 @@ def test_modes_of_shipped_scenes_and_of_a_long_chain(browser: Chromium) -> None:
     assert len(scenes) == 16
     for rows, scene in zip(asked(browser, MODES, [scene_data(one) for one in scenes]), scenes, strict=True):
         assert_modes(rows, scene)
+        if scene.n_links < MOST_LINKS:
+            told = [(mode.family, bool(mode.resonances)) for mode in natural_modes(scene.conservative)]
+            assert [(row["words"], row["resonant"]) for row in rows] == told
 
 
 def test_a_wrong_shape_or_frequency_is_seen(browser: Chromium) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import subprocess
+from functools import cache
 from pathlib import Path
 from shutil import which
 from typing import Any
@@ -39,6 +40,7 @@ def written(scene: Scene, folder: Path, recording: dict[str, Any] | None = None)
     return path
 
 
+@cache
 def axe() -> str | None:
     """The text of axe-core, from AXE_CORE in the environment or from npm's folders; None where it is not installed."""
     folders = [os.environ.get("AXE_CORE", "")]

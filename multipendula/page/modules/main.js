@@ -207,7 +207,7 @@ class LivePage {
     element("apart").textContent = Number.isNaN(apart) ? "–" : apart > 360 ? "over 360°" : `${digits(apart, 3)}°`;
     element("behind").hidden = !player.behind;
     const { chain, index } = player.home(player.selected);
-    element("strip-name").textContent = `Angle of pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
+    element("strip-name").textContent = `Pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
     if (player.replaying) element("scrub").value = Math.round((1000 * player.time) / (player.recording.duration || 1));
   }
 

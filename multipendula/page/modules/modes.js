@@ -49,7 +49,7 @@ function alone(system, kind) {
       }
       return shape;
     });
-    return row(shapes, x, [kind[0]], null, system.gravity, [1], D, system.cart ? "cart still" : "");
+    return row(shapes, x, [kind[0]], null, system.gravity, [1], D, system.cart ? "cart still" : "fixed support");
   });
 }
 
@@ -122,8 +122,10 @@ function describe(system, rows, row, i) {
   const beats = next && row.omega && !row.growing && !next.growing;
   row.beat = beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
   row.resonant = row.omega > 0 && (row.multiplicity > 1 && system.cart !== null ? true : rows.some((other) => other !== row && meets(row.omega, other.omega)));
-  const fold = row.multiplicity > 1 ? `${row.multiplicity}-fold` : "";
-  row.words = [row.where, fold, row.growing ? "grows" : "", agreementOf(system, row), orderOf(system, row)].filter(Boolean).join(", ");
+  const where = row.multiplicity > 1 ? `${row.where}, ${row.multiplicity}-fold` : row.where;
+  const antiphase = row.where === "cart still" ? "antiphase" : "";
+  const motion = [antiphase, agreementOf(system, row), orderOf(system, row), row.growing ? "unstable" : ""].filter(Boolean);
+  row.words = motion.length ? `${where}: ${motion.join(", ")}` : where;
 }
 
 function meets(omega, other) {
@@ -178,5 +180,6 @@ function orderOf(system, row) {
   const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;
   if (n === 1) return "";
   if (n === 2) return opposed ? "fast" : "slow";
-  return opposed ? `${opposed} of ${n - 1} joints opposed` : "all links agree";
+  if (!opposed) return "slowest (all links agree)";
+  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} of ${n - 1} joints opposed`;
 }

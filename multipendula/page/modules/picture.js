@@ -69,7 +69,8 @@ function drawSupport(ink, view, y, colours, tool) {
   ink.beginPath();
   ink.roundRect(x - half, top - height, 2 * half, height, 5);
   ink.fill();
-  for (const side of [-1, 1]) dot(ink, [x + side * (half - 12), top + 1], 5.5, colours.ink);
+  const inset = Math.min(12, 0.06 * view.reach * view.scale);
+  for (const side of [-1, 1]) dot(ink, [x + side * (half - inset), top + 6.5 - 0.45 * inset], 0.45 * inset, colours.ink);
   if (tool !== "mass") return;
   ink.fillStyle = colours.accent;
   ink.fillRect(x + half - 5, top - height - 5, 10, 10);

@@ -4,7 +4,8 @@ import { MOST_LINKS } from "./system.js";
 
 // The scene file; `y` (with `system`) gives the start, the scene's own is left out then.
 export function sceneFile(scene, system = null, y = null) {
-  const lines = [];
+  const moved = y && (y[0] || y[system.size]);
+  const lines = moved ? [`# A scene file holds no start of the cart: it was at ${y[0]} m with ${y[system.size]} m/s.`] : [];
   if (scene.title) lines.push(`title = ${quoted(scene.title)}`);
   lines.push(`gravity = ${real(scene.gravity)}`, "", "[support]", ...entries(scene.support));
   for (const pendulum of y ? separated(scene, system, y) : scene.pendulum) lines.push("", "[[pendulum]]", ...pendulumLines(pendulum));

@@ -43,7 +43,7 @@ export class ModeTable {
     const chosen = this.player.row === number;
     const swings = row.omega && !row.growing;
     name.textContent = number + 1;
-    words.textContent = row.words || "swings";
+    words.textContent = row.words;
     button.setAttribute("aria-pressed", String(chosen));
     line.classList.toggle("chosen", chosen);
     const values = [
