@@ -192,6 +192,15 @@ def test_a_link_holds_the_state(shown: Chromium, tmp_path: Path) -> None:
     assert cells(shown)[1][1] == "0.42655"
 
 
+def test_full_screen_keeps_the_table(shown: Chromium) -> None:
+    shown.call("Runtime.evaluate", expression="wide.click()", userGesture=True)
+    shown.run("new Promise((done) => document.fullscreenElement ? done() : (document.onfullscreenchange = done))")
+    assert shown.run("document.fullscreenElement.contains(rows) && document.fullscreenElement.contains(scene)")
+    assert text(shown, "wide") == "Leave full screen"
+    shown.run("document.exitFullscreen()")
+    assert text(shown, "wide") == "Full screen"
+
+
 def test_a_hostile_title_is_shown_and_not_run(browser: Chromium, tmp_path: Path) -> None:
     title = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 2'>{{data}}"
     scene = load("chain-2").replace(title=title)

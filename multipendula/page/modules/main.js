@@ -69,7 +69,7 @@ class LivePage {
         this.say("Kicked.");
       },
       theme: () => this.dress(this.isDark ? "light" : "dark"),
-      wide: () => (document.fullscreenElement ? document.exitFullscreen() : element("theatre").requestFullscreen()),
+      wide: () => (document.fullscreenElement ? document.exitFullscreen() : element("whole").requestFullscreen()),
       file: () => this.copy(this.sceneFile(), "Scene file copied."),
       link: () => this.copyLink(),
       back: () => player.step(-1),
@@ -85,6 +85,9 @@ class LivePage {
     for (const radio of document.querySelectorAll("input[name=tool]")) {
       radio.addEventListener("change", () => (stage.tool = radio.value));
     }
+    document.addEventListener("fullscreenchange", () => {
+      element("wide").textContent = document.fullscreenElement ? "Leave full screen" : "Full screen";
+    });
     element("speed").addEventListener("change", (event) => (player.speed = Number(event.target.value)));
     element("sound").addEventListener("change", (event) => (event.target.checked ? sound.start(player.rows) : sound.stop()));
     element("drive").addEventListener("change", (event) => {
