@@ -19,6 +19,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE)]
 import browser  # noqa: E402
 import docstrings  # noqa: E402
 import generated  # noqa: E402
+import playing  # noqa: E402
 
 project = "multipendula"
 author = copyright = "The multipendula authors"
@@ -83,8 +84,9 @@ def expand(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def add_browser(app: Sphinx, failure: Exception | None) -> None:
-    """Put the lessons that run in a browser beside the pages."""
+    """Put the live pages and the lessons that run in a browser beside the pages."""
     if failure is None and app.builder.name == "html":
+        playing.build(Path(app.outdir) / "play")
         browser.build(Path(app.outdir) / "browser")
 
 

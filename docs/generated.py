@@ -9,6 +9,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what a sweep can measure
     <!-- gallery -->                            every figure of docs/pictures.toml
+    <!-- play -->                               the live page of every shipped scene
 
 Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
 """
@@ -19,6 +20,7 @@ import re
 import tomllib
 from argparse import SUPPRESS, Action, HelpFormatter, _SubParsersAction
 from functools import cache, partial
+from html import escape as html
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -27,7 +29,9 @@ if TYPE_CHECKING:
     from multipendula.parser import Page
 
 ROOT = Path(__file__).parent.parent
-PLACE = re.compile(r"^<!-- (commands|names|modules|shipped|formats|measures|gallery):?([^>]*) -->$", flags=re.MULTILINE)
+PLACE = re.compile(
+    r"^<!-- (commands|names|modules|shipped|formats|measures|gallery|play):?([^>]*) -->$", flags=re.MULTILINE
+)
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
 
 
@@ -180,3 +184,23 @@ def _figure(name: str, picture: dict[str, str]) -> str:
     done = "\n".join(f"multipendula {line}" for line in lines)
     image = f"![{picture['alt']}](pictures/{file})"
     return f"### {picture['title']}\n\n{picture['caption']}\n\n{image}\n\n```sh\n{done}\n```"
+
+
+# ------------------------------------------------------------------------------------------------ live pages
+
+
+def play() -> str:
+    """A live page, then a link to that of every shipped scene, or why it has none (`docs/playing.py`)."""
+    from playing import pages
+
+    rows = []
+    for name, (scene, why) in pages().items():
+        title = html(scene.title)
+        link = f"no page: {html(why)}" if why else f'<a href="play/{name}.html">open</a>'
+        rows.append(f"<tr><td><code>{name}</code></td><td>{title}</td><td>{link}</td></tr>")
+    style = "width: 100%; height: 1000px; border: 0; border-radius: 12px"
+    about = 'title="Live page of two double pendula on a cart" loading="lazy" allow="fullscreen; clipboard-write"'
+    frame = f'<iframe src="play/paper-cart-2.html" {about} style="{style}"></iframe>'
+    head = "<tr><th>scene</th><th>what hangs there</th><th>its page</th></tr>"
+    table = f'<table class="docutils">\n<thead>{head}</thead>\n<tbody>\n' + "\n".join(rows) + "\n</tbody>\n</table>"
+    return f"{frame}\n\n## Every shipped scene\n\n{table}"

@@ -10,6 +10,7 @@ from multipendula.commands import (
     ensembles,
     hoisting,
     identification,
+    live,
     modes,
     motion,
     orbits,
@@ -27,6 +28,7 @@ GROUPS = (
     scenes,
     modes,
     motion,
+    live,
     orbits,
     verification,
     coupling,
@@ -50,6 +52,7 @@ FIRST = (
     ("shapes paper-cart-2 -o shapes.png", "draw their mode shapes"),
     ("explain paper-cart-2", "why the two exchange energy, and how slowly"),
     ("animate paper-cart-3 --duration 2 -o run.gif", "film three of them, released with level links"),
+    ("play paper-cart-2 -o page.html", "a page to play with them"),
     ("scenes crane-hook > mine.toml", "copy a scene to edit; then `multipendula table mine.toml`"),
 )
 """Examples for beginners."""

@@ -19,6 +19,8 @@ TABLE = tomllib.loads((ROOT / "docs" / "pictures.toml").read_text(encoding="utf-
 SECTIONS = {"modes", "coupling", "motion", "accuracy", "synchronization", "control", "chaos", "ensembles"}
 MEASURED = {"benchmark", "simulation-benchmark", "extremes-modes", "extremes-simulation"}
 """Made by the benchmarks, in the light theme only."""
+SEEN = {"play"}
+"""Screenshots (`docs/screenshots.py`), in both themes."""
 
 pytestmark = [
     pytest.mark.site,
@@ -51,7 +53,7 @@ def test_every_picture_is_told_and_made_in_both_themes(name: str) -> None:
 
 def test_every_file_is_one_of_the_table() -> None:
     known = {path.name for name in TABLE for path in files(name)} | {
-        f"{name}{end}.png" for name in MEASURED for end in ("", "-dark")
+        f"{name}{end}.png" for name in MEASURED | SEEN for end in ("", "-dark")
     }
     assert {path.name for path in PICTURES.iterdir()} == known
 

@@ -1,0 +1,87 @@
+"""Screenshots by Chromium: of the live page at three widths, light and dark, and the landing picture of the manual.
+
+    python docs/screenshots.py FOLDER [--manual BUILT]    page (and pages of the built manual), to be looked at
+    python docs/screenshots.py                            docs/pictures/play.png and its dark twin, made anew
+
+Time passes frame by frame (`chromium`), so that the same page gives the same picture.
+"""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from chromium import Chromium
+from pictures import HERE, reduce
+from playing import build
+
+WIDTHS = {360: 780, 768: 1024, 1280: 900}
+"""Heights of the windows by their widths."""
+THEMES = {"light": "", "dark": "-dark"}
+LANDING = "paper-cart-3"
+SCENES = (LANDING, "clocks-double", "crane-two-loads", "cart-upright", "chain-unequal")
+PAGES = ("index", "play", "tutorial/lessons/01_first_table")
+"""Of the manual."""
+FRAMES = 280
+
+
+def swinging(browser: Chromium, page: Path) -> None:
+    """A page some five seconds after its start."""
+    browser.open(page)
+    browser.frames(2)
+    browser.click("play")
+    browser.frames(FRAMES)
+
+
+def examined(browser: Chromium, folder: Path, pages: Path) -> None:
+    """Every page at every width in both themes, the whole length of it."""
+    for width, height in WIDTHS.items():
+        for theme, end in THEMES.items():
+            browser.size(width, height, dark=theme == "dark")
+            for name in SCENES:
+                swinging(browser, pages / f"{name}.html")
+                (folder / f"{name}-{width}{end}.png").write_bytes(browser.picture(whole=True))
+
+
+def read(browser: Chromium, folder: Path, manual: Path) -> None:
+    """Pages of the built manual, as they are first seen."""
+    for width, height in WIDTHS.items():
+        for theme, end in THEMES.items():
+            browser.size(width, height, dark=theme == "dark")
+            for name in PAGES:
+                browser.open(manual / f"{name}.html")
+                browser.run("new Promise((done) => setTimeout(done, 500))")
+                (folder / f"manual-{Path(name).name}-{width}{end}.png").write_bytes(browser.picture())
+
+
+def landing(browser: Chromium, pages: Path) -> None:
+    """The picture on the first page of the manual."""
+    for theme, end in THEMES.items():
+        browser.size(1280, 850, dark=theme == "dark", scale=1.15)
+        swinging(browser, pages / f"{LANDING}.html")
+        path = HERE / "pictures" / f"play{end}.png"
+        path.write_bytes(browser.picture())
+        reduce(path)
+
+
+def main() -> None:
+    """What the arguments ask for."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("folder", nargs="?", type=Path, help="for screenshots to look at")
+    parser.add_argument("--manual", metavar="BUILT", type=Path, help="the built manual, of which pages are taken too")
+    asked = parser.parse_args()
+    with Chromium() as browser, TemporaryDirectory() as name:
+        build(Path(name))
+        if asked.folder:
+            asked.folder.mkdir(parents=True, exist_ok=True)
+            examined(browser, asked.folder, Path(name))
+        else:
+            landing(browser, Path(name))
+    if asked.folder and asked.manual:
+        with Chromium(clockwork=False) as browser:
+            read(browser, asked.folder, asked.manual)
+
+
+if __name__ == "__main__":
+    main()

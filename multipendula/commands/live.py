@@ -1,0 +1,74 @@
+"""The command of the live page: play."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any
+
+from multipendula.command import Command
+from multipendula.commands.runs import recorded
+from multipendula.commands.shared import in_a_folder
+from multipendula.options import add_file, add_run
+from multipendula.parser import Page
+
+KINDS = ("html",)
+
+
+def play(options: argparse.Namespace) -> None:
+    """Write a page to play with: the scene swings there, changes under the hand, and shows its modes."""
+    from modal.report import visible
+    from modal.scene import STANDARD, kind_of, whole_file
+    from multipendula.page import page
+    from nonlinear.integration import validate
+
+    *_, (data, recording) = validate(
+        lambda: kind_of(options.output, KINDS, "-o "),
+        lambda: in_a_folder(options.output),
+        lambda: _shown(options.scene),
+    )
+    content = page(data, recording).encode()
+    with whole_file(options.output) as stream:
+        stream.write(content)
+    if options.output != STANDARD:
+        print(f"{visible(options.output)}: {len(content) / 1000:.0f} kB, open it in any browser")
+    if recording and recording["samples"] < recording["of"]:
+        words = f"{recording['samples']} of {recording['of']} samples of the run are in the page"
+        print(f"multipendula: {words}", file=sys.stderr)
+
+
+def _shown(name: str) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    from modal.scene import load
+    from multipendula.page import recording_of, scene_data
+    from nonlinear import files as recordings
+
+    if not recorded(name):
+        return scene_data(load(name)), None
+    trajectory = recordings.load(name)
+    return scene_data(trajectory.scene), recording_of(trajectory)
+
+
+def _arguments(page: Page) -> None:
+    add_run(page)
+    add_file(page, "--output", "-o", kinds=KINDS, required=True)
+
+
+COMMANDS = (
+    Command(
+        name="play",
+        topic="motion",
+        run=play,
+        arguments=_arguments,
+        details=(
+            "One HTML file that any browser opens, without a server or a network. Drag a mass, a length or the cart's "
+            "mass and the table follows; choose a mode and it swings; pull a bob and the full equations run beside the "
+            "linear prediction. A saved run plays with speed, step and scrub controls. Scenes in the plane of at most "
+            "60 links, without hoists or damping ratios."
+        ),
+        examples=(
+            ("play paper-cart-2 -o page.html", "two double pendula on a cart, to play with"),
+            ("simulate clocks-double --duration 20 -o run.npz", "a run to play"),
+            ("play run.npz -o run.html", "the saved run, with its controls"),
+        ),
+    ),
+)

@@ -1,0 +1,69 @@
+"""The page as one file: markup, style and modules in one document, which may load and send nothing.
+
+The modules are joined in the order of `MODULES`, each below those that it imports, in one script.  `system.js` becomes
+a function whose result `$system` holds what the module exports; its names are its own, as in a module by itself.  The
+policy of the document admits this script and this style by their digests and nothing else; data are inert text.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from base64 import b64encode
+from collections.abc import Sequence
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from modal.report import html
+
+HERE = Path(__file__).parent
+PHYSICS = ("system", "matrices", "modes", "dop853", "recursion", "kicks", "motion", "scene_file", "recording")
+"""The modules that touch no document."""
+MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
+LARGEST = 300_000
+"""Bytes of a page, at most."""
+IMPORT = re.compile(r"^import (\{[^}]*\}) from \"\./(\w+)\.js\";$", re.MULTILINE)
+EXPORT = re.compile(r"^export (?=(?:const|function|class) (\w+))", re.MULTILINE)
+
+
+def joined(names: Sequence[str] = MODULES) -> str:
+    """The modules of these names as one script."""
+    return "\n".join(_scoped(name, _file(f"modules/{name}.js")) for name in names)
+
+
+def _scoped(name: str, text: str) -> str:
+    exported = ", ".join(EXPORT.findall(text))
+    body = EXPORT.sub("", IMPORT.sub(r"const \1 = $\2;", text))
+    return f"const ${name} = (() => {{\n{body}\nreturn {{ {exported} }};\n}})();\n"
+
+
+def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
+    """The document that shows the scene in `data` and plays a recording of it."""
+    script, style = f"\n{joined()}", f"\n{_file('page.css')}"
+    policy = f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; base-uri 'none'"
+    parts = {
+        "title": html(data.get("title") or "Pendula"),
+        "policy": html(policy),
+        "style": style,
+        "script": script,
+        "data": inert({"scene": data, "recording": recording}),
+    }
+    return re.sub(r"\{\{(\w+)\}\}", lambda found: parts[found[1]], _file("page.html"))
+
+
+def inert(whole: Any) -> str:
+    r"""JSON that ends no element and begins none.
+
+    >>> inert({"title": "</script>"})
+    '{"title": "\\u003c/script>"}'
+    """
+    return json.dumps(whole, allow_nan=False).replace("<", "\\u003c")
+
+
+def _digest(text: str) -> str:
+    return f"sha256-{b64encode(sha256(text.encode()).digest()).decode()}"
+
+
+def _file(name: str) -> str:
+    return (HERE / name).read_text(encoding="utf-8")

@@ -1,0 +1,178 @@
+// Sliders with their numbers: what can be changed, and by how much.
+
+import { digits } from "./numbers.js";
+import { rounded } from "./stage.js";
+
+const STEPS = 600;
+
+// A slider from `low` to `high` on a logarithmic scale, or on a linear one from 0.
+class Slider {
+  constructor(box, { label, unit, read, write, range, linear = false }) {
+    Object.assign(this, { read, write, range, linear, unit });
+    const id = `slider-${Slider.count++}`;
+    const name = document.createElement("label");
+    name.htmlFor = id;
+    name.append(label, " ");
+    const small = document.createElement("small");
+    small.textContent = unit;
+    name.append(small);
+    this.bar = Object.assign(document.createElement("input"), { type: "range", id, min: 0, max: STEPS, step: 1 });
+    this.number = Object.assign(document.createElement("input"), { type: "number", step: "any", min: 0 });
+    this.number.setAttribute("aria-label", `${label}, ${unit}`);
+    this.bar.addEventListener("input", () => this.write(rounded(this.valueAt(Number(this.bar.value) / STEPS))));
+    this.number.addEventListener("change", () => {
+      const value = Number(this.number.value);
+      if (value > 0 || (linear && value === 0 && this.number.value !== "")) this.write(value);
+      this.show();
+    });
+    box.append(name, this.bar, this.number);
+  }
+
+  static count = 0;
+
+  ends() {
+    const value = this.read();
+    if (!this.limits || value < this.limits[0] || value > this.limits[1]) this.limits = this.range(value);
+    return this.limits;
+  }
+
+  valueAt(part) {
+    const [low, high] = this.ends();
+    return this.linear ? low + part * (high - low) : low * (high / low) ** part;
+  }
+
+  show() {
+    const value = this.read();
+    const [low, high] = this.ends();
+    const part = this.linear ? (value - low) / (high - low) : Math.log(value / low) / Math.log(high / low);
+    this.bar.value = Math.round(STEPS * part);
+    this.bar.setAttribute("aria-valuetext", `${digits(value)} ${this.unit}`);
+    if (document.activeElement !== this.number) this.number.value = String(Number(value.toPrecision(4)));
+  }
+
+  forget() {
+    this.limits = null;
+  }
+}
+
+const decade = (value) => [value / 10, value * 10];
+
+export class Controls {
+  constructor(boxes, player) {
+    Object.assign(this, { player, chooser: boxes.chooser });
+    const link = () => {
+      const { entry, index } = player.home(player.selected);
+      return player.scene.pendulum[entry].links[index];
+    };
+    const ofLink = (key) => ({ read: () => link()[key], write: (value) => player.changeLink(player.selected, key, value), range: decade });
+    this.ofLink = [
+      new Slider(boxes.link, { label: "Mass", unit: "kg", ...ofLink("mass") }),
+      new Slider(boxes.link, { label: "Length", unit: "m", ...ofLink("length") }),
+    ];
+    this.others = [
+      new Slider(boxes.scene, {
+        label: "Gravity",
+        unit: "m/s²",
+        read: () => player.scene.gravity,
+        write: (value) => player.change((scene) => (scene.gravity = value)),
+        range: decade,
+      }),
+      new Slider(boxes.scene, {
+        label: "Damping",
+        unit: "% critical",
+        linear: true,
+        read: () => this.dampingOf(),
+        write: (value) => this.damp(value),
+        range: (value) => [0, Math.max(10, value * 2)],
+      }),
+      new Slider(boxes.scene, {
+        label: "Mode amplitude",
+        unit: "°",
+        linear: true,
+        read: () => player.amplitude,
+        write: (value) => {
+          player.amplitude = Math.min(value, 170);
+          this.show();
+        },
+        range: (value) => [0.5, Math.max(90, value)],
+      }),
+    ];
+    if (player.system.cart) {
+      this.others.unshift(
+        new Slider(boxes.cart, {
+          label: "Cart mass",
+          unit: "kg",
+          read: () => player.scene.support.mass,
+          write: (value) => player.change((scene) => (scene.support.mass = value)),
+          range: (value) => [value / 100, value * 100],
+        }),
+      );
+    }
+    this.others.push(
+      new Slider(boxes.drive, {
+        label: player.system.cart ? "Force" : "Moment",
+        unit: player.system.cart ? "N" : "N m",
+        read: () => player.drive.amount,
+        write: (amount) => player.drives({ amount }),
+        range: decade,
+      }),
+      new Slider(boxes.drive, {
+        label: "Frequency",
+        unit: "Hz",
+        read: () => player.drive.frequency,
+        write: (frequency) => player.drives({ frequency }),
+        range: decade,
+      }),
+    );
+    this.chooser.addEventListener("change", () => player.choose(Number(this.chooser.value)));
+    this.name();
+  }
+
+  // The names of all links, in order.
+  name() {
+    const options = this.player.system.links.map((_, number) => {
+      const { chain, index } = this.player.home(number);
+      const place = this.player.system.chains.indexOf(chain) + 1;
+      return new Option(`Pendulum ${place}, link ${index + 1}`, String(number));
+    });
+    this.chooser.replaceChildren(...options);
+  }
+
+  // Dampers at every joint: for a share of critical damping c they are 2 c g b/w of the slowest mode.
+  damp(percent) {
+    const { player } = this;
+    const slowest = this.slowest();
+    player.change((scene) => {
+      for (const chain of player.system.chains) {
+        chain.links.forEach((link, i) => {
+          const value = rounded((2 * percent * player.system.gravity * link.b) / slowest.omega / 100);
+          const own = scene.pendulum[chain.entry].links[i];
+          if (value) own.damping = value;
+          else delete own.damping;
+        });
+      }
+    });
+  }
+
+  slowest() {
+    return this.player.rows.find((row) => row.omega && !row.growing) ?? { omega: 1, ratio: 0 };
+  }
+
+  // The share that the first joint has now.
+  dampingOf() {
+    const { player } = this;
+    const [link] = player.system.links;
+    return (50 * link.damping * this.slowest().omega) / (player.system.gravity * link.b);
+  }
+
+  // After another choice the sliders of a link have other limits.
+  chose() {
+    for (const slider of this.ofLink) slider.forget();
+    this.show();
+  }
+
+  show() {
+    this.chooser.value = String(this.player.selected);
+    for (const slider of [...this.ofLink, ...this.others]) slider.show();
+  }
+}

@@ -1,0 +1,260 @@
+// The page: its parts joined, and a frame after the other.
+
+import { Controls } from "./controls.js";
+import { degrees, digits, scientific } from "./numbers.js";
+import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
+import { Player } from "./player.js";
+import { Recording } from "./recording.js";
+import { packed, sceneFile, unpacked } from "./scene_file.js";
+import { Sound } from "./sound.js";
+import { Stage } from "./stage.js";
+import { ModeTable } from "./table.js";
+import { energiesOf } from "./recursion.js";
+
+const SPAN = 12; // s of the strip
+const TRAIL = 70; // frames
+const element = (id) => document.getElementById(id);
+
+function begin() {
+  const given = JSON.parse(element("data").textContent);
+  const held = location.hash.length > 1 ? unpacked(location.hash.slice(1)) : null;
+  const player = new Player(held?.scene ?? given.scene, !held && given.recording ? new Recording(given.recording) : null);
+  if (held) restore(player, held);
+  const stage = new Stage(element("scene"), player);
+  const table = new ModeTable(element("rows"), player);
+  const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
+  const controls = new Controls(boxes, player);
+  const page = new LivePage({ player, stage, table, controls, sound: new Sound(), given });
+  if (location.hash.length > 1 && !held) page.say("The link holds no scene: this is the page's own.");
+  page.start();
+}
+
+function restore(player, { y, drive, selected }) {
+  if (drive) Object.assign(player.drive, { amount: drive.amount || player.drive.amount, frequency: drive.frequency, on: drive.on === true });
+  if (selected !== undefined) player.selected = selected;
+  if (y) player.place(Float64Array.from([...y, 0]));
+}
+
+class LivePage {
+  constructor(parts) {
+    Object.assign(this, parts);
+    this.trails = [];
+    this.strip = [];
+    this.colours = {};
+    this.last = 0;
+    this.count = 0;
+  }
+
+  start() {
+    const { player } = this;
+    element("title").textContent = player.scene.title || "Pendula";
+    element("replay").hidden = !player.recording;
+    element("of-cart").hidden = !player.system.cart;
+    player.listen((what) => this.heard(what));
+    this.bindButtons();
+    this.bindSwitches();
+    this.dress();
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.dress());
+    for (const what of ["scene", "choice", "state", "drive"]) this.heard(what);
+    requestAnimationFrame((now) => this.frame(now));
+  }
+
+  bindButtons() {
+    const { player } = this;
+    const actions = {
+      play: () => player.toggle(),
+      hang: () => player.hang(),
+      kick: () => {
+        player.kick();
+        this.say("Kicked.");
+      },
+      theme: () => this.dress(this.isDark ? "light" : "dark"),
+      wide: () => (document.fullscreenElement ? document.exitFullscreen() : element("whole").requestFullscreen()),
+      file: () => this.copy(this.sceneFile(), "Scene file copied."),
+      link: () => this.copyLink(),
+      back: () => player.step(-1),
+      forth: () => player.step(1),
+      again: () => player.replay(),
+      tune: () => this.tune(),
+    };
+    for (const [id, action] of Object.entries(actions)) element(id).addEventListener("click", action);
+  }
+
+  bindSwitches() {
+    const { player, sound, stage } = this;
+    for (const radio of document.querySelectorAll("input[name=tool]")) {
+      radio.addEventListener("change", () => (stage.tool = radio.value));
+    }
+    document.addEventListener("fullscreenchange", () => {
+      element("wide").textContent = document.fullscreenElement ? "Leave full screen" : "Full screen";
+    });
+    element("speed").addEventListener("change", (event) => (player.speed = Number(event.target.value)));
+    element("sound").addEventListener("change", (event) => (event.target.checked ? sound.start(player.rows) : sound.stop()));
+    element("drive").addEventListener("change", (event) => {
+      player.drives({ on: event.target.checked });
+      if (player.drive.on && !player.playing) player.release();
+    });
+    element("scrub").addEventListener("input", (event) => {
+      player.replaying = true;
+      player.motion = null;
+      player.seek((Number(event.target.value) / 1000) * player.recording.duration);
+    });
+  }
+
+  // The theme: as the system has it, or as it was switched.
+  dress(theme) {
+    const root = document.documentElement;
+    if (theme) root.dataset.theme = theme;
+    this.isDark = root.dataset.theme ? root.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches;
+    const style = getComputedStyle(root);
+    const named = (name) => style.getPropertyValue(`--${name}`).trim();
+    this.colours = Object.fromEntries(["ink", "muted", "line", "grid", "paper", "cart", "accent"].map((name) => [name, named(name)]));
+    this.colours.hues = [1, 2, 3, 4, 5, 6].map((number) => named(`hue${number}`));
+    element("theme").textContent = this.isDark ? "Light" : "Dark";
+  }
+
+  // What has changed is shown; numbers that run are shown by the frames.
+  heard(what) {
+    const { player, table, controls, sound } = this;
+    if (what === "scene") {
+      table.show();
+      controls.show();
+      if (element("sound").checked) sound.start(player.rows);
+    }
+    if (what === "choice") {
+      controls.chose();
+      this.strip = [];
+    }
+    if (what === "drive") controls.show();
+    if (what === "mode" || what === "state") table.show();
+    if (what === "mode") {
+      const row = player.rows[player.row];
+      this.say(`Mode ${player.row + 1} swings${row.multiplicity > 1 ? `, shape ${player.copy + 1} of ${row.multiplicity}` : ""}.`);
+    }
+    if (what === "state") {
+      if (!player.playing || (player.motion && !player.motion.time)) this.clear();
+      const button = element("play");
+      button.textContent = player.playing ? "Pause" : "Play";
+    }
+    if (player.recording) element("again").disabled = player.replaying;
+    element("drive").checked = player.drive.on;
+  }
+
+  clear() {
+    this.trails = [];
+    this.strip = [];
+  }
+
+  frame(now) {
+    const { player, sound } = this;
+    player.frame((now - this.last) / 1000);
+    this.last = now;
+    this.count++;
+    this.remember();
+    this.draw();
+    if (this.count % 4 === 0) {
+      this.tell();
+      const amplitudes = player.amplitudes;
+      this.table.measure(amplitudes);
+      if (element("sound").checked) sound.play(player.playing ? amplitudes : amplitudes.map(() => 0));
+    }
+    requestAnimationFrame((later) => this.frame(later));
+  }
+
+  get now() {
+    return this.player.replaying ? this.player.time : (this.player.motion?.time ?? 0);
+  }
+
+  remember() {
+    const { player } = this;
+    const places = player.view.places(player.y);
+    player.view.follow(places, player.y[0]);
+    if (this.trails.length !== places.length) this.trails = places.map(() => []);
+    if (!player.playing) return;
+    places.forEach(({ joints }, i) => {
+      this.trails[i].push(joints.at(-1));
+      if (this.trails[i].length > TRAIL) this.trails[i].shift();
+    });
+    const predicted = player.motion?.linear ? player.motion.predicted[1 + player.selected] : NaN;
+    if (this.strip.length && this.strip.at(-1)[0] > this.now) this.strip = [];
+    this.strip.push([this.now, player.y[1 + player.selected], predicted]);
+    while (this.strip[0][0] < this.now - SPAN) this.strip.shift();
+  }
+
+  draw() {
+    const { player, colours, trails, stage } = this;
+    const shows = element("ghost").checked && player.motion?.linear && player.motion.apart < 2 * Math.PI;
+    const predicted = shows ? player.motion.predicted : null;
+    paint(element("scene"), colours, (ink, width, height) => {
+      player.view.fit(width, height);
+      drawScene(ink, player.view, { y: player.y, predicted, trails, selected: player.selected, tool: stage.tool, colours });
+    });
+    const { chains, links } = player.system;
+    const colour = hueOf(player.system, chains.indexOf(player.home(player.selected).chain), colours);
+    const now = Math.max(SPAN, this.now);
+    paint(element("strip"), colours, (ink, width, height) =>
+      drawStrip(ink, width, height, { rows: this.strip, now, span: SPAN, rest: links[player.selected].rest, colours, colour }),
+    );
+  }
+
+  // The numbers that run.
+  tell() {
+    const { player, given } = this;
+    const { kinetic, potential } = energiesOf(player.system, player.y);
+    element("time").textContent = `${(this.now + (player.replaying ? given.recording.begin : 0)).toFixed(2)} s`;
+    element("energy").textContent = `${digits(kinetic + potential)} J`;
+    element("kinetic").style.transform = `scaleX(${(kinetic / (kinetic + potential || 1)).toFixed(4)})`;
+    const drift = player.replaying ? given.recording.drift : player.motion?.worst;
+    element("drift").textContent = Number.isFinite(drift) ? (drift ? scientific(drift) : "0") : "–";
+    const apart = player.motion?.linear ? degrees(player.motion.apart) : player.motion ? Infinity : NaN;
+    element("apart").textContent = Number.isNaN(apart) ? "–" : apart > 360 ? "over 360°" : `${digits(apart, 3)}°`;
+    element("behind").hidden = !player.behind;
+    const { chain, index } = player.home(player.selected);
+    element("strip-name").textContent = `Pendulum ${player.system.chains.indexOf(chain) + 1}, link ${index + 1}`;
+    if (player.replaying) element("scrub").value = Math.round((1000 * player.time) / (player.recording.duration || 1));
+  }
+
+  tune() {
+    const { player } = this;
+    const row = player.rows[player.row] ?? player.firstRow;
+    if (row.omega) player.drives({ frequency: row.omega / (2 * Math.PI) });
+  }
+
+  say(words) {
+    const status = element("status");
+    status.textContent = words;
+    status.classList.remove("gone");
+    clearTimeout(this.saying);
+    this.saying = setTimeout(() => status.classList.add("gone"), 4000);
+  }
+
+  // ------------------------------------------------------------------------------------------------ copies
+
+  sceneFile() {
+    const { player } = this;
+    return player.isAtRest ? sceneFile(player.scene) : sceneFile(player.scene, player.system, player.y);
+  }
+
+  copyLink() {
+    const { player } = this;
+    const { on, amount, frequency } = player.drive;
+    const y = player.isAtRest ? undefined : [...player.y.slice(0, -1)];
+    const state = { scene: player.scene, y, drive: { on, amount, frequency }, selected: player.selected };
+    history.replaceState(null, "", `#${packed(state)}`);
+    this.copy(location.href, "Link copied: it holds the scene as it is now.");
+  }
+
+  // To the clipboard, or into a box to copy from where there is none.
+  async copy(text, done) {
+    try {
+      await navigator.clipboard.writeText(text);
+      this.say(done);
+    } catch {
+      element("paper").value = text;
+      element("sheet").showModal();
+      element("paper").select();
+    }
+  }
+}
+
+begin();

@@ -1,0 +1,185 @@
+// The modes of a scene without its dampers and drives: M f w^2 = K f, by symmetry first, then dense.
+//
+// Equal pendula separate exactly: moving alike they are one heavy pendulum; moving against each other they leave the
+// cart still, and each swings as on a fixed support.  The frequency is the Rayleigh quotient of the shape, whose error
+// is the square of the shape's.
+
+import { sum } from "./system.js";
+import { backward, cholesky, forward, inertiaForm, jacobi, matricesOf, stiffnessForm, zeros } from "./matrices.js";
+
+const NEAR = 0.02; // distance from a 1:1 or 1:3 resonance, as in `modal.modes.mode`
+
+// Rows in ascending order of frequency: omega (rad/s), growing (whether it grows at that rate instead), multiplicity,
+// shapes (cart in m and every angle, largest angle 1), kappa, onePercent (degrees), ratio (of the dampers, to first
+// order), beat (s, with the next row), resonant.
+export function modesOf(system) {
+  const kinds = kindsOf(system.chains);
+  const rows = kinds.flatMap((kind) => alone(system, kind));
+  if (system.cart) rows.push(...together(system, kinds));
+  rows.sort((one, other) => one.omega - other.omega);
+  rows.forEach((row, i) => describe(system, rows, row, i));
+  return rows;
+}
+
+function kindsOf(chains) {
+  const kinds = new Map();
+  for (const chain of chains) {
+    const key = JSON.stringify(chain.links.map(({ m, l, c, I, s, damping, stiffness }) => [m, l, c, I, s, damping, stiffness]));
+    if (!kinds.has(key)) kinds.set(key, []);
+    kinds.get(key).push(chain);
+  }
+  return [...kinds.values()];
+}
+
+// The modes of one kind of pendulum with the support at rest.
+function alone(system, kind) {
+  const fold = kind.length - (system.cart ? 1 : 0);
+  if (!fold) return [];
+  const { M, K, D } = matricesOf([kind[0]], null, system.gravity, [1]);
+  const own = (matrix) => matrix.slice(1).map((row) => row.slice(1));
+  return eigen(own(M), own(K)).map((vector) => {
+    const x = Float64Array.of(0, ...vector);
+    const shapes = Array.from({ length: fold }, (_, copy) => {
+      const shape = new Float64Array(system.size);
+      const share = (chain, factor) => vector.forEach((value, i) => (shape[1 + chain.first + i] = factor * value));
+      if (!system.cart) share(kind[copy], 1);
+      else {
+        for (let other = 0; other <= copy; other++) share(kind[other], 1 / (copy + 1));
+        share(kind[copy + 1], -1);
+      }
+      return shape;
+    });
+    return row(shapes, x, [kind[0]], null, system.gravity, [1], D, system.cart ? "cart still" : "fixed support");
+  });
+}
+
+// The modes in which all pendula of a kind move alike, with the cart.
+function together(system, kinds) {
+  const { cart, gravity } = system;
+  const chains = kinds.map((kind) => kind[0]);
+  const weights = kinds.map((kind) => kind.length);
+  const { M, K, D } = matricesOf(chains, cart, gravity, weights);
+  const free = !cart.stiffness;
+  const vectors = free ? withoutCart(M, K) : eigen(M, K);
+  const found = vectors.map((x) => row([spread(system, kinds, x)], x, chains, cart, gravity, weights, D, "cart moves"));
+  if (free) {
+    const shape = new Float64Array(system.size);
+    shape[0] = 1;
+    found.push({ omega: 0, growing: false, multiplicity: 1, shapes: [shape], ratio: 0, where: "rigid translation" });
+  }
+  return found;
+}
+
+// A free cart follows the pendula, x = -b'f/M: what remains is a problem of the angles alone.
+function withoutCart(M, K) {
+  const n = M.length - 1;
+  const reduced = zeros(n);
+  for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) reduced[i][j] = M[1 + i][1 + j] - (M[0][1 + i] * M[0][1 + j]) / M[0][0];
+  const links = K.slice(1).map((line) => line.slice(1));
+  return eigen(reduced, links).map((f) => Float64Array.of(-sum([...f].map((value, i) => M[0][1 + i] * value)) / M[0][0], ...f));
+}
+
+function eigen(M, K) {
+  const L = cholesky(M);
+  const half = K.map((line) => forward(L, line));
+  const C = zeros(M.length).map((_, i) => forward(L, half.map((line) => line[i])));
+  for (let i = 0; i < C.length; i++) for (let j = 0; j < i; j++) C[i][j] = C[j][i] = (C[i][j] + C[j][i]) / 2;
+  return jacobi(C).vectors.map((vector) => backward(L, vector));
+}
+
+function spread(system, kinds, x) {
+  const shape = new Float64Array(system.size);
+  shape[0] = x[0];
+  let at = 1;
+  for (const kind of kinds) {
+    for (const chain of kind) for (let i = 0; i < chain.links.length; i++) shape[1 + chain.first + i] = x[at + i];
+    at += kind[0].links.length;
+  }
+  return shape;
+}
+
+function row(shapes, x, chains, cart, gravity, weights, D, where) {
+  const inertia = inertiaForm(chains, cart, weights, x);
+  const square = stiffnessForm(chains, cart, gravity, weights, x) / inertia;
+  const omega = Math.sqrt(Math.abs(square));
+  const drag = sum(D.map((line, i) => x[i] * sum([...line].map((value, j) => value * x[j]))));
+  const ratio = omega && square > 0 ? drag / (2 * omega * inertia) : 0;
+  return { omega, growing: square < 0, multiplicity: shapes.length, shapes: shapes.map(scaled), ratio, where };
+}
+
+// The largest angle 1, the first of the largest positive.
+function scaled(shape) {
+  const angles = [...shape.slice(1)];
+  const largest = Math.max(...angles.map(Math.abs));
+  const leading = angles.find((value) => Math.abs(value) > (1 - 1e-9) * largest) || shape[0];
+  return shape.map((value) => value / leading);
+}
+
+function describe(system, rows, row, i) {
+  row.kappa = row.omega && !row.growing ? kappaOf(system, row) : NaN;
+  row.onePercent = Number.isNaN(row.kappa) ? NaN : (Math.sqrt(0.01 / Math.abs(row.kappa)) * 180) / Math.PI;
+  const next = rows[i + 1];
+  const beats = next && row.omega && !row.growing && !next.growing;
+  row.beat = beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
+  row.resonant = row.omega > 0 && (row.multiplicity > 1 && system.cart !== null ? true : rows.some((other) => other !== row && meets(row.omega, other.omega)));
+  const where = row.multiplicity > 1 ? `${row.where}, ${row.multiplicity}-fold` : row.where;
+  const antiphase = row.where === "cart still" ? "antiphase" : "";
+  const motion = [antiphase, agreementOf(system, row), orderOf(system, row), row.growing ? "unstable" : ""].filter(Boolean);
+  row.words = motion.length ? `${where}: ${motion.join(", ")}` : where;
+}
+
+function meets(omega, other) {
+  return [1, 3, 1 / 3].some((ratio) => Math.abs(other / (ratio * omega) - 1) < NEAR);
+}
+
+// Frequency of amplitude a: omega (1 + kappa a^2), from the Lagrangian of fourth order (`modal.eigen.amplitude`).
+export function kappaOf(system, row) {
+  const shape = row.shapes[0];
+  let [cubes, fourth, pairs] = [0, 0, 0];
+  for (const { first, links } of system.chains) {
+    const f = shape.slice(1 + first, 1 + first + links.length);
+    links.forEach((link, i) => {
+      const b = link.s * link.b;
+      cubes += b * f[i] ** 3;
+      fourth += b * f[i] ** 4;
+      for (let j = 0; j < i; j++) pairs += links[j].s * links[j].l * b * (f[i] - f[j]) ** 2 * f[i] * f[j];
+    });
+  }
+  const x = row.omega ** 2;
+  const gamma = (x / 8) * ((-shape[0] * cubes) / 2 - pairs / 2) + (system.gravity * fourth) / 64;
+  const ones = system.chains.map(() => 1);
+  return (-4 * gamma) / (inertiaForm(system.chains, system.cart, ones, shape) * x);
+}
+
+// The kinetic energy of each chain in a mode, up to a factor.
+function energiesIn(system, { shapes: [shape] }) {
+  return system.chains.map(({ first, links }) => {
+    const own = Float64Array.of(shape[0], ...shape.slice(1 + first, 1 + first + links.length));
+    return inertiaForm([{ links }], null, [1], own);
+  });
+}
+
+// How the pendula with a fair share of the energy agree, by their first links.
+function agreementOf(system, row) {
+  if (!row.omega || system.chains.length === 1 || row.where !== "cart moves") return "";
+  const energies = energiesIn(system, row);
+  const most = Math.max(...energies);
+  const busy = system.chains.filter((_, i) => energies[i] >= 0.01 * most);
+  if (busy.length === 1) return `mostly pendulum ${system.chains.indexOf(busy[0]) + 1}`;
+  const tops = busy.map(({ first }) => row.shapes[0][1 + first]);
+  return tops.every((top) => top * tops[0] > 0) ? "in phase" : "mixed phases";
+}
+
+// How the links of the chain that moves most agree.
+function orderOf(system, row) {
+  if (!row.omega) return "";
+  const energies = energiesIn(system, row);
+  const chain = system.chains[energies.indexOf(Math.max(...energies))];
+  const n = chain.links.length;
+  const f = [...row.shapes[0].slice(1 + chain.first, 1 + chain.first + n)];
+  const opposed = f.slice(1).filter((value, i) => value * f[i] < 0).length;
+  if (n === 1) return "";
+  if (n === 2) return opposed ? "fast" : "slow";
+  if (!opposed) return "slowest (all links agree)";
+  return opposed === n - 1 ? "fastest (neighbours opposed)" : `${opposed} of ${n - 1} joints opposed`;
+}

@@ -1,0 +1,137 @@
+// A motion from a state on: the full equations, the linear prediction from the same start, and the energy's books.
+
+import { Integrator } from "./dop853.js";
+import { Escapements } from "./kicks.js";
+import { backward, cholesky, forward, matricesOf } from "./matrices.js";
+import { atRest } from "./system.js";
+import { energiesOf, equationsOf } from "./recursion.js";
+
+const FAR = 100; // rad between the motion and a prediction that has grown away from it and is given up
+
+export class Motion {
+  constructor(system, y, { tolerance = 1e-10, push = null, linear = true, time = 0 } = {}) {
+    const start = Float64Array.from(y);
+    start[2 * system.size] = 0;
+    this.system = system;
+    this.full = new Integrator(equationsOf(system, push), start, { tolerance, uncounted: 1, time });
+    this.escapements = system.links.some((link) => link.impulse) ? new Escapements(system, start) : null;
+    this.linear = linear ? new Integrator(linearEquationsOf(system, push), deviation(system, start), { tolerance, time }) : null;
+    this.first = this.energy;
+    this.largest = Math.max(this.first.kinetic, 1e-7 * system.gravity * system.links.reduce((total, link) => total + link.b, 0));
+    this.lowest = this.highest = this.first.potential;
+    this.worst = 0;
+  }
+
+  get time() {
+    return this.full.time;
+  }
+
+  get y() {
+    return this.full.y;
+  }
+
+  // To a time (s).
+  advance(end) {
+    const { full, escapements } = this;
+    while (full.time < end) {
+      full.step(end, escapements && ((h) => escapements.watch(full, h)));
+      escapements?.kick(full.y);
+    }
+    this.linear?.advance(end);
+    if (this.linear && !(this.apart < FAR)) this.linear = null;
+    this.book();
+  }
+
+  get energy() {
+    return energiesOf(this.system, this.y);
+  }
+
+  // (E - E(0) - work) over the range of the energies, as `Trajectory.energy_error`.
+  book() {
+    const { kinetic, potential } = this.energy;
+    const work = this.y[2 * this.system.size];
+    this.largest = Math.max(this.largest, kinetic, Math.abs(work));
+    this.lowest = Math.min(this.lowest, potential);
+    this.highest = Math.max(this.highest, potential);
+    const error = kinetic + potential - this.first.kinetic - this.first.potential - work;
+    this.drift = Math.abs(error) / Math.max(this.largest, this.highest - this.lowest);
+    this.worst = Math.max(this.worst, this.drift);
+  }
+
+  // The state that the linear equations predict.
+  get predicted() {
+    const y = atRest(this.system);
+    for (let i = 0; i < 2 * this.system.size; i++) y[i] += this.linear.y[i];
+    return y;
+  }
+
+  // The largest angle (rad) between the motion and its linear prediction.
+  get apart() {
+    const { y, predicted } = this;
+    let largest = 0;
+    for (let i = 1; i < this.system.size; i++) largest = Math.max(largest, Math.abs(y[i] - predicted[i]));
+    return largest;
+  }
+}
+
+function deviation(system, y) {
+  const rest = atRest(system);
+  return y.slice(0, 2 * system.size).map((value, i) => value - rest[i]);
+}
+
+// M q'' + D q' + K q = F for q = (x, deviations), without drives.
+export function linearEquationsOf(system, push = null) {
+  const { size, cart } = system;
+  const first = cart ? 0 : 1;
+  const { M, K, D } = matricesOf(system.chains, cart, system.gravity, system.chains.map(() => 1));
+  const L = cholesky(M.slice(first).map((row) => row.slice(first)));
+  const solved = (right) => backward(L, forward(L, right));
+  const load = new Float64Array(size);
+  if (cart) load[0] = 1;
+  else for (const chain of system.chains) load[1 + chain.first] = 1;
+  const pushed = solved(load.slice(first));
+  const columns = [K, D].map((matrix) => matrix.map((row) => solved(row.slice(first))));
+  const n = size - first;
+  return (time, y, out) => {
+    const force = push ? push(time) : 0;
+    out.set(y.subarray(size), 0);
+    out.fill(0, size);
+    for (let i = 0; i < n; i++) out[size + first + i] = force * pushed[i];
+    for (let j = first; j < size; j++) {
+      const [held, slowed] = [columns[0][j], columns[1][j]];
+      const [q, v] = [y[j], y[size + j]];
+      for (let i = 0; i < n; i++) out[size + first + i] -= held[i] * q + slowed[i] * v;
+    }
+  };
+}
+
+// A state at rest in the shape of a mode whose largest angle is `amplitude` (rad); a translation moves the cart at
+// `amplitude` m/s instead.
+export function inShape(system, row, amplitude, copy = 0) {
+  const y = atRest(system);
+  if (!row.omega) {
+    y[system.size] = amplitude;
+    return y;
+  }
+  row.shapes[copy].forEach((value, i) => (y[i] += amplitude * value));
+  return y;
+}
+
+// The largest angle (rad) that each mode has in a state: the amplitude of its swing, over its shapes.
+export function amplitudesOf(system, rows, y) {
+  const { M } = matricesOf(system.chains, system.cart, system.gravity, system.chains.map(() => 1));
+  const q = deviation(system, y);
+  const momentum = [q.slice(0, system.size), q.slice(system.size)].map((part) =>
+    Float64Array.from(M, (row) => row.reduce((total, value, i) => total + value * part[i], 0)),
+  );
+  const dot = (one, other) => one.reduce((total, value, i) => total + value * other[i], 0);
+  return rows.map((row) => {
+    if (!row.omega || row.growing) return 0;
+    return Math.hypot(
+      ...row.shapes.flatMap((shape) => {
+        const mass = dot(shape, Float64Array.from(M, (line) => dot(shape, line)));
+        return [dot(shape, momentum[0]) / mass, dot(shape, momentum[1]) / mass / row.omega];
+      }),
+    );
+  });
+}

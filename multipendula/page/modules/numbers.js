@@ -1,0 +1,24 @@
+// Numbers for the eye.
+
+export function digits(value, count = 4) {
+  if (value === Infinity) return "∞";
+  if (!Number.isFinite(value)) return "–";
+  if (!value) return "0";
+  const size = Math.abs(value);
+  if (size >= 1e5 || size < 1e-3) return scientific(value, Math.min(count, 3));
+  return String(Number(value.toPrecision(count)));
+}
+
+export function scientific(value, count = 2) {
+  const [front, power] = value.toExponential(count - 1).split("e");
+  const raised = [...String(Number(power))].map((letter) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(letter)]);
+  return `${front}·10${raised.join("")}`;
+}
+
+export function degrees(value) {
+  return (value * 180) / Math.PI;
+}
+
+export function clamp(value, low, high) {
+  return Math.min(high, Math.max(low, value));
+}

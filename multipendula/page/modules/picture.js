@@ -1,0 +1,231 @@
+// The scene and the strip below it, drawn.
+
+import { degrees } from "./numbers.js";
+
+export function paint(canvas, colours, draw) {
+  const ratio = window.devicePixelRatio || 1;
+  const [width, height] = [canvas.clientWidth, canvas.clientHeight];
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const ink = canvas.getContext("2d");
+  ink.setTransform(ratio, 0, 0, ratio, 0, 0);
+  ink.clearRect(0, 0, width, height);
+  ink.lineCap = ink.lineJoin = "round";
+  draw(ink, width, height, colours);
+}
+
+export function drawScene(ink, view, { y, predicted, trails, selected, tool, colours }) {
+  drawSupport(ink, view, y, colours, tool);
+  if (predicted) drawPredicted(ink, view, predicted, colours);
+  const places = view.places(y);
+  places.forEach(({ joints, centres }, number) => {
+    const { first, links } = view.system.chains[number];
+    const colour = hueOf(view.system, number, colours);
+    drawTrail(ink, view, trails[number] ?? [], colour);
+    const points = joints.map((joint) => view.pixel(joint));
+    const middles = centres.map((centre) => view.pixel(centre));
+    links.forEach((link, i) => drawLink(ink, view, link, points[i], points[i + 1], middles[i], colour, colours));
+    links.forEach((link, i) => drawMass(ink, view, link, points[i + 1], middles[i], colour, colours));
+    links.forEach((link, i) => {
+      if (first + i === selected) drawHandle(ink, view, link, points[i], points[i + 1], middles[i], tool, colours);
+    });
+    dot(ink, points[0], 2.6, colours.ink);
+  });
+}
+
+// Pendula differ in colour; those beyond the hues begin again.
+export function hueOf(system, number, colours) {
+  return colours.hues[number % colours.hues.length];
+}
+
+function drawSupport(ink, view, y, colours, tool) {
+  const half = view.half * view.scale;
+  const [x, top] = view.pixel([y[0], 0]);
+  ink.lineWidth = 1.5;
+  ink.strokeStyle = colours.line;
+  if (!view.system.cart) {
+    ink.fillStyle = colours.line;
+    ink.fillRect(x - half, top - 7, 2 * half, 7);
+    ink.beginPath();
+    for (let at = x - half + 6; at <= x + half; at += 9) ink.moveTo(at - 6, top - 8) || ink.lineTo(at, top - 15);
+    ink.stroke();
+    return;
+  }
+  const height = Math.max(16, 0.07 * view.reach * view.scale);
+  ink.beginPath();
+  ink.moveTo(0, top + 6.5);
+  ink.lineTo(view.width, top + 6.5);
+  const step = view.reach / 4;
+  for (let k = Math.ceil(view.metre([0, 0])[0] / step); k * step < view.metre([view.width, 0])[0]; k++) {
+    const at = view.pixel([k * step, 0])[0];
+    ink.moveTo(at, top + 6.5);
+    ink.lineTo(at, top + (k ? 11 : 16));
+  }
+  ink.stroke();
+  if (view.system.cart.stiffness) drawSpring(ink, [0, top - height / 2], [x - half, top - height / 2], colours);
+  ink.fillStyle = colours.cart;
+  ink.beginPath();
+  ink.roundRect(x - half, top - height, 2 * half, height, 5);
+  ink.fill();
+  const inset = Math.min(12, 0.06 * view.reach * view.scale);
+  for (const side of [-1, 1]) dot(ink, [x + side * (half - inset), top + 6.5 - 0.45 * inset], 0.45 * inset, colours.ink);
+  if (tool !== "mass") return;
+  ink.fillStyle = colours.accent;
+  ink.fillRect(x + half - 5, top - height - 5, 10, 10);
+}
+
+function drawSpring(ink, from, to, colours) {
+  ink.strokeStyle = colours.line;
+  ink.beginPath();
+  ink.moveTo(...from);
+  for (let k = 1; k < 24; k++) ink.lineTo(from[0] + ((to[0] - from[0]) * k) / 24, from[1] + (k % 2 ? -5 : 5));
+  ink.lineTo(...to);
+  ink.stroke();
+}
+
+function drawPredicted(ink, view, y, colours) {
+  ink.setLineDash([5, 5]);
+  ink.lineWidth = 1.5;
+  ink.strokeStyle = colours.muted;
+  for (const { joints } of view.places(y)) {
+    ink.beginPath();
+    joints.forEach((joint, i) => ink[i ? "lineTo" : "moveTo"](...view.pixel(joint)));
+    ink.stroke();
+  }
+  ink.setLineDash([]);
+  for (const { joints } of view.places(y)) {
+    for (const joint of joints.slice(1)) {
+      ink.beginPath();
+      ink.arc(...view.pixel(joint), 4, 0, 7);
+      ink.stroke();
+    }
+  }
+}
+
+function drawTrail(ink, view, trail, colour) {
+  ink.strokeStyle = colour;
+  ink.lineWidth = 2;
+  ink.lineCap = "butt";
+  for (let i = 1; i < trail.length; i++) {
+    ink.globalAlpha = (0.55 * i) / trail.length;
+    ink.beginPath();
+    ink.moveTo(...view.pixel(trail[i - 1]));
+    ink.lineTo(...view.pixel(trail[i]));
+    ink.stroke();
+  }
+  ink.globalAlpha = 1;
+  ink.lineCap = "round";
+}
+
+function drawLink(ink, view, link, from, to, centre, colour, colours) {
+  ink.strokeStyle = link.kind === "rod" ? colour : colours.ink;
+  ink.lineWidth = link.kind === "rod" ? Math.max(4, 0.5 * view.radius(link)) : 2;
+  ink.beginPath();
+  ink.moveTo(...from);
+  ink.lineTo(...to);
+  ink.stroke();
+  if (link.kind !== "body") return;
+  ink.beginPath();
+  ink.moveTo(...from);
+  ink.lineTo(...centre);
+  ink.stroke();
+}
+
+function drawMass(ink, view, link, to, centre, colour, colours) {
+  if (link.kind === "rod") dot(ink, to, 2.6, colours.paper, colours.ink);
+  else if (link.kind === "bob") dot(ink, to, view.radius(link), colour);
+  else {
+    dot(ink, centre, view.radius(link), colour);
+    dot(ink, to, 2.6, colours.ink);
+  }
+}
+
+function drawHandle(ink, view, link, from, to, centre, tool, colours) {
+  const place = tool === "mass" ? centre : to;
+  const radius = Math.max(11, (link.kind === "rod" ? 6 : view.radius(link)) + 6);
+  ink.strokeStyle = colours.accent;
+  ink.lineWidth = 2;
+  ink.setLineDash(tool === "pull" ? [] : [4, 3]);
+  ink.beginPath();
+  ink.arc(...place, radius, 0, 7);
+  ink.stroke();
+  ink.setLineDash([]);
+  if (tool === "pull") return;
+  const [dx, dy] = tool === "length" ? unit(from, to) : [0, 1];
+  for (const side of [-1, 1]) arrow(ink, place, [side * dx, side * dy], radius + 3, colours.accent);
+}
+
+function unit([x0, y0], [x1, y1]) {
+  const size = Math.hypot(x1 - x0, y1 - y0) || 1;
+  return [(x1 - x0) / size, (y1 - y0) / size];
+}
+
+function arrow(ink, [x, y], [dx, dy], from, colour) {
+  ink.fillStyle = colour;
+  ink.beginPath();
+  ink.moveTo(x + dx * (from + 7), y + dy * (from + 7));
+  ink.lineTo(x + dx * from - dy * 5, y + dy * from + dx * 5);
+  ink.lineTo(x + dx * from + dy * 5, y + dy * from - dx * 5);
+  ink.fill();
+}
+
+function dot(ink, place, radius, fill, edge = null) {
+  ink.fillStyle = fill;
+  ink.beginPath();
+  ink.arc(...place, radius, 0, 7);
+  ink.fill();
+  if (!edge) return;
+  ink.strokeStyle = edge;
+  ink.lineWidth = 1.2;
+  ink.stroke();
+}
+
+// The angle of one link over the last `span` seconds: rows of [time, angle, predicted] in radians.
+export function drawStrip(ink, width, height, { rows, now, span, rest, colours, colour }) {
+  const shown = rows.filter(([time]) => time >= now - span);
+  const values = shown.map(([, angle]) => degrees(angle - rest));
+  const most = niceCeiling(Math.max(5, ...values.map(Math.abs)));
+  const [left, bottom] = [46, height - 20];
+  const at = (time, value) => [left + ((time - now + span) / span) * (width - left - 8), 8 + ((bottom - 8) * (1 - value / most)) / 2];
+  ink.font = "12px system-ui, sans-serif";
+  ink.fillStyle = colours.muted;
+  ink.strokeStyle = colours.grid;
+  ink.lineWidth = 1;
+  ink.textAlign = "right";
+  ink.textBaseline = "middle";
+  for (const value of [-most, 0, most]) {
+    const [, y] = at(now, value);
+    ink.beginPath();
+    ink.moveTo(left, y);
+    ink.lineTo(width - 8, y);
+    ink.stroke();
+    ink.fillText(`${value < 0 ? "−" : ""}${Math.abs(value)}°`, left - 6, y);
+  }
+  ink.textAlign = "center";
+  for (let time = Math.ceil(Math.max(0, now - span) / 2) * 2; time <= now; time += 2) {
+    const [x] = at(time, 0);
+    if (x > left + 8 && x < width - 22) ink.fillText(`${time} s`, x, height - 8);
+  }
+  ink.save();
+  ink.beginPath();
+  ink.rect(left, 6, width - left - 8, bottom - 4);
+  ink.clip();
+  const curve = (column, dash, stroke, thick) => {
+    ink.setLineDash(dash);
+    ink.strokeStyle = stroke;
+    ink.lineWidth = thick;
+    ink.beginPath();
+    shown.forEach((row, i) => ink[i && Number.isFinite(shown[i - 1][column]) ? "lineTo" : "moveTo"](...at(row[0], degrees(row[column] - rest))));
+    ink.stroke();
+    ink.setLineDash([]);
+  };
+  curve(1, [], colour, 2);
+  curve(2, [5, 4], colours.muted, 1.5);
+  ink.restore();
+}
+
+function niceCeiling(value) {
+  return [5, 10, 15, 20, 30, 45, 60, 90, 120, 180, 360].find((one) => one >= value) ?? Math.ceil(value / 360) * 360;
+}

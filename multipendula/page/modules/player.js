@@ -1,0 +1,224 @@
+// What hangs there and what it does now: a scene, its modes, a motion or a recording.
+
+import { amplitudesOf, inShape, Motion } from "./motion.js";
+import { modesOf } from "./modes.js";
+import { atRest, startOf, sum, systemOf } from "./system.js";
+import { View } from "./view.js";
+
+const BUDGET = 10; // ms of a frame for the equations
+const SLICE = 1 / 120; // s of motion between looks at the clock
+const KICK = 0.6; // of sqrt(g/l), rad/s
+
+export class Player {
+  constructor(scene, recording = null) {
+    this.listeners = [];
+    this.speed = 1;
+    this.amplitude = 10;
+    this.drive = { on: false, amount: 0, frequency: 1 };
+    this.recording = recording;
+    this.scene = scene;
+    this.selected = 0;
+    this.rebuild();
+    this.drive.frequency = (this.rows.find((row) => row.omega && !row.growing)?.omega ?? 2 * Math.PI) / (2 * Math.PI);
+    this.drive.amount = 0.05 * this.weight;
+    this.hang();
+    if (recording) this.replay();
+  }
+
+  listen(listener) {
+    this.listeners.push(listener);
+  }
+
+  tell(what) {
+    for (const listener of this.listeners) listener(what);
+  }
+
+  rebuild() {
+    this.system = systemOf(this.scene);
+    this.rows = modesOf(this.system);
+    this.view = new View(this.system);
+  }
+
+  get weight() {
+    const { system } = this;
+    const lever = system.cart ? 1 : Math.max(...system.links.map((link) => link.l));
+    return sum(system.links.map((link) => link.m)) * system.gravity * lever;
+  }
+
+  // -------------------------------------------------------------------------------------------- what it does
+
+  // At rest in equilibrium.
+  hang() {
+    this.place(atRest(this.system));
+    this.row = null;
+    this.view.forget();
+    this.tell("state");
+  }
+
+  // Held in a state.
+  place(y) {
+    this.y = y;
+    this.replaying = false;
+    this.playing = false;
+    this.motion = null;
+    this.behind = false;
+    this.tell("state");
+  }
+
+  // The full motion from the present state.
+  release() {
+    this.replaying = false;
+    const { amount, frequency, on } = this.drive;
+    const push = on ? (time) => amount * Math.cos(2 * Math.PI * frequency * time) : null;
+    this.motion = new Motion(this.system, this.y, { push });
+    this.y = this.motion.y;
+    this.playing = true;
+    this.tell("state");
+  }
+
+  toggle() {
+    if (this.replaying) {
+      if (this.time >= this.recording.duration) this.time = 0;
+      this.playing = !this.playing;
+    } else if (this.motion) this.playing = !this.playing;
+    else {
+      if (this.isAtRest && !this.drive.on) this.y = startOf(this.scene, this.system) ?? this.shape(this.firstRow, 0);
+      return this.release();
+    }
+    this.tell("state");
+  }
+
+  get isAtRest() {
+    const rest = atRest(this.system);
+    return this.y.every((value, i) => Math.abs(value - rest[i]) < 1e-12);
+  }
+
+  get firstRow() {
+    return this.rows.find((row) => row.omega) ?? this.rows[0];
+  }
+
+  shape(row, copy) {
+    const degrees = row.growing ? Math.min(1, this.amplitude) : this.amplitude;
+    return inShape(this.system, row, row.omega ? (degrees * Math.PI) / 180 : 0.1 * this.view.reach, copy);
+  }
+
+  // A mode swings; again, and the next of several shapes of one frequency does.
+  swing(number) {
+    this.copy = this.row === number ? ((this.copy ?? 0) + 1) % this.rows[number].multiplicity : 0;
+    this.row = number;
+    this.view.forget();
+    this.y = this.shape(this.rows[number], this.copy);
+    this.release();
+    this.tell("mode");
+  }
+
+  // A push: on the cart, or on the chosen link.
+  kick() {
+    const y = Float64Array.from(this.y);
+    const link = this.system.links[this.selected];
+    y[this.system.size + 1 + this.selected] += KICK * 2 * Math.sqrt(this.system.gravity / link.l);
+    this.y = y;
+    this.release();
+  }
+
+  drives(changes) {
+    Object.assign(this.drive, changes);
+    if (this.motion) {
+      const playing = this.playing;
+      this.release();
+      this.playing = playing;
+    }
+    this.tell("drive");
+  }
+
+  // ----------------------------------------------------------------------------------------------- a recording
+
+  replay() {
+    Object.assign(this, { replaying: true, playing: false, motion: null, time: 0, row: null });
+    this.seek(0);
+  }
+
+  seek(time) {
+    this.time = Math.min(this.recording.duration, Math.max(0, time));
+    this.y = this.recording.at(this.time);
+    this.tell("time");
+  }
+
+  step(samples) {
+    const { recording } = this;
+    this.playing = false;
+    const at = recording.indexAt(this.time);
+    const next = Math.min(recording.times.length - 1, Math.max(0, at + samples));
+    this.seek(recording.times[next] - recording.times[0]);
+    this.tell("state");
+  }
+
+  // ------------------------------------------------------------------------------------------------- the clock
+
+  // One frame, `elapsed` seconds after the last.
+  frame(elapsed) {
+    if (!this.playing) return;
+    const passed = Math.min(elapsed, 0.05) * this.speed;
+    if (this.replaying) {
+      this.seek(this.time + passed);
+      if (this.time >= this.recording.duration) {
+        this.playing = false;
+        this.tell("state");
+      }
+      return;
+    }
+    const [begun, end] = [performance.now(), this.motion.time + passed];
+    while (this.motion.time < end && performance.now() - begun < BUDGET) {
+      this.motion.advance(Math.min(end, this.motion.time + SLICE * Math.max(1, this.speed)));
+    }
+    this.behind = this.motion.time < end;
+    this.y = this.motion.y;
+  }
+
+  get amplitudes() {
+    return amplitudesOf(this.system, this.rows, this.y);
+  }
+
+  // ------------------------------------------------------------------------------------------------- changes
+
+  // The scene after a change of a copy of it; what moves goes on from where it is.
+  change(edit) {
+    const scene = structuredClone(this.scene);
+    edit(scene);
+    const before = this.scene;
+    this.scene = scene;
+    const [y, extent, camera] = [Float64Array.from(this.y), this.view.extent, this.view.camera];
+    try {
+      this.rebuild();
+    } catch {
+      this.scene = before;
+      return this.rebuild();
+    }
+    Object.assign(this.view, { camera });
+    if (this.view.reach === this.reach) this.view.extent = extent;
+    this.reach = this.view.reach;
+    this.y = y;
+    if (this.motion) {
+      const playing = this.playing;
+      this.release();
+      this.playing = playing;
+    } else this.replaying = false;
+    this.tell("scene");
+  }
+
+  // Where a link stands in the scene's file: its pendulum's entry and its index there.
+  home(number) {
+    const chain = this.system.chains.findLast((one) => one.first <= number);
+    return { chain, entry: chain.entry, index: number - chain.first };
+  }
+
+  changeLink(number, key, value) {
+    const { entry, index } = this.home(number);
+    this.change((scene) => (scene.pendulum[entry].links[index][key] = value));
+  }
+
+  choose(number) {
+    this.selected = (number + this.system.links.length) % this.system.links.length;
+    this.tell("choice");
+  }
+}

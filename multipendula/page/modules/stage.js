@@ -1,0 +1,123 @@
+// The hand on the scene: pull, lengthen, make heavier, by pointer and by keys.
+
+import { clamp } from "./numbers.js";
+
+const NEAR = 34; // pixels
+const TURN = Math.PI / 90;
+
+export class Stage {
+  constructor(canvas, player) {
+    Object.assign(this, { canvas, player, tool: "pull", held: null });
+    canvas.addEventListener("pointerdown", (event) => this.take(event));
+    canvas.addEventListener("pointermove", (event) => this.move(event));
+    canvas.addEventListener("pointerup", () => this.drop());
+    canvas.addEventListener("pointercancel", () => this.drop());
+    // A finger on a bob pulls it; anywhere else it scrolls the page.
+    canvas.addEventListener("touchstart", (event) => this.touch(event), { passive: false });
+    canvas.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  point(event) {
+    const box = this.canvas.getBoundingClientRect();
+    return [event.clientX - box.left, event.clientY - box.top];
+  }
+
+  touch(event) {
+    if (this.player.view.under(this.point(event.touches[0]), this.player.y, NEAR)) event.preventDefault();
+  }
+
+  take(event) {
+    const { player } = this;
+    const found = player.view.under(this.point(event), player.y, NEAR);
+    if (!found) return;
+    event.preventDefault();
+    this.canvas.focus({ preventScroll: true });
+    this.canvas.setPointerCapture(event.pointerId);
+    const point = this.point(event);
+    this.held = { ...found, point, scene: player.scene, cart0: player.y[0], moved: false };
+    if (found.link === undefined) return;
+    player.choose(found.link);
+    const { entry, index } = player.home(found.link);
+    this.held.first = player.scene.pendulum[entry].links[index];
+  }
+
+  move(event) {
+    const { held, player, canvas } = this;
+    const point = this.point(event);
+    if (!held) {
+      canvas.style.cursor = player.view.under(point, player.y, NEAR) ? "grab" : "default";
+      return;
+    }
+    canvas.style.cursor = "grabbing";
+    if (!held.moved && Math.hypot(point[0] - held.point[0], point[1] - held.point[1]) < 3) return;
+    held.moved = true;
+    if (this.tool === "mass") this.weigh(point);
+    else if (held.cart) this.slide(point);
+    else if (this.tool === "length") this.lengthen(point);
+    else player.place(player.view.pulled(player.y, held.link, player.view.metre(point)));
+  }
+
+  // Upwards is heavier: a factor of ten over 160 pixels.
+  weigh(point) {
+    const { held, player } = this;
+    const factor = 10 ** ((held.point[1] - point[1]) / 160);
+    if (held.cart) player.change((scene) => (scene.support.mass = rounded(held.scene.support.mass * factor)));
+    else player.changeLink(held.link, "mass", rounded(held.first.mass * factor));
+  }
+
+  lengthen(point) {
+    const { held, player } = this;
+    const { chain, index } = player.home(held.link);
+    const number = player.system.chains.indexOf(chain);
+    const pivot = player.view.places(player.y)[number].joints[index];
+    const [along, down] = player.view.metre(point);
+    const length = clamp(Math.hypot(along - pivot[0], down - pivot[1]), 0.1 * held.first.length, 10 * held.first.length);
+    player.changeLink(held.link, "length", rounded(length));
+  }
+
+  slide(point) {
+    const { held, player } = this;
+    const y = Float64Array.from(player.y);
+    y[0] = held.cart0 + (point[0] - held.point[0]) / player.view.scale;
+    y.fill(0, player.system.size);
+    player.place(y);
+  }
+
+  drop() {
+    const { held, player } = this;
+    this.held = null;
+    if (held?.moved && this.tool === "pull") player.release();
+  }
+
+  key(event) {
+    const { player } = this;
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const turn = (event.shiftKey ? 5 : 1) * TURN;
+    const actions = {
+      ArrowLeft: () => this.tilt(-turn),
+      ArrowRight: () => this.tilt(turn),
+      ArrowUp: () => player.choose(player.selected - 1),
+      ArrowDown: () => player.choose(player.selected + 1),
+      Enter: () => player.release(),
+      " ": () => player.toggle(),
+      k: () => player.kick(),
+      r: () => player.hang(),
+    };
+    if (!actions[event.key]) return;
+    event.preventDefault();
+    actions[event.key]();
+  }
+
+  tilt(turn) {
+    const { player } = this;
+    const y = Float64Array.from(player.y);
+    y.fill(0, player.system.size);
+    y[1 + player.selected] += turn;
+    player.place(y);
+  }
+}
+
+// Three digits, so that a scene file made by hand stays legible.
+export function rounded(value) {
+  return Number(value.toPrecision(3));
+}

@@ -1,0 +1,67 @@
+// The table of modes: what screen readers read, and what sets a mode swinging.
+
+import { digits } from "./numbers.js";
+
+export class ModeTable {
+  constructor(body, player) {
+    Object.assign(this, { body, player, lines: [] });
+  }
+
+  // New numbers in the same lines, new lines only where their number has changed.
+  show() {
+    const { player, body } = this;
+    const damped = player.rows.some((row) => row.ratio);
+    body.closest("table").classList.toggle("damped", damped);
+    if (this.lines.length !== player.rows.length) {
+      this.lines = player.rows.map((_, number) => this.line(number));
+      body.replaceChildren(...this.lines.map(({ line }) => line));
+    }
+    player.rows.forEach((row, number) => this.fill(this.lines[number], row, number));
+  }
+
+  line(number) {
+    const line = document.createElement("tr");
+    const head = document.createElement("th");
+    head.scope = "row";
+    const button = document.createElement("button");
+    button.type = "button";
+    const [name, words, bar] = ["b", "span", "i"].map((tag) => document.createElement(tag));
+    button.append(name, words);
+    bar.setAttribute("aria-hidden", "true");
+    head.append(button, bar);
+    const cells = ["f", "T", "beat", "angle", "ratio"].map((kind) => {
+      const cell = document.createElement("td");
+      cell.className = kind;
+      return cell;
+    });
+    line.append(head, ...cells);
+    line.addEventListener("click", () => this.player.swing(number));
+    return { line, button, name, words, bar, cells };
+  }
+
+  fill({ line, button, name, words, cells }, row, number) {
+    const chosen = this.player.row === number;
+    const swings = row.omega && !row.growing;
+    name.textContent = number + 1;
+    words.textContent = row.words;
+    button.setAttribute("aria-pressed", String(chosen));
+    line.classList.toggle("chosen", chosen);
+    const values = [
+      swings ? digits(row.omega / (2 * Math.PI), 5) : row.growing ? "grows" : "0",
+      swings ? digits((2 * Math.PI) / row.omega, 5) : row.growing ? `×e in ${digits(1 / row.omega, 3)}` : "–",
+      digits(row.beat, 4),
+      Number.isNaN(row.onePercent) ? "–" : `${digits(row.onePercent, 3)}${row.resonant ? "*" : ""}`,
+      swings ? share(row.ratio) : "–",
+    ];
+    cells.forEach((cell, i) => (cell.textContent = values[i]));
+  }
+
+  // How far each mode swings now, as a bar below its name: full at 30 degrees.
+  measure(amplitudes) {
+    this.lines.forEach(({ bar }, i) => (bar.style.transform = `scaleX(${Math.min(1, (amplitudes[i] ?? 0) / 0.5236).toFixed(4)})`));
+  }
+}
+
+function share(ratio) {
+  return ratio && ratio < 1e-5 ? "< 0.001 %" : `${digits(100 * ratio, 2)} %`;
+}

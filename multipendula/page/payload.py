@@ -1,0 +1,94 @@
+"""What a page is given: a scene with every link written out, and a saved motion."""
+
+from __future__ import annotations
+
+from base64 import b64encode
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.scene import Cart, Scene, describe
+from modal.types import Floats
+
+if TYPE_CHECKING:
+    from nonlinear.integration import Trajectory
+
+MOST_LINKS = 60
+MOST_NUMBERS = 30_000
+"""Of a recording: 160 kB as 32-bit floats in base64."""
+TREATED = {
+    "": {"title", "gravity", "space", "support", "pendulum"},
+    "support": {"kind", "mass", "damping", "stiffness"},
+    "pendulum": {"links", "count", "equilibrium", "start"},
+    "links": {"kind", "mass", "length", "centre", "inertia", "damping", "stiffness", "drive", "count"},
+}
+"""What a page knows of each part of a scene."""
+WORDS = {
+    "hoist": "the live page has constant lengths only",
+    "damping_ratio": "the live page has dampers only, in joints and on the cart",
+}
+
+
+def scene_data(scene: Scene) -> dict[str, Any]:
+    """A scene as nested mappings with the keys of its file, each link once for each repetition.
+
+    Raises SceneError, which names everything that a page does not treat.
+    """
+    if problems := list(_problems(scene)):
+        raise SceneError(problems)
+    data = describe(scene)
+    data["support"] = describe(scene.support)
+    for own, pendulum in zip(data["pendulum"], scene.pendulum, strict=True):
+        own["links"] = [
+            {key: value for key, value in describe(link).items() if key != "count"}
+            for link in pendulum.links
+            for _ in range(link.count)
+        ]
+    return data
+
+
+def _problems(scene: Scene) -> Iterator[str]:
+    if scene.space == "space":
+        yield 'space = "space": the live page shows motion in one plane'
+    if scene.n_links > MOST_LINKS:
+        yield f"the scene has {scene.n_links} links in all: the live page shows at most {MOST_LINKS}"
+    if isinstance(scene.support, Cart) and scene.support.mass == 0:
+        yield "support.mass = 0.0: the live page needs a cart with mass"
+    data = describe(scene)
+    parts = [("", "", data), ("support.", "support", data.get("support", {}))]
+    for p, pendulum in enumerate(data["pendulum"]):
+        parts.append((f"pendulum[{p}].", "pendulum", pendulum))
+        parts += [(f"pendulum[{p}].links[{i}].", "links", link) for i, link in enumerate(pendulum["links"])]
+    for place, kind, part in parts:
+        for key in part.keys() - TREATED[kind]:
+            yield f"{place}{key}: {WORDS.get(key, 'the live page does not treat it')}"
+    if scene.support.kind not in {"fixed", "cart"}:
+        yield f'support.kind = "{scene.support.kind}": the live page does not treat it'
+
+
+def recording_of(trajectory: Trajectory) -> dict[str, Any]:
+    """The samples of a motion, evenly thinned out to what a page holds, as 32-bit floats in base64.
+
+    A row is (x, angles, x', rates, work) in SI units; `drift` is that of the energy over the whole run.
+    """
+    motion, times = trajectory.motion, trajectory.times
+    links = trajectory.system.n_links
+    width = 2 * (links + 1) + 1
+    stride = -(-len(times) * (width + 1) // MOST_NUMBERS)
+    rows = np.column_stack((motion.cart, motion.links, motion.cart_rate, motion.link_rates, motion.work))
+    kept = np.unique(np.append(np.arange(0, len(times), stride), len(times) - 1))
+    return {
+        "times": _packed(times[kept] - times[0]),
+        "rows": _packed(rows[kept]),
+        "width": width,
+        "begin": float(times[0]),
+        "drift": trajectory.energy_drift(),
+        "samples": len(kept),
+        "of": len(times),
+    }
+
+
+def _packed(values: Floats) -> str:
+    return b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()

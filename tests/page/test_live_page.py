@@ -1,0 +1,296 @@
+"""The page in Chromium as its user meets it: by mouse, keys and links, at every width, light and dark."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from amounts import usually
+from chromium import Chromium
+from live import BROWSER, axe, written
+
+from modal import natural_modes
+from modal.scene import load, parse
+from multipendula.page import recording_of
+from nonlinear import simulate
+from nonlinear.system import initial_state
+
+pytestmark = [BROWSER, pytest.mark.slow, pytest.mark.xdist_group("chromium")]
+
+WIDTHS = (360, 768, 1280)
+
+
+@pytest.fixture
+def shown(browser: Chromium, tmp_path: Path) -> Chromium:
+    """Two double pendula on a cart, hanging still."""
+    browser.errors.clear()
+    browser.size(1280, 900)
+    browser.open(written(load("paper-cart-2"), tmp_path))
+    return browser
+
+
+def text(browser: Chromium, name: str) -> str:
+    return str(browser.run(f"document.getElementById({json.dumps(name)}).textContent"))
+
+
+def cells(browser: Chromium) -> list[list[str]]:
+    found: list[list[str]] = browser.run(
+        "[...document.querySelectorAll('#rows tr')].map((row) => [...row.cells].map((cell) => cell.textContent))"
+    )
+    return found
+
+
+def file_of(browser: Chromium) -> str:
+    """The scene file that the page offers to copy."""
+    browser.run("navigator.clipboard.writeText = () => Promise.reject(new Error('none'))")
+    browser.click("file")
+    found = str(browser.run("document.getElementById('paper').value"))
+    browser.run("document.getElementById('sheet').close()")
+    return found
+
+
+def enter(browser: Chromium, label: str, value: float) -> None:
+    """A number typed beside a slider."""
+    browser.run(
+        f"""(() => {{ const box = document.querySelector('input[aria-label^={json.dumps(label)}]');
+        box.value = {value!r}; box.dispatchEvent(new Event('change')); }})()"""
+    )
+
+
+def test_the_table_shows_the_modes(shown: Chromium) -> None:
+    modes, rows = natural_modes(load("paper-cart-2")), cells(shown)
+    assert len(rows) == len(modes)
+    for row, mode in zip(rows[1:], list(modes)[1:], strict=True):
+        assert float(row[1]) == pytest.approx(mode.frequency, rel=1e-4)
+        assert float(row[2]) == pytest.approx(mode.period, rel=1e-4)
+        assert float(row[4].rstrip("*")) == pytest.approx(mode.linear_to_1_percent_deg, rel=1e-2)
+        assert row[4].endswith("*") == bool(mode.resonances)
+    assert float(rows[1][3]) == pytest.approx(2 * np.pi / (modes.omega[2] - modes.omega[1]), rel=1e-3)
+    assert shown.errors == []
+
+
+def test_numbers_follow_a_change_at_once(shown: Chromium) -> None:
+    scene = load("paper-cart-2")
+    enter(shown, "Cart mass", 5.0)
+    enter(shown, "Length", 0.7)
+    support = scene.support.replace(mass=5.0)
+    first = scene.pendulum[0].replace(
+        links=(scene.pendulum[0].links[0].replace(length=0.7, count=1), scene.pendulum[0].links[0].replace(count=1))
+    )
+    modes = natural_modes(scene.replace(support=support, pendulum=(first, scene.pendulum[1])))
+    assert [float(row[1]) for row in cells(shown)] == pytest.approx([mode.frequency for mode in modes], rel=1e-4)
+    slider = "document.querySelector('#of-cart input[type=range]')"
+    shown.run(f"{slider}.value = 0, {slider}.dispatchEvent(new Event('input'))")
+    assert parse(file_of(shown).encode()).support.mass == 1.0
+    assert shown.errors == []
+
+
+def test_a_row_sets_its_mode_swinging(shown: Chromium) -> None:
+    shown.run("document.querySelectorAll('#rows tr')[2].click()")
+    shown.frames(30)
+    assert shown.run("document.querySelectorAll('#rows button')[2].getAttribute('aria-pressed')") == "true"
+    assert text(shown, "status") == "Mode 3 swings."
+    assert float(text(shown, "time").split()[0]) > 0.1
+    shown.click("play")
+    state = initial_state(parse(file_of(shown).encode()))
+    shape = natural_modes(load("paper-cart-2")).shape(2).angles
+    across = state.links - shape * (state.links @ shape) / (shape @ shape)
+    assert np.abs(across).max() < 0.02 * np.radians(10)
+
+
+def centre(browser: Chromium) -> tuple[float, float]:
+    """The middle of the scene."""
+    left, top, width, height = browser.run(
+        "(({ x, y, width, height }) => [x, y, width, height])(window.scene.getBoundingClientRect())"
+    )
+    return left + width / 2, top + height / 2
+
+
+def test_a_bob_is_pulled_and_let_go(browser: Chromium, tmp_path: Path) -> None:
+    browser.size(1280, 900)
+    browser.open(written(load("chain-1"), tmp_path))
+    browser.frames(1)
+    x, y = centre(browser)
+    browser.run("(({ speed }) => { speed.value = '0.1'; speed.dispatchEvent(new Event('change')); })(window)")
+    bob = next(y + step for step in range(-40, 240, 4) if browser.run(cursor(x, y + step)) == "grab")
+    browser.drag((x, bob + 16), (x + 60, bob), (x + 120, bob - 30))
+    browser.frames(6)
+    angle = initial_state(parse(file_of(browser).encode())).links[0]
+    assert 0.3 < angle < 0.9
+    assert text(browser, "play") == "Pause"
+    assert browser.errors == []
+
+
+def test_a_finger_pulls_a_bob_and_scrolls_beside_it(browser: Chromium, tmp_path: Path) -> None:
+    browser.size(360, 640)
+    browser.call("Emulation.setTouchEmulationEnabled", enabled=True)
+    browser.open(written(load("chain-1"), tmp_path))
+    browser.frames(1)
+    x, y = centre(browser)
+    bob = next(y + step for step in range(-40, 240, 4) if browser.run(cursor(x, y + step)) == "grab") + 34
+    browser.swipe((x, bob), (x + 40, bob - 60), (x + 80, bob - 90), (x + 80, bob - 100))
+    browser.call("Emulation.setTouchEmulationEnabled", enabled=False)
+    assert browser.run("scrollY") == 0
+    assert initial_state(parse(file_of(browser).encode())).links[0] > 0.4
+    assert text(browser, "play") == "Pause"
+
+
+def cursor(x: float, y: float) -> str:
+    return f"""(() => {{ const scene = document.getElementById('scene');
+      scene.dispatchEvent(new PointerEvent('pointermove', {{ clientX: {x}, clientY: {y} }}));
+      return scene.style.cursor; }})()"""
+
+
+@pytest.mark.parametrize(("tool", "key"), [("length", "length"), ("mass", "mass")])
+def test_handles_change_lengths_and_masses(browser: Chromium, tmp_path: Path, tool: str, key: str) -> None:
+    browser.size(1280, 900)
+    browser.open(written(load("chain-1"), tmp_path))
+    browser.frames(1)
+    x, y = centre(browser)
+    bob = next(y + step for step in range(-40, 240, 4) if browser.run(cursor(x, y + step)) == "grab") + 34
+    browser.run(f"document.querySelector('input[value={tool}]').click()")
+    browser.drag((x, bob), (x, bob - 40), (x, bob - 80))
+    link = parse(file_of(browser).encode()).pendulum[0].links[0]
+    changed = getattr(link, key)
+    assert (0.5 < changed < 0.9) if tool == "length" else changed == pytest.approx(10**0.5, rel=0.01)
+
+
+def test_keys_do_what_the_hand_does(shown: Chromium) -> None:
+    shown.run("document.getElementById('scene').focus()")
+    shown.press("ArrowDown")
+    for _ in range(5):
+        shown.press("ArrowRight")
+    state = initial_state(parse(file_of(shown).encode()))
+    assert np.degrees(state.links) == pytest.approx([0, 10, 0, 0])
+    shown.run("document.getElementById('scene').focus()")
+    shown.press("Enter")
+    shown.frames(10)
+    assert text(shown, "play") == "Pause"
+    shown.press("r")
+    shown.frames(6)
+    assert text(shown, "play") == "Play"
+    assert parse(file_of(shown).encode()).pendulum[0].start == load("paper-cart-2").pendulum[0].start
+    shown.press("k")
+    shown.frames(6)
+    assert text(shown, "energy") != "0 J"
+
+
+def test_a_link_holds_the_state(shown: Chromium, tmp_path: Path) -> None:
+    enter(shown, "Gravity", 1.62)
+    shown.run("document.getElementById('scene').focus()")
+    shown.press("ArrowRight")
+    shown.click("link")
+    before, fragment = file_of(shown), shown.run("location.hash")
+    assert "gravity = 1.62" in before
+    shown.open(tmp_path / "page.html", fragment)
+    assert file_of(shown) == before
+    shown.open(tmp_path / "page.html", "#bm9uc2Vuc2U")
+    assert "holds no scene" in text(shown, "status")
+    assert cells(shown)[1][1] == "0.42655"
+
+
+def test_full_screen_keeps_the_table(shown: Chromium) -> None:
+    shown.call("Runtime.evaluate", expression="wide.click()", userGesture=True)
+    shown.run("new Promise((done) => document.fullscreenElement ? done() : (document.onfullscreenchange = done))")
+    assert shown.run("document.fullscreenElement.contains(rows) && document.fullscreenElement.contains(scene)")
+    assert text(shown, "wide") == "Leave full screen"
+    shown.run("document.exitFullscreen()")
+    assert text(shown, "wide") == "Full screen"
+
+
+def test_a_hostile_title_is_shown_and_not_run(browser: Chromium, tmp_path: Path) -> None:
+    title = "</script><script>window.harm = 1</script><img src=x onerror='window.harm = 2'>{{data}}"
+    scene = load("chain-2").replace(title=title)
+    browser.errors.clear()
+    browser.open(written(scene, tmp_path))
+    browser.frames(2)
+    harmed = "[window.harm ?? 0, document.images.length, document.scripts.length]"
+    assert browser.run(harmed) == [0, 0, 2]
+    assert (text(browser, "title"), browser.run("document.title")) == (title, title)
+    assert parse(file_of(browser).encode()).title == title
+    browser.click("link")
+    browser.open(tmp_path / "page.html", browser.run("location.hash"))
+    assert browser.run(harmed) == [0, 0, 2]
+    assert browser.errors == []
+
+
+def test_energy_and_the_linear_prediction_stand_beside_the_motion(browser: Chromium, tmp_path: Path) -> None:
+    browser.open(written(load("paper-cart-3"), tmp_path))
+    browser.click("play")
+    browser.frames(50)
+    assert "10⁻" in text(browser, "drift")
+    assert float(text(browser, "apart").rstrip("°")) > 1
+    assert text(browser, "time") != "0.00 s"
+
+
+def test_dampers_and_drives(shown: Chromium) -> None:
+    enter(shown, "Damping", 2.0)
+    assert 1 < float(cells(shown)[1][5].split()[0]) < 4
+    shown.click("drive")
+    shown.frames(12)
+    assert text(shown, "play") == "Pause"
+    assert text(shown, "energy") != "0 J"
+    shown.run("document.querySelectorAll('#rows tr')[2].click()")
+    shown.click("tune")
+    frequency = shown.run("document.querySelector('input[aria-label^=Frequency]').value")
+    assert float(frequency) == pytest.approx(float(cells(shown)[2][1]), rel=1e-4)
+    shown.click("sound")
+    shown.frames(6)
+    shown.click("sound")
+    assert shown.errors == []
+
+
+def test_a_saved_motion_plays_steps_and_scrubs(browser: Chromium, tmp_path: Path) -> None:
+    run = simulate(load("paper-cart-2"), 4.0, output=41)
+    browser.errors.clear()
+    browser.open(written(run.scene, tmp_path, recording_of(run)))
+    for _ in range(3):
+        browser.click("forth")
+    browser.click("back")
+    assert initial_state(parse(file_of(browser).encode())).links == pytest.approx(run.motion.links[2], rel=1e-6)
+    browser.run("(({ scrub }) => { scrub.value = 500; scrub.dispatchEvent(new Event('input')); })(window)")
+    assert initial_state(parse(file_of(browser).encode())).links == pytest.approx(run.motion.links[20], abs=1e-2)
+    browser.click("play")
+    browser.frames(20)
+    assert float(text(browser, "time").split()[0]) > 2.1
+    browser.click("hang")
+    assert not browser.run("document.getElementById('again').disabled")
+    browser.click("again")
+    browser.frames(6)
+    assert text(browser, "time") == "0.00 s"
+    assert browser.errors == []
+
+
+@pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
+@pytest.mark.parametrize("width", WIDTHS)
+def test_nothing_is_wider_than_the_window(browser: Chromium, tmp_path: Path, width: int, dark: bool) -> None:
+    browser.size(width, 800, dark=dark)
+    browser.open(written(load("clocks-double"), tmp_path))
+    assert browser.run("document.documentElement.scrollWidth") == width
+    small = """[...document.querySelectorAll('button, select, input:not([type=checkbox], [type=radio])')]
+      .filter((one) => one.offsetParent && one.getBoundingClientRect().height < 24).map((one) => one.outerHTML)"""
+    assert browser.run(small) == []
+    ground = browser.run("getComputedStyle(document.body).backgroundColor")
+    assert (sum(map(int, ground[4:-1].split(","))) < 150) == dark
+    browser.click("theme")
+    assert browser.run("getComputedStyle(document.body).backgroundColor") != ground
+
+
+@pytest.mark.parametrize(
+    ("width", "dark"),
+    usually([(360, True), (1280, False)], [(width, dark) for width in WIDTHS for dark in (False, True)]),
+)
+def test_axe_finds_nothing(browser: Chromium, tmp_path: Path, width: int, dark: bool) -> None:
+    if (script := axe()) is None:
+        pytest.skip("axe-core is not installed: npm install axe-core, and its folder in AXE_CORE")
+    browser.size(width, 800, dark=dark)
+    run = simulate(load("clocks-double"), 1.0, output=11)
+    browser.open(written(run.scene, tmp_path, recording_of(run)))
+    browser.run(script + "\n;0")
+    browser.run("document.querySelectorAll('#rows tr')[1].click()")
+    found: list[dict[str, Any]] = browser.run("axe.run().then((result) => result.violations)")
+    assert [(one["id"], [node["html"] for node in one["nodes"]]) for one in found] == []
+    assert browser.run("axe.run().then((result) => result.passes.length)") > 20

@@ -1,0 +1,288 @@
+"""The page's modes and motions in Chromium beside Python's, on random scenes."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+from amounts import usually
+from chromium import Chromium
+from live import BROWSER, asked, physics
+from scenes import mild_scene, motion_scene
+from scipy.integrate._ivp import dop853_coefficients as coefficients
+
+from modal import natural_modes
+from modal.modes import Modes
+from modal.scene import Scene, example_names, load, parse, scene_from
+from multipendula.page import MOST_LINKS, scene_data
+from nonlinear import simulate
+from nonlinear.integration import Trajectory
+from nonlinear.system import AppliedForces, initial_state
+
+pytestmark = [BROWSER, pytest.mark.slow, pytest.mark.xdist_group("chromium")]
+
+FREQUENCY, SHAPE, MOTION = 1e-12, 1e-9, 1e-6
+APART = 1e-10
+"""rad by which a twin is started; within the horizon it stays within a thousand times that."""
+SECONDS = 10.0
+
+MODES = """(scenes) => scenes.map((scene) => {
+  const system = $system.systemOf(scene);
+  return $modes.modesOf(system).map((row) => ({ ...row, shapes: row.shapes.map((shape) => [...shape]) }));
+})"""
+RUNS = """({ scenes, times }) => scenes.map((scene) => {
+  const system = $system.systemOf(scene);
+  const motion = new $motion.Motion(system, $system.startOf(scene, system), { tolerance: 1e-12, linear: false });
+  const rows = times.map((time) => (motion.advance(time), [...motion.y]));
+  return { rows, worst: motion.worst };
+})"""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _modules(browser: Chromium, tmp_path_factory: pytest.TempPathFactory) -> None:
+    physics(browser, tmp_path_factory.mktemp("physics"))
+
+
+def two_hundred() -> list[Scene]:
+    every = [scene for seed in range(100) for scene in (motion_scene(seed), mild_scene(seed))]
+    return usually(every[::12], every)
+
+
+def strangers(row: dict[str, Any], modes: Modes) -> list[float]:
+    """How far each shape of a row is from the span of the table's shapes of the same frequency."""
+    matrix, number = modes.matrix, int(np.argmin(np.abs(modes.omega - row["omega"])))
+    own = matrix.shapes[:, matrix.row == number].real
+    found = []
+    for values in row["shapes"]:
+        shape = np.array(values if modes.on_cart else values[1:])
+        left = shape - own @ (own.T @ matrix.M @ shape)
+        found.append(float(np.sqrt(max(0.0, left @ matrix.M @ left) / (shape @ matrix.M @ shape))))
+    return found
+
+
+def assert_modes(rows: list[dict[str, Any]], scene: Scene) -> None:
+    modes = natural_modes(scene.conservative)
+    mine = np.sort([row["omega"] for row in rows for _ in range(row["multiplicity"])])
+    theirs = np.sort(np.repeat(modes.omega, modes.multiplicity))
+    assert len(mine) == len(theirs)
+    assert np.all(np.abs(mine - theirs) <= FREQUENCY * theirs)
+    for row in rows:
+        assert max(strangers(row, modes)) <= SHAPE
+        own = modes[int(np.argmin(np.abs(modes.omega - row["omega"])))]
+        assert row["growing"] == (own.growth_rate is not None)
+        if row["omega"] and not row["growing"]:
+            assert row["kappa"] == pytest.approx(own.kappa, rel=1e-9)
+            assert row["onePercent"] == pytest.approx(own.linear_to_1_percent_deg, rel=1e-9)
+
+
+def test_modes_are_those_of_the_table(browser: Chromium) -> None:
+    scenes = two_hundred()
+    for rows, scene in zip(asked(browser, MODES, [scene_data(one) for one in scenes]), scenes, strict=True):
+        assert_modes(rows, scene)
+
+
+def test_modes_of_shipped_scenes_and_of_a_long_chain(browser: Chromium) -> None:
+    scenes = [one for one in map(load, example_names()) if one.n_links <= MOST_LINKS and one.space == "plane"]
+    scenes = [one for one in scenes if not one.is_hoisted]
+    link = load("chain-5").pendulum[0].links[0].replace(count=MOST_LINKS)
+    scenes.append(Scene(gravity=9.81, pendulum=[load("chain-5").pendulum[0].replace(links=(link,), start=None)]))
+    assert len(scenes) == 16
+    for rows, scene in zip(asked(browser, MODES, [scene_data(one) for one in scenes]), scenes, strict=True):
+        assert_modes(rows, scene)
+        if scene.n_links < MOST_LINKS:
+            told = [(mode.family, bool(mode.resonances)) for mode in natural_modes(scene.conservative)]
+            assert [(row["words"], row["resonant"]) for row in rows] == told
+
+
+def test_a_wrong_shape_or_frequency_is_seen(browser: Chromium) -> None:
+    scene = motion_scene(3)
+    (rows,) = asked(browser, MODES, [scene_data(scene)])
+    for row, factor in ((0, 1 + 1e-11), (-1, 1 - 1e-11)):
+        changed = [dict(one) for one in rows]
+        changed[row]["omega"] *= factor
+        with pytest.raises(AssertionError):
+            assert_modes(changed, scene)
+    changed = [dict(one) for one in rows]
+    changed[-1]["shapes"] = [[value + 1e-7 * i for i, value in enumerate(changed[-1]["shapes"][0])]]
+    with pytest.raises(AssertionError):
+        assert_modes(changed, scene)
+
+
+def test_damping_ratios_are_the_first_order_of_the_table(browser: Chromium) -> None:
+    scene = load("paper-cart-2")
+    weak = scene.replace(support=scene.support.replace(damping=1e-3))
+    (rows,) = asked(browser, MODES, [scene_data(weak)])
+    mine = sorted(row["ratio"] for row in rows if row["omega"])
+    theirs = sorted(mode.damping_ratio for mode in natural_modes(weak) if mode.oscillates)
+    assert mine == pytest.approx(theirs, rel=1e-5, abs=1e-12)
+    assert mine[-1] > 1e-8
+
+
+def within(run: Trajectory, scene: Scene) -> np.ndarray:
+    """Which samples (T,) are within the horizon: a twin started APART stays near."""
+    start = initial_state(scene)
+    twin = type(start)(start.links + APART, start.link_rates)
+    other = simulate(scene, SECONDS, start=twin, output=run.times, tolerance=1e-12)
+    away = np.abs(other.motion.links - run.motion.links).max(axis=1)
+    return np.logical_and.accumulate(away < 1000 * APART)
+
+
+def apart(rows: list[list[float]], run: Trajectory) -> np.ndarray:
+    """The largest angle (rad) and distance of the cart (m) between a page's run and Python's, (T,)."""
+    mine, n = np.array(rows), run.system.n_links
+    cart = np.abs(mine[:, 0] - run.motion.cart)
+    return np.maximum(np.abs(mine[:, 1 : 1 + n] - run.motion.links).max(axis=1), cart)
+
+
+def test_motions_are_pythons_within_the_horizon(browser: Chromium) -> None:
+    seeds = usually(range(5), range(200))
+    scenes = [motion_scene(seed) for seed in seeds]
+    times = np.linspace(0, SECONDS, 41)
+    given = {"scenes": [scene_data(one) for one in scenes], "times": times.tolist()}
+    compared = 0
+    for answer, scene in zip(asked(browser, RUNS, given), scenes, strict=True):
+        run = simulate(scene, SECONDS, output=times, tolerance=1e-12)
+        inside = within(run, scene)
+        assert apart(answer["rows"], run)[inside].max() < MOTION
+        assert answer["worst"] < 1e-8
+        compared += int(inside.sum())
+        if scene.has_damping:
+            works = np.array(answer["rows"])[inside, -1]
+            assert np.abs(works - run.motion.work[inside]).max() < 1e-5 * max(1.0, np.abs(run.motion.work).max())
+    assert compared > 10 * len(scenes)
+
+
+@pytest.mark.parametrize("name", ["huygens", "metronomes", "clocks-double"])
+def test_clocks_tick_as_pythons(browser: Chromium, name: str) -> None:
+    scene, times = load(name), np.linspace(0, SECONDS, 21)
+    (answer,) = asked(browser, RUNS, {"scenes": [scene_data(scene)], "times": times.tolist()})
+    run = simulate(scene, SECONDS, output=times, tolerance=1e-12)
+    assert apart(answer["rows"], run).max() < MOTION
+    assert np.array(answer["rows"])[-1, -1] == pytest.approx(run.motion.work[-1], rel=1e-6)
+    assert answer["worst"] < 1e-8
+
+
+@pytest.mark.parametrize(("angle", "start"), [(10.0, 10.001), (0.0, 5.0), (10.0, 9.99)])
+def test_a_kick_is_not_missed_between_steps(browser: Chromium, angle: float, start: float) -> None:
+    """Some 9 ms beyond the angle; a kick at the lowest point; a swing that never gets there."""
+    drive = {"kind": "escapement", "impulse": 1e-3, "angle_deg": angle}
+    link = {"kind": "bob", "mass": 1.0, "length": 1.0, "drive": drive}
+    scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [link], "start": {"angles_deg": [-start]}}]})
+    (answer,) = asked(browser, RUNS, {"scenes": [scene_data(scene)], "times": [0.25 * k for k in range(1, 21)]})
+    run = simulate(scene, 5.0, tolerance=1e-12)
+    assert answer["rows"][-1][1] == pytest.approx(run.final.links[0], abs=MOTION)
+    assert (len(run.kicks.time) > 0) == (start != 9.99)
+    assert answer["rows"][-1][-1] == pytest.approx(run.motion.work[-1], abs=1e-8)
+
+
+@pytest.mark.parametrize("name", ["paper-cart-2", "chain-2"])
+def test_a_push_is_pythons_load_and_the_linear_motion_is_the_superposition(browser: Chromium, name: str) -> None:
+    scene, amount, omega = load(name), 0.5, 2.5
+    small = scene.replace(
+        pendulum=tuple(
+            one.replace(start=one.start.replace(angles_deg=tuple(a / 2000 for a in one.start.angles_deg)))
+            for one in scene.pendulum
+            if one.start
+        )
+    )
+    question = """({ scene, amount, omega }) => {
+      const system = $system.systemOf(scene);
+      const push = (time) => amount * Math.cos(omega * time);
+      const motion = new $motion.Motion(system, $system.startOf(scene, system), { tolerance: 1e-12, push });
+      motion.advance(5);
+      return { y: [...motion.y], predicted: [...motion.predicted] };
+    }"""
+    on_cart = scene.support.kind == "cart"
+
+    def load_of(time: float, state: object) -> AppliedForces:
+        push = given["amount"] * np.cos(omega * time)
+        if on_cart:
+            return AppliedForces(push)
+        return AppliedForces(moments=np.array([push, 0.0]))
+
+    given = {"scene": scene_data(scene), "amount": amount, "omega": omega}
+    answer = asked(browser, question, given)
+    run = simulate(scene, 5.0, load=load_of, tolerance=1e-12)
+    assert np.abs(np.array(answer["y"])[1 : 1 + scene.n_links] - run.final.links).max() < MOTION
+    given = {"scene": scene_data(small), "amount": 1e-3, "omega": omega}
+    answer = asked(browser, question, given)
+    size = max(map(abs, answer["y"]))
+    assert answer["predicted"][:-1] == pytest.approx(answer["y"][:-1], abs=1e-5 * size)
+    assert size > 1e-4
+
+
+def test_five_double_pendula_cost_little(browser: Chromium) -> None:
+    """Counts, not times: 25 passes along the chains a frame, each of some 4 µs (`benchmarks/page.py`)."""
+    pair = load("paper-cart-2")
+    scene = pair.replace(pendulum=(pair.pendulum[0].replace(count=5),))
+    question = """(scene) => {
+      const system = $system.systemOf(scene);
+      const motion = new $motion.Motion(system, $system.startOf(scene, system));
+      for (let frame = 1; frame <= 600; frame++) motion.advance(frame / 60);
+      return [motion.full.calls / 600, motion.linear.calls / 600, motion.worst];
+    }"""
+    full, linear, drift = asked(browser, question, scene_data(scene))
+    assert 12 <= full < 25
+    assert 12 <= linear < 25
+    assert drift < 1e-8
+
+
+def test_a_scene_file_of_the_page_reads_back(browser: Chromium) -> None:
+    scenes = [load(name) for name in ("huygens", "cart-upright", "metronomes", "rope")][:3]
+    scenes += [motion_scene(seed) for seed in range(5)] + [mild_scene(seed) for seed in range(5)]
+    scenes.append(scenes[0].replace(title='A "quoted" \\ <b>title</b> \x7fü 😀'.replace("\x7f", "")))
+    for text, scene in zip(
+        asked(browser, "(all) => all.map((one) => $scene_file.sceneFile(one))", [scene_data(one) for one in scenes]),
+        scenes,
+        strict=True,
+    ):
+        assert scene_data(parse(text.encode())) == scene_data(scene)
+
+
+def test_the_state_in_a_scene_file_is_the_start_of_a_simulation(browser: Chromium) -> None:
+    scene = mild_scene(2)
+    question = """(scene) => {
+      const system = $system.systemOf(scene);
+      const y = $system.atRest(system).map((value, i) => value + 0.1 * Math.sin(i));
+      return { y: [...y], text: $scene_file.sceneFile(scene, system, y) };
+    }"""
+    answer = asked(browser, question, scene_data(scene))
+    back, n = parse(answer["text"].encode()), scene.n_links
+    start = initial_state(back)
+    assert back.n_pendula == scene.n_pendula
+    assert start.links == pytest.approx(answer["y"][1 : 1 + n], rel=1e-14)
+    assert start.link_rates == pytest.approx(answer["y"][n + 2 : 2 * n + 2], rel=1e-14)
+
+
+def test_the_coefficients_are_scipys(browser: Chromium) -> None:
+    mine = json.loads(browser.run("JSON.stringify($dop853.DOP853)"))
+    assert [*map(len, mine["A"])] == list(range(12))
+    for row, values in enumerate(mine["A"]):
+        assert values == coefficients.A[row, :row].tolist()
+    for name, size in (("B", 12), ("C", 12), ("E3", 12), ("E5", 12)):
+        assert mine[name] == getattr(coefficients, name)[:size].tolist()
+
+
+def test_a_link_is_checked_before_it_is_believed(browser: Chromium) -> None:
+    scene = scene_data(load("chain-2"))
+    wrong = [
+        {"scene": scene | {"gravity": -1}},
+        {"scene": scene | {"title": 5}},
+        {"scene": scene | {"support": {"kind": "cart", "mass": 0}}},
+        {"scene": scene | {"pendulum": []}},
+        {"scene": scene | {"pendulum": [{"links": [{"kind": "bob", "mass": "1", "length": 1}]}]}},
+        {"scene": scene | {"pendulum": [scene["pendulum"][0] | {"count": 1e6}]}},
+        {"scene": scene, "y": [0, 0]},
+        {"scene": scene, "selected": 2},
+        {"scene": scene, "drive": {"amount": -1, "frequency": 1}},
+        {},
+        None,
+        [],
+    ]
+    question = "(all) => all.map((one) => $scene_file.unpacked($scene_file.packed(one)))"
+    assert asked(browser, question, wrong) == [None] * len(wrong)
+    right = {"scene": scene | {"title": "Ω <b>"}, "y": [0, 1, 2, 0, 0, 0], "selected": 1}
+    assert asked(browser, question, [right]) == [right]
+    assert asked(browser, "(all) => all.map($scene_file.unpacked)", ["", "%%%", "e30", "bnVsbA"]) == [None] * 4

@@ -1,0 +1,55 @@
+"""What the tests of the live page share: one browser, with the page's modules in it or the page itself."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from functools import cache
+from pathlib import Path
+from shutil import which
+from typing import Any
+
+import chromium
+import pytest
+
+from modal.scene import Scene
+from multipendula.page import joined, page, scene_data
+from multipendula.page.document import PHYSICS
+
+BROWSER = pytest.mark.skipif(chromium.found() is None, reason="no Chromium is installed here")
+
+
+def physics(browser: chromium.Chromium, folder: Path) -> None:
+    """Show an empty page in which `$system`, `$modes` and the other modules of the physics can be called."""
+    empty = folder / "empty.html"
+    empty.write_text("<!DOCTYPE html><title>Physics</title>")
+    browser.open(empty)
+    browser.run(joined(PHYSICS) + "\n;0")
+
+
+def asked(browser: chromium.Chromium, question: str, given: Any) -> Any:
+    """The value of a function of JavaScript for this argument."""
+    return browser.run(f"({question})({json.dumps(given)})")
+
+
+def written(scene: Scene, folder: Path, recording: dict[str, Any] | None = None) -> Path:
+    """The page of a scene as a file."""
+    path = folder / "page.html"
+    path.write_text(page(scene_data(scene), recording), encoding="utf-8")
+    return path
+
+
+@cache
+def axe() -> str | None:
+    """The text of axe-core, from AXE_CORE in the environment or from npm's folders; None where it is not installed."""
+    folders = [os.environ.get("AXE_CORE", "")]
+    if which("npm"):
+        for where in ([], ["-g"]):
+            asked_npm = subprocess.run(["npm", "root", *where], capture_output=True, text=True, check=False)
+            folders.append(f"{asked_npm.stdout.strip()}/axe-core")
+    for folder in filter(None, folders):
+        path = Path(folder) / "axe.min.js"
+        if path.is_file():
+            return path.read_text(encoding="utf-8")
+    return None
