@@ -193,11 +193,15 @@ def test_a_link_holds_the_state(shown: Chromium, tmp_path: Path) -> None:
 
 
 def test_full_screen_keeps_the_table(shown: Chromium) -> None:
+    turned = (
+        "once = () => new Promise((done) => addEventListener('fullscreenchange', done, { once: true, capture: true }))"
+    )
+    shown.run(f"{turned}; window.entered = once(); 0")
     shown.call("Runtime.evaluate", expression="wide.click()", userGesture=True)
-    shown.run("new Promise((done) => document.fullscreenElement ? done() : (document.onfullscreenchange = done))")
+    shown.run("entered.then(() => 0)")
     assert shown.run("document.fullscreenElement.contains(rows) && document.fullscreenElement.contains(scene)")
     assert text(shown, "wide") == "Leave full screen"
-    shown.run("document.exitFullscreen()")
+    shown.run("window.left = once(); document.exitFullscreen().then(() => left).then(() => 0)")
     assert text(shown, "wide") == "Full screen"
 
 
