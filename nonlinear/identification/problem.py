@@ -231,8 +231,12 @@ class Problem:
         return found
 
     def _doubts(self, u: Floats) -> Floats:
-        priors = [(z, one.believed) for z, one in zip(u, self.parameters, strict=False) if one.believed]
-        return np.array([(z - believed[0]) / believed[1] for z, believed in priors])
+        return np.array([(u[k] - mean) / std for k, mean, std in self._beliefs])
+
+    @cached_property
+    def _beliefs(self) -> list[tuple[int, float, float]]:
+        """The numbers with priors: their index, and mean and standard deviation of z."""
+        return [(k, *one.believed) for k, one in enumerate(self.parameters) if one.believed]
 
     def jacobian(self, u: Floats) -> Floats:
         """The derivatives of the residuals, (N, size)."""
@@ -253,10 +257,9 @@ class Problem:
                 block[:, c, layout.delays.start + c] = -scale[c] * rates[:, c]
             block /= self.noise[:, None]
             blocks.append(block[np.isfinite(segment.values)])
-        known = [(k, one.believed) for k, one in enumerate(self.parameters) if one.believed]
-        priors = np.zeros((len(known), layout.size))
-        for row, (k, believed) in enumerate(known):
-            priors[row, k] = 1 / believed[1]
+        priors = np.zeros((len(self._beliefs), layout.size))
+        for row, (k, _, std) in enumerate(self._beliefs):
+            priors[row, k] = 1 / std
         return np.vstack([*blocks, *self._gap_slopes(flow), priors])
 
     def series(self) -> list[tuple[int, int, slice]]:
