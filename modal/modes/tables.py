@@ -154,8 +154,8 @@ def _with_stds(stds: Stds) -> list[Column]:
         if own := beside.get(column.key):
             key, which, factor, heading, latex = own
 
-            def value(mode: Mode, which: int = which, factor: float = factor) -> float:
-                return factor * stds[mode.number][which]
+            def value(mode: Mode, column: Column = column, which: int = which, factor: float = factor) -> float:
+                return nan if column.value(mode) is None else factor * stds[mode.number][which]
 
             found.append(_number(key, value, heading, latex, 2, column.only_if))
     return found

@@ -105,6 +105,18 @@ def test_without_a_covariance_a_table_has_no_such_columns(capsys: pytest.Capture
     assert r"$\pm\zeta$" in said(capsys, "table", "crane.toml", "--covariance", "fit.json", "--format", "latex")
 
 
+def test_a_growing_mode_has_a_standard_deviation_of_its_rate_but_of_no_frequency(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    record = {"parameters": [{"place": "gravity", "value": 9.81, "std": 0.01}], "covariance": [[1e-4]]}
+    (folder / "g.json").write_text(json.dumps(record))
+    rows = json.loads(said(capsys, "table", "cart-upright", "--covariance", "g.json", "--format", "json"))["modes"]
+    for row in rows:
+        assert (row["frequency_std_hz"] is None) == (row["frequency_hz"] is None)
+        assert row["omega_std_rad_per_s"] == pytest.approx(row["omega_rad_per_s"] * 0.01 / 9.81 / 2, abs=1e-12)
+    assert any(row["frequency_hz"] is None for row in rows)
+
+
 def test_responses_and_shapers_have_a_band(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     words = ("response", "crane.toml", "--covariance", "fit.json", "--at", "0.3,1", "-o", "b.png", "--format", "json")
     assert all(std > 0 for own in json.loads(said(capsys, *words))["magnitude_std"].values() for std in own)
