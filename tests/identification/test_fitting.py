@@ -79,7 +79,7 @@ def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) 
     """Lengths, dampers and friction; the masses are known."""
     scene = scene_from({"gravity": 9.81, "support": support, "pendulum": [{"links": TWO}]})
     free = [f"pendulum[0].links[*].{name}" for name in ("length", "damping", "friction")]
-    found = fit(wrong(scene, free, seed), made(scene, seed), free)
+    found = fit(wrong(scene, free, seed), made(scene, seed, seconds=2.0), free)
     assert len(found.held) == 0
     assert np.abs(pulls(scene, found)).max() < 4
     assert np.mean(np.square(pulls(scene, found))) < 4
@@ -92,7 +92,7 @@ def test_the_truth_is_within_the_error_bars(seed: int, support: dict[str, Any]) 
 def test_free_swings_never_give_the_absolute_mass() -> None:
     scene = scene_from({"gravity": 9.81, "pendulum": [{"links": [{**own, "friction": 0.0} for own in TWO]}]})
     free = ["pendulum[0].links[*].mass", "pendulum[0].links[*].damping"]
-    record = made(scene, 3)
+    record = made(scene, 3, segments=1, seconds=2.0)
     found = fit(scene, record, free)
     (direction,) = found.undetermined
     assert {direction.held, *direction.changes} == {one.path for one in found.parameters}
@@ -153,7 +153,7 @@ def test_a_chaotic_segment_is_fitted_in_windows_that_join() -> None:
 def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
     """0.0051 rad a half swing; rms of 1e-3 rad over 14 s, and a stop when the arm stopped (within 0.15 s)."""
     viscous = scene_from({"gravity": 9.81, "pendulum": [{"links": [ARM]}]})
-    record = read_recording(viscous, [SWING])
+    record = read_recording(viscous, [SWING]).until(14.0)
     free = [f"pendulum[0].links[0].{name}" for name in ("inertia", "damping")]
     told = fit(viscous, record, free)
     assert any(
@@ -169,7 +169,7 @@ def test_the_measured_arm_is_stopped_by_dry_friction() -> None:
         for times, v in ((segment.times, found.readings[0][:, 0]), (segment.times, segment.values[:, 0]))
     ]
     assert still[0] == pytest.approx(still[1], abs=0.15)
-    candidates = compare(viscous, record, free[:1], ["viscous", "coulomb", "viscous+coulomb"])
+    candidates = compare(viscous, record, free[:1], ["viscous", "coulomb"])
     assert [one.name for one in candidates][-1] == "viscous"
     assert candidates[-1].held_out_rms > 3 * candidates[0].held_out_rms
 
