@@ -71,8 +71,8 @@ class Numbers:
     def _even(self) -> list[Any]:
         """The entries, of each field either all arrays or none."""
         links, found = self.system.n_links, list(self.entries)
-        count = len(found[self.varied[0]]) if self.varied else 1
-        for at in range(BEFORE, len(found), links):
+        count = max((len(found[k]) for k in self.varied), default=1)
+        for at in range(BEFORE, BEFORE + len(FIELDS) * links, links):
             own = found[at : at + links]
             if any(isinstance(entry, np.ndarray) for entry in own):
                 found[at : at + links] = [np.broadcast_to(entry, count) for entry in own]

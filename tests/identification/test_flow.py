@@ -33,6 +33,10 @@ SCENES = {
         "support": CART,
         "pendulum": [{"links": [{**own, "drag": 0.1, "quadratic_drag": 0.3} for own in TWO]}],
     },
+    "all": {
+        "gravity": 9.81,
+        "pendulum": [{"links": [{**own, "friction": 0.02, "drag": 0.1, "quadratic_drag": 0.3} for own in TWO]}],
+    },
     "two": {
         "gravity": 9.81,
         "support": CART,
@@ -50,6 +54,7 @@ FREE = {
     "friction": ["pendulum[0].links[*].friction", "pendulum[0].links[*].mass"],
     "rail": ["support.friction", "support.damping", "pendulum[0].links[0].mass"],
     "drag": ["pendulum[0].links[*].drag", "pendulum[0].links[*].quadratic_drag"],
+    "all": ["pendulum[0].links[*].friction", "pendulum[0].links[0].drag"],
     "two": ["pendulum[1].links[0].friction", "pendulum[0].links[0].length"],
 }
 
