@@ -46,7 +46,7 @@ class Parameter:
 
     @property
     def start(self) -> float:
-        """Z of the scene's own number."""
+        """The z of the scene's own number."""
         return 0.0 if self.log else self.value / self.unit
 
     @property
@@ -63,7 +63,7 @@ class Parameter:
         return self.at(z) if self.log else self.unit
 
     def z_of(self, value: float) -> float:
-        """Z of a number."""
+        """The z of a number."""
         return log(value / self.value) if self.log else value / self.unit
 
     @property
@@ -170,5 +170,5 @@ def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
 
 
 def starts_of(parameters: Sequence[Parameter]) -> Floats:
-    """Z of the scene's own numbers, (p,)."""
+    """The z of the scene's own numbers, (p,)."""
     return np.array([one.start for one in parameters])

@@ -76,8 +76,7 @@ class Task:
 class Result:
     """Readings and their rates of every channel, (C, S, K, P) complex, NaN where a segment has no sample.
 
-    `rests` (S,) is when everything sticks for good, infinite where it does not; `events` counts changes between slip
-    and stick.
+    `events` counts changes between slip and stick.
     """
 
     values: Any
@@ -346,7 +345,7 @@ class _Front:
         self.h[at] = self.usual[at]
 
     def _under(self, at: int, free: Any, responses: Any) -> Any:
-        """Y' of a segment's lanes with its present sides."""
+        """The rates y' of a segment's lanes with its present sides."""
         own = self._of(at)
         return own.under(free, responses, own.torques(free, responses, self.sides[:, at, None]))
 
@@ -377,7 +376,7 @@ class _Inside:
         self.terms = np.array(terms)
 
     def at(self, part: Floats, rows: Any) -> Any:
-        """Y of these rows, (rows, m, W), at parts (m, W) of the step."""
+        """The y of these rows, (rows, m, W), at parts (m, W) of the step."""
         rows = list(rows)
         found: Any = 0.0
         for number, term in enumerate(self.terms[::-1]):

@@ -71,7 +71,7 @@ def spectral_lines(recording: Recording) -> Floats:
 
 
 def starting_numbers(scene: Scene, parameters: Sequence[Parameter], recording: Recording) -> Floats:
-    """Z of numbers whose frequencies are those of the spectrum, the scene's own where these are near already."""
+    """The z of numbers whose frequencies are those of the spectrum; the scene's own where these are near already."""
     own, lines = starts_of(parameters), spectral_lines(recording)
     movable = [k for k, one in enumerate(parameters) if one.log]
     computed = _frequencies(scene)

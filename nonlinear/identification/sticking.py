@@ -48,7 +48,7 @@ class Responses:
         self.rates = pushed(lanes, every, joints, unit)
 
     def __call__(self, y: Any) -> tuple[Any, Any]:
-        """Y' (size, W) without friction, and the responses (J, half, W)."""
+        """The rates y' (size, W) without friction, and the responses (J, half, W)."""
         every = np.tile(y, 1 + len(self.joints))
         free, *found = np.split(filled(self.rates(every), every), 1 + len(self.joints), axis=1)
         return free, np.array([own[self.half :] - free[self.half :] for own in found])
@@ -66,7 +66,7 @@ class Responses:
         return np.linalg.solve(np.moveaxis(matrix, -1, 0), right.T[..., None])[..., 0].T
 
     def under(self, free: Any, responses: Any, torques: Any) -> Any:
-        """Y' (size, W) under torques (J, W)."""
+        """The rates y' (size, W) under torques (J, W)."""
         found = free.copy()
         for response, torque in zip(responses, torques, strict=True):
             found[self.half :] += response * torque
@@ -74,7 +74,7 @@ class Responses:
 
 
 class Rates:
-    """y' of W lanes, of which each joint slips to a side or, at side 0, sticks."""
+    """The rates y' of W lanes, of which each joint slips to a side or, at side 0, sticks."""
 
     def __init__(self, lanes: Lanes, numbers: Numbers, joints: Sequence[Joint], sides: Any) -> None:
         self.lanes, self.numbers, self.joints = lanes, numbers, joints
@@ -92,7 +92,7 @@ class Rates:
             self.responses = Responses(self.lanes, self.numbers.at(self.stuck), own, len(self.stuck))
 
     def __call__(self, y: Any) -> Any:
-        """Y' (size, W)."""
+        """The rates y' (size, W)."""
         found = filled(self.slip(y), y)
         if len(self.stuck):
             free, responses = self.responses(y[:, self.stuck])
