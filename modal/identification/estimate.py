@@ -18,10 +18,10 @@ import numpy as np
 from modal.errors import SceneError
 from modal.identification.parameters import natural_unit
 from modal.scene import Scene
+from modal.scene.files import limited
 from modal.scene.parameters import Place, find_places, number_at
 from modal.types import Floats
 
-LARGEST_FILE = 2**26
 SAME = 1e-6  # relative difference of a number from the scene's
 ALIKE = 1e-9  # of two entries that mirror each other, relative to their standard deviations
 INDEFINITE = 1e-9  # of the largest eigenvalue of the correlations: a negative one beyond rounding
@@ -76,10 +76,7 @@ def read_estimate(scene: Scene, path: str | os.PathLike[str]) -> Estimate:
 def _content(name: str) -> Any:
     try:
         with open(name, "rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-        if len(content) > LARGEST_FILE:
-            raise SceneError([f"is larger than {LARGEST_FILE >> 20} MB"])
-        return json.loads(content.decode("utf-8-sig"))
+            return json.loads(limited(stream).decode("utf-8-sig"))
     except OSError as error:
         raise SceneError([f"{error.strerror or error}"]) from None
     except RecursionError:

@@ -22,6 +22,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import counted
 from modal.scene import Cart, Scene
+from modal.scene.files import limited
 from modal.types import Complexes, Floats, Ints
 
 MODE, FREQUENCY, STD = "mode", "frequency_hz", "std_hz"
@@ -31,7 +32,6 @@ OPTIONAL = (RATIO, RATIO_STD, SHAPE_STD)
 CART = "cart"
 COMPONENT = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})|cart", re.ASCII)
 NEAR = re.compile(r"theta|cart|freq|std|damp|shape", re.ASCII)
-LARGEST_FILE = 2**24
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +88,7 @@ def read_modes(scene: Scene, path: str | os.PathLike[str]) -> MeasuredModes:
 def _text(name: str) -> str:
     try:
         with open(name, "rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-        if len(content) > LARGEST_FILE:
-            raise SceneError([f"is larger than {LARGEST_FILE >> 20} MB"])
-        return content.decode("utf-8-sig")
+            return limited(stream).decode("utf-8-sig")
     except OSError as error:
         raise SceneError([f"{error.strerror or error}"]) from None
     except UnicodeDecodeError:

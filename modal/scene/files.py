@@ -230,7 +230,7 @@ def _read(name: str) -> bytes:
             if sys.stdin is None:
                 raise SceneError(["standard input is closed"])
             with _awaited("standard input"):
-                return _limited(sys.stdin.buffer)
+                return limited(sys.stdin.buffer)
         there = Path(name).is_file() or Path(name).is_fifo()
         looks_like_path = there or any(mark in name for mark in (os.sep, "/", "."))
         if not looks_like_path:
@@ -240,7 +240,7 @@ def _read(name: str) -> bytes:
         if Path(name).exists() and not Path(name).is_file() and not Path(name).is_fifo():
             raise SceneError(["not a file"])
         with _awaited(name), open(name, "rb") as stream:
-            return _limited(stream)
+            return limited(stream)
     except SceneError:
         raise
     except (OSError, ValueError) as error:
@@ -262,7 +262,8 @@ def _awaited(name: str) -> Iterator[None]:
         words.cancel()
 
 
-def _limited(stream: IO[bytes]) -> bytes:
+def limited(stream: IO[bytes]) -> bytes:
+    """The content of a file; SceneError for one larger than LARGEST_FILE."""
     text = stream.read(LARGEST_FILE + 1)
     if len(text) > LARGEST_FILE:
         raise SceneError([f"is larger than {LARGEST_FILE} bytes"])

@@ -24,14 +24,15 @@ from math import tau
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modes import Modes, natural_modes
+from modal.modes import natural_modes
 from modal.scene import Scene
 from modal.scene.records import Spectrum
 from modal.statespace import ModalForm, frequency_response, state_space, to_modal_form
 from modal.statespace.gains import without_noise
 from modal.statespace.response import Term, terms
-from modal.statespace.signals import Signal, geometry_of
+from modal.statespace.signals import geometry_of
 from modal.types import Booleans, Complexes, Floats
+from modal.vibration.response import ModalResponse
 from modal.vibration.spectra import acceleration_psd
 
 USUAL = ("angles", "tip_accelerations")
@@ -50,21 +51,10 @@ DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output f
 
 
 @dataclass(frozen=True, eq=False)
-class RandomResponse:
+class RandomResponse(ModalResponse):
     """The response of some outputs (p of them) of a scene to a PSD of its support's motion."""
 
-    form: ModalForm
     spectrum: Spectrum
-
-    @property
-    def modes(self) -> Modes:
-        """The modes of the scene."""
-        return self.form.modes
-
-    @property
-    def outputs(self) -> tuple[Signal, ...]:
-        """The outputs."""
-        return self.form.model.outputs
 
     def input_psd(self, f: Floats) -> Floats:
         """The PSD of the support's acceleration, (m/s²)²/Hz, at the frequencies f (W,) in Hz."""

@@ -14,16 +14,16 @@ from math import pi
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.modes import Modes, natural_modes
+from modal.modes import natural_modes
 from modal.scene import RecordMotion, Scene
-from modal.statespace import ModalForm, state_space, to_modal_form
+from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import Term
-from modal.statespace.signals import Signal
 from modal.types import Booleans, Floats
 from modal.vibration.combination import cqc, srss
 from modal.vibration.oscillators import driven, fine_times, peak
 from modal.vibration.prescribed import Record, prescribed_motion
 from modal.vibration.random import INPUT, USUAL, exact_terms
+from modal.vibration.response import ModalResponse
 
 ENOUGH = 0.9
 """Share of the mass that the modes considered must have."""
@@ -33,24 +33,13 @@ MOST = 5e7  # numbers of all histories
 
 
 @dataclass(frozen=True, eq=False)
-class ShockResponse:
+class ShockResponse(ModalResponse):
     """The response of p outputs to a record, at `times` (T,) in s; `history` (p, T) and that of each mode (R, p, T)."""
 
-    form: ModalForm
     record: Record
     times: Floats
     history: Floats
     by_mode: Floats
-
-    @property
-    def modes(self) -> Modes:
-        """The modes of the scene."""
-        return self.form.modes
-
-    @property
-    def outputs(self) -> tuple[Signal, ...]:
-        """The outputs."""
-        return self.form.model.outputs
 
     @cached_property
     def peaks(self) -> Floats:

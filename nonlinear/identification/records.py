@@ -22,13 +22,13 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.report import counted, listed
 from modal.scene import Cart, Scene
+from modal.scene.files import limited
 from modal.types import Floats
 
 TIME, SEGMENT = "time_s", "segment"
 RUNS = "x_m"  # the cart in files of simulated runs, also of those without one
 SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m|x_m", re.ASCII)
 LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
-LARGEST_FILE = 2**28
 MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
 FEWEST = 4  # samples of a segment
 FEW_CHANGES = 2  # different values that a record has at least
@@ -209,17 +209,14 @@ def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[i
     """The header of a file, and its rows with their line numbers."""
     try:
         with open(name, "rb") as stream:
-            content = stream.read(LARGEST_FILE + 1)
-        if len(content) > LARGEST_FILE:
-            raise SceneError([f"{name}: is larger than {LARGEST_FILE >> 20} MB"])
-        text = content.decode("utf-8-sig")
+            text = limited(stream).decode("utf-8-sig")
         reader = csv.reader(line for line in io.StringIO(text, newline="") if not line.startswith("#"))
         header, *rows = [*enumerate(reader, 1)] or [(1, [])]
     except OSError as error:
         raise SceneError([f"{name}: {error.strerror or error}"]) from None
     except ValueError as error:
         if isinstance(error, SceneError):
-            raise
+            raise SceneError([f"{name}: {problem}" for problem in error.problems]) from None
         raise SceneError([f"{name}: is not text in UTF-8, or its name is none"]) from None
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
