@@ -89,8 +89,8 @@ def spatial(scene: Scene, azimuth: float) -> Scene:
 @pytest.mark.parametrize("seed", range(6))
 def test_a_start_in_the_plane_of_the_rail_is_integrated_there(seed: int) -> None:
     scene = spatial(motion_scene(seed, sprung=False), 0.0)
-    found = simulate(scene, 2.0, tolerance=1e-12, output=21)
-    whole = simulate(scene, 2.0, tolerance=1e-12, output=21, form="spatial")
+    found = simulate(scene, 1.0, tolerance=1e-12, output=11)
+    whole = simulate(scene, 1.0, tolerance=1e-12, output=11, form="spatial")
     assert (found.run.form, found.run.reduced) == ("minimal", "one vertical plane of space")
     assert (whole.run.form, whole.run.reduced) == ("spatial", "")
     assert np.abs(found.motion.links - whole.motion.links).max() < 1e-8

@@ -67,7 +67,7 @@ def scenes(draw: st.DrawFn) -> Scene:
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, derandomize=True)
+@settings(max_examples=60, deadline=None, derandomize=True)
 @given(scenes())
 def test_corners(scene: Scene) -> None:
     try:

@@ -144,7 +144,7 @@ def test_a_removed_line_is_measured_again(tmp_path: Path, monkeypatch: pytest.Mo
 
 def _bomb(stream: io.BytesIO, head: bytes, size: int) -> None:
     with (
-        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as zipped,
+        zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as zipped,
         zipped.open("links.npy", "w", force_zip64=True) as part,
     ):
         part.write(head)

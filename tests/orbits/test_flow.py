@@ -34,7 +34,7 @@ def test_the_flows_derivative_has_the_determinant_of_the_divergence(seed: int) -
     flow = Flow(system, 1e-12, fast=False)
     y = flow.equations.begin(random_state(system, seed))
     x, w = np.polynomial.legendre.leggauss(12)
-    passed = flow(y, np.eye(len(y)), 0.5)
+    passed = flow(y, np.eye(len(y)), 0.25)
     total, here = 0.0, y
     for begin, end in zip(passed.path.times[:-1], passed.path.times[1:], strict=True):
         at, now = begin, here

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from amounts import usually
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -217,7 +218,7 @@ SCENES = st.builds(
 
 
 @pytest.mark.slow
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=usually(40, 400), deadline=None, derandomize=True)
 @given(SCENES)
 def test_any_scene_comes_back_exactly(scene: Scene) -> None:
     import jsonschema

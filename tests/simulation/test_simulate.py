@@ -453,11 +453,11 @@ def test_a_chain_of_a_thousand_links_simulates() -> None:
 
 
 @pytest.mark.slow
-def test_ten_thousand_double_pendula_on_one_cart_simulate() -> None:
-    double = Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=10_000)
-    scene = Scene(gravity=9.81, support=Cart(mass=1e4), pendulum=(double,))
-    links = np.random.default_rng(0).normal(scale=0.5, size=20_000)
-    start = State(links, np.zeros(20_000))
+def test_thousands_of_double_pendula_on_one_cart_simulate() -> None:
+    double = Pendulum(links=(Rod(mass=1.0, length=1.0, count=2),), count=3_000)
+    scene = Scene(gravity=9.81, support=Cart(mass=3e3), pendulum=(double,))
+    links = np.random.default_rng(0).normal(scale=0.5, size=6_000)
+    start = State(links, np.zeros(6_000))
     found = simulate(scene, 0.3, start=start, tolerance=1e-7, output=3, method="DOP853")
     assert found.energy_drift() < 1e-6
     assert found.momentum_drift() < 1e-6
