@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from amounts import usually
 from scenes import blowing, minimal, plane_scene, random_state
 from test_identities import centres
 from test_maximal import final
@@ -107,7 +108,7 @@ def dampers(system: System, state: State) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [3, 9, 10])
+@pytest.mark.parametrize("seed", usually([3], [3, 9, 10]))
 def test_motion_is_lagranges(seed: int) -> None:
     system = system_of(plane_scene(seed))
     state = random_state(system, seed)

@@ -10,7 +10,7 @@ from scenes import extreme_scene
 from modal import Bob, Body, Cart, ComputationError, Fixed, Pendulum, Rod, Scene, natural_modes
 
 SCENES, CHUNK = 2400, 50
-FIRST = usually(range(0, SCENES, 3 * CHUNK), range(0, SCENES, CHUNK))
+FIRST = usually(range(0, SCENES, 6 * CHUNK), range(0, SCENES, CHUNK))
 
 
 @pytest.mark.slow

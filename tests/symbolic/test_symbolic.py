@@ -49,7 +49,7 @@ def test_linearizing_the_lagrangian_gives_M_K_and_D_at_any_rest(system: Symbolic
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", usually(range(2), range(4)))
+@pytest.mark.parametrize("seed", usually(range(1), range(4)))
 def test_unit_vectors_and_spherical_angles_are_one_motion(seed: int) -> None:
     """∂u_i/∂θ_i·F_i and ∂u_i/∂φ_i·F_i are Lagrange's equations of θ_i and φ_i, at random states in 30 digits."""
     links = (Bob(mass=1.5, length=0.7), Body(mass=0.4, length=1.2, centre=0.5, inertia=0.3), Rod(mass=2.0, length=0.9))

@@ -175,9 +175,9 @@ def test_a_start_at_rest_has_no_prediction() -> None:
 
 @pytest.mark.slow
 def test_the_energy_balance_of_escapements_closes() -> None:
-    found = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 60.0, tolerance=1e-12)
+    found = study_synchronization(clocks(10.0, -8.0, drive=ESCAPEMENT), 30.0, tolerance=1e-12)
     kicks = found.trajectory.kicks
-    assert len(kicks.time) > 100
+    assert len(kicks.time) > 50
     assert found.trajectory.energy_drift() < 1e-9
     assert f"{len(kicks.time)} kicks fed {kicks.energy.sum():.6g} J" in sync_text(found)
 
@@ -185,7 +185,7 @@ def test_the_energy_balance_of_escapements_closes() -> None:
 @pytest.mark.slow
 def test_a_thousand_driven_pendula() -> None:
     rng = np.random.default_rng(3)
-    found = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 8.0)
+    found = study_synchronization(clocks(*rng.uniform(-15.0, 15.0, 1000).tolist(), mass=5e4), 4.0)
     assert found.theory is None
     assert "400 links" in found.silent
     assert found.phases.order[-1, 0] < 1.0
