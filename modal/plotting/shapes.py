@@ -59,11 +59,14 @@ def draw_shapes(
     save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
 
 
-def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float = 25.0) -> Figure:
-    """The modes with these indices (from 0), one panel each, the largest angle at `amplitude_deg`.
+def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitude_deg: float = 25.0) -> Figure:
+    """The modes with these indices (from 0), by default the first ones, one panel each.
+
+    The largest angle of each is `amplitude_deg`.
 
     Raises ComputationError for more modes than one picture holds.
     """
+    numbers = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
     if len(numbers) > MOST_PANELS:
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
     rows, layout = list(modes.rows(numbers)), _layout(modes)

@@ -6,7 +6,7 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
 Start with `model`; `motion` moves a support and `records` reads its records; `files` reads and writes scenes, `sealed`
 detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
-path.
+path, and `summary` says what hangs there.
 """
 
 from typing import TYPE_CHECKING
@@ -33,6 +33,7 @@ from modal.scene.model import (
     validate_scene,
 )
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
+from modal.scene.summary import name_of, what_hangs
 
 __all__ = [
     "STANDARD",
@@ -61,11 +62,13 @@ __all__ = [
     "example_names",
     "kind_of",
     "load",
+    "name_of",
     "parse",
     "refuse_motion",
     "scene_from",
     "unsupported",
     "validate_scene",
+    "what_hangs",
     "whole_file",
 ]
 
