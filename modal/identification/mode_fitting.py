@@ -30,10 +30,17 @@ from modal.identification.identifiability import (
     find_determined,
 )
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
-from modal.identification.parameters import Parameter, find_parameters, numbers_at, scene_with, starts_of
+from modal.identification.parameters import (
+    Parameter,
+    find_parameters,
+    fitted_columns,
+    numbers_at,
+    scene_with,
+    starts_of,
+)
 from modal.modes import Modes, natural_modes
-from modal.report import percent, short
-from modal.scene import Scene
+from modal.report import Displayed, Summary, counted, deferred, percent, short, tabulated
+from modal.scene import Scene, name_of
 from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
@@ -45,8 +52,8 @@ UNLIKELY = 0.01  # probability of a larger chi-square below which the model is d
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
 
-@dataclass(frozen=True)
-class FittedMode:
+@dataclass(frozen=True, repr=False)
+class FittedMode(Displayed):
     """A measured mode beside the computed one; residuals in standard deviations of the measurement."""
 
     measured: MeasuredMode
@@ -61,8 +68,8 @@ class FittedMode:
         return (self.frequency - self.measured.frequency) / self.measured.std
 
 
-@dataclass(frozen=True, eq=False)
-class ModeFit:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModeFit(Displayed):
     """Numbers fitted to measured modes: `scene` has them, `given` those of the start.
 
     `values` (p,) and `covariance` (p, p), zero for those `held` (indices), are in the scene's units; `chi_square` is
@@ -98,6 +105,24 @@ class ModeFit:
     def stds(self) -> Floats:
         """Standard deviations (p,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation."""
+        return fitted_columns(self.parameters, self.values, self.stds, self.held)
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the fit beside what was measured."""
+        return deferred("modal.plotting.identification:mode_fit_figure")(self)
+
+    def _summary(self) -> Summary:
+        facts = [("measured modes", str(len(self.modes))), ("chi-square", f"{self.chi_square:.4g} of {self.freedom}")]
+        facts += [("verdict", " ".join(self.verdict))] if self.verdict else []
+        return tabulated(
+            f"Fit of {name_of(self.given)}: {counted(len(self.fitted), 'number', 'numbers')}",
+            facts,
+            self.to_dict(),
+            ("number", "unit"),
+        )
 
     @property
     def fitted(self) -> list[int]:

@@ -10,10 +10,12 @@ from modal.report.display import (
     Displayed,
     Summary,
     brief,
+    by_column,
     deferred,
     more,
     scrolled,
     summary_of,
+    tabulated,
     title_of,
 )
 from modal.report.escaping import (
@@ -46,6 +48,7 @@ __all__ = [
     "as_csv",
     "as_json",
     "brief",
+    "by_column",
     "c_comment",
     "capital",
     "counted",
@@ -71,6 +74,7 @@ __all__ = [
     "scrolled",
     "short",
     "summary_of",
+    "tabulated",
     "title_of",
     "titled",
     "visible",

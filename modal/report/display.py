@@ -12,13 +12,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from functools import partial
 from importlib import import_module
-from itertools import islice
+from itertools import accumulate, islice
 from numbers import Complex, Real
 from textwrap import wrap
 from typing import Any
 
 from modal.report.escaping import html, visible
 from modal.report.prose import WIDTH, short
+from modal.report.tables import NOTHING
 
 MOST_LINES = 10
 """Lines that a result takes at the prompt."""
@@ -86,6 +87,10 @@ class Summary:
         if not rows:
             return []
         widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+        fits = _fitting(widths)
+        if fits < len(widths):
+            widths = [*widths[:fits], 1]
+            headings, *rows = ([*line[:fits], "…"] for line in (headings, *rows))
 
         def line(cells: list[str]) -> str:
             padded = (
@@ -112,6 +117,13 @@ class Summary:
         return [*table, more(left)]
 
 
+def _fitting(widths: Sequence[int]) -> int:
+    """The number of columns for which there is room, with a last one that says that others are left out."""
+    ends = list(accumulate(width + 2 for width in widths))
+    room = WIDTH if ends[-1] <= WIDTH else WIDTH - 3
+    return max(1, sum(end <= room for end in ends))
+
+
 class Displayed:
     """A result that shows itself at the prompt and in notebooks; by default by its fields."""
 
@@ -126,6 +138,35 @@ class Displayed:
 
     def _repr_html_(self) -> str:
         return self._summary().html()
+
+
+def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Iterable[str] = ()) -> Summary:
+    """A summary whose table has these columns, all of one length; those named in `words` are text.
+
+    >>> print(tabulated("Decay", [], {"time_s": [0.0, 0.5], "x_m": [1.0, 0.25]}).text())
+    Decay
+      time_s   x_m
+           0     1
+         0.5  0.25
+    """
+    shown = list(columns.items())[:MOST_COLUMNS]
+    count = len(shown[0][1]) if shown else 0
+    rows = ([brief(values[k]) for _, values in shown] for k in range(count))
+    texts = frozenset(k for k, (name, _) in enumerate(shown) if name in set(words))
+    left = len(columns) - len(shown)
+    told = [*facts, ("besides", f"{left} more columns")] if left else facts
+    return Summary(title, told, [name for name, _ in shown], rows, count, texts)
+
+
+def by_column(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Records as arrays, one for each key of the first.
+
+    >>> by_column([{"x": 1.0}, {"x": 2.0}])
+    {'x': array([1., 2.])}
+    """
+    from numpy import array
+
+    return {key: array([record[key] for record in records]) for key in (records[0] if records else ())}
 
 
 def summary_of(result: Any) -> Summary:
@@ -148,8 +189,8 @@ def brief(value: Any) -> str:
         return value if len(value) <= MOST_WORDS else value[: MOST_WORDS - 1] + "…"
     if isinstance(value, Complex):
         return _number(value)
-    if shape := getattr(value, "shape", None):
-        return _array(value, shape)
+    if getattr(value, "ndim", 0):
+        return _array(value)
     if isinstance(value, Mapping | Sequence) and not hasattr(value, "_fields") and not isinstance(value, Displayed):
         return _several(value)
     return title_of(value)
@@ -157,6 +198,8 @@ def brief(value: Any) -> str:
 
 def _number(value: Any) -> str:
     """A number with six significant digits."""
+    if value != value:  # noqa: PLR0124
+        return NOTHING
     if isinstance(value, bool | int):
         return str(value)
     return short(float(value)) if isinstance(value, Real) else f"{complex(value):.6g}"
@@ -180,10 +223,10 @@ def title_of(value: Any) -> str:
     return type(value).__name__ if named else brief(str(value))
 
 
-def _array(value: Any, shape: tuple[int, ...]) -> str:
+def _array(value: Any) -> str:
     if value.ndim == 1 and value.size <= MOST_NUMBERS:
         return ", ".join(map(brief, value.tolist()))
-    return f"{' × '.join(map(str, shape))} {'numbers' if value.ndim == 1 else 'array'}"
+    return f"{' × '.join(map(str, value.shape))} {'numbers' if value.ndim == 1 else 'array'}"
 
 
 def _several(values: Mapping[Any, Any] | Sequence[Any]) -> str:

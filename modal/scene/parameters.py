@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError, meant
+from modal.report import Displayed
 from modal.scene.model import Scene, describe, scene_from
 from modal.scene.validation import LARGEST, Part
 
@@ -147,8 +148,8 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
         yield at
 
 
-@dataclass(frozen=True)
-class Variation:
+@dataclass(frozen=True, repr=False)
+class Variation(Displayed):
     """A place and the ascending values that it takes, in the units of a scene file; `log` if in equal ratios."""
 
     path: str
