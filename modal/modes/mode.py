@@ -116,11 +116,11 @@ class Mode(Displayed):
         >>> natural_modes(load("paper-cart-2"))[2].to_dict()["omega_rad_per_s"]
         2.7175491179815823
         """
-        found: dict[str, Any] = deferred("modal.modes.columns:record_of")(self)
+        found: dict[str, Any] = deferred("modal.modes.summary:record_of")(self)
         return found
 
     def _summary(self) -> Summary:
-        found: Summary = deferred("modal.modes.columns:summarize_mode")(self)
+        found: Summary = deferred("modal.modes.summary:summarize_mode")(self)
         return found
 
 

@@ -210,7 +210,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> natural_modes(load("chain-2")).to_dict()["frequency_hz"].round(4).tolist()
         [0.3815, 0.9211]
         """
-        found: dict[str, NDArray[Any]] = deferred("modal.modes.columns:columns_of")(self.every)
+        found: dict[str, NDArray[Any]] = deferred("modal.modes.summary:columns_of")(self.every)
         return found
 
     def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Any:
@@ -232,7 +232,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         return deferred("modal.plotting.modal_films:save_film")(self, path, numbers, **options)
 
     def _summary(self) -> Summary:
-        found: Summary = deferred("modal.modes.columns:summarize")(self, TEXT_ROWS)
+        found: Summary = deferred("modal.modes.summary:summarize")(self, TEXT_ROWS)
         return found
 
     def _repr_html_(self) -> str:

@@ -12,11 +12,11 @@ from modal.report.display import (
     brief,
     by_column,
     deferred,
+    first_line,
     more,
     scrolled,
     summary_of,
     tabulated,
-    title_of,
 )
 from modal.report.escaping import (
     LETTERS,
@@ -58,6 +58,7 @@ __all__ = [
     "deferred",
     "digits",
     "finite",
+    "first_line",
     "grid",
     "html",
     "json_text",
@@ -75,7 +76,6 @@ __all__ = [
     "short",
     "summary_of",
     "tabulated",
-    "title_of",
     "titled",
     "visible",
     "with_unit",

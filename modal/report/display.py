@@ -193,7 +193,7 @@ def brief(value: Any) -> str:
         return _array(value)
     if isinstance(value, Mapping | Sequence) and not hasattr(value, "_fields") and not isinstance(value, Displayed):
         return _several(value)
-    return title_of(value)
+    return first_line(value)
 
 
 def _number(value: Any) -> str:
@@ -215,7 +215,7 @@ def more(count: int) -> str:
     return f"<p>… {count} more</p>" if count > 0 else ""
 
 
-def title_of(value: Any) -> str:
+def first_line(value: Any) -> str:
     """The first line of what a value shows."""
     if isinstance(value, Displayed):
         return value._summary().title

@@ -2,43 +2,29 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import accumulate, groupby, islice
 
-from modal.report import Summary, brief, counted, listed
+from modal.report import Summary, brief, counted
 from modal.scene.model import AnyLink, Cart, Pendulum, Scene
 from modal.scene.motion import Moved
+from modal.scene.titles import title_of
 
-MULTIPLE = {
-    1: ("pendulum", "pendula"),
-    2: ("double pendulum", "double pendula"),
-    3: ("triple pendulum", "triple pendula"),
-}
-PLACES = {"fixed": "a fixed support", "cart": "a cart", "moved": "a moved support"}
-MOST_RUNS, MOST_SORTS = 4, 3
+MOST_RUNS = 4
 HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "besides")
 BESIDES = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "drive", "hoist")
 CART = (("mass", "kg"), ("damping", "N s/m"), ("stiffness", "N/m"), ("friction", "N"), ("friction_coefficient", ""))
 
 
 def what_hangs(scene: Scene) -> str:
-    """The pendula and their support in words.
+    """The pendula and their support in words, whatever the title.
 
     >>> from modal import load
-    >>> from modal.scene import what_hangs
-    >>> what_hangs(load("paper-cart-2")), what_hangs(load("rope"))
-    ('2 double pendula on a cart', '1 chain of 1000 links on a fixed support')
+    >>> what_hangs(load("paper-cart-2"))
+    'two double pendula of rods on a cart'
     """
-    sorts: Counter[int] = Counter()
-    for pendulum in scene.pendulum:
-        sorts[pendulum.n_links] += pendulum.count
-    if len(sorts) > MOST_SORTS:
-        pendula = f"{scene.n_pendula} pendula of {min(sorts)} to {max(sorts)} links"
-    else:
-        names = {n: MULTIPLE.get(n, (f"chain of {n} links", f"chains of {n} links")) for n in sorts}
-        pendula = listed([counted(count, *names[n]) for n, count in sorts.items()], len(sorts))
-    return f"{pendula} on {PLACES[scene.support.kind]}{' in space' if scene.space == 'space' else ''}"
+    words = title_of(scene.replace(title=""))
+    return words[:1].lower() + words[1:]
 
 
 def name_of(scene: Scene) -> str:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
-from modal.report import NOTHING, Displayed, Summary, brief, deferred, title_of
+from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
@@ -79,7 +79,7 @@ class ModalForm(Displayed):
             )
             for block in self.blocks
         )
-        title = f"Modal form of {title_of(self.model)}"
+        title = f"Modal form of {first_line(self.model)}"
         headings = ("mode", "states", "eigenvalue (1/s)")
         return Summary(title, (), headings, rows, len(self.blocks), words=frozenset({1}))
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, MissingExtraError
-from modal.scene import what_hangs
+from modal.scene import title_of
 from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
 
@@ -62,7 +62,8 @@ def dataset_of(trajectory: Trajectory) -> Any:
         "link": np.arange(1, counts[1] + 1),
         **({"axis": list(AXES)} if spatial else {}),
     }
-    told = {"title": scene.title or what_hangs(scene), "form": run.form, "method": run.method, "tolerance": run.tolerance}
+    title = title_of(scene)
+    told = {"title": title, "form": run.form, "method": run.method, "tolerance": run.tolerance}
     return xarray.Dataset(variables, coordinates, told)
 
 
