@@ -70,7 +70,7 @@ def summarize_mode(mode: Mode) -> Summary:
     """The number and frequency of a mode and its description; every quantity of its row in a notebook."""
     frequency = "" if mode.frequency is None else f"{_shown(mode.frequency)} Hz, "
     omega = "no digit certain" if mode.is_uncertain else f"{_shown(mode.omega)} rad/s"
-    damped = f", ζ = {_shown(mode.damping_ratio)}" if mode.damping_ratio else ""
+    damped = f", ζ = {_shown(mode.damping_ratio)}" if mode.damping_ratio and not mode.is_uncertain else ""
     several = f", multiplicity {mode.multiplicity}" if mode.multiplicity > 1 else ""
     title = f"Mode {mode.number}: {frequency}{omega}{damped}{several}, {mode.family}"
     facts = [(column.heading, column.shown(mode)) for column in COLUMNS if column.shown and column.key in TOLD]

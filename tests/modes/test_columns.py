@@ -119,6 +119,12 @@ def test_columns_of_frequencies_follow_from_eigenvalues(name: str) -> None:
     np.testing.assert_allclose(np.nan_to_num(modes.growth_rate), np.where(re > 0, re, 0.0), rtol=1e-12)
 
 
+def test_no_digit_of_an_uncertain_frequency_is_shown() -> None:
+    modes = modes_of("beyond")
+    assert np.isnan([modes.damping_ratio[0], modes.frequency[0], modes.period[0]]).all()
+    assert not any(f"{modes.omega[0]:.3g}"[:4] in text for text in (repr(modes), repr(modes[0]), modes._repr_html_()))
+
+
 def test_to_dict_has_every_column_of_the_csv() -> None:
     modes = modes_of("huygens")
     found = modes.to_dict()
