@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from modal.errors import ComputationError
+from modal.modes import natural_modes
 from modal.report import HTML_ROWS, Displayed, Summary, counted, deferred, tabulated
 from modal.scene.parameters import Variation
 from modal.types import Floats
@@ -73,8 +75,18 @@ class Branch(Displayed):
         }
 
     def plot(self) -> Any:
-        """A matplotlib figure of the branch."""
-        return deferred("nonlinear.plotting.orbits:orbits_figure")(self.orbits[0].scene, [self])
+        """A matplotlib figure of the branch, beside the linear mode in which it begins.
+
+        Raises ComputationError for a branch that goes along nothing and begins in no mode.
+        """
+        scene = self.orbits[0].scene
+        if self.variation is None and self.linear is None:
+            raise ComputationError("this branch goes along no number and begins in no mode: there is nothing to draw")
+        mode = None
+        if self.variation is None:
+            modes = natural_modes(scene)
+            mode = modes[int(np.argmin(np.abs(modes.omega - self.linear)))]
+        return deferred("nonlinear.plotting.orbits:orbits_figure")(scene, [self], mode)
 
     def _summary(self) -> Summary:
         along = f" along {self.variation.path}" if self.variation else ""

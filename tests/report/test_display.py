@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, is_dataclass
-from html.parser import HTMLParser
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
 from re import findall
-from typing import Any
 
 import numpy as np
 import pytest
+from shown import assert_shown, parsed
 
 import modal
 import nonlinear
 from modal.modes import natural_modes
-from modal.report import HTML_ROWS, WIDTH, Displayed, Summary, brief, by_column, summary_of
+from modal.report import HTML_ROWS, Displayed, Summary, brief, by_column, summary_of
 from modal.report.display import MOST_LINES
 from modal.scene import Bob, Cart, Pendulum, Scene
 
@@ -35,46 +34,6 @@ RESULTS = {
 }
 """Results in those rooms."""
 SCALARS = ("float", "int", "str", "bool", "complex")
-
-
-class Elements(HTMLParser):
-    """The elements of a page and whether each is closed."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.open: list[str] = []
-        self.seen: list[str] = []
-        self.text = ""
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        self.open.append(tag)
-        self.seen.append(tag)
-
-    def handle_endtag(self, tag: str) -> None:
-        assert self.open.pop() == tag
-
-    def handle_data(self, data: str) -> None:
-        self.text += data
-
-
-def parsed(page: str) -> Elements:
-    found = Elements()
-    found.feed(page)
-    assert found.open == []
-    return found
-
-
-def assert_shown(thing: Any, *words: str) -> None:
-    """Short at the prompt, and in a notebook well-formed, colourless and scrolling."""
-    text = repr(thing)
-    assert len(text.splitlines()) <= MOST_LINES
-    assert max(map(len, text.splitlines())) <= WIDTH
-    page = thing._repr_html_()
-    assert "overflow-x: auto" in page
-    assert "color" not in page
-    assert parsed(page).seen.count("tr") <= 3 * HTML_ROWS
-    for word in words:
-        assert word in text
 
 
 # ---------------------------------------------------------------------------------------------- every result
