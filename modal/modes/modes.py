@@ -43,7 +43,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
     >>> len(modes), modes.multiplicity.tolist()
     (5, [1, 1, 1, 1, 1])
     >>> modes.frequency.round(4).tolist()
-    [0.0, 0.4266, 0.4325, 1.1413, 1.1646]
+    [0.0, 0.4266, 0.4325, 1.1441, 1.1474]
     >>> round(float(modes.omega[1]), 8), modes[1].family
     (2.68011401, 'cart still: antiphase, slow')
     """

@@ -80,10 +80,10 @@ class Branch(Displayed):
         Raises ComputationError for a branch that goes along nothing and begins in no mode.
         """
         scene = self.orbits[0].scene
-        if self.variation is None and self.linear is None:
-            raise ComputationError("this branch goes along no number and begins in no mode: there is nothing to draw")
         mode = None
         if self.variation is None:
+            if self.linear is None:
+                raise ComputationError("this branch goes along no number and begins in no mode: nothing to draw")
             modes = natural_modes(scene)
             mode = modes[int(np.argmin(np.abs(modes.omega - self.linear)))]
         return deferred("nonlinear.plotting.orbits:orbits_figure")(scene, [self], mode)
