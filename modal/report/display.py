@@ -30,6 +30,7 @@ MOST_COLUMNS = 12
 MOST_NUMBERS, MOST_WORDS = 5, 60
 """Numbers of an array and letters of a text shown in full."""
 SCROLLED = '<div style="overflow-x: auto">'
+APART = ' style="margin-bottom: 1em"'
 RIGHT, LEFT = ' style="text-align: right"', ' style="text-align: left"'
 Facts = Sequence[tuple[str, str]]
 
@@ -69,7 +70,7 @@ class Summary:
         """For a notebook: escaped, without colours, wide tables in a box that scrolls."""
         told = [f"<tr><th{LEFT}>{html(name)}</th><td{LEFT}>{html(value)}</td></tr>" for name, value in self.facts]
         parts = [f"<p><strong>{html(self.title)}</strong></p>"]
-        parts += ["<table>", *told, "</table>"] if told else []
+        parts += [f"<table{APART}>", *told, "</table>"] if told else []
         parts += self._table()
         return scrolled(*parts)
 
@@ -202,7 +203,7 @@ def _number(value: Any) -> str:
         return NOTHING
     if isinstance(value, bool | int):
         return str(value)
-    return short(float(value)) if isinstance(value, Real) else f"{complex(value):.6g}"
+    return short(float(value) + 0.0) if isinstance(value, Real) else f"{complex(value):.6g}"
 
 
 def scrolled(*parts: str) -> str:

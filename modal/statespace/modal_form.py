@@ -138,6 +138,13 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     return ModalForm(found, model, tuple(blocks))
 
 
+def plot_model(model: StateSpace, **options: Any) -> Any:
+    """The figure of `ModalForm.plot` of the whole model of a scene; ComputationError for any other."""
+    if model.scene is None:
+        raise ComputationError("only the whole model of a scene can be drawn: this one is sampled, reduced or read")
+    return to_modal_form(natural_modes(model.scene), model).plot(**options)
+
+
 def held(modes: Modes) -> Modes:
     """The modes with a fixed support: those excited by a prescribed motion of the cart."""
     return natural_modes(fixed(modes.scene)) if modes.on_cart else modes

@@ -34,7 +34,7 @@ import numpy as np
 from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
-from modal.report import Displayed, Summary, counted
+from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Fixed, Scene, validate_scene
 from modal.statespace.signals import (
     DRIVES,
@@ -87,6 +87,13 @@ class StateSpace(Displayed):
         """
         names = {side: [signal.name for signal in getattr(self, side)] for side in ("states", "inputs", "outputs")}
         return {"A": self.A, "B": self.B, "C": self.C, "D": self.D, **names, "dt_s": self.dt}
+
+    def plot(self, **options: Any) -> Any:
+        """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`.
+
+        Raises ComputationError for a model that is not the whole one of a scene, whose modes the figure needs.
+        """
+        return deferred("modal.statespace.modal_form:plot_model")(self, **options)
 
     def _summary(self) -> Summary:
         kind = f"sampled every {self.dt:g} s" if self.dt else "continuous"

@@ -175,6 +175,7 @@ def test_values_on_less_than_a_line() -> None:
     assert brief(np.zeros((4, 5))) == "4 × 5 array"
     assert brief(np.zeros(100)) == "100 numbers"
     assert brief(float("nan")) == "–"
+    assert brief(-0.0) == "0"
     assert brief(["a" * 50, "b" * 50]) == "2 of str"
     assert brief(modal.load("chain-2")).startswith('Scene "Chain of 2')
     assert brief({}) == "none"

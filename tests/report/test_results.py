@@ -14,6 +14,7 @@ from shown import assert_shown
 import modal
 from modal.assembly import matrices
 from modal.coupling import explain
+from modal.errors import ComputationError
 from modal.identification import identify
 from modal.loci import follow_loci
 from modal.modes import natural_modes
@@ -21,6 +22,7 @@ from modal.modes.sensitivity import sensitivities
 from modal.scene.parameters import parse_variations
 from modal.statespace import modal_gains, state_space, to_modal_form
 from modal.statespace.balancing import balance
+from modal.statespace.sampling import sample
 from modal.statespace.shapers import shaper_for
 from modal.statespace.transfer import transfer_functions
 from nonlinear import ensemble, simulate
@@ -131,6 +133,13 @@ def test_a_fit_shows_its_numbers() -> None:
 def test_an_exponent_shows_itself() -> None:
     found = lyapunov_exponent(modal.load("chain-2"), duration=20.0, ensemble=2)
     assert_shown(found)
+
+
+def test_a_model_without_its_scene_is_not_drawn() -> None:
+    whole = state_space(modal.load("crane-hook"))
+    with pytest.raises(ComputationError, match="whole model"):
+        sample(whole, 0.1).plot()
+    assert whole.to_dict()["inputs"] == ["cart_force"]
 
 
 def test_columns_of_a_sweep_are_its_points() -> None:
