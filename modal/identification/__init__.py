@@ -17,7 +17,8 @@ from modal.identification.identifiability import (
     find_determined,
 )
 from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, read_modes
-from modal.identification.mode_fitting import ModeFit, fit_modes
+from modal.identification.mode_fit import ModeFit
+from modal.identification.mode_fitting import fit_modes
 from modal.identification.mode_report import mode_fit_json, mode_fit_text
 from modal.identification.parameters import (
     Parameter,

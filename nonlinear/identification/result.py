@@ -94,12 +94,8 @@ class Fit(Displayed):
             ("rms residual", brief(float(np.sqrt(np.mean(self.residuals**2))))),
         ]
         facts += [("verdict", " ".join(self.verdict))] if self.verdict else []
-        return tabulated(
-            f"Fit of {name_of(self.given)}: {counted(len(self.fitted), 'number', 'numbers')}",
-            facts,
-            self.to_dict(),
-            ("number", "unit"),
-        )
+        title = f"Fit of {name_of(self.given)}: {counted(len(self.fitted), 'number', 'numbers')}"
+        return tabulated(title, facts, self.to_dict(), ("number", "unit"))
 
     def given_at(self, path: str) -> float:
         """The number that the scene gave at one of these places."""
