@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from modal.report import Displayed, Summary, brief, counted
+from modal.report import Displayed, Summary, brief, counted, summary_of
 from modal.types import Floats
 from nonlinear.system.system import System
 
@@ -104,6 +104,9 @@ class AppliedForces(NamedTuple):
 
     cart: float = 0.0
     moments: Floats | None = None
+
+    def __repr__(self) -> str:
+        return summary_of(self).text()
 
 
 Load = Callable[[float, State], AppliedForces]

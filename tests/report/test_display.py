@@ -18,6 +18,7 @@ from modal.modes import natural_modes
 from modal.report import HTML_ROWS, Displayed, Summary, brief, by_column, summary_of
 from modal.report.display import MOST_LINES
 from modal.scene import Bob, Cart, Pendulum, Scene
+from nonlinear.system import AppliedForces, Kicks
 
 ROOT = Path(__file__).parent.parent.parent
 HOSTILE = "<script>alert('x')</script> & \u202e"
@@ -190,6 +191,14 @@ def test_by_default_the_fields_are_shown() -> None:
 
     assert repr(Found(1.5, ("a", "b"))) == "Found\n  size 1.5; rows a, b"
     assert summary_of(Found(1.5, ())).facts == [("size", "1.5"), ("rows", "none")]
+
+
+def test_named_tuples_with_arrays_are_short() -> None:
+    kicks = Kicks(np.arange(900.0), np.arange(900), np.ones(900), np.ones(900))
+    assert len(repr(kicks).splitlines()) <= 3
+    assert "900 numbers" in repr(kicks)
+    assert "100 numbers" in repr(AppliedForces(1.0, np.zeros(100)))
+    assert repr(AppliedForces(2.0)) == "AppliedForces\n  cart 2"
 
 
 def test_records_by_column() -> None:
