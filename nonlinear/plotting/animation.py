@@ -28,6 +28,7 @@ from modal.plotting import (
 )
 from modal.plotting.films import Report
 from modal.report import visible
+from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.artists import Gauges, Scenery
@@ -57,7 +58,7 @@ class Film(MovingFigure):
         self.times = times
         figure = sheet(*SIZE)
         figure.set(dpi=DPI, layout_engine="none")
-        super().__init__(figure, visible(trajectory.scene.title) or "Pendula", len(times), rate)
+        super().__init__(figure, visible(title_of(trajectory.scene)), len(times), rate)
         stage, panel = stage_of(trajectory, times), PANEL if beside is None else HALVES[0]
         ratio, trail = panel[2] * SIZE[0] / (panel[3] * SIZE[1]), max(1, round(TRAIL * rate))
         self.scenery = Scenery(self.figure.add_axes(panel), stage, ratio, trail)
