@@ -231,14 +231,23 @@ def columns(system: System) -> list[str]:
     return ["time_s", *links, *rates, "x_m", "x_dot_m_per_s", "work_J", *support]
 
 
-def _csv(trajectory: Trajectory) -> bytes:
+def rows_of(trajectory: Trajectory) -> Floats:
+    """The numbers of the motion, a column for each of `columns`, (T, C)."""
     motion, size = trajectory.motion, len(trajectory.times)
     blocks = [np.reshape(getattr(motion, name), (size, -1)) for name in PARTS]
     if trajectory.system.support:
         moved = trajectory.system.support.motion
         blocks += [own(trajectory.times)[:, None] for own in (moved.displacement, moved.velocity, moved.acceleration)]
-    rows = np.hstack([trajectory.times[:, None], *blocks])
-    return as_csv(_header(trajectory), [columns(trajectory.system), *rows.tolist()])
+    return np.hstack([trajectory.times[:, None], *blocks])
+
+
+def columns_of(trajectory: Trajectory) -> dict[str, Floats]:
+    """The numbers (T,) of the motion by the names of the columns of a CSV."""
+    return dict(zip(columns(trajectory.system), rows_of(trajectory).T, strict=True))
+
+
+def _csv(trajectory: Trajectory) -> bytes:
+    return as_csv(_header(trajectory), [columns(trajectory.system), *rows_of(trajectory).tolist()])
 
 
 def _read_csv(name: str) -> tuple[dict[str, Any], Floats, dict[str, Floats]]:

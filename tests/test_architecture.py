@@ -34,6 +34,8 @@ HEAVY = {
     "numba": {"modal.eigen.compiling"},
     "heyoka": {"nonlinear.integration.taylor"},
     "distributed": {"nonlinear.ensembles.cluster"},
+    "xarray": {"nonlinear.postprocessing.datasets"},
+    "pandas": set(),
 }
 MOST_ENTRIES = 18
 """Rooms that a package shows at a glance."""

@@ -116,7 +116,7 @@ def between(omega: NDArray[np.float64], error: NDArray[np.float64]) -> NDArray[n
 
 def _said(modes: Modes) -> str:
     marked = int(np.sum(modes.error >= UNCERTAIN))
-    close = sum(modes._indistinct(k) for k in range(len(modes))) if len(modes) <= LARGEST_RIVAL else 0
+    close = int(modes.indistinct.sum()) if len(modes) <= LARGEST_RIVAL else 0
     words = [f"! on {marked} of {len(modes)} rows"] * (marked > 0) + [f"~ on {close}"] * (close > 0)
     return "; ".join([*words, *modes.notes]) or "answers"
 

@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal import pair
+from modal.report import Displayed
 from modal.scene import Cart, Pendulum, Scene, validate_scene
 from modal.types import Booleans, Floats, Ints
 
@@ -117,8 +118,8 @@ class CartNumbers(NamedTuple):
     stiffness: float
 
 
-@dataclass(frozen=True, eq=False)
-class Rig:
+@dataclass(frozen=True, eq=False, repr=False)
+class Rig(Displayed):
     """Blocks of different chains ("kinds" of pendula), the cart (None: fixed support), and the pendula's positions.
 
     `members` follows the file: (block, column, copies) for every pendulum entry.  `damping_ratio` is that of all modes,

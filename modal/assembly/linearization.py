@@ -18,14 +18,15 @@ from modal.assembly.arrays import Rig, rig_of
 from modal.assembly.dense import assembled, dampers
 from modal.assembly.modal_damping import modal_dampers
 from modal.errors import ComputationError
+from modal.report import Displayed, Summary, brief, counted
 from modal.scene import Scene
 from modal.types import Floats
 
 LARGEST_DENSE = 4000
 
 
-@dataclass(frozen=True, eq=False)
-class Matrices:
+@dataclass(frozen=True, eq=False, repr=False)
+class Matrices(Displayed):
     """Symmetric M, K and D of one plane, with the name of each coordinate (units: m for x, rad for angles).
 
     >>> from modal import load, matrices
@@ -38,6 +39,13 @@ class Matrices:
     K: Floats
     D: Floats
     labels: tuple[str, ...]
+
+    def _summary(self) -> Summary:
+        rows = ([label, *map(brief, row)] for label, row in zip(self.labels, self.M, strict=True))
+        title = f"M, K and D over {counted(len(self.labels), 'coordinate', 'coordinates')}"
+        headings = ("M", *self.labels)
+        facts = [("D", "0")] if not self.D.any() else []
+        return Summary(title, facts, headings, rows, len(self.labels), words=frozenset({0}))
 
 
 def matrices(scene: Scene) -> Matrices:

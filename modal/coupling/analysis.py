@@ -28,6 +28,7 @@ from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Floats, Ints
 
@@ -60,8 +61,8 @@ class CartMode:
     family: int | None
 
 
-@dataclass(frozen=True)
-class Family:
+@dataclass(frozen=True, repr=False)
+class Family(Displayed):
     """Fixed-base modes of one frequency `omega` (rad/s): `members` are indices into `FixedBaseModes`.
 
     There are `fold` of them in all, so that fold − 1 combinations leave the cart still; `mass` is their modal effective
@@ -108,8 +109,8 @@ class Family:
         return self.exchange.period if self.exchange and self.exchange.beats else None
 
 
-@dataclass(frozen=True, eq=False)
-class Coupling:
+@dataclass(frozen=True, eq=False, repr=False)
+class Coupling(Displayed):
     """The coupling of a scene's pendula by its cart; for a fixed support (no coupling) `dynamic` has cart mass 0."""
 
     scene: Scene

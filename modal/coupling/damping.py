@@ -26,6 +26,7 @@ from modal.assembly import Rig, centres
 from modal.coupling.fixed_base import without_damping
 from modal.eigen import Part, Spectrum, find_spectrum
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.scene import Pendulum, Scene, VanDerPol
 from modal.types import Floats
 
@@ -33,8 +34,8 @@ Kind = tuple[int, int] | None
 CHUNK = 400_000
 
 
-@dataclass(frozen=True)
-class Damped:
+@dataclass(frozen=True, repr=False)
+class Damped(Displayed):
     """Modes of frequency `omega` (rad/s), `fold` of them, in the conservative scene; `still` if the cart is.
 
     `kind` is the pendula's name where only these move.  Rates in 1/s: `from_cart`, `from_joints` and `from_drag` add up

@@ -18,13 +18,14 @@ from numpy.typing import ArrayLike
 
 from modal.eigen import LIGHTEST, Poles, solve
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.types import Booleans, Floats, Ints
 
 CHUNK = 2_000_000
 
 
-@dataclass(frozen=True, eq=False)
-class Zeros:
+@dataclass(frozen=True, eq=False, repr=False)
+class Zeros(Displayed):
     """Z frequencies at which the cart moves freely, ascending, zero j above pole j of `square` (rad²/s²).
 
     A spring to the ground is one more pole, at 0, before the others.  x_j = square[anchor[j]] + offset[j].
@@ -58,8 +59,8 @@ class Zeros:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class DynamicMass:
+@dataclass(frozen=True, eq=False, repr=False)
+class DynamicMass(Displayed):
     """Distinct poles `omega` (C,) in rad/s, ascending, with modal effective masses `mass` (C,) in kg.
 
     `cart` and `residual` are masses in kg, `spring` the cart's in N/m.

@@ -28,6 +28,7 @@ import numpy as np
 
 from modal.coupling.dynamic_mass import DynamicMass
 from modal.coupling.fixed_base import FixedBaseModes
+from modal.report import Displayed
 from modal.types import Booleans, Floats, Ints
 
 SAMPLES = 2001
@@ -83,8 +84,8 @@ def _returned(half: np.complex128, turn: np.complex128, decay: float, time: floa
     return float(np.abs((up + down) / 2 + half * (up - down) / (2 * turn)) ** 2)
 
 
-@dataclass(frozen=True)
-class EnergyExchange:
+@dataclass(frozen=True, repr=False)
+class EnergyExchange(Displayed):
     """Modes `first` and `second`, indices into `FixedBaseModes`, all copies of each kind moving alike.
 
     `detuning` δ and `coupling` g in rad/s, `cart_mass` the m (kg) between them, all without dampers, and `exchange`

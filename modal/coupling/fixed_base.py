@@ -17,11 +17,12 @@ import numpy as np
 
 from modal.assembly import Rig, centres
 from modal.eigen import find_spectrum
+from modal.report import Displayed
 from modal.types import Floats, Ints
 
 
-@dataclass(frozen=True, eq=False)
-class FixedBaseModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class FixedBaseModes(Displayed):
     """K fixed-base modes of single pendula, ascending, one entry for all copies of a kind; all (K,).
 
     `omega` (rad/s), `mass` the modal effective mass of one copy (kg), `kind` the index of its kind in `Rig.names`,

@@ -24,6 +24,7 @@ from modal import pair
 from modal.errors import ComputationError
 from modal.exact.polynomials import integers, interpolated, leading_minors, primitive, product, scaled, shifted, total
 from modal.exact.roots import Interval, isolate
+from modal.report import Displayed
 from modal.scene import Cart, Pendulum, Scene
 
 Variable = Literal["x", "lambda"]
@@ -32,8 +33,8 @@ Links = tuple[tuple[Fraction, ...], ...]
 """One row (mass, length, centre, inertia, stiffness, σ) per link, top first: a pendulum's exact parameters."""
 
 
-@dataclass(frozen=True)
-class Polynomial:
+@dataclass(frozen=True, repr=False)
+class Polynomial(Displayed):
     """Integer coefficients, highest power first, of a polynomial in x = ω²/unit or in λ = −unit/ω²."""
 
     coefficients: tuple[int, ...]

@@ -17,9 +17,17 @@ from modal.identification.identifiability import (
     find_determined,
 )
 from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, read_modes
-from modal.identification.mode_fitting import ModeFit, fit_modes
+from modal.identification.mode_fit import ModeFit
+from modal.identification.mode_fitting import fit_modes
 from modal.identification.mode_report import mode_fit_json, mode_fit_text
-from modal.identification.parameters import Parameter, find_parameters, numbers_at, scene_with, starts_of
+from modal.identification.parameters import (
+    Parameter,
+    find_parameters,
+    fitted_columns,
+    numbers_at,
+    scene_with,
+    starts_of,
+)
 from modal.identification.pole_report import poles_table
 from modal.identification.poles import EXCITATIONS, METHODS, Identified, IdentifiedMode, identify
 from modal.identification.propagation import magnitude_std, mode_stds, shaped_modes
@@ -47,6 +55,7 @@ __all__ = [
     "find_determined",
     "find_parameters",
     "fit_modes",
+    "fitted_columns",
     "has_modes",
     "identify",
     "influence",

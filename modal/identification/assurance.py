@@ -19,14 +19,14 @@ from scipy.optimize import linear_sum_assignment
 from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
-from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.report import NOTHING, Displayed, as_csv, as_json, finite, grid, titled
 from modal.types import Floats
 
 LEAST = 0.5  # MAC of a pair below which shapes are called different
 
 
-@dataclass(frozen=True)
-class Pair:
+@dataclass(frozen=True, repr=False)
+class Pair(Displayed):
     """A measured mode and the computed one nearest to it; `mac` is None without shapes."""
 
     measured: MeasuredMode
@@ -49,8 +49,8 @@ class Pair:
         return (self.frequency - self.measured.frequency) / self.measured.std
 
 
-@dataclass(frozen=True, eq=False)
-class Assurance:
+@dataclass(frozen=True, eq=False, repr=False)
+class Assurance(Displayed):
     """MAC (R, S) of measured modes with the oscillating ones computed, `rows`; NaN where there is no shape."""
 
     modes: Modes

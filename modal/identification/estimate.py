@@ -17,6 +17,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.identification.parameters import natural_unit
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.scene.files import limited
 from modal.scene.parameters import Place, find_places, number_at
@@ -27,8 +28,8 @@ ALIKE = 1e-9  # of two entries that mirror each other, relative to their standar
 INDEFINITE = 1e-9  # of the largest eigenvalue of the correlations: a negative one beyond rounding
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(Displayed):
     """Numbers of a `scene` at `places`, written as `paths`, with their `covariance` (p, p) in the scene's units."""
 
     scene: Scene

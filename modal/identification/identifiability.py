@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg import qr
 
 from modal.identification.parameters import Parameter
-from modal.report import listed
+from modal.report import Displayed, listed
 from modal.types import Floats, Ints
 
 LOST = 1e-7  # s_k/s_1 of a direction along which the Jacobian consists of rounding
@@ -29,8 +29,8 @@ def _all(words: Sequence[str]) -> str:
     return listed(words, len(words))
 
 
-@dataclass(frozen=True)
-class Undetermined:
+@dataclass(frozen=True, repr=False)
+class Undetermined(Displayed):
     """A direction in which numbers change together without effect: `held` is the one that stays at its value.
 
     `changes` are the relative changes of numbers, by path, for a change of 1 of the held one.
@@ -51,8 +51,8 @@ class Undetermined:
         return f"{self.held} cannot be told from others: changing it by 1 % and {others} leaves the motion as it is"
 
 
-@dataclass(frozen=True, eq=False)
-class Determined:
+@dataclass(frozen=True, eq=False, repr=False)
+class Determined(Displayed):
     """Which parameters `kept` (indices) are determined when the others, `held`, stay; and why, a direction each."""
 
     kept: Ints

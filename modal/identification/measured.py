@@ -20,7 +20,7 @@ from math import isfinite, nan
 import numpy as np
 
 from modal.errors import SceneError, meant
-from modal.report import counted
+from modal.report import Displayed, counted
 from modal.scene import Cart, Scene
 from modal.scene.files import limited
 from modal.types import Complexes, Floats, Ints
@@ -34,8 +34,8 @@ COMPONENT = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})|cart", re.ASC
 NEAR = re.compile(r"theta|cart|freq|std|damp|shape", re.ASCII)
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredMode:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredMode(Displayed):
     """A mode: its `number` in the table, frequency and standard deviation (Hz), damping ratio and shape where measured.
 
     `shape` (C,) has NaN for components without a value; `shape_std` is the standard deviation of a component where the
@@ -51,8 +51,8 @@ class MeasuredMode:
     shape_std: float | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class MeasuredModes:
+@dataclass(frozen=True, eq=False, repr=False)
+class MeasuredModes(Displayed):
     """Modes of a file; `components` are the columns of shapes, (pendulum, link) from 1 and (0, 0) for the cart."""
 
     file: str

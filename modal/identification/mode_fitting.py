@@ -12,8 +12,6 @@ Finite Element Model Updating in Structural Dynamics, 1995, ch. 8.)
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -23,18 +21,22 @@ from scipy.stats import chi2
 from modal.errors import ComputationError, SceneError
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
 from modal.identification.identifiability import (
-    Combination,
     Determined,
-    Undetermined,
-    find_combinations,
     find_determined,
 )
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
-from modal.identification.parameters import Parameter, find_parameters, numbers_at, scene_with, starts_of
+from modal.identification.mode_fit import FittedMode, ModeFit
+from modal.identification.parameters import (
+    Parameter,
+    find_parameters,
+    numbers_at,
+    scene_with,
+    starts_of,
+)
 from modal.modes import Modes, natural_modes
 from modal.report import percent, short
 from modal.scene import Scene
-from modal.types import Floats, Ints
+from modal.types import Floats
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
 FINEST_SHAPE = 1e-9
@@ -43,76 +45,6 @@ MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, 
 WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
 UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
-
-
-@dataclass(frozen=True)
-class FittedMode:
-    """A measured mode beside the computed one; residuals in standard deviations of the measurement."""
-
-    measured: MeasuredMode
-    frequency: float
-    damping_ratio: float
-    damping_ratio_std: float | None
-    mac: float | None
-
-    @property
-    def deviation(self) -> float:
-        """Of the frequency."""
-        return (self.frequency - self.measured.frequency) / self.measured.std
-
-
-@dataclass(frozen=True, eq=False)
-class ModeFit:
-    """Numbers fitted to measured modes: `scene` has them, `given` those of the start.
-
-    `values` (p,) and `covariance` (p, p), zero for those `held` (indices), are in the scene's units; `chi_square` is
-    the sum of squares of the residuals with `freedom` degrees of freedom.
-    """
-
-    given: Scene
-    scene: Scene
-    measured: MeasuredModes
-    parameters: tuple[Parameter, ...]
-    z: Floats
-    cov: Floats
-    determined: Determined
-    held: Ints
-    modes: tuple[FittedMode, ...]
-    chi_square: float
-    freedom: int
-    shape_std: float | None
-    verdict: tuple[str, ...] = ()
-
-    @cached_property
-    def values(self) -> Floats:
-        """The numbers (p,)."""
-        return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.z, strict=True)])
-
-    @cached_property
-    def covariance(self) -> Floats:
-        """Of the numbers, (p, p)."""
-        slopes = np.array([one.slope(float(z)) for one, z in zip(self.parameters, self.z, strict=True)])
-        return np.asarray(slopes[:, None] * self.cov * slopes)
-
-    @cached_property
-    def stds(self) -> Floats:
-        """Standard deviations (p,)."""
-        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-
-    @property
-    def fitted(self) -> list[int]:
-        """The indices of the numbers that were not held."""
-        return [int(k) for k in self.determined.kept]
-
-    @property
-    def undetermined(self) -> tuple[Undetermined, ...]:
-        """What the modes do not determine."""
-        return self.determined.directions
-
-    @cached_property
-    def combinations(self) -> tuple[Combination, ...]:
-        """Products of numbers that are determined although the numbers are not."""
-        return find_combinations(self.determined, self.parameters, self.z, self.stds)
 
 
 def fit_modes(

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.identification.mode_fitting import ModeFit
+from modal.identification.mode_fit import ModeFit
 from modal.report import NOTHING, as_json, capital, grid, short, titled
 from modal.scene.parameters import Variation
 

@@ -11,13 +11,15 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import exp, isfinite, log, sqrt
+from typing import Any
 
 import numpy as np
 
 from modal.errors import SceneError, meant
+from modal.report import Displayed, Summary
 from modal.scene import Cart, Scene
-from modal.scene.parameters import Place, Variable, find_places, number_at, with_numbers
-from modal.types import Floats
+from modal.scene.parameters import Place, Variable, Variation, find_places, number_at, with_numbers
+from modal.types import Floats, Ints
 
 POSITIVE = ("mass", "length", "centre", "inertia", "gravity", "angle_deg")
 CAN_VANISH = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "strength")
@@ -26,8 +28,8 @@ NONE = "none"
 PRIOR = re.compile(r"\s*([^±]+?)\s*(?:±|\+/?-)\s*([^±]+?)\s*", re.ASCII)
 
 
-@dataclass(frozen=True)
-class Parameter:
+@dataclass(frozen=True, repr=False)
+class Parameter(Displayed):
     """A number of a scene at a place, `value` there; `unit` is its natural unit, `log` whether p = p₀ eᶻ.
 
     `prior` is a mean with its standard deviation, in the number's own unit.
@@ -43,6 +45,15 @@ class Parameter:
     def path(self) -> str:
         """Its place as written in messages."""
         return with_numbers(self.place)
+
+    @property
+    def unit_name(self) -> str:
+        """The unit of the number itself."""
+        return Variation(self.path, (self.value,)).unit
+
+    def _summary(self) -> Summary:
+        prior = [] if self.prior is None else [("believed", f"{self.prior[0]:g} ± {self.prior[1]:g}")]
+        return Summary(f"{self.path} = {self.value:g} {self.unit_name}".rstrip(), prior)
 
     @property
     def start(self) -> float:
@@ -172,3 +183,16 @@ def scene_with(scene: Scene, values: Mapping[str, float]) -> Scene:
 def starts_of(parameters: Sequence[Parameter]) -> Floats:
     """The z of the scene's own numbers, (p,)."""
     return np.array([one.start for one in parameters])
+
+
+def fitted_columns(parameters: Sequence[Parameter], values: Floats, stds: Floats, held: Ints) -> dict[str, Any]:
+    """Numbers with their places, units, given and fitted values and standard deviations, NaN of those `held`."""
+    own = np.array(stds, dtype=float)
+    own[held] = np.nan
+    return {
+        "number": np.array([one.path for one in parameters]),
+        "unit": np.array([one.unit_name for one in parameters]),
+        "given": np.array([one.value for one in parameters]),
+        "fitted": np.array(values),
+        "std": own,
+    }

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from modal.identification.decays import Decays, Series, fit_decays, log_decremen
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.realization import Realization, modal_assurance, realize
-from modal.report import counted, short
+from modal.report import Displayed, Summary, brief, counted, deferred, short, tabulated
 from modal.types import Booleans, Complexes, Floats
 
 METHODS = ("era", "decrement")
@@ -38,8 +39,8 @@ OFTEN = 4  # orders at which a pole is stable that is one of random responses
 VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is none
 
 
-@dataclass(frozen=True, eq=False)
-class IdentifiedMode:
+@dataclass(frozen=True, eq=False, repr=False)
+class IdentifiedMode(Displayed):
     """A pole λ (1/s) with the standard deviations of |λ|/2π (Hz) and of the damping ratio, and its shape (C,).
 
     The largest component of the shape is 1; `shape_std` is the standard deviation of a component.
@@ -50,6 +51,11 @@ class IdentifiedMode:
     damping_ratio_std: float
     shape: Complexes
     shape_std: float | None
+
+    def _summary(self) -> Summary:
+        title = f"Identified mode: {self.frequency:.6g} Hz ± {self.frequency_std:.2g}, ζ = {self.damping_ratio:.4g}"
+        title += f" ± {self.damping_ratio_std:.2g}"
+        return Summary(title, [("shape", brief(self.shape))])
 
     @property
     def frequency(self) -> float:
@@ -82,8 +88,8 @@ class OrderPole:
     stable: bool
 
 
-@dataclass(frozen=True, eq=False)
-class Identified:
+@dataclass(frozen=True, eq=False, repr=False)
+class Identified(Displayed):
     """Modes of records with sensors of these `names`, the poles of all orders tried, and what there is to say."""
 
     modes: tuple[IdentifiedMode, ...]
@@ -93,6 +99,26 @@ class Identified:
     order: int
     stabilization: tuple[OrderPole, ...]
     notes: tuple[str, ...]
+
+    def to_dict(self) -> dict[str, Any]:
+        """A row for each mode, (R,): frequency and damping ratio with their standard deviations, collinearity."""
+        names = {
+            "frequency_hz": "frequency",
+            "frequency_std_hz": "frequency_std",
+            "damping_ratio": "damping_ratio",
+            "damping_ratio_std": "damping_ratio_std",
+            "collinearity": "collinearity",
+        }
+        return {key: np.array([getattr(mode, name) for mode in self.modes]) for key, name in names.items()}
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the modes and of the poles of all orders."""
+        return deferred("modal.plotting.identification:poles_figure")(self)
+
+    def _summary(self) -> Summary:
+        facts = [("method", self.method), ("excitation", self.excitation), ("order", str(self.order))]
+        several = counted(len(self.modes), "identified mode", "identified modes")
+        return tabulated(f"{several} of {counted(len(self.names), 'sensor', 'sensors')}", facts, self.to_dict())
 
 
 def identify(

@@ -19,6 +19,7 @@ from typing import Literal
 import numpy as np
 
 from modal.loci.tracking import Point, follow, overlaps
+from modal.report import Displayed
 from modal.types import Floats, Ints
 
 TURNED = 0.25
@@ -34,8 +35,8 @@ Pair = tuple[int, int]
 Solve = Callable[[float], Point]
 
 
-@dataclass(frozen=True)
-class CloseApproach:
+@dataclass(frozen=True, repr=False)
+class CloseApproach(Displayed):
     """Two loci meet: their numbers from 0, the value p₀ of the parameter, the frequency midway and the gap (rad/s).
 
     The gap of a crossing is what rounding leaves of zero.  `exchange` is the MAC of one shape before with the other one

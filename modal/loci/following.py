@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import sqrt
+from typing import Any
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from modal.errors import ComputationError, SceneError
 from modal.loci.crossings import CloseApproach, find_close_approaches
 from modal.loci.tracking import Point, follow, solve_at
 from modal.modes import labelled
-from modal.report import csv_rows, grid, with_unit
-from modal.scene import Scene
+from modal.report import Displayed, Summary, counted, csv_rows, deferred, grid, tabulated, with_unit
+from modal.scene import Scene, name_of
 from modal.scene.parameters import Variation, find_places, number_at, validate_variations
 from modal.types import Floats, Ints
 
@@ -27,8 +28,8 @@ DEEPEST = 200
 Report = Callable[[float], object]
 
 
-@dataclass(frozen=True, eq=False)
-class Loci:
+@dataclass(frozen=True, eq=False, repr=False)
+class Loci(Displayed):
     """K loci over P values of a parameter, refined where shapes change fast: `omega` (P, K) in rad/s, `values` (P,).
 
     `names` (K,) are the numbers of their modes in the table at the value `numbered_at`: the scene's own, or the first
@@ -44,6 +45,27 @@ class Loci:
     names: tuple[str, ...]
     numbered_at: float
     encounters: tuple[CloseApproach, ...]
+
+    def to_dict(self) -> dict[str, Floats]:
+        """The parameter and the frequency of every locus in rad/s, (P,) each.
+
+        >>> from modal import load
+        >>> from modal.scene.parameters import parse_variations
+        >>> axis = parse_variations(["pendulum[0].links[0].length=5:20:5"])[0]
+        >>> list(follow_loci(load("crane-two-loads"), axis).to_dict())
+        ['pendulum[0].links[0].length_m', 'omega_1_rad_per_s', 'omega_2_rad_per_s', 'omega_3_rad_per_s']
+        """
+        loci = {f"omega_{name}_rad_per_s": own for name, own in zip(self.names, self.omega.T, strict=True)}
+        return {self.variation.column: self.values, **loci}
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the loci."""
+        return deferred("modal.plotting.loci:loci_figure")(self)
+
+    def _summary(self) -> Summary:
+        loci, met = counted(len(self.names), "locus", "loci"), counted(len(self.encounters), "encounter", "encounters")
+        title = f"Loci of {name_of(self.scene)} along {self.variation.path}: {loci}, {met}"
+        return tabulated(title, (), self.to_dict())
 
 
 def follow_loci(scene: Scene, variation: Variation, report: Report = lambda done: None) -> Loci:

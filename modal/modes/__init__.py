@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
 from modal.modes.frequencies import natural_frequencies
+from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
-from modal.modes.modes import HOISTED, UNDRIVEN, ModalMatrix, Modes, all_shapes, natural_modes, omitted
+from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
+from modal.modes.omissions import HOISTED, UNDRIVEN, omitted
 from modal.modes.shapes import Shape
 
 __all__ = [

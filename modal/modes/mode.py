@@ -8,10 +8,12 @@ angle (`modal.eigen.amplitude.distortion`, which follows the drift of both frequ
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isnan, pi, sqrt
+from math import pi
+from typing import Any
 
 import numpy as np
 
+from modal.report import Displayed, Summary, deferred
 from modal.types import Floats, Ints
 
 UNCERTAIN = 0.1
@@ -27,8 +29,8 @@ DRIVEN = (1, 3)
 """The harmonics in which a mode drives other modes."""
 
 
-@dataclass(frozen=True)
-class Mode:
+@dataclass(frozen=True, repr=False)
+class Mode(Displayed):
     """One distinct natural frequency of a scene, with the properties of the modes that share it.
 
     number              from 1, in ascending order
@@ -85,7 +87,7 @@ class Mode:
     @property
     def oscillates(self) -> bool:
         """Whether the mode oscillates: not if ω = 0, or it is overdamped or uncertain."""
-        return self.omega > 0 and not isnan(self.damping_ratio) and abs(self.damping_ratio) < 1
+        return bool(oscillating(self.omega, self.damping_ratio))
 
     @property
     def growth_rate(self) -> float | None:
@@ -95,13 +97,46 @@ class Mode:
     @property
     def frequency(self) -> float | None:
         """Natural frequency |λ|/2π in Hz; 0 for a rigid translation, None for a mode that does not oscillate."""
-        return self.omega / (2 * pi) if self.oscillates or self.omega == 0 else None
+        return hertz(self.omega) if self.oscillates or self.omega == 0 else None
 
     @property
     def period(self) -> float | None:
         """Period 2π/|Im λ| (s); None if the mode does not oscillate."""
-        ratio = self.damping_ratio
-        return 2 * pi / (self.omega * sqrt((1 - ratio) * (1 + ratio))) if self.oscillates else None
+        return float(swing_period(self.omega, self.damping_ratio)) if self.oscillates else None
+
+    @property
+    def description(self) -> str:
+        """What moves and how, in words: the `family`."""
+        return self.family
+
+    def to_dict(self) -> dict[str, Any]:
+        """Every column of the table by its key in CSV and JSON, with its unit; None where there is no value.
+
+        >>> from modal import load, natural_modes
+        >>> natural_modes(load("paper-cart-2"))[2].to_dict()["omega_rad_per_s"]
+        2.7175491179815823
+        """
+        found: dict[str, Any] = deferred("modal.modes.summary:record_of")(self)
+        return found
+
+    def _summary(self) -> Summary:
+        found: Summary = deferred("modal.modes.summary:summarize_mode")(self)
+        return found
+
+
+def oscillating(omega: Any, ratio: Any) -> Any:
+    """Whether modes of these frequencies and damping ratios oscillate; not where the ratio is NaN."""
+    return (omega > 0) & (abs(ratio) < 1)
+
+
+def hertz(omega: Any) -> Any:
+    """A frequency in Hz of one in rad/s."""
+    return omega / (2 * pi)
+
+
+def swing_period(omega: Any, ratio: Any) -> Any:
+    """2π/|Im λ| (s) of modes that oscillate."""
+    return 2 * pi / (omega * np.sqrt((1 - ratio) * (1 + ratio)))
 
 
 def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tuple[str, ...]:

@@ -25,12 +25,13 @@ from modal.errors import ComputationError
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
+from modal.report import Displayed
 from modal.scene import Pendulum
 from modal.types import Floats
 
 
-@dataclass(frozen=True, eq=False)
-class Sensitivities:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sensitivities(Displayed):
     """∂ω/∂p of one mode; arrays (n_links,) in the order of `Shape.angles`, each entry for one link of one copy.
 
     mass            rad/s per kg; a rod remains a rod, so I = m l²/12 follows; the inertia of a body does not

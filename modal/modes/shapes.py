@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from modal.assembly import Rig, Units
 from modal.eigen import Details, Part
 from modal.errors import ComputationError
+from modal.report import Displayed, Summary, brief, counted
 from modal.types import Floats
 
 Normalisation = Literal["angle", "mass"]
 
 
-@dataclass(frozen=True, eq=False)
-class Shape:
+@dataclass(frozen=True, eq=False, repr=False)
+class Shape(Displayed):
     """One basis vector φ of a mode: a mode shape over every copy of every pendulum, top link first.
 
     `cart` is the cart's displacement (m) and `angles` (n_links,) every link's angle from the vertical (rad), or both
@@ -41,6 +42,39 @@ class Shape:
     participation_factor: float
     across: bool
     uncertain: bool
+
+    @property
+    def direction(self) -> str:
+        """Which way it moves."""
+        return "across the rail" if self.across else "along the rail"
+
+    def to_dict(self) -> dict[str, NDArray[Any]]:
+        """Columns with a row for each link (n_links,): its number from 1, its angle (rad), its share of kinetic energy.
+
+        Where φᵀMφ = 1 the angles are those at a modal coordinate of 1 √kg m.
+
+        >>> from modal import load, natural_modes
+        >>> {key: value.round(3).tolist() for key, value in natural_modes(load("chain-2")).shape(0).to_dict().items()}
+        {'link': [1, 2], 'angle_rad': [0.707, 1.0], 'kinetic_energy_share': [0.146, 0.854]}
+        """
+        links = np.arange(1, len(self.angles) + 1)
+        return {"link": links, "angle_rad": self.angles, "kinetic_energy_share": self.kinetic_energy_share}
+
+    def _summary(self) -> Summary:
+        facts = [
+            ("cart (m)", brief(self.cart)),
+            ("modal mass (kg m²)", brief(self.modal_mass)),
+            ("participation factor (1/m)", brief(self.participation_factor)),
+        ]
+        rows = (
+            (str(link), brief(angle), brief(share))
+            for link, (angle, share) in enumerate(zip(self.angles, self.kinetic_energy_share, strict=True), start=1)
+        )
+        title = f"Shape of {counted(len(self.angles), 'link', 'links')} {self.direction}"
+        title += ", complex" if np.iscomplexobj(self.angles) else ""
+        title += "; no digit of its frequency is certain" if self.uncertain else ""
+        headings = ("link", "angle (rad)", "kinetic energy share")
+        return Summary(title, facts, headings, rows, len(self.angles))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,6 +6,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
+from modal.plotting.films import MovingFigure, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
     assurance_figure,
@@ -29,6 +30,7 @@ from modal.plotting.layout import (
     side_by_side,
 )
 from modal.plotting.loci import axis_words, draw_loci, scale
+from modal.plotting.modal_films import LOOP, film_modes
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
 from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
 from modal.plotting.sliders import slide
@@ -57,6 +59,7 @@ from modal.plotting.style import (
 __all__ = [
     "DASHES",
     "HUES",
+    "LOOP",
     "MOST_CURVES",
     "MOST_PANELS",
     "NUMBER",
@@ -64,6 +67,7 @@ __all__ = [
     "SMALL",
     "WIDE",
     "WIDTH",
+    "MovingFigure",
     "Picture",
     "any_letters",
     "assurance_figure",
@@ -83,6 +87,9 @@ __all__ = [
     "draw_poles",
     "draw_shapes",
     "evenly",
+    "film_modes",
+    "form_problems",
+    "frame_rate",
     "framed",
     "headline",
     "in_both_themes",
@@ -95,6 +102,7 @@ __all__ = [
     "muted",
     "paper",
     "poles_figure",
+    "require_writer",
     "rest",
     "save",
     "scale",
@@ -104,4 +112,5 @@ __all__ = [
     "side_by_side",
     "slide",
     "thickness",
+    "write_film",
 ]

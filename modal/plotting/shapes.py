@@ -26,7 +26,7 @@ LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height
 
 
 @dataclass(frozen=True, eq=False)
-class _Layout:
+class Layout:
     """The pendula drawn, the directions of their links, the index of the first link of each, and their pivots.
 
     In metres: the longest chain, the extent below and above the rail, and half the width.
@@ -59,20 +59,23 @@ def draw_shapes(
     save(shapes_figure(modes, numbers, amplitude_deg=amplitude_deg), stream, form)
 
 
-def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float = 25.0) -> Figure:
-    """The modes with these indices (from 0), one panel each, the largest angle at `amplitude_deg`.
+def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitude_deg: float = 25.0) -> Figure:
+    """The modes with these indices (from 0), by default the first ones, one panel each.
+
+    The largest angle of each is `amplitude_deg`.
 
     Raises ComputationError for more modes than one picture holds.
     """
+    numbers = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
     if len(numbers) > MOST_PANELS:
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
-    rows, layout = list(modes.rows(numbers)), _layout(modes)
+    rows, layout = list(modes.rows(numbers)), layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns = min(len(rows), 4 if panel < WIDEST else 3)
     lines = -(-len(rows) // columns)
     columns = -(-len(rows) // lines)
     width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
-    words = [_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
+    words = [panel_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
     height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
     figure = sheet(max(width * columns, LEAST), height * lines + 0.8)
     headline(figure, modes.scene.title, "mode shapes")
@@ -87,7 +90,8 @@ def shapes_figure(modes: Modes, numbers: Sequence[int], *, amplitude_deg: float 
     return figure
 
 
-def _layout(modes: Modes) -> _Layout:
+def layout_of(modes: Modes) -> Layout:
+    """What is drawn of the pendula, and where."""
     hanging: list[tuple[tuple[AnyLink, ...], Floats, int]] = []
     first = 0
     for pendulum in modes.scene.pendulum:
@@ -101,7 +105,7 @@ def _layout(modes: Modes) -> _Layout:
     depth = max(float(np.ptp(level)) for level in levels)
     pivots = side_by_side(len(picked), depth)
     below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
-    return _Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
+    return Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
 
 
 def _levels(links: tuple[AnyLink, ...], way: Floats) -> Floats:
@@ -110,26 +114,31 @@ def _levels(links: tuple[AnyLink, ...], way: Floats) -> Floats:
     return np.concatenate([joints, joints[:-1] + way * [link.centre for link in links]])
 
 
-def _panel(axis: Axes, modes: Modes, row: Mode, layout: _Layout, amplitude: float) -> None:
-    shape = modes.shape(row.number - 1)
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float) -> None:
+    shape = modes.shape(row.number - 1 - modes.first)
     if np.iscomplexobj(shape.angles):
         shape = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
-    axis.set_xlim(-layout.half_width, layout.half_width)
-    axis.set_ylim(layout.bottom, layout.top)
-    axis.set_aspect("equal")
-    axis.plot([-layout.half_width, layout.half_width], [0, 0], color=muted(), lw=1.0, zorder=0)
-    _swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
+    draw_rest(axis, modes, layout, shape)
     if row.omega == 0:
         reach, height = 0.3 * layout.depth, 0.13 * layout.depth
         arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
         axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
     else:
-        amplitude = _fitting(layout, shape, amplitude)
-        _swing(axis, modes, layout, shape, -amplitude, {"color": colour(1)})
-        _swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
+        amplitude = fitting_amplitude(layout, shape, amplitude)
+        draw_swing(axis, modes, layout, shape, -amplitude, {"color": colour(1)})
+        draw_swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
 
 
-def _words(row: Mode, letters: int) -> str:
+def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
+    """The rail and everything at equilibrium, on an axis with the limits of the layout."""
+    axis.set_xlim(-layout.half_width, layout.half_width)
+    axis.set_ylim(layout.bottom, layout.top)
+    axis.set_aspect("equal")
+    axis.plot([-layout.half_width, layout.half_width], [0, 0], color=muted(), lw=1.0, zorder=0)
+    draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
+
+
+def panel_words(row: Mode, letters: int) -> str:
     """The title of a panel: number, frequencies and family."""
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio > 0 else ""
     omega = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
@@ -138,7 +147,7 @@ def _words(row: Mode, letters: int) -> str:
     return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
 
 
-def _fitting(layout: _Layout, shape: Shape, amplitude: float) -> float:
+def fitting_amplitude(layout: Layout, shape: Shape, amplitude: float) -> float:
     """A reduced amplitude where the cart would leave the picture; long chains are drawn linearly, by displacement."""
     if max(map(len, layout.links)) > MOST_MARKS:
         reach = [
@@ -149,7 +158,8 @@ def _fitting(layout: _Layout, shape: Shape, amplitude: float) -> float:
     return float(min(amplitude, FARTHEST * layout.depth / max(abs(shape.cart), 1e-300)))
 
 
-def _swing(axis: Axes, modes: Modes, layout: _Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
+def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
+    """A real shape times an amplitude (rad)."""
     shift = float(shape.cart.real) * amplitude
     _support(axis, modes, layout, shift, look)
     for links, way, first, pivot in zip(layout.links, layout.ways, layout.offsets, layout.pivots, strict=True):
@@ -182,7 +192,7 @@ def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dic
     axis.plot(x[:-1], y[:-1], "o", ms=2.6, **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5)
 
 
-def _support(axis: Axes, modes: Modes, layout: _Layout, shift: float, look: dict[str, Any]) -> None:
+def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[str, Any]) -> None:
     left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
     height = 0.075 * layout.depth
     if modes.rig.cart is None:
@@ -193,7 +203,7 @@ def _support(axis: Axes, modes: Modes, layout: _Layout, shift: float, look: dict
     axis.add_patch(FancyBboxPatch((left + shift, 0.0), right - left, height, fc=face, ec=look["color"], **style))
 
 
-def _caption(modes: Modes, rows: Sequence[Mode], layout: _Layout, amplitude_deg: float) -> str:
+def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: float) -> str:
     linear = max(map(len, layout.links)) > MOST_MARKS
     words = ["grey: rest", "blue and orange: the two ends of the swing"]
     words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]

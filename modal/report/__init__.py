@@ -1,9 +1,23 @@
 """Output: tables, CSV and JSON, numbers in running text, escaped text.
 
 In: titles, columns and rows.  Out: text, Markdown, LaTeX, CSV, HTML or JSON in which no text of a scene can act as
-markup or code.  This room is independent of pendula.  Start with `escaping`.
+markup or code.  This room is independent of pendula.  Start with `escaping`; by `display` results show themselves.
 """
 
+from modal.report.display import (
+    HTML_ROWS,
+    TEXT_ROWS,
+    Displayed,
+    Summary,
+    brief,
+    by_column,
+    deferred,
+    first_line,
+    more,
+    scrolled,
+    summary_of,
+    tabulated,
+)
 from modal.report.escaping import (
     LETTERS,
     c_comment,
@@ -24,19 +38,27 @@ from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, sh
 from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
 
 __all__ = [
+    "HTML_ROWS",
     "LETTERS",
     "NOTHING",
+    "TEXT_ROWS",
     "WIDTH",
+    "Displayed",
+    "Summary",
     "as_csv",
     "as_json",
+    "brief",
+    "by_column",
     "c_comment",
     "capital",
     "counted",
     "csv_cell",
     "csv_comment",
     "csv_rows",
+    "deferred",
     "digits",
     "finite",
+    "first_line",
     "grid",
     "html",
     "json_text",
@@ -45,11 +67,15 @@ __all__ = [
     "markdown",
     "matlab_text",
     "modelica_text",
+    "more",
     "one_line",
     "percent",
     "python_text",
     "rad",
+    "scrolled",
     "short",
+    "summary_of",
+    "tabulated",
     "titled",
     "visible",
     "with_unit",

@@ -18,6 +18,7 @@ from typing import Any, Literal
 import numpy as np
 
 from modal.errors import SceneError
+from modal.report import Displayed
 from modal.scene.validation import POSITIVE, REAL, Part, field, number, one_of, optional
 from modal.types import Floats
 
@@ -57,8 +58,8 @@ class Hoist(Part):
         return _law(self, length)
 
 
-@dataclass(frozen=True, eq=False)
-class LengthLaw:
+@dataclass(frozen=True, eq=False, repr=False)
+class LengthLaw(Displayed):
     """A length (m) in K pieces: Σ c_k (t − t_i)^k between the `knots` t (K + 1,) in s, with `coefficients` (K, d)."""
 
     knots: Floats

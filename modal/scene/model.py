@@ -19,6 +19,7 @@ from unicodedata import category
 
 from modal import pair
 from modal.errors import SceneError
+from modal.report import Displayed, Summary, deferred
 from modal.scene.hoist import Hoist
 from modal.scene.motion import Moved
 from modal.scene.validation import (
@@ -288,7 +289,7 @@ def _one_line(title: str) -> str:
     return title
 
 
-class Scene(Part):
+class Scene(Displayed, Part):
     """Gravity (m/s²), a support and at least one pendulum, in the vertical plane or in space.
 
     `damping_ratio` ζ is that of all modes of the scene without dampers, or of each by its number in the table; it is
@@ -423,6 +424,10 @@ class Scene(Part):
     def links(self) -> Iterator[Bob | Rod | Body]:
         """Every link as specified: copies and runs of equal links once each."""
         return (link for pendulum in self.pendulum for link in pendulum.links)
+
+    def _summary(self) -> Summary:
+        found: Summary = deferred("modal.scene.summary:summarize")(self)
+        return found
 
     def problems(self) -> Iterator[str]:
         """Too many links, and features that this space does not allow."""

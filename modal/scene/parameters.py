@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError, meant
+from modal.report import Displayed, Summary
 from modal.scene.model import Scene, describe, scene_from
 from modal.scene.validation import LARGEST, Part
 
@@ -147,8 +148,12 @@ def _numbers(part: Any, at: Place = ()) -> Iterator[Place]:
         yield at
 
 
-@dataclass(frozen=True)
-class Variation:
+MOST_SHOWN = 5
+"""Values that a variation shows one by one."""
+
+
+@dataclass(frozen=True, repr=False)
+class Variation(Displayed):
     """A place and the ascending values that it takes, in the units of a scene file; `log` if in equal ratios."""
 
     path: str
@@ -160,6 +165,12 @@ class Variation:
             raise SceneError([f"{_quoted(self.path)}: is not a place such as pendulum[0].links[1].length"])
         if problem := _problem(self.values, self.log):
             raise SceneError([f"{self.path}: {problem}"])
+
+    def _summary(self) -> Summary:
+        few = len(self.values) <= MOST_SHOWN
+        values = ", ".join(f"{value:g}" for value in (self.values if few else (self.values[0], self.values[-1])))
+        words = values if few else f"{len(self.values)} values from {values.replace(', ', ' to ')}"
+        return Summary(f"{self.path}: {words} {self.unit}".rstrip() + ", logarithmic" * self.log)
 
     @property
     def unit(self) -> str:
@@ -178,7 +189,7 @@ def parse_variations(texts: Sequence[str]) -> tuple[Variation, ...]:
     """The variations that texts describe; SceneError names every mistake.
 
     >>> parse_variations(["support.mass=1:100:3log"])
-    (Variation(path='support.mass', values=(1.0, 10.0, 100.0), log=True),)
+    (support.mass: 1, 10, 100 kg, logarithmic,)
     """
     found: list[Variation] = []
     problems: list[str] = []

@@ -21,6 +21,8 @@ from modal.errors import SceneError, first_of, meant
 LARGEST = 1e100
 SMALLEST = 1e-100
 MAX_COPIES = 1_000_000
+MOST_WRITTEN = 3
+"""Items of a list that are shown."""
 TAGS: set[str] = set()
 """The kinds of all parts."""
 KINDS: dict[str, str] = {}
@@ -261,7 +263,16 @@ class Part:
         return hash((type(self), *self.__dict__.values()))
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{name}={value!r}' for name, value in self)})"
+        """As it is written in Python, without defaults; of long lists the beginning."""
+        own = ((name, value) for name, value in self if value != self.fields[name].default)
+        return f"{type(self).__name__}({', '.join(f'{name}={_written(value)}' for name, value in own)})"
+
+
+def _written(value: Any) -> str:
+    """As in Python, of a long list the first items and the number of the others."""
+    if not isinstance(value, tuple) or len(value) <= MOST_WRITTEN:
+        return repr(value)
+    return f"({', '.join(map(repr, value[:MOST_WRITTEN]))}, … {len(value) - MOST_WRITTEN} more)"
 
 
 def _dumped(value: Any) -> Any:

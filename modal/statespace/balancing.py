@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats
@@ -28,8 +29,8 @@ NEGLIGIBLE = 1e-8
 """Relative size below which Hankel singular values are uncertain, from square roots of rounded gramians."""
 
 
-@dataclass(frozen=True, eq=False)
-class Balanced:
+@dataclass(frozen=True, eq=False, repr=False)
+class Balanced(Displayed):
     """A reduced model, all n Hankel singular values of the original in descending order, and the error bound.
 
     `error_bound` is twice the sum of those omitted: no largest singular value of G(iω) is off by more.

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modes import UNCERTAIN, Modes
+from modal.report import Displayed
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
@@ -32,8 +33,8 @@ BARELY = 1e-3
 """Relative gain below which a mode is only barely reached or seen."""
 
 
-@dataclass(frozen=True, eq=False)
-class Side:
+@dataclass(frozen=True, eq=False, repr=False)
+class Side(Displayed):
     """The gains of all inputs, or of all outputs: `parts` has for every mode the (d, m) array of its d copies."""
 
     signals: tuple[Signal, ...]
@@ -84,8 +85,8 @@ class Side:
         return self.verb if share >= BARELY else f"barely (gain {gain:.0e})"
 
 
-@dataclass(frozen=True, eq=False)
-class Gains:
+@dataclass(frozen=True, eq=False, repr=False)
+class Gains(Displayed):
     """Controllability, the gains of the `inputs`, and observability, those of the `outputs`, mode by mode.
 
     Where the model prescribes the cart's motion `held` is true: `modes` are then the fixed-base modes, not the table's.

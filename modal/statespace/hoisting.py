@@ -19,6 +19,7 @@ from scipy.linalg import eigh
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, matrices_at
 from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.statespace.model import fixed
 from modal.statespace.shapers import Drive, Kind, Shaper, shaper_for
@@ -32,8 +33,8 @@ UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at res
 Pulse = Callable[[float], float]
 
 
-@dataclass(frozen=True, eq=False)
-class Along:
+@dataclass(frozen=True, eq=False, repr=False)
+class Along(Displayed):
     """Along a hoist at `times` (T,) in s: the changing `lengths` (T, H) in m, R frequencies and adiabatic amplitudes.
 
     `omega` (T, R) in rad/s, ascending, are those of the scene with the lengths of each time, each once for every mode

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from modal.errors import ComputationError
 from modal.modes import Modes, all_shapes, natural_modes
+from modal.report import NOTHING, Displayed, Summary, brief, deferred, first_line
 from modal.statespace.model import StateSpace, fixed
 from modal.statespace.signals import DRIVES, SUPPORT, Signal
 from modal.types import Complexes, Floats
@@ -57,13 +58,30 @@ class Block(NamedTuple):
         return self.eigenvalue == 0
 
 
-@dataclass(frozen=True, eq=False)
-class ModalForm:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModalForm(Displayed):
     """A model and its blocks; `modes` are those of its inputs: fixed-base ones if the cart's motion is prescribed."""
 
     modes: Modes
     model: StateSpace
     blocks: tuple[Block, ...]
+
+    def plot(self, **options: Any) -> Any:
+        """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`."""
+        return deferred("modal.plotting.response:bode_figure")(self, **options)
+
+    def _summary(self) -> Summary:
+        rows = (
+            (
+                NOTHING if block.mode is None else str(self.modes.first + block.mode + 1),
+                ", ".join(signal.name for signal in block.states),
+                brief(block.eigenvalue),
+            )
+            for block in self.blocks
+        )
+        title = f"Modal form of {first_line(self.model)}"
+        headings = ("mode", "states", "eigenvalue (1/s)")
+        return Summary(title, (), headings, rows, len(self.blocks), words=frozenset({1}))
 
     @cached_property
     def inputs(self) -> list[Floats]:
@@ -118,6 +136,13 @@ def to_modal_form(modes: Modes, model: StateSpace) -> ModalForm:
     if sum(len(block.A) for block in blocks) != n:
         raise ComputationError("the modes of this scene do not span its motion in double precision")
     return ModalForm(found, model, tuple(blocks))
+
+
+def plot_model(model: StateSpace, **options: Any) -> Any:
+    """The figure of `ModalForm.plot` of the whole model of a scene; ComputationError for any other."""
+    if model.scene is None:
+        raise ComputationError("only the whole model of a scene can be drawn: this one is sampled, reduced or read")
+    return to_modal_form(natural_modes(model.scene), model).plot(**options)
 
 
 def held(modes: Modes) -> Modes:

@@ -27,13 +27,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
+from modal.report import Displayed, Summary, counted, deferred
 from modal.scene import Fixed, Scene, validate_scene
 from modal.statespace.signals import (
     DRIVES,
@@ -54,8 +55,8 @@ from modal.types import Floats
 LARGEST_STATE = 4000
 
 
-@dataclass(frozen=True, eq=False)
-class StateSpace:
+@dataclass(frozen=True, eq=False, repr=False)
+class StateSpace(Displayed):
     """z' = A z + B u (z[k+1] = A z[k] + B u[k] where dt > 0), y = C z + D u.
 
     A (n, n), B (n, m), C (p, n), D (p, m) in SI units; `states`, `inputs` and `outputs` name rows and columns; `dt` is
@@ -74,6 +75,37 @@ class StateSpace:
     title: str = ""
     operating_point: tuple[tuple[str, float], ...] = ()
     scene: Scene | None = None
+
+    def to_dict(self) -> dict[str, Any]:
+        """A, B, C and D, the names of states, inputs and outputs, and the sample time in s.
+
+        >>> from modal import load
+        >>> from modal.statespace import state_space
+        >>> found = state_space(load("chain-1")).to_dict()
+        >>> found["states"], found["A"].shape
+        (['theta_1_1', 'theta_dot_1_1'], (2, 2))
+        """
+        names = {side: [signal.name for signal in getattr(self, side)] for side in ("states", "inputs", "outputs")}
+        return {"A": self.A, "B": self.B, "C": self.C, "D": self.D, **names, "dt_s": self.dt}
+
+    def plot(self, **options: Any) -> Any:
+        """A matplotlib figure of magnitude and phase; `options` are those of `modal.plotting.bode_figure`.
+
+        Raises ComputationError for a model that is not the whole one of a scene, whose modes the figure needs.
+        """
+        return deferred("modal.statespace.modal_form:plot_model")(self, **options)
+
+    def _summary(self) -> Summary:
+        kind = f"sampled every {self.dt:g} s" if self.dt else "continuous"
+        sizes = f"{len(self.A)} states, {_counted(self.inputs, 'input')}, {_counted(self.outputs, 'output')}"
+        title = f'State space of "{self.title}": {sizes}, {kind}' if self.title else f"State space: {sizes}, {kind}"
+        sides = {"input": self.inputs, "output": self.outputs, "state": self.states}
+        rows = [(side, one.name, one.unit, one.meaning) for side, own in sides.items() for one in own]
+        return Summary(title, (), ("signal", "name", "unit", "meaning"), rows, len(rows), words=frozenset(range(4)))
+
+
+def _counted(signals: tuple[Signal, ...], one: str) -> str:
+    return counted(len(signals), one, f"{one}s")
 
 
 class _Motion(NamedTuple):

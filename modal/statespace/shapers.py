@@ -39,6 +39,7 @@ from numpy.typing import ArrayLike
 from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.statespace.model import fixed
 from modal.types import Booleans, Complexes, Floats
@@ -69,8 +70,8 @@ class Swing(NamedTuple):
     zeta: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Shaper:
+@dataclass(frozen=True, eq=False, repr=False)
+class Shaper(Displayed):
     """Impulses at `times` (n,) in s, ascending from 0, of `amplitudes` (n,) that add to 1.
 
     The times are multiples of `step` (s) where that is not 0.
@@ -213,8 +214,8 @@ def _edge(works: Callable[[Floats], Booleans], ladder: Floats) -> float:
     return float(smallest_where(lambda omega: ~works(omega), inside, outside)[0])
 
 
-@dataclass(frozen=True, eq=False)
-class Robustness:
+@dataclass(frozen=True, eq=False, repr=False)
+class Robustness(Displayed):
     """The residual vibration of each mode with a shaper, `residual` (L, R) in percent, over `values` (L,)."""
 
     values: Floats

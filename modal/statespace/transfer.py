@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigvals
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.statespace.modal_form import ModalForm, block_diagonal
 from modal.statespace.response import terms
 from modal.statespace.signals import Signal
@@ -33,8 +34,8 @@ NOTHING, CANCELLED = 1e-12, 1e-9
 """Below this share of the largest a term is none; below this share of its terms a Markov parameter is none."""
 
 
-@dataclass(frozen=True, eq=False)
-class TransferFunction:
+@dataclass(frozen=True, eq=False, repr=False)
+class TransferFunction(Displayed):
     """G(s) of one output for one input: `zeros` and `poles` in 1/s, ascending in magnitude, and the leading `gain`.
 
     `gain` has the output's unit over the input's, times 1/s to the power of the relative degree.

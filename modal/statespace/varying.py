@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from modal.assembly import hoisting_of, matrices_at
 from modal.errors import ComputationError, SceneError
+from modal.report import Displayed
 from modal.scene import Scene, validate_scene
 from modal.statespace.model import StateSpace, assembled
 from modal.statespace.signals import Signal
@@ -25,8 +26,8 @@ VELOCITY = (
 )
 
 
-@dataclass(frozen=True, eq=False)
-class VaryingModel:
+@dataclass(frozen=True, eq=False, repr=False)
+class VaryingModel(Displayed):
     """A (T, n, n) and B (T, n, m) at `times` (T,) in s; C (p, n) and D (p, m), with times in front where they vary.
 
     Everything else is as in `StateSpace`.

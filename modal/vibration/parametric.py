@@ -20,6 +20,7 @@ from scipy.integrate import solve_ivp
 
 from modal.assembly import matrices
 from modal.errors import SceneError
+from modal.report import Displayed
 from modal.scene import Moved, Scene, SineMotion
 from modal.statespace.signals import geometry_of
 from modal.types import Complexes
@@ -30,8 +31,8 @@ MOST_LINKS = 60
 CERTAIN = 1e-8  # distance from 1 above which a multiplier counts as larger or smaller
 
 
-@dataclass(frozen=True, eq=False)
-class ParametricStability:
+@dataclass(frozen=True, eq=False, repr=False)
+class ParametricStability(Displayed):
     """Floquet multipliers (2n,) of the small angles of a scene over one `period` (s) of its support, largest first."""
 
     multipliers: Complexes

@@ -50,7 +50,7 @@ DIVERGES = "undamped and within reach of the noise: the RMS grows without bound"
 DRIFTS = "grows without bound: the PSD reaches down to 0 Hz, where this output follows the support's own drift"
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class RandomResponse(ModalResponse):
     """The response of some outputs (p of them) of a scene to a PSD of its support's motion."""
 

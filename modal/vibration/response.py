@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from modal.modes import Modes
+from modal.report import Displayed
 from modal.statespace import ModalForm
 from modal.statespace.signals import Signal
 
 
-@dataclass(frozen=True, eq=False)
-class ModalResponse:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModalResponse(Displayed):
     """The response of p outputs, as a sum over the modes of `form`."""
 
     form: ModalForm

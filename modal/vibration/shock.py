@@ -32,7 +32,7 @@ DIRECT = 1e-9
 MOST = 5e7  # numbers of all histories
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class ShockResponse(ModalResponse):
     """The response of p outputs to a record, at `times` (T,) in s; `history` (p, T) and that of each mode (R, p, T)."""
 

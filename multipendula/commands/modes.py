@@ -8,15 +8,18 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.shared import chosen, drawn, estimate_of, output, picture, small_swings
+from multipendula.commands.shared import bar, chosen, drawn, estimate_of, output, picture, small_swings
 from multipendula.options import (
+    FILMS,
+    PICTURES,
     add_covariance,
     add_explain,
+    add_file,
     add_format,
     add_modes,
-    add_picture,
     add_scene,
     add_text,
+    add_theme,
     number,
 )
 from multipendula.parser import Page
@@ -105,14 +108,18 @@ def _by_orbits(modes: Modes, rows: list[Mode]) -> tuple[list[Mode], str]:
 
 
 def shapes(options: argparse.Namespace) -> None:
-    """Draw the mode shapes."""
-    form = picture(options.output)
+    """Draw the mode shapes, or film the modes."""
+    form = picture(options.output, kinds=PICTURES + FILMS)
     modes, numbers = _modes(options)
-    from modal.plotting import MOST_PANELS, draw_shapes
+    from modal.plotting import LOOP, MOST_PANELS, draw_shapes, film_modes
 
     shown = numbers[:MOST_PANELS] if options.modes is None else numbers
     with drawn(options.output, options.theme) as stream:
-        draw_shapes(modes, shown, stream, amplitude_deg=options.amplitude, form=form)
+        if form in FILMS:
+            with bar(LOOP) as report:
+                film_modes(modes, stream, form, shown, amplitude_deg=options.amplitude, report=report)
+        else:
+            draw_shapes(modes, shown, stream, amplitude_deg=options.amplitude, form=form)
     if len(shown) < len(numbers):
         print(
             f"multipendula: drew the first {len(shown)} of {len(numbers)} modes; choose with --modes", file=sys.stderr
@@ -121,7 +128,8 @@ def shapes(options: argparse.Namespace) -> None:
 
 def _shapes_arguments(page: Page) -> None:
     add_scene(page)
-    add_picture(page, "--output", "-o", required=True)
+    add_file(page, "--output", "-o", kinds=PICTURES + FILMS, required=True)
+    add_theme(page)
     add_modes(page)
     degrees = number("degrees above 0 and at most 90", most=90)
     words = "largest angle of each drawing (default 25)"
@@ -196,11 +204,13 @@ COMMANDS = (
         arguments=_shapes_arguments,
         details=(
             "One panel per mode, drawn with the largest angle that you choose. A repeated frequency shows one shape of "
-            "each sort."
+            "each sort. In a film (GIF, MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its "
+            "period, and the loop has no seam."
         ),
         examples=(
             ("shapes paper-cart-2 -o shapes.png", "every mode"),
             ("shapes rope --modes 1:4 -o rope.svg", "the first four, as vector graphics"),
+            ("shapes paper-cart-2 -o modes.gif", "modes that move"),
             ("shapes crane-hook --amplitude 10 -o hook.pdf", "with a largest angle of 10 degrees"),
         ),
     ),

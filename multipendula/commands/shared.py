@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import IO, TYPE_CHECKING
 
@@ -37,11 +37,11 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
         yield stream
 
 
-def picture(name: str, option: str = "-o") -> str:
+def picture(name: str, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
     """The format of a figure, by its file name."""
     from modal.scene import kind_of
 
-    return kind_of(name, PICTURES, f"{option} ")
+    return kind_of(name, kinds, f"{option} ")
 
 
 def film_form(name: str, option: str = "-o") -> str:

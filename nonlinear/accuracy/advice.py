@@ -32,6 +32,7 @@ from time import perf_counter
 
 import numpy as np
 
+from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.accuracy.attempts import AIM, Attempt, Found, Goal, in_closed_form, in_few_modes
 from nonlinear.integration import LOOSEST, SMALLEST, Choice, Request, SimulationError, Trajectory, rounded
@@ -48,8 +49,8 @@ PARTED = 2.0  # least bound over the distance of a twin
 TOGETHER = 2  # samples by which the ends of two runs at the same event may differ
 
 
-@dataclass(frozen=True, eq=False)
-class Advice:
+@dataclass(frozen=True, eq=False, repr=False)
+class Advice(Displayed):
     """The trajectory for a requested accuracy (rad), its `errors` (T,) in rad so far, and all attempts, its own last.
 
     `horizon` is the time (s) up to which the accuracy is met, one of the trajectory's; `parted` tells whether the

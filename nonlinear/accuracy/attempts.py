@@ -11,6 +11,7 @@ from time import perf_counter
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
+from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.integration import (
     CLOSED,
@@ -70,8 +71,8 @@ class Found:
     gave_up: SimulationError | None = None
 
 
-@dataclass(frozen=True, eq=False)
-class Goal:
+@dataclass(frozen=True, eq=False, repr=False)
+class Goal(Displayed):
     """A requested motion and its accuracy (rad)."""
 
     request: Request

@@ -20,6 +20,7 @@ from time import perf_counter
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.integration import CLOSED, Choice, Request, SolverInfo, Trajectory, taylor
@@ -38,8 +39,8 @@ class GivenUpError(ComputationError):
     """A run that takes longer than its time limit."""
 
 
-@dataclass(frozen=True, eq=False)
-class Question:
+@dataclass(frozen=True, eq=False, repr=False)
+class Question(Displayed):
     """The motion of a scene at `times` (T,) in s from 0 on after this start; a run may take `patience` seconds."""
 
     scene: Scene

@@ -23,6 +23,7 @@ import numpy as np
 
 from modal._compatibility import former
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, Question
@@ -35,8 +36,8 @@ TWIN = Candidate("minimal", "DOP853", 1e-12)
 FEWEST = 10  # samples before the horizon
 
 
-@dataclass(frozen=True, eq=False)
-class Reference:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reference(Displayed):
     """A trajectory up to the horizon, computed by `candidate` and checked by `check`.
 
     `difference` (T,) is the largest difference of the two so far (rad), `growth` (T,) the largest factor so far by

@@ -24,6 +24,7 @@ import numpy as np
 
 from modal._compatibility import former, former_argument
 from modal.errors import ComputationError, SceneError
+from modal.report import Displayed
 from modal.scene import Scene, refuse_motion, unsupported
 from modal.types import Floats
 from nonlinear.accuracy.candidates import Candidate, GivenUpError, Question, list_candidates
@@ -50,8 +51,8 @@ LOST = 1.0  # deviation (rad) that no time shift explains
 INTERRUPTED = "interrupted"
 
 
-@dataclass(frozen=True)
-class Row:
+@dataclass(frozen=True, repr=False)
+class Row(Displayed):
     """One candidate up to the horizon: seconds of preparation, median seconds of a run, right-hand sides.
 
     `error` (rad), `shift` in time (s, NaN where undefined), `drift` of energy (relative, NaN for modes with dampers,
@@ -69,8 +70,8 @@ class Row:
     rung = former("Row", "rung", "candidate")
 
 
-@dataclass(frozen=True, eq=False)
-class WorkPrecision:
+@dataclass(frozen=True, eq=False, repr=False)
+class WorkPrecision(Displayed):
     """The reference, the candidates in order of fidelity, and (family or candidate, reason) of those left out."""
 
     scene: Scene

@@ -41,6 +41,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
+from modal.report import Displayed
 from modal.scene import Cart, Scene, refuse_motion, unsupported
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
@@ -60,8 +61,8 @@ TINY = np.finfo(float).tiny
 SMALL = 0.2  # largest third harmonic over the first; a larger one is not slaved, and is limited to this
 
 
-@dataclass(frozen=True, eq=False)
-class AveragedEquations:
+@dataclass(frozen=True, eq=False, repr=False)
+class AveragedEquations(Displayed):
     """The averaged equations of a scene with C swinging shapes.
 
     `shapes` (half, C) with φᵀMφ = 1, `dual` = M φ, `omega` (C,) in rad/s, `row` (C,) of each in the table of the

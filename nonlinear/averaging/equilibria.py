@@ -19,6 +19,7 @@ import numpy as np
 
 from modal._compatibility import former
 from modal.modes import table_numbers
+from modal.report import Displayed
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations
 from nonlinear.averaging.slow_flow import settle_apart
@@ -38,8 +39,8 @@ ASIDE = 1e-9
 EFFORT = 1_500  # steps after which Newton's method takes over from a start that has not settled
 
 
-@dataclass(frozen=True, eq=False)
-class RelativeEquilibrium:
+@dataclass(frozen=True, eq=False, repr=False)
+class RelativeEquilibrium(Displayed):
     """A motion of constant shape: amplitudes z (C,), rotation rates Ω (B,) in rad/s, growth rates (1/s).
 
     `rates` are the eigenvalues μ except the neutral ones, the slowest first, and `leaving` the fraction of the energy

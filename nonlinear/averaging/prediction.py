@@ -12,6 +12,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import table_numbers
+from modal.report import Displayed
 from modal.scene import Scene, refuse_motion
 from modal.types import Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, average
@@ -30,8 +31,8 @@ OTHERS, ASIDE, SEED = 4, 0.05, 11  # neighbouring starts, their relative distanc
 PATIENCE = 10  # relaxation times allowed for leaving an unstable state
 
 
-@dataclass(frozen=True, eq=False)
-class Prediction:
+@dataclass(frozen=True, eq=False, repr=False)
+class Prediction(Displayed):
     """The slow `motion` from a `start`, those of its neighbours, and the configuration in which it ends, if any.
 
     A symmetric start may end in an `unstable` configuration that real pendula would leave.  Then `start` is a perturbed

@@ -10,6 +10,7 @@ from math import ceil, pi
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.types import Booleans, Complexes, Floats
 from nonlinear.averaging.equations import AveragedEquations, derivative
 
@@ -27,8 +28,8 @@ LOCKED = 0.01  # largest fraction of the energy outside the locked mode
 AWAY = 100.0  # rad, an amplitude beyond which the motion diverges
 
 
-@dataclass(frozen=True, eq=False)
-class SlowFlow:
+@dataclass(frozen=True, eq=False, repr=False)
+class SlowFlow(Displayed):
     """Amplitudes z (C, T) at `times` (T,) in s, and whether they have settled."""
 
     averaged: AveragedEquations

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from modal.errors import ComputationError, SceneError
-from modal.report import visible
+from modal.report import Displayed, visible
 from modal.scene import Escapement, Scene, refuse_motion, unsupported
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
@@ -48,8 +48,8 @@ CONFIDENCE = 0.95
 """Coverage probability of the intervals."""
 
 
-@dataclass(frozen=True, eq=False)
-class Exponent:
+@dataclass(frozen=True, eq=False, repr=False)
+class Exponent(Displayed):
     """λ of E starts: `growth` (K, E) is the gain of ln |v| between the `times` (K + 1,) in s, the transient included.
 
     `energy_drift` is the largest change of energy over a run, relative to g Σ b; NaN in a scene with dampers.

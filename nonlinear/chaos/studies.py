@@ -12,6 +12,7 @@ from math import hypot
 
 import numpy as np
 
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.chaos.lyapunov import Exponent, lyapunov_exponent
@@ -23,8 +24,8 @@ WIDEST, SHARE = 0.5, 0.9
 """Largest angle (rad) of links but the last from level, and share of the last link's range that may compensate it."""
 
 
-@dataclass(frozen=True)
-class Case:
+@dataclass(frozen=True, repr=False)
+class Case(Displayed):
     """A scene of a study, its series and its position in it (None: the reference of the others)."""
 
     series: str
@@ -43,8 +44,8 @@ class Study:
     ensemble: int
 
 
-@dataclass(frozen=True, eq=False)
-class Finding:
+@dataclass(frozen=True, eq=False, repr=False)
+class Finding(Displayed):
     """A study with the exponents of its cases."""
 
     study: Study

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import spatial_joints as ball_joints
 from nonlinear.dynamics.drag import forces_of
@@ -58,8 +59,8 @@ def chained(
     return ends, centres
 
 
-@dataclass(frozen=True, eq=False)
-class Mechanics:
+@dataclass(frozen=True, eq=False, repr=False)
+class Mechanics(Displayed):
     """Quantities of T states, computed on demand.
 
     Their `times` (T,) in s are needed where lengths change; `support` (T, d) are the places (m) of a moved support in
@@ -228,8 +229,8 @@ class Mechanics:
         return needed
 
 
-@dataclass(frozen=True, eq=False)
-class Reactions:
+@dataclass(frozen=True, eq=False, repr=False)
+class Reactions(Displayed):
     """Forces (N) at T times.
 
     `normal` (T,): the rail's push up on the cart, or a fixed support's on everything (R in paper 000, section IV.A).

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.report import as_csv, as_json, finite, grid, titled
-from modal.scene import InitialCondition, Pendulum, Scene, describe, refuse_motion
+from modal.report import Displayed, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
+from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, refuse_motion
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.measures import configurations
@@ -33,8 +33,8 @@ SLOW = ("configuration", "order")
 PERIODS = 30.0  # of sqrt(l/g), where nobody says how long
 
 
-@dataclass(frozen=True, eq=False)
-class Basins:
+@dataclass(frozen=True, eq=False, repr=False)
+class Basins(Displayed):
     """A measure over the grid of two numbers: `column` is its name with its unit, `names` those of configurations."""
 
     ensemble: Ensemble
@@ -55,6 +55,22 @@ class Basins:
         return np.asarray(
             np.min([found.grid(name) for name in found.columns if name.startswith("first_turn_")], axis=0)
         )
+
+    def to_dict(self) -> dict[str, Floats]:
+        """The two numbers that are varied and the measure at every start, (S,)."""
+        axes = np.meshgrid(*(own.values for own in self.axes), indexing="ij")
+        found = {own.column: grid.ravel() for own, grid in zip(self.axes, axes, strict=True)}
+        return {**found, self.column: self.values.ravel()}
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the map."""
+        return deferred("nonlinear.plotting.ensembles:basins_figure")(self)
+
+    def _summary(self) -> Summary:
+        shape = " × ".join(str(len(axis.values)) for axis in self.axes)
+        facts = [(name, f"{100 * share:.3g} %") for name, share in self.shares().items()]
+        scene = self.ensemble.question.scene
+        return tabulated(f"Basins of {name_of(scene)}: {self.column} from {shape} starts", facts, self.to_dict())
 
     def shares(self) -> dict[str, float]:
         """Which share of the starts ends where."""

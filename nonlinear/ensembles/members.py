@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.scene import Scene, describe, refuse_motion
+from modal.report import Displayed, Summary, counted
+from modal.scene import Scene, describe, name_of, refuse_motion
 from modal.scene.parameters import (
     Place,
     Variable,
@@ -121,14 +122,18 @@ class Part:
         return Motion(parts[0], parts[1], none, none, none)
 
 
-@dataclass(frozen=True, eq=False)
-class Members:
+@dataclass(frozen=True, eq=False, repr=False)
+class Members(Displayed):
     """All members: over the grid of `axes`, or with one value each in `lists`, (S,) by path, or from `states`."""
 
     scene: Scene
     axes: tuple[Variation, ...] = ()
     lists: Mapping[str, Floats] | None = None
     states: Motion | None = None
+
+    def _summary(self) -> Summary:
+        differ = ", ".join(self.paths) or "their starts"
+        return Summary(f"{counted(self.size, 'member', 'members')} of {name_of(self.scene)} that differ in {differ}")
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -148,6 +153,12 @@ class Members:
     def paths(self) -> tuple[str, ...]:
         """The places that are varied."""
         return (*(axis.path for axis in self.axes), *(self.lists or ()))
+
+    @property
+    def values(self) -> dict[str, Floats]:
+        """What each member has at every place that is varied, (S,) by path."""
+        grid = self._grid(np.arange(self.size))
+        return {**dict(zip([axis.path for axis in self.axes], grid, strict=True)), **(self.lists or {})}
 
     def part(self, first: int, stop: int) -> Part:
         """Those from one number on until before another."""

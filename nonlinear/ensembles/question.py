@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from modal.report import Displayed
 from modal.scene import Escapement, Scene
 from modal.scene.parameters import find_places
 from nonlinear.ensembles.found import Wanted
@@ -32,8 +33,8 @@ CHECKED = 4  # members that are run by themselves as well
 SEED = 19
 
 
-@dataclass(frozen=True, eq=False)
-class Question:
+@dataclass(frozen=True, eq=False, repr=False)
+class Question(Displayed):
     """Members, for how long (s), to which tolerance, what to keep and to measure, and by which engine.
 
     `times` (s) are samples that are kept, `keeps_end` says whether the last state is; `checked` are the numbers of the

@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.scene import Scene, validate_scene
+from modal.report import Displayed, Summary, counted
+from modal.scene import Scene, name_of, validate_scene
 from modal.types import Floats
 from nonlinear.ensembles.computing import Chunk, compute, engine_of
 from nonlinear.ensembles.costs import choose_engine, seconds_of
@@ -42,8 +43,8 @@ Report = Callable[[float], object]
 Numbered = tuple[int, Chunk]
 
 
-@dataclass(frozen=True, eq=False)
-class Ensemble:
+@dataclass(frozen=True, eq=False, repr=False)
+class Ensemble(Displayed):
     """What was found of S members, in chunks; `reason` says why this engine, `interrupted` whether all are done.
 
     >>> import numpy as np
@@ -129,6 +130,27 @@ class Ensemble:
         """The last states of all members; SceneError where they were not kept."""
         parts = {part: self.column(column) for part, column in STATES.items()}
         return Motion(**parts, work=np.full(self.size, np.nan))
+
+    def to_dict(self) -> dict[str, Floats]:
+        """Every quantity that is one number a member, (S,), by its name, after the values that were varied.
+
+        >>> from modal import load
+        >>> found = ensemble(load("chain-1"), 1.0, vary={"gravity": [9.8, 1.6]}, engine="numpy", workers=1)
+        >>> found.to_dict()["gravity"].tolist()
+        [9.8, 1.6]
+        """
+        given = self.members.values
+        single = [name for name in self.columns if not name.startswith("crossing_")]
+        found = {name: own for name in single if (own := self.column(name)).ndim == 1}
+        return {**given, **found}
+
+    def _summary(self) -> Summary:
+        members, question = counted(self.size, "member", "members"), self.question
+        title = f"Ensemble of {members} of {name_of(question.scene)} over {question.duration:g} s"
+        facts = [("engine", f"{self.engine}: {self.reason}"), ("tolerance", f"{question.tolerance:g}")]
+        facts += [("varied", ", ".join(self.members.paths))] if self.members.paths else []
+        facts += [("interrupted", "some members are missing")] if self.interrupted else []
+        return Summary(title, facts)
 
     def words(self) -> str:
         """How many there are, by which engine, and how far to trust them."""

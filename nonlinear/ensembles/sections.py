@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 
 from modal.errors import SceneError
-from modal.report import as_csv, as_json, finite, titled
-from modal.scene import Scene, describe, refuse_motion
+from modal.report import Displayed, Summary, as_csv, as_json, by_column, deferred, finite, titled
+from modal.scene import Scene, describe, name_of, refuse_motion
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -29,8 +29,8 @@ TRIES = 20_000  # starts drawn for each one that has the energy
 SEED = 7
 
 
-@dataclass(frozen=True, eq=False)
-class PoincareSection:
+@dataclass(frozen=True, eq=False, repr=False)
+class PoincareSection(Displayed):
     """The crossings of an ensemble at an `energy` (J) above the scene's rest, drawn by one of its coordinates."""
 
     ensemble: Ensemble
@@ -48,6 +48,25 @@ class PoincareSection:
     def orbit(self) -> Floats:
         """Which motion crosses, from 0, (C,)."""
         return self.ensemble.column("crossing_member")
+
+    def to_dict(self) -> dict[str, Any]:
+        """A row for each crossing: which motion from 1, the time, angles, rates and the cart."""
+        return by_column(_records(self))
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the crossings."""
+        return deferred("nonlinear.plotting.ensembles:section_figure")(self)
+
+    def _summary(self) -> Summary:
+        own = self.ensemble
+        title = f"Poincaré section of {name_of(own.question.scene)} at {self.coordinate}"
+        facts = [
+            ("crossings", str(len(self.orbit))),
+            ("motions", str(own.size)),
+            ("duration", f"{own.question.duration:g} s"),
+            ("energy", f"{self.energy:.6g} J above rest"),
+        ]
+        return Summary(title, facts)
 
     def points(self) -> tuple[Floats, Floats]:
         """What is drawn: an angle in (−180°, 180°] and its rate in °/s, or the cart's m and m/s, (C,) each."""

@@ -21,8 +21,21 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_frequencies
-from modal.report import NOTHING, as_csv, as_json, counted, finite, grid, titled
-from modal.scene import Scene, describe
+from modal.report import (
+    HTML_ROWS,
+    NOTHING,
+    Displayed,
+    Summary,
+    as_csv,
+    as_json,
+    brief,
+    counted,
+    deferred,
+    finite,
+    grid,
+    titled,
+)
+from modal.scene import Scene, describe, name_of
 from modal.scene.parameters import Variable, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
@@ -117,8 +130,8 @@ def _number(text: str, word: str) -> float:
     return value
 
 
-@dataclass(frozen=True, eq=False)
-class Spread:
+@dataclass(frozen=True, eq=False, repr=False)
+class Spread(Displayed):
     """Members with drawn numbers: `values` (S,) by path, `omega` (S, R) in rad/s, and their motion where asked for."""
 
     scene: Scene
@@ -129,6 +142,25 @@ class Spread:
     failures: dict[int, str]
     ensemble: Ensemble | None = None
     estimate: Estimate | None = None
+
+    def to_dict(self) -> dict[str, Floats]:
+        """What was drawn and every frequency in rad/s, (S,)."""
+        found = {f"omega_{number}_rad_per_s": own for number, own in enumerate(self.omega.T, 1)}
+        return {**self.values, **found}
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the frequencies and of the motion."""
+        return deferred("nonlinear.plotting.ensembles:spread_figure")(self)
+
+    def _summary(self) -> Summary:
+        title = f"Spread of {name_of(self.scene)}: {counted(self.size, 'member', 'members')} with {self.words}"
+        rows = [
+            [brief(own[key]) for key in ("mode", "omega_rad_per_s", "standard_deviation_rad_per_s", "matters_most")]
+            for own in self.frequencies[:HTML_ROWS]
+        ]
+        headings = ("mode", "ω (rad/s)", "± (rad/s)", "matters most")
+        count = int(np.count_nonzero(self.nominal > 0))
+        return Summary(title, (), headings, rows, count, words=frozenset({3}))
 
     @property
     def words(self) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 from modal.errors import SceneError, meant
 from modal.identification import scene_with
 from modal.identification.parameters import natural_unit
+from modal.report import Displayed
 from modal.scene import Cart, Scene
 from modal.scene.parameters import find_places, with_numbers
 from nonlinear.identification.fitting import fit
@@ -24,8 +25,8 @@ HALF = 0.5  # of a single segment
 WEAK = 1e-3  # of the natural unit, where a law begins
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
+@dataclass(frozen=True, eq=False, repr=False)
+class Candidate(Displayed):
     """A fit with one law, or several joined by +; `held_out_rms` (rad) of the part that was not fitted.
 
     Information criteria count as many values as the residuals' autocorrelation leaves independent.

@@ -15,6 +15,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.identification import Parameter, scene_with
 from modal.identification.parameters import numbers_at
+from modal.report import Displayed
 from modal.scene import Cart, Escapement, Scene
 from modal.types import Booleans, Floats
 from nonlinear.dynamics import Lanes
@@ -87,8 +88,8 @@ def require_fittable(scene: Scene) -> None:
         raise SceneError(problems)
 
 
-@dataclass(frozen=True, eq=False)
-class Problem:
+@dataclass(frozen=True, eq=False, repr=False)
+class Problem(Displayed):
     """A recording, and a scene of which these numbers are free; `scaled` frees the sensors' scales.
 
     `noise` (C,) is the standard deviation of every sensor, `tightness` times that the one of a gap between a motion and

@@ -20,7 +20,7 @@ from math import isinf, nan, radians
 import numpy as np
 
 from modal.errors import SceneError, meant
-from modal.report import counted, listed
+from modal.report import Displayed, counted, listed
 from modal.scene import Cart, Scene
 from modal.scene.files import limited
 from modal.types import Floats
@@ -53,8 +53,8 @@ class Sensor:
         return "rad" if self.pendulum else "m"
 
 
-@dataclass(frozen=True, eq=False)
-class Segment:
+@dataclass(frozen=True, eq=False, repr=False)
+class Segment(Displayed):
     """A motion that was recorded in one go.
 
     `times` (K,) in s, ascending; `values` (K, C) in rad and m, NaN where a sensor has no value.  The next segment may
@@ -73,8 +73,8 @@ class Segment:
         return f"{self.file}, segment {self.name}" if self.name else self.file
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Displayed):
     """Segments with the same C sensors; `relative` where angles are those to the link above."""
 
     sensors: tuple[Sensor, ...]

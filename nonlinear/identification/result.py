@@ -5,11 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from modal.identification import Combination, Determined, Parameter, Undetermined, find_combinations, resampled
-from modal.scene import Scene
+from modal.identification import (
+    Combination,
+    Determined,
+    Parameter,
+    Undetermined,
+    find_combinations,
+    fitted_columns,
+    resampled,
+)
+from modal.report import Displayed, Summary, brief, counted, deferred, tabulated
+from modal.scene import Scene, name_of
 from modal.types import Floats, Ints
 from nonlinear.identification.problem import Problem
 from nonlinear.identification.records import Recording
@@ -17,8 +27,8 @@ from nonlinear.identification.records import Recording
 BLOCKS = 10  # of residuals in a series, at least
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit(Displayed):
     """Numbers fitted to a recording.
 
     `scene` has them; `parameters` (p) are the ones that were free, `held` (indices) those among them that stayed at the
@@ -69,6 +79,23 @@ class Fit:
     def stds(self) -> Floats:
         """Standard deviations of the numbers (p,), zero for those held."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation."""
+        return fitted_columns(self.parameters, self.values, self.stds, self.held)
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the fit beside what was measured."""
+        return deferred("nonlinear.plotting.identification:fit_figure")(self)
+
+    def _summary(self) -> Summary:
+        facts = [
+            ("values", str(len(self.residuals))),
+            ("rms residual", brief(float(np.sqrt(np.mean(self.residuals**2))))),
+        ]
+        facts += [("verdict", " ".join(self.verdict))] if self.verdict else []
+        title = f"Fit of {name_of(self.given)}: {counted(len(self.fitted), 'number', 'numbers')}"
+        return tabulated(title, facts, self.to_dict(), ("number", "unit"))
 
     def given_at(self, path: str) -> float:
         """The number that the scene gave at one of these places."""

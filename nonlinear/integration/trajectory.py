@@ -10,18 +10,21 @@ from typing import Any
 import numpy as np
 
 from modal._compatibility import former
-from modal.scene import Scene
+from modal.report import HTML_ROWS, Displayed, Summary, counted, deferred, tabulated
+from modal.scene import Scene, name_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
 from nonlinear.system import NO_FRICTION, NO_KICKS, Equations, EventRecord, Friction, Kicks, Motion, State, System
 
 NOISE = 1e-7
+QUICKLY = 200_000
+"""Angles of a run whose energy drift is computed to be shown."""
 CLOSED = "closed form"  # the method where nothing is integrated
 TRUNCATED = "truncated"  # the form with a few mode shapes
 
 
-@dataclass(frozen=True)
-class SolverInfo:
+@dataclass(frozen=True, repr=False)
+class SolverInfo(Displayed):
     """How a trajectory was computed: the form of the equations, the method, and the reason; counts; why it ended.
 
     `drift` is the largest constraint violation before projection, relative to the lengths of the scene; `reduced`
@@ -47,9 +50,14 @@ class SolverInfo:
     reduced: str = ""
     error: float = inf
 
+    def _summary(self) -> Summary:
+        facts = [("tolerance", f"{self.tolerance:g}"), ("steps", str(self.steps)), ("calls", str(self.calls))]
+        facts += [(name, text) for name in ("reason", "reduced", "stopped") if (text := getattr(self, name))]
+        return Summary(f"Computed by {self.method} in {self.form} form", facts)
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Displayed):
     """A scene's motion at `times` (T,) in s, the events on the way, and how it was computed.
 
     `kicks` are those of escapements, `friction` tells what dry friction did; `driven` tells whether anything acted from
@@ -152,3 +160,47 @@ class Trajectory:
     def constraint_drift(self) -> float:
         """The largest constraint violation before projection; 0 in minimal coordinates."""
         return self.run.drift
+
+    def to_dict(self) -> dict[str, Floats]:
+        """Time, angles, rates, the cart and the work (T,), by the names of the columns of a CSV file.
+
+        >>> from modal import load
+        >>> from nonlinear import simulate
+        >>> list(simulate(load("chain-1"), 1.0, output=5).to_dict())
+        ['time_s', 'theta_1_1_rad', 'theta_dot_1_1_rad_per_s', 'x_m', 'x_dot_m_per_s', 'work_J']
+        """
+        found: dict[str, Floats] = deferred("nonlinear.files:columns_of")(self)
+        return found
+
+    def to_xarray(self) -> Any:
+        """The motion as an `xarray.Dataset` over `time`, `pendulum` and `link`, with units in the attributes.
+
+        In space links have unit vectors over `axis` in place of angles.  Pendula with fewer links than others have NaN
+        below their last.  Raises MissingExtraError without xarray, the extra of that name.
+        """
+        return deferred("nonlinear.postprocessing.datasets:dataset_of")(self)
+
+    def plot(self) -> Any:
+        """A matplotlib figure: angles, the cart, energies, phase portrait and spectrum.
+
+        >>> from modal import load
+        >>> from nonlinear import simulate
+        >>> len(simulate(load("chain-1"), 5.0).plot().axes)
+        4
+        """
+        return deferred("nonlinear.plotting.run:run_figure")(self)
+
+    def _summary(self) -> Summary:
+        times, run = self.times, self.run
+        several = counted(len(times), "time", "times")
+        title = f"Motion of {name_of(self.scene)}: {several} from {times[0]:g} to {times[-1]:g} s"
+        facts = [("by", f"{run.method}, {run.form} form")]
+        if len(times) * self.system.n_links <= QUICKLY:
+            facts.append(("energy drift", f"{self.energy_drift():.1e}"))
+        if self.happenings:
+            facts.append(("events", str(len(self.happenings))))
+        if run.stopped:
+            facts.append(("stopped", run.stopped))
+        first = self.at(slice(0, HTML_ROWS))
+        found = tabulated(title, facts, first.to_dict())
+        return replace(found, total=len(times))

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
+from modal.errors import ComputationError
+from modal.modes import natural_modes
+from modal.report import HTML_ROWS, Displayed, Summary, counted, deferred, tabulated
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.orbits.continuation import Point, Problem
@@ -17,8 +21,8 @@ from nonlinear.orbits.special import Special
 Report = Callable[[float], object]
 
 
-@dataclass(frozen=True, eq=False)
-class Branch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Branch(Displayed):
     """Orbits in the order of their continuation and the special points between them.
 
     `origin` says where it begins, `variation` along which number of the scene it goes, if any; it is `complete` where
@@ -57,6 +61,40 @@ class Branch:
     def value(self) -> Floats:
         """The number along which it goes at every orbit, (K,); NaN without one."""
         return np.array([np.nan if orbit.value is None else orbit.value for orbit in self.orbits])
+
+    def to_dict(self) -> dict[str, Any]:
+        """A row for each orbit, (K,): what it was continued along, amplitude, energy, frequency and stability."""
+        along = {self.variation.column: self.value} if self.variation else {}
+        return {
+            **along,
+            "amplitude_deg": np.degrees(self.amplitude),
+            "energy_J": self.energy,
+            "omega_rad_per_s": self.omega,
+            "stable": np.array(self.is_stable),
+            "residual": np.array([orbit.residual for orbit in self.orbits]),
+        }
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the branch, beside the linear mode in which it begins.
+
+        Raises ComputationError for a branch that goes along nothing and begins in no mode.
+        """
+        scene = self.orbits[0].scene
+        mode = None
+        if self.variation is None:
+            if self.linear is None:
+                raise ComputationError("this branch goes along no number and begins in no mode: nothing to draw")
+            modes = natural_modes(scene)
+            mode = modes[int(np.argmin(np.abs(modes.omega - self.linear)))]
+        return deferred("nonlinear.plotting.orbits:orbits_figure")(scene, [self], mode)
+
+    def _summary(self) -> Summary:
+        along = f" along {self.variation.path}" if self.variation else ""
+        facts = [("special points", ", ".join(dict.fromkeys(one.kind for one in self.special)) or "none")]
+        facts += [] if self.complete else [("ends", "before what was asked for")]
+        title = f"Branch of {counted(len(self.points), 'periodic orbit', 'periodic orbits')} from {self.origin}{along}"
+        first = replace(self, points=self.points[:HTML_ROWS])
+        return replace(tabulated(title, facts, first.to_dict()), total=len(self.points))
 
     @cached_property
     def is_stable(self) -> tuple[bool, ...]:

@@ -15,6 +15,7 @@ from typing import Protocol
 import numpy as np
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.types import Floats
 from nonlinear.orbits.orbit import Orbit
 
@@ -38,8 +39,8 @@ class Problem(Protocol):
         ...
 
 
-@dataclass(frozen=True, eq=False)
-class Point:
+@dataclass(frozen=True, eq=False, repr=False)
+class Point(Displayed):
     """A solution u with the tangent of its branch (N,), and its orbit."""
 
     u: Floats

@@ -20,14 +20,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modal.report import Displayed, Summary, brief
 from modal.types import Complexes, Floats
 
 ON_CIRCLE = 1e-7  # how far beyond 1 the accuracy of an orbit may carry |c|, and a multiplier of a conservative scene
 REAL = 1e-6  # imaginary part of c below which two equal ones are taken for real
 
 
-@dataclass(frozen=True, eq=False)
-class Floquet:
+@dataclass(frozen=True, eq=False, repr=False)
+class Floquet(Displayed):
     """The multipliers of an orbit: the `neutral` ones, which are 1, and the `others`.
 
     `reduced` is the map without the neutral ones: of half a period, C above, where `half`, else of the whole one.
@@ -38,6 +39,12 @@ class Floquet:
     reduced: Floats
     half: bool
     conservative: bool
+
+    def _summary(self) -> Summary:
+        kind = "stable" if self.is_stable else "unstable"
+        largest = float(np.abs(self.others).max(initial=0.0))
+        title = f"{len(self.all)} multipliers, {self.neutral} of them neutral: {kind}"
+        return Summary(title, [("largest besides", brief(largest))])
 
     @property
     def all(self) -> Complexes:

@@ -22,6 +22,7 @@ from scipy.integrate import DOP853
 from scipy.optimize import brentq
 
 from modal.errors import ComputationError, SceneError
+from modal.report import Displayed
 from modal.types import Floats, Ints
 from nonlinear.dynamics.variational import Variational
 from nonlinear.integration import Escaping, escaping
@@ -50,8 +51,8 @@ KERNELS = File(__file__).parent / "compiled.py"
 Force = Callable[[float], Floats]
 
 
-@dataclass(frozen=True, eq=False)
-class Flow:
+@dataclass(frozen=True, eq=False, repr=False)
+class Flow(Displayed):
     """The flow of a system with this tolerance; `force` (n,) of the time acts from outside, in every coordinate."""
 
     system: System

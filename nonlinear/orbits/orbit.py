@@ -7,7 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.scene import Scene
+from modal.report import Displayed, Summary
+from modal.scene import Scene, name_of
 from modal.types import Floats
 from nonlinear.dynamics import Mechanics
 from nonlinear.orbits.floquet import Floquet
@@ -19,8 +20,8 @@ LOOKS = 8  # points in every step among which the largest angle is searched
 NEARLY = 0.99  # of the largest sample, from which on a step may hold the largest angle
 
 
-@dataclass(frozen=True, eq=False)
-class Orbit:
+@dataclass(frozen=True, eq=False, repr=False)
+class Orbit(Displayed):
     """A motion of `scene` that begins at y and closes after `period` (s), but for `residual` in natural units.
 
     `value` is that of the number along which it was continued, if any; `path` covers the period, or where `symmetric`
@@ -71,6 +72,16 @@ class Orbit:
         fast = slice(half + first, 2 * half)
         turned = states[:, at] - self.flow.system.rest
         return largest(times, turned, states[:, fast], rates[:, fast])
+
+    def _summary(self) -> Summary:
+        facts = [
+            ("largest angle", f"{np.degrees(self.amplitude):.5g}°"),
+            ("period", f"{self.period:.6g} s"),
+            ("energy", f"{self.energy:.6g} J"),
+            ("closes to", f"{self.residual:.0e}"),
+        ]
+        stable = "stable" if self.is_stable else "unstable"
+        return Summary(f"Periodic orbit of {name_of(self.scene)}: {self.omega:.6g} rad/s, {stable}", facts)
 
     def motion(self, rows: Floats) -> Motion:
         """The motion in vectors y (T, d)."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 
 from modal.errors import ComputationError
+from modal.report import Displayed, Summary
 from nonlinear.orbits.continuation import Point, Problem, between, located
 from nonlinear.orbits.orbit import Orbit
 from nonlinear.orbits.shooting import Shooting
@@ -16,8 +17,8 @@ HALVINGS = 30
 ON_CIRCLE = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class Special:
+@dataclass(frozen=True, eq=False, repr=False)
+class Special(Displayed):
     """A special point: its kind, the quantity that turns there (of a fold), its orbit and its place in the branch.
 
     Kinds are "fold", "branch point", "period doubling", "torus" and "collision" (of multipliers on the unit circle,
@@ -30,6 +31,11 @@ class Special:
     point: Point = field(repr=False)
     of: str = ""
     breaks: bool = False
+
+    def _summary(self) -> Summary:
+        of = f" of {self.of}" if self.of else ""
+        found = self.orbit._summary()
+        return Summary(f"{self.kind.capitalize()}{of} after orbit {self.after}: {found.title}", found.facts)
 
 
 def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Special]:

@@ -25,13 +25,14 @@ import numpy as np
 from modal.assembly import Matrices
 from modal.errors import ComputationError
 from modal.modes import Modes
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Complexes, Floats, Ints
 from nonlinear.system import Motion, State
 
 
-@dataclass(frozen=True, eq=False)
-class ModalMotion:
+@dataclass(frozen=True, eq=False, repr=False)
+class ModalMotion(Displayed):
     """C modal coordinates of a motion at T times, with `number` and `copy` (C,) of the shapes, both from 0.
 
     `coordinate` η and `rate` η' (T, C) are in rad and rad/s of the largest angle (in m of the cart where the shape has

@@ -26,6 +26,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
+from modal.report import Displayed
 from modal.scene import Fixed, Scene, refuse_motion, unsupported
 from modal.types import Complexes, Floats
 from nonlinear.reduction.modal_coordinates import along_rail, deflection, modal_motion, rest_angles
@@ -113,8 +114,8 @@ class Flat:
         return Motion(q[:, on:] + rest_angles(self.scene), v[:, on:], cart, cart_rate, none)
 
 
-@dataclass(frozen=True, eq=False)
-class Superposition:
+@dataclass(frozen=True, eq=False, repr=False)
+class Superposition(Displayed):
     """The motion of a scene as a function of times (T,) in s, and the vertical planes of which it consists.
 
     These are the plane itself, or for a scene in space the one along the rail and the one across it.

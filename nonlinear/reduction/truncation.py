@@ -26,6 +26,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.modes import Modes
+from modal.report import Displayed
 from modal.scene import Scene, refuse_motion, unsupported
 from modal.types import Floats, Ints
 from nonlinear.integration import (
@@ -59,8 +60,8 @@ class Kept(NamedTuple):
     copy: int
 
 
-@dataclass(frozen=True, eq=False)
-class Truncation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Truncation(Displayed):
     """A trajectory in the `kept` shapes (R,) with natural frequencies `omega` (R,) in rad/s.
 
     `outside` is the fraction of the start's linear energy outside them, `errors` (T,) in rad the estimated largest
@@ -85,8 +86,8 @@ class Truncation:
         return 2 * np.pi / fastest if fastest else np.inf
 
 
-@dataclass(frozen=True, eq=False)
-class Survey:
+@dataclass(frozen=True, eq=False, repr=False)
+class Survey(Displayed):
     """A start expanded in all C shapes of the undamped scene, φᵀMφ = 1: `shapes` and `dual` = MΦ are (half, C)."""
 
     scene: Scene

@@ -10,11 +10,13 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import islice
 from time import monotonic
+from typing import Any
 
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report import grid, visible
+from modal.report import HTML_ROWS, Displayed, Summary, brief, deferred, grid, visible
+from modal.scene import name_of
 from modal.types import Floats
 from nonlinear.ensembles.executors import DIED, WorkerPool, cores, processes, spread
 from nonlinear.sweeps.checkpoint import Checkpoint
@@ -36,8 +38,8 @@ Report = Callable[[float], object]
 Rows = Generator[list[Row], None, None]
 
 
-@dataclass(frozen=True, eq=False)
-class Sweep:
+@dataclass(frozen=True, eq=False, repr=False)
+class Sweep(Displayed):
     """The rows of a study, ascending; `interrupted` tells whether Ctrl-C came before the last."""
 
     study: Study
@@ -59,6 +61,29 @@ class Sweep:
     def failures(self) -> dict[int, str]:
         """The reasons why points have no numbers, by their index."""
         return {row.index: row.reason for row in self.rows if row.reason}
+
+    def to_dict(self) -> dict[str, Floats]:
+        """The values of the axes and every quantity at every point of the grid, the last axis varying fastest."""
+        axes = np.meshgrid(*(own.values for own in self.study.variations), indexing="ij")
+        found = {own.column: grid.ravel() for own, grid in zip(self.study.variations, axes, strict=True)}
+        return found | {name: self.values(name).ravel() for name in self.columns}
+
+    def plot(self) -> Any:
+        """A matplotlib figure of the measures over the grid."""
+        return deferred("nonlinear.plotting.sweeps:sweep_figure")(self)
+
+    def _summary(self) -> Summary:
+        facts = [(own.path, f"{own.values[0]:g} to {own.values[-1]:g} {own.unit}") for own in self.study.variations]
+        done = f"{len(self.rows)} of {self.study.size} points"
+        failed = f", {len(self.failures)} failed" if self.failures else ""
+        first = self.rows[:HTML_ROWS]
+        axes = ([brief(value) for value in self.study.point(row.index).values()] for row in first)
+        rows = [
+            [*place, *(brief(row.numbers.get(name, np.nan)) for name in self.columns)]
+            for place, row in zip(axes, first, strict=True)
+        ]
+        headings = [*(own.column for own in self.study.variations), *self.columns]
+        return Summary(f"Sweep of {name_of(self.study.scene)}: {done}{failed}", facts, headings, rows, len(self.rows))
 
     def values(self, column: str) -> Floats:
         """One quantity over the grid, in the study's shape, NaN where it is unknown."""

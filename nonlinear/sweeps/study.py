@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from modal.errors import MultipendulaError, SceneError
+from modal.report import Displayed
 from modal.scene import Scene, describe, scene_from
 from modal.scene.parameters import Variable, Variation, validate_variations
 from nonlinear.sweeps.measures import RequestedMeasure, find_together, parse_measures, run_all_together
@@ -20,8 +21,8 @@ MOST_AXES, MOST_POINTS = 3, 1_000_000
 VERSION = 1
 
 
-@dataclass(frozen=True)
-class Study:
+@dataclass(frozen=True, repr=False)
+class Study(Displayed):
     """A grid over one to MOST_AXES variations, the last one varying fastest; SceneError for an invalid one."""
 
     scene: Scene
@@ -92,8 +93,8 @@ class Task:
         return tuple(dict.fromkeys(one.number for one in self.measures if one.measure.runs))
 
 
-@dataclass(frozen=True)
-class Row:
+@dataclass(frozen=True, repr=False)
+class Row(Displayed):
     """The result at a point: named numbers, or the reason why there are none."""
 
     index: int

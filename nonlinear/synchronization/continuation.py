@@ -23,6 +23,7 @@ import numpy as np
 
 from modal._compatibility import former
 from modal.errors import ComputationError, SceneError
+from modal.report import Displayed
 from modal.scene import Scene, refuse_motion
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Complexes, Floats
@@ -62,8 +63,8 @@ class Change:
     beat: float = 0.0
 
 
-@dataclass(frozen=True, eq=False)
-class Branch:
+@dataclass(frozen=True, eq=False, repr=False)
+class Branch(Displayed):
     """One configuration at K ascending values: those of the variation within its range and others between."""
 
     variation: Variation
@@ -127,8 +128,8 @@ class Branch:
         return Change(float(self.values[at]), faint if self.angle[at] < DYING * self.angle.max() else folded)
 
 
-@dataclass(frozen=True, eq=False)
-class Branches:
+@dataclass(frozen=True, eq=False, repr=False)
+class Branches(Displayed):
     """All branches that were found, those at the first value first."""
 
     scene: Scene

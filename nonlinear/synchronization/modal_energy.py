@@ -18,6 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes, table_numbers
+from modal.report import Displayed
 from modal.scene import Scene
 from modal.types import Floats, Ints
 from nonlinear.averaging import LOCKED, below_for_good
@@ -29,8 +30,8 @@ from nonlinear.synchronization.phases import from_rest
 MOST = 2000  # coordinates of a scene up to which its energy is divided among modes
 
 
-@dataclass(frozen=True, eq=False)
-class Survival:
+@dataclass(frozen=True, eq=False, repr=False)
+class Survival(Displayed):
     """Energies of the R oscillating rows: `row` (R,) their numbers from 1 in the table `modes`, `energy` (T, R) in J.
 
     `modes` are those of the `scene` without dampers and drives.

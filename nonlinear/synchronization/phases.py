@@ -22,6 +22,7 @@ import numpy as np
 
 from modal import pair
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.types import Complexes, Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
@@ -45,8 +46,8 @@ class OwnShapes(NamedTuple):
     dual: Floats
 
 
-@dataclass(frozen=True, eq=False)
-class Phases:
+@dataclass(frozen=True, eq=False, repr=False)
+class Phases(Displayed):
     """A run as N pendula in their fixed-base modes 1 to B, B being the links of the shortest; higher ones are omitted.
 
     `z` (T, N, B) in rad, `omega` (rad/s) and `mass` φᵀAφ (kg m²) of these modes, (N, B).

@@ -9,6 +9,7 @@ from math import pi
 from typing import Any
 
 from modal.errors import ComputationError
+from modal.report import Displayed
 from modal.scene import Scene
 from nonlinear.averaging import Prediction, RelativeEquilibrium, predict, relative_equilibria
 from nonlinear.integration import Trajectory, estimate_timescales
@@ -23,8 +24,8 @@ LONGER, BEYOND = 1.5, 30  # duration over the predicted locking time, and period
 USUAL, MOST = 200, 5000  # default and longest duration in periods
 
 
-@dataclass(frozen=True, eq=False)
-class Theory:
+@dataclass(frozen=True, eq=False, repr=False)
+class Theory(Displayed):
     """The prediction of the averaged equations: the steady oscillations of a scene, and the outcome of its start."""
 
     configurations: tuple[RelativeEquilibrium, ...]
@@ -49,8 +50,8 @@ class Theory:
         return self.prediction.doubts_of_start if self.ending else self.prediction.doubts
 
 
-@dataclass(frozen=True, eq=False)
-class SynchronizationStudy:
+@dataclass(frozen=True, eq=False, repr=False)
+class SynchronizationStudy(Displayed):
     """Theory and simulation of a scene; without theory or modes, `silent` and `unmeasured` say why."""
 
     scene: Scene

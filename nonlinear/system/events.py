@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modal.errors import SceneError
+from modal.report import summary_of
 from modal.types import Floats, Ints
 from nonlinear.system.state import State
 from nonlinear.system.system import System
@@ -56,6 +57,9 @@ class EventRecord(NamedTuple):
     time: float
     state: State
 
+    def __repr__(self) -> str:
+        return summary_of(self).text()
+
 
 class Kicks(NamedTuple):
     """K kicks of escapements in order: `time` (s), `link` below the joint (from 0), `energy` (J) supplied.
@@ -67,6 +71,9 @@ class Kicks(NamedTuple):
     link: Ints
     impulse: Floats
     energy: Floats
+
+    def __repr__(self) -> str:
+        return summary_of(self).text()
 
 
 class Friction(NamedTuple):
@@ -83,6 +90,9 @@ class Friction(NamedTuple):
     places: Ints
     work: Floats
     rest: float
+
+    def __repr__(self) -> str:
+        return summary_of(self).text()
 
 
 NO_FRICTION = Friction(

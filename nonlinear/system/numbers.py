@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import CartNumbers
+from modal.report import Displayed
 from modal.scene import AnyLink, Body, Cart, Escapement, Scene, refuse_motion
 from modal.scene.parameters import Place
 from modal.types import Floats
@@ -28,8 +29,8 @@ WORKING = ("damping", "strength", *DRAG)
 Values = Mapping[Place, Floats]
 
 
-@dataclass(frozen=True, eq=False)
-class Numbers:
+@dataclass(frozen=True, eq=False, repr=False)
+class Numbers(Displayed):
     """The numbers of S members with the form of a `system`: `entries` are numbers or arrays (S,)."""
 
     system: System

@@ -12,12 +12,13 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
+from modal.report import Displayed, Summary, brief, counted, summary_of
 from modal.types import Floats
 from nonlinear.system.system import System
 
 
-@dataclass(frozen=True, eq=False)
-class State:
+@dataclass(frozen=True, eq=False, repr=False)
+class State(Displayed):
     """Links in the order of the file: angles (L,) in rad from the downward vertical, unit vectors in space.
 
     In space `links` is (L, 3) with components along the rail, across it and down, `link_rates` (L, 3) its derivative
@@ -36,9 +37,20 @@ class State:
     cart: float = 0.0
     cart_rate: float = 0.0
 
+    def _summary(self) -> Summary:
+        facts = [("cart (m)", brief(self.cart)), ("cart rate (m/s)", brief(self.cart_rate))]
+        spatial = self.links.ndim == 2
+        names = ("direction", "rate (1/s)") if spatial else ("angle (rad)", "rate (rad/s)")
+        rows = (
+            (str(link), brief(angle), brief(rate))
+            for link, (angle, rate) in enumerate(zip(self.links, self.link_rates, strict=True), start=1)
+        )
+        title = f"State of {counted(len(self.links), 'link', 'links')}"
+        return Summary(title, facts, ("link", *names), rows, len(self.links))
 
-@dataclass(frozen=True, eq=False)
-class Motion:
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Motion(Displayed):
     """States at T times: `links` and `link_rates` (T, L) or (T, L, 3), `cart` and `cart_rate` (T,).
 
     `work` (T,) is the work of dampers and applied forces since the start (J).
@@ -55,6 +67,11 @@ class Motion:
     cart: Floats
     cart_rate: Floats
     work: Floats
+
+    def _summary(self) -> Summary:
+        count, links = self.links.shape[:2]
+        space = " in space" if self.links.ndim == 3 else ""
+        return Summary(f"States of {counted(links, 'link', 'links')}{space} at {counted(count, 'time', 'times')}")
 
     def __getitem__(self, at: int) -> State:
         return State(self.links[at], self.link_rates[at], float(self.cart[at]), float(self.cart_rate[at]))
@@ -87,6 +104,9 @@ class AppliedForces(NamedTuple):
 
     cart: float = 0.0
     moments: Floats | None = None
+
+    def __repr__(self) -> str:
+        return summary_of(self).text()
 
 
 Load = Callable[[float, State], AppliedForces]

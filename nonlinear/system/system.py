@@ -24,6 +24,7 @@ from modal.assembly import (
     modal_dampers,
     rig_of,
 )
+from modal.report import Displayed, Summary, counted
 from modal.scene import Cart, Escapement, Moved, Pendulum, Scene, VanDerPol
 from modal.types import Floats, Ints
 
@@ -171,8 +172,8 @@ class Rail(NamedTuple):
     coefficient: float
 
 
-@dataclass(frozen=True, eq=False)
-class System:
+@dataclass(frozen=True, eq=False, repr=False)
+class System(Displayed):
     """Gravity, the cart (None: fixed support) and the groups of pendula of a scene, in SI units.
 
     `modal_damping` (n, n) is the D_modal of a plane scene's damping ratios in the coordinates (x, links), or None;
@@ -195,6 +196,12 @@ class System:
     hoisting: Hoisting | None = None
     support: MovingSupport | None = None
     rail: Rail | None = None
+
+    def _summary(self) -> Summary:
+        where = "on a cart" if self.cart else "on a support that moves" if self.support else "on a fixed support"
+        space = " in space" if self.spatial else ""
+        links, pendula = counted(self.n_links, "link", "links"), counted(self.n_pendula, "pendulum", "pendula")
+        return Summary(f"System of {links} in {pendula} {where}{space}", [("gravity", f"{self.gravity:g} m/s²")])
 
     @cached_property
     def n_links(self) -> int:

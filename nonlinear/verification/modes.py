@@ -18,6 +18,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
+from modal.report import Displayed
 from modal.scene import Scene, refuse_motion
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
@@ -36,8 +37,8 @@ MOST_LINKS, MARGIN, HALF_TURN = 12, 1.01, 3.1  # of scenes with backbones; how f
 ONE_PERCENT, FARTHEST, ROUNDS = 0.01, 90.0, 3
 
 
-@dataclass(frozen=True)
-class ModeCheck:
+@dataclass(frozen=True, repr=False)
+class ModeCheck(Displayed):
     """A mode of the table, its measurements, and the angle (deg) at which the table is wrong by 1 %.
 
     `one_percent_deg` is infinite where it lies beyond 90°, NaN where the motion there is irregular.  `backbone` are the
@@ -66,8 +67,8 @@ class ModeCheck:
         return self.mode.kappa * measurement.effective**2
 
 
-@dataclass(frozen=True)
-class Check:
+@dataclass(frozen=True, repr=False)
+class Check(Displayed):
     """Every mode that was checked, and (number from 1, reason) for those that were not."""
 
     scene: Scene

@@ -14,6 +14,7 @@ import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, natural_modes
+from modal.report import Displayed
 from modal.scene import refuse_motion
 from modal.types import Floats
 from nonlinear.integration import Trajectory
@@ -24,8 +25,8 @@ MOST_LINES = 3
 STEADY = 1e-2  # relative error of a line above which it is not steady
 
 
-@dataclass(frozen=True)
-class ModeInMotion:
+@dataclass(frozen=True, repr=False)
+class ModeInMotion(Displayed):
     """One modal coordinate: its mode and copy (from 0), its largest value (rad), its mean share of the energy, lines.
 
     `note` says why there are no lines.
@@ -39,8 +40,8 @@ class ModeInMotion:
     note: str
 
 
-@dataclass(frozen=True, eq=False)
-class Comparison:
+@dataclass(frozen=True, eq=False, repr=False)
+class Comparison(Displayed):
     """A motion and the results for each modal coordinate."""
 
     modes: Modes

@@ -91,7 +91,7 @@ def test_a_long_example_is_folded_between_an_option_and_the_next() -> None:
         ("shapes chain-3 --outptu a.png", "are required: --output/-o", "multipendula shapes --help"),
         ("table chain-3 --modes 9:1", "--modes 9:1: begins after its end", "multipendula table --help"),
         ("table chain-3 chain-4", "unrecognized arguments: chain-4", "multipendula table --help"),
-        ("shapes chain-3 -o a.gif", "-o a.gif: the name must end in", "multipendula shapes --help"),
+        ("shapes chain-3 -o a.avi", "-o a.avi: the name must end in", "multipendula shapes --help"),
         ("simulate chain-3 --samples 0", "must be a whole number", "multipendula simulate --help"),
     ],
 )

@@ -140,7 +140,7 @@ def test_mp4_of_the_extra() -> None:
 
 
 def test_a_failing_ffmpeg_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("nonlinear.plotting.animation._ffmpeg", lambda: "/bin/false")
+    monkeypatch.setattr("modal.plotting.films.find_ffmpeg", lambda: "/bin/false")
     with pytest.raises(ComputationError, match="could not write"):
         film(run("chain-1", 0.2), "mp4")
 

@@ -1,0 +1,23 @@
+"""What the linear model of a scene leaves out, in sentences."""
+
+from __future__ import annotations
+
+from modal.scene import Scene
+
+HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
+AT_REST = "The support's motion is left out: the modes are those about a support at rest."
+RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
+FAST_AIR = "Quadratic drag is left out: it dies out with the square of the speed."
+UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
+
+
+def omitted(scene: Scene) -> tuple[str, ...]:
+    """What the linear model of a scene leaves out, a sentence each."""
+    quadratic = any(link.quadratic_drag for link in scene.links())
+    return (
+        *[HOISTED] * scene.is_hoisted,
+        *[UNDRIVEN] * scene.is_driven,
+        *[AT_REST] * scene.is_moved,
+        *[RUBBING] * scene.has_friction,
+        *[FAST_AIR] * quadratic,
+    )

@@ -1,0 +1,193 @@
+"""The rows of the table of modes: sums over the parts of each mode, its description and its resonances."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import groupby
+from math import isfinite
+from typing import NamedTuple
+
+import numpy as np
+
+from modal.assembly import Block
+from modal.eigen import Details, Part, Swing, distortion, largest_angle, one_percent_amplitude
+from modal.modes.eigenvalues import Eigenvalues
+from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
+from modal.modes.mode import MOST_DISTORTED, UNCERTAIN, Mode, answering, resonances
+from modal.types import Ints
+
+LIGHTLY = 0.1
+"""Damping ratio up to which a mode has an amplitude coefficient, as in `modal.eigen.matrix_source`."""
+
+
+class _Piece(NamedTuple):
+    """A part of a row and its place in the details of its source."""
+
+    part: Part
+    details: Details
+    at: int
+
+    def effective_mass(self, on_cart: bool) -> float:
+        """Effective mass along the rail; shapes that hold a cart still or move across the rail contribute nothing."""
+        balanced = self.part.still and on_cart
+        return 0.0 if balanced or not self.part.along else self._effective_mass() * self.part.along
+
+    def effective_mass_across(self) -> float:
+        """Effective mass across the rail."""
+        return self._effective_mass() * self.part.across if self.part.across else 0.0
+
+    def _effective_mass(self) -> float:
+        return float(self.details.effective_mass[self.at])
+
+
+def _head(pieces: list[_Piece]) -> _Piece:
+    """The piece that moves most of the scene."""
+    return next((piece for piece in pieces if not piece.part.still), pieces[0])
+
+
+def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int, Mode]]:
+    """The rows of the modes with these indices (from 0), each with its index, in this order."""
+    near = {n: _resonances(modes, n) for n in numbers}
+    asked = {n: [] if near[n] else answering(modes.omega, n, _partners(modes, n)) for n in numbers}
+    pieces = _pieces(modes, sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
+    for n in numbers:
+        mode = _mode(modes, n, pieces[n])
+        answers = [
+            f"1:{harmonic} with mode {modes.first + k + 1}"
+            for harmonic, k in asked[n]
+            if mode.kappa and _distortion(modes, harmonic, (n, pieces[n]), (k, pieces[k])) > MOST_DISTORTED
+        ]
+        yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
+
+
+def _pieces(modes: Eigenvalues, numbers: Sequence[int]) -> dict[int, list[_Piece]]:
+    needed = sorted(
+        ((part, n) for n in numbers for part in modes.spectrum.groups[n]),
+        key=lambda entry: (entry[0].source, entry[0].row),
+    )
+    pieces: dict[int, list[_Piece]] = {n: [] for n in numbers}
+    for source, members in groupby(needed, key=lambda entry: entry[0].source):
+        found = list(members)
+        details = modes.spectrum.details(source, [part.row for part, _ in found])
+        for at, (part, n) in enumerate(found):
+            pieces[n].append(_Piece(part, details, at))
+    return pieces
+
+
+def _mode(modes: Eigenvalues, number: int, pieces: list[_Piece]) -> Mode:
+    """One row: sums over its pieces, and the shape of the one that moves most of the scene."""
+    head, unit = _head(pieces), modes.units.mass
+    ratio = float(modes.damping_ratio[number])
+    certain = 1.0 if modes.error[number] < UNCERTAIN else np.nan
+    effective = certain * unit * sum(piece.effective_mass(modes.on_cart) for piece in pieces)
+    light = not modes.is_classical or ratio < LIGHTLY
+    kappa = certain * float(head.details.kappa[head.at]) if light else np.nan
+    return Mode(
+        number=modes.first + number + 1,
+        omega=float(modes.omega[number]),
+        damping_ratio=ratio,
+        multiplicity=int(modes.multiplicity[number]),
+        family=_family(modes, number, head, ratio),
+        cart_participation=certain * float(sum(p.details.participation[p.at] for p in pieces)),
+        effective_mass=effective,
+        effective_mass_share=effective / modes.rig.total_mass,
+        effective_mass_across=certain * unit * sum(piece.effective_mass_across() for piece in pieces),
+        kappa=kappa,
+        linear_to_1_percent_deg=one_percent_amplitude(kappa),
+        resonances=(),
+        residual=float(max(p.details.residual[p.at] for p in pieces)),
+        relative_error_bound=float(modes.error[number]),
+        indistinct=bool(modes.indistinct[number]),
+    )
+
+
+def _family(modes: Eigenvalues, number: int, head: _Piece, ratio: float) -> str:
+    if np.isnan(ratio):
+        return "beyond double precision"
+    if modes.eigenvalue[number] == 0:
+        return "rigid translation"
+    details, at = head.details, head.at
+    still = head.part.still or details.cart[at] == 0
+    folds = dict.fromkeys(("", "antiphase", "across the rail"), 0)
+    for part in modes.spectrum.groups[number]:
+        folds["antiphase" if part.still and modes.on_cart else ""] += part.along
+        folds["across the rail" if modes.on_cart else ""] += part.across
+    if head.part.still:
+        words = _whose(modes, number, head.part)
+    else:
+        several = sum(count for _, _, count in modes.rig.members) > 1
+        names = list(modes.rig.names.values())
+        words = agreement(details.angles, details.shares, at, names, several=several, still=still)
+    return family(
+        where=FIXED if not modes.on_cart else CART_STILL if still else CART_MOVES,
+        folds=folds,
+        motion=motion_words(details.angles, details.shares, at, words),
+        ratio=ratio,
+    )
+
+
+def _whose(modes: Eigenvalues, number: int, part: Part) -> str:
+    """The pendula that move while the others are at rest, where there are different ones."""
+    kinds = {other.kind for other in modes.spectrum.groups[number]}
+    if modes.rig.n_kinds == 1 or part.kind is None or len(kinds) > 1:
+        return ""
+    return modes.rig.names[part.kind]
+
+
+def _resonances(modes: Eigenvalues, number: int) -> tuple[str, ...]:
+    """Resonances with modes that can exchange energy: on a cart all, on a fixed support the same pendulum's."""
+    parts = modes.spectrum.groups[number]
+    fold = modes.multiplicity[number] if modes.on_cart else 1 + any(part.along and part.across for part in parts)
+    own = (f"1:1 among its own {fold} shapes",) if fold > 1 else ()
+    return own + resonances(modes.omega, number, _partners(modes, number), modes.first)
+
+
+def _partners(modes: Eigenvalues, number: int) -> Ints:
+    if modes.on_cart:
+        return np.flatnonzero(modes.lightly_damped)
+    kinds = {part.kind for part in modes.spectrum.groups[number]}
+    partners = np.array(sorted({row for kind in kinds for row in modes.spectrum.numbers_of_kind[kind]}))
+    return np.asarray(partners[modes.lightly_damped[partners]])
+
+
+def _distortion(
+    modes: Eigenvalues, harmonic: int, own: tuple[int, list[_Piece]], other: tuple[int, list[_Piece]]
+) -> float:
+    """The relative change of a mode's angle of 1 % by another mode's response: between shapes that move alike.
+
+    Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move
+    alike.
+    """
+    (number, pieces), (partner, others) = own, other
+    head = _head(pieces)
+    kappa = np.array([head.details.kappa[head.at]])
+    found = [
+        distortion(
+            _blocks(modes, head.part), _swing(modes, number, head), _swing(modes, partner, piece), harmonic, kappa
+        )
+        for piece in others
+        if piece.part.kind == head.part.kind
+    ]
+    return float(np.abs(found).max(initial=0.0))
+
+
+def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> Swing:
+    details, at = piece.details, [piece.at]
+    angles = tuple(angle[:, :, at].real for angle in details.angles)
+    largest = largest_angle(angles)
+    return Swing(
+        x=np.abs(modes.spectrum.eigenvalue[[number]]) ** 2,
+        modal_mass=details.modal_mass[at] / largest**2,
+        cart=details.cart[at].real / largest,
+        angles=tuple(angle / largest for angle in angles),
+    )
+
+
+def _blocks(modes: Eigenvalues, part: Part) -> tuple[Block, ...]:
+    """What moves in the shapes of a part, in natural units: one chain, or all as heavy as their copies."""
+    blocks = modes.natural.blocks
+    if part.kind:
+        block, column = part.kind
+        return (blocks[block].take(np.array([column])),)
+    return tuple(block.heavier(block.count) for block in blocks)

@@ -1,0 +1,251 @@
+"""Films: frames written as an animated GIF, an MP4 or an HTML page.
+
+A film is a figure of which most stands still: what moves is drawn anew over the pixels of the rest.
+"""
+
+from __future__ import annotations
+
+import base64
+import shutil
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from functools import reduce
+from io import BytesIO
+from itertools import chain
+from pathlib import Path
+from subprocess import DEVNULL, PIPE, Popen
+from tempfile import TemporaryDirectory
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from PIL import Image
+
+from modal.errors import ComputationError, SceneError
+from modal.plotting.style import any_letters, colour, ink, paper
+from modal.report import html
+
+FORMS = ("gif", "mp4", "html")
+COLOURS, SAMPLED = 64, 6
+"""Colours of a GIF, chosen from this many of its frames."""
+NEARLY = 8
+"""Largest distance of a colour from the background, of 255, at which it is drawn as background."""
+MOST_FRAMES = 20_000
+NO_FFMPEG = (
+    "mp4 needs ffmpeg: install it, or the extra `video` (pip install 'multipendula[video]'); gif and html do not"
+)
+Report = Callable[[float], object]
+
+
+class MovingFigure(ABC):
+    """A figure that shows `count` frames at a `rate` (1/s) one after the other, with a title for its page."""
+
+    def __init__(self, figure: Figure, title: str, count: int, rate: float) -> None:
+        self.figure, self.title, self.count, self.rate = figure, title, count, rate
+        self.canvas = FigureCanvasAgg(figure)
+        self.still: tuple[Hashable, Any] | None = None
+
+    @property
+    @abstractmethod
+    def moving(self) -> Sequence[Artist]:
+        """What a frame draws anew, in this order."""
+
+    @abstractmethod
+    def show(self, frame: int) -> None:
+        """Update everything to a frame."""
+
+    def view(self, frame: int) -> Hashable:
+        """Equal for frames over which all else stands still."""
+        return None
+
+    def image(self, frame: int) -> Image.Image:
+        """One frame: what moves, over what stands still for as long as the view does."""
+        self.show(frame)
+        view = self.view(frame)
+        if not self.still or self.still[0] != view:
+            self.still = view, self._still()
+        self.canvas.restore_region(self.still[1])  # type: ignore[no-untyped-call]
+        for artist in self.moving:
+            self.figure.draw_artist(artist)
+        pixels = np.asarray(self.canvas.buffer_rgba())  # type: ignore[no-untyped-call]
+        return Image.fromarray(pixels[..., :3].copy())
+
+    def _still(self) -> Any:
+        """The pixels of all that does not move."""
+        for artist in self.moving:
+            artist.set_animated(True)
+        self.canvas.draw()  # type: ignore[no-untyped-call]
+        for artist in self.moving:
+            artist.set_animated(False)
+        return self.canvas.copy_from_bbox(self.figure.bbox)  # type: ignore[no-untyped-call]
+
+
+def frame_rate(form: str, fps: float | None) -> float:
+    """The frames a second: 25 in a GIF, else 30, if none are given; a GIF counts hundredths of a second."""
+    if form == "gif":
+        return 100.0 / max(2, round(100.0 / (fps or 25.0)))
+    return fps or 30.0
+
+
+def form_problems(form: str, fps: float | None = None) -> list[str]:
+    """What is wrong with a form and a frame rate."""
+    problems = [] if form in FORMS else [f"{form!r}: a film is one of {', '.join(FORMS)}"]
+    if fps is not None and not 1 <= fps <= 60:
+        problems.append(f"fps {fps!r}: must be from 1 to 60")
+    return problems
+
+
+def require_writer(form: str, frames: int) -> None:
+    """SceneError for too many frames, ComputationError for an MP4 without ffmpeg, before anything is drawn."""
+    if frames > MOST_FRAMES:
+        raise SceneError([f"{frames} frames: must be at most {MOST_FRAMES}; use fewer seconds or fps"])
+    if form == "mp4":
+        find_ffmpeg()
+
+
+def write_film(film: MovingFigure, stream: IO[bytes], form: str, report: Report = lambda done: None) -> None:
+    """Write a film as "gif", "mp4" or "html"; `report` is called with the seconds of film done."""
+
+    def shot(frame: int) -> Image.Image:
+        image = film.image(frame)
+        report((frame + 1) / film.rate)
+        return image
+
+    with any_letters():
+        WRITERS[form](film, shot, stream)
+
+
+def _write_gif(film: MovingFigure, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
+    """One palette for all frames, so that only what moves is stored."""
+    count = film.count
+    samples = [np.asarray(film.image(int(k))) for k in np.unique(np.linspace(0, count - 1, SAMPLED).astype(int))]
+    palette = _on_paper(Image.fromarray(np.concatenate(samples)).quantize(COLOURS))
+
+    def reduced(frame: int) -> Image.Image:
+        return shot(frame).quantize(palette=palette, dither=Image.Dither.NONE)
+
+    rest = map(reduced, range(1, count))
+    duration = round(1000 / film.rate)
+    reduced(0).save(stream, "GIF", save_all=True, append_images=rest, duration=duration, loop=0, optimize=True)
+
+
+def _on_paper(image: Image.Image) -> Image.Image:
+    """The same palette with colours close to the background replaced by it."""
+    colours = np.array(image.getpalette(), dtype=np.uint8).reshape(-1, 3)
+    plain = np.round(255 * np.array(to_rgb(paper()))).astype(np.uint8)
+    blank = Image.new("RGB", (1, 1), tuple(plain.tolist())).quantize(palette=image, dither=Image.Dither.NONE)
+    colours[np.abs(colours.astype(int) - plain).max(1) <= NEARLY] = plain
+    colours[np.asarray(blank)] = plain
+    image.putpalette(colours.tobytes())
+    return image
+
+
+def _write_mp4(film: MovingFigure, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
+    """Frames go to ffmpeg through a pipe; it never receives Ctrl-C, which this process handles."""
+    executable = find_ffmpeg()
+    width, height = film.canvas.get_width_height()
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-framerate", repr(film.rate)]
+    even = ["-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2"]
+    coded = [*even, "-vcodec", "h264", "-pix_fmt", "yuv420p", "-crf", "18", "-movflags", "+faststart"]
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "film.mp4"
+        try:
+            command = [executable, "-loglevel", "error", *raw, "-i", "pipe:", *coded, str(path)]
+            encoder = Popen(command, stdin=PIPE, stdout=DEVNULL, stderr=PIPE, start_new_session=True)
+        except OSError as error:
+            raise _failed(executable, str(error.strerror)) from None
+        with encoder:
+            try:
+                said = _fed(encoder, (shot(frame).tobytes() for frame in range(film.count)))
+            except BaseException:
+                encoder.kill()
+                raise
+        if encoder.returncode:
+            raise _failed(executable, said or f"it ended with {encoder.returncode}")
+        stream.write(path.read_bytes())
+
+
+def _fed(encoder: Popen[bytes], frames: Iterable[bytes]) -> str:
+    """The last message of a program fed with frames; one that has ended is fed no more."""
+    assert encoder.stdin
+    with suppress(BrokenPipeError):
+        for frame in frames:
+            encoder.stdin.write(frame)
+    said = encoder.communicate()[1].decode(errors="replace").split("\n")
+    return next((line.strip() for line in reversed(said) if line.strip()), "")
+
+
+def _failed(executable: str, words: str) -> ComputationError:
+    return ComputationError(f"ffmpeg ({executable}) could not write the film: {words}")
+
+
+def find_ffmpeg() -> str:
+    """The program on the path, or the one provided by the extra; ComputationError without either."""
+    found = shutil.which("ffmpeg")
+    if found:
+        return found
+    try:
+        from imageio_ffmpeg import get_ffmpeg_exe
+
+        return str(get_ffmpeg_exe())
+    except (ImportError, RuntimeError):
+        raise ComputationError(NO_FFMPEG) from None
+
+
+def _write_html(film: MovingFigure, shot: Callable[[int], Image.Image], stream: IO[bytes]) -> None:
+    """A self-contained page: frames as PNG, a button, a slider."""
+    words = {"RATE": f"{film.rate:g}", "INK": ink(), "PAPER": paper(), "HUE": colour(0)}
+    words |= {"WIDTH": str(film.canvas.get_width_height()[0]), "TITLE": html(film.title)}
+    head, tail = (reduce(lambda text, pair: text.replace(*pair), words.items(), part) for part in PAGE.split("FRAMES"))
+    stream.write(head.encode())
+    for part in chain.from_iterable(_embedded(shot(k)) for k in range(film.count)):
+        stream.write(part)
+    stream.write(tail.encode())
+
+
+def _embedded(image: Image.Image) -> Iterator[bytes]:
+    buffer = BytesIO()
+    _on_paper(image.quantize(COLOURS, dither=Image.Dither.NONE)).save(buffer, "PNG")
+    yield b'"' + base64.b64encode(buffer.getvalue()) + b'",\n'
+
+
+WRITERS = {"gif": _write_gif, "html": _write_html, "mp4": _write_mp4}
+
+PAGE = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<title>TITLE</title>
+<style>
+body { margin: 2em auto; max-width: WIDTHpx; font-family: sans-serif; color: INK; background: PAPER; }
+img { width: 100%; display: block; }
+div { display: flex; gap: 1em; align-items: center; }
+input { flex: 1; accent-color: HUE; }
+</style>
+<img id="picture" alt="TITLE">
+<div><button id="button">pause</button><input id="slider" type="range" min="0" value="0" aria-label="frame"></div>
+<script>
+const rate = RATE, frames = [
+FRAMES];
+const picture = document.getElementById("picture"), button = document.getElementById("button");
+const slider = document.getElementById("slider");
+let playing = true, since = performance.now();
+slider.max = frames.length - 1;
+function show(k) { picture.src = "data:image/png;base64," + frames[k]; slider.value = k; }
+function play(playOn) { playing = playOn; button.textContent = playOn ? "pause" : "play"; }
+function restart() { since = performance.now() - 1000 * slider.value / rate; }
+button.onclick = () => { play(!playing); restart(); };
+slider.oninput = () => { play(false); show(+slider.value); };
+function tick(now) {
+  const k = Math.floor((now - since) / 1000 * rate) % frames.length;
+  if (playing && k >= 0 && k != +slider.value) show(k);
+  requestAnimationFrame(tick);
+}
+show(0);
+requestAnimationFrame(tick);
+</script>
+</html>
+"""

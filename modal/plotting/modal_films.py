@@ -1,0 +1,229 @@
+"""Films of modes: all of them side by side, each swinging once a loop, so that the film goes round without a seam.
+
+A mode moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth left out.  One that does
+not oscillate creeps: it decays from its shape (or grows to it) and is brought back in the last part of the loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import IO, Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+
+from modal.errors import ComputationError, SceneError
+from modal.modes import Mode, Modes, Shape
+from modal.plotting.films import FORMS, MovingFigure, Report, form_problems, frame_rate, require_writer, write_film
+from modal.plotting.layout import caption, headline
+from modal.plotting.shapes import (
+    MOST_PANELS,
+    MOST_PENDULA,
+    Layout,
+    draw_rest,
+    draw_swing,
+    fitting_amplitude,
+    layout_of,
+    panel_words,
+)
+from modal.plotting.style import any_letters, colour, rest, sheet
+from modal.scene import kind_of, title_of, whole_file
+
+LOOP = 2.4
+"""Seconds of film in which every mode swings once."""
+DPI = 100
+LINE, LETTER = 0.22, 0.09
+"""Height of a line and width of a letter (inches)."""
+HIGHEST, LARGEST = 3.0, 11.0
+"""Most height of a panel and most width of a film (inches)."""
+CREEPING, FOLDS = 0.8, 4.0
+"""The part of a loop in which a mode creeps, and by how many factors of e."""
+AMPLITUDE_DEG = 25.0
+MOST_LEVELS = 3
+"""Links of every pendulum whose angles are drawn over the number of the pendulum."""
+
+
+class ModalFilm(MovingFigure):
+    """A panel for each of the modes with these indices (from 0), over one loop of `count` frames."""
+
+    def __init__(self, modes: Modes, numbers: Sequence[int], rate: float, amplitude_deg: float = AMPLITUDE_DEG) -> None:
+        rows, many = list(modes.rows(numbers)), modes.scene.n_pendula > MOST_PENDULA
+        layout = None if many else layout_of(modes)
+        columns, width, height = _sizes(len(rows), layout)
+        lines = -(-len(rows) // columns)
+        words = [panel_words(row, max(18, int(width / LETTER))) for row in rows]
+        high = height + LINE * max(text.count("\n") + 1 for text in words) + 0.15
+        figure = sheet(max(columns * width, 4.6), lines * high + 0.8)
+        figure.set(dpi=DPI)
+        title = title_of(modes.scene)
+        super().__init__(figure, title, max(2, round(LOOP * rate)), rate)
+        headline(figure, title, "modes")
+        axes = figure.subplots(lines, columns, squeeze=False)
+        self.panels = [
+            _panel(axis, modes, row, layout, np.radians(amplitude_deg))
+            for axis, row in zip(axes.flat, rows, strict=False)
+        ]
+        for axis, text in zip(axes.flat, words, strict=False):
+            axis.set_title(text, linespacing=1.3)
+        for axis in axes.flat[len(rows) :]:
+            axis.remove()
+        caption(figure, _caption(modes, rows))
+        self.show(0)
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+
+    @property
+    def moving(self) -> list[Artist]:
+        """The pendula and their carts."""
+        return sorted((artist for panel in self.panels for artist in panel.drawn), key=Artist.get_zorder)
+
+    def show(self, frame: int) -> None:
+        """Update every panel to a frame."""
+        for panel in self.panels:
+            panel.show(frame / self.count)
+
+
+@dataclass(eq=False)
+class _Panel:
+    """A panel: its axis, how its shape moves over the loop, what draws a shape, and what is drawn now."""
+
+    axis: Axes
+    moved: Callable[[float], Shape]
+    draw: Callable[[Axes, Shape], None]
+    drawn: list[Artist]
+    stands: bool
+
+    def show(self, s: float) -> None:
+        """Draw the shape at a part of the loop."""
+        if self.stands:
+            return
+        for artist in self.drawn:
+            artist.remove()
+        before = set(self.axis.get_children())
+        self.draw(self.axis, self.moved(s))
+        self.drawn = [artist for artist in self.axis.get_children() if artist not in before]
+
+
+def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout | None, amplitude: float) -> _Panel:
+    """The panel of a mode, with what stands still in it; layout is None where angles are drawn over pendula."""
+    shape = modes.shape(row.number - 1 - modes.first)
+    real = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
+
+    def moved(s: float) -> Shape:
+        turn = motion(row, s)
+        return replace(shape, cart=(shape.cart * turn).real, angles=(shape.angles * turn).real)
+
+    if layout is None:
+        draw = _profile(axis, modes, amplitude)
+        return _Panel(axis, moved, draw, [], stands=row.omega == 0 or row.is_uncertain)
+    draw_rest(axis, modes, layout, real)
+    axis.set_axis_off()
+    if row.omega == 0:
+        _arrow(axis, layout)
+    largest = fitting_amplitude(layout, replace(real, cart=abs(shape.cart)), amplitude)
+
+    def hang(axis: Axes, now: Shape) -> None:
+        draw_swing(axis, modes, layout, now, largest, {"color": colour(0)})
+
+    return _Panel(axis, moved, hang, [], stands=row.omega == 0 or row.is_uncertain)
+
+
+def motion(row: Mode, s: float) -> complex:
+    """The factor of the shape at part `s` of the loop."""
+    if row.oscillates:
+        return complex(np.exp(-2j * np.pi * s))
+    return _creeping(s if row.damping_ratio >= 0 else 1 - s)
+
+
+def _creeping(s: float) -> float:
+    """Decay from 1 by FOLDS factors of e, and the way back."""
+    low = float(np.exp(-FOLDS))
+    if s <= CREEPING:
+        return float(low ** (s / CREEPING))
+    return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (s - CREEPING) / (1 - CREEPING))))
+
+
+def _arrow(axis: Axes, layout: Layout) -> None:
+    """The sign of a rigid translation."""
+    reach, height = 0.3 * layout.depth, 0.13 * layout.depth
+    axis.annotate(
+        "", (reach, height), (-reach, height), arrowprops={"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
+    )
+
+
+def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shape], None]:
+    """An axis of angle over the number of the pendulum, and what draws a line on it for each link of the pendula."""
+    lengths = np.array([one.n_links for one in modes.scene.pendulum for _ in range(one.count)])
+    first = np.concatenate(([0], np.cumsum(lengths)[:-1]))
+    levels = [np.flatnonzero(lengths > level) for level in range(min(int(lengths.max()), MOST_LEVELS))]
+    most = 1.15 * float(np.degrees(amplitude))
+    axis.set(xlim=(0.5, len(lengths) + 0.5), ylim=(-most, most), xlabel="pendulum", ylabel="angle (°)")
+    axis.axhline(0.0, color=rest(), lw=1.0, zorder=0)
+
+    def draw(axis: Axes, now: Shape) -> None:
+        for level, pendula in enumerate(levels):
+            angles = np.degrees(amplitude * now.angles[first[pendula] + level])
+            axis.plot(pendula + 1, angles, color=colour(level), lw=1.2, zorder=3)
+
+    return draw
+
+
+def _sizes(count: int, layout: Layout | None) -> tuple[int, float, float]:
+    """The number of columns, and the width and height of a panel (inches)."""
+    ratio = 1.5 if layout is None else 2 * layout.half_width / (layout.top - layout.bottom)
+    columns = min(count, 4 if ratio < 1.4 else 3)
+    columns = -(-count // -(-count // columns))
+    width = float(np.clip(HIGHEST * ratio, 2.4, LARGEST / columns))
+    return columns, width, width / ratio
+
+
+def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
+    words = ["each mode swings once a loop, whatever its period"]
+    if any(row.oscillates and row.damping_ratio for row in rows):
+        words += ["the damping of swings is left out"]
+    if any(not row.oscillates and row.omega > 0 for row in rows):
+        words += ["modes that do not swing creep, and are brought back at the end of the loop"]
+    if any(row.multiplicity > 1 for row in rows):
+        words += ["one shape of each repeated mode"]
+    if modes.scene.n_pendula > MOST_PENDULA:
+        words += ["angle over the number of the pendulum"]
+    return "; ".join(words)
+
+
+def film_modes(
+    modes: Modes,
+    stream: IO[bytes],
+    form: str,
+    numbers: Sequence[int] | None = None,
+    *,
+    amplitude_deg: float = AMPLITUDE_DEG,
+    fps: float | None = None,
+    report: Report = lambda done: None,
+) -> ModalFilm:
+    """Write a film of the modes with these indices (from 0), by default the first ones, as "gif", "mp4" or "html".
+
+    `amplitude_deg` is the largest angle of each, `fps` the frame rate (25 in a GIF, else 30); `report` is called with
+    the seconds of film done.  Raises SceneError for invalid arguments, ComputationError for more modes than one film
+    holds and for an MP4 without ffmpeg.
+    """
+    if problems := form_problems(form, fps):
+        raise SceneError(problems)
+    chosen = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
+    if len(chosen) > MOST_PANELS:
+        raise ComputationError(f"{len(chosen)} modes do not fit in one film: choose at most {MOST_PANELS} modes")
+    rate = frame_rate(form, fps)
+    require_writer(form, round(LOOP * rate))
+    with any_letters():
+        film = ModalFilm(modes, chosen, rate, amplitude_deg)
+        write_film(film, stream, form, report)
+    return film
+
+
+def save_film(modes: Modes, path: str | PathLike[str], numbers: Sequence[int] | None = None, **options: Any) -> None:
+    """Write the film of `film_modes` to a file, as its name says; the file is whole or not there."""
+    form = kind_of(path, FORMS)
+    with whole_file(path) as stream:
+        film_modes(modes, stream, form, numbers, **options)

@@ -1,0 +1,252 @@
+"""How a result shows itself: some lines at the prompt, a table in a notebook, both of bounded size.
+
+    class Modes(Displayed): ...
+
+`Displayed` shows the fields of a dataclass; a class that has more to say returns its own `Summary`.  The HTML has no
+colours of its own, so that it suits a light and a dark page.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from functools import partial
+from importlib import import_module
+from itertools import accumulate, islice
+from numbers import Complex, Real
+from textwrap import wrap
+from typing import Any
+
+from modal.report.escaping import html, visible
+from modal.report.prose import WIDTH, short
+from modal.report.tables import NOTHING
+
+MOST_LINES = 10
+"""Lines that a result takes at the prompt."""
+TEXT_ROWS, HTML_ROWS = 4, 10
+"""Rows of a table that are shown at the prompt and in a notebook."""
+FACT_LINES = 3
+MOST_COLUMNS = 12
+MOST_NUMBERS, MOST_WORDS = 5, 60
+"""Numbers of an array and letters of a text shown in full."""
+SCROLLED = '<div style="overflow-x: auto">'
+APART = ' style="margin-bottom: 1em"'
+RIGHT, LEFT = ' style="text-align: right"', ' style="text-align: left"'
+Facts = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What a result shows: a line that says what it is and how large, facts by name, and the first rows of a table.
+
+    No more than HTML_ROWS of the `rows` are taken, `total` is their number.  The columns in `words` (by index) are
+    text, the others numbers.
+    """
+
+    title: str
+    facts: Facts = ()
+    headings: Sequence[str] = ()
+    rows: Iterable[Sequence[str]] = ()
+    total: int = 0
+    words: frozenset[int] = frozenset()
+
+    def text(self) -> str:
+        """At most MOST_LINES lines of at most WIDTH letters.
+
+        >>> rows = [("1", "0.5"), ("2", "1.2")]
+        >>> print(Summary("2 modes", [("gravity", "9.81 m/s²")], ["mode", "f (Hz)"], rows, 2).text())
+        2 modes
+          gravity 9.81 m/s²
+          mode  f (Hz)
+             1     0.5
+             2     1.2
+        """
+        facts = "; ".join(f"{visible(name)} {visible(value)}".strip() for name, value in self.facts)
+        told = wrap(facts, WIDTH - 2, max_lines=FACT_LINES, placeholder=" …", break_on_hyphens=False)
+        lines = [visible(self.title), *(f"  {line}" for line in [*told, *self._grid()])]
+        return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 1] + "…" for line in lines[:MOST_LINES])
+
+    def html(self) -> str:
+        """For a notebook: escaped, without colours, wide tables in a box that scrolls."""
+        told = [f"<tr><th{LEFT}>{html(name)}</th><td{LEFT}>{html(value)}</td></tr>" for name, value in self.facts]
+        parts = [f"<p><strong>{html(self.title)}</strong></p>"]
+        parts += [f"<table{APART}>", *told, "</table>"] if told else []
+        parts += self._table()
+        return scrolled(*parts)
+
+    def _cells(self, count: int) -> tuple[list[str], list[list[str]], int]:
+        """Headings, the first rows and how many more there are; columns beyond MOST_COLUMNS are left out."""
+        rows = [list(map(visible, row)) for row in islice(self.rows, count)]
+        headings = list(map(visible, self.headings))
+        if len(headings) > MOST_COLUMNS:
+            headings = [*headings[: MOST_COLUMNS - 1], f"… {len(headings) - MOST_COLUMNS + 1} more"]
+            rows = [[*row[: MOST_COLUMNS - 1], "…"] for row in rows]
+        return headings, rows, max(0, self.total - len(rows))
+
+    def _grid(self) -> list[str]:
+        headings, rows, left = self._cells(TEXT_ROWS)
+        if not rows:
+            return []
+        widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+        fits = _fitting(widths)
+        if fits < len(widths):
+            widths = [*widths[:fits], 1]
+            headings, *rows = ([*line[:fits], "…"] for line in (headings, *rows))
+
+        def line(cells: list[str]) -> str:
+            padded = (
+                cell.ljust(width) if k in self.words else cell.rjust(width)
+                for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
+            )
+            return "  ".join(padded).rstrip()
+
+        return [*map(line, [headings, *rows]), *[f"… {left} more"] * bool(left)]
+
+    def _table(self) -> list[str]:
+        headings, rows, left = self._cells(HTML_ROWS)
+        if not rows:
+            return []
+
+        def line(cells: list[str], kind: str) -> str:
+            shown = (
+                f"<{kind}{LEFT if k in self.words else RIGHT}>{html(cell)}</{kind}>" for k, cell in enumerate(cells)
+            )
+            return f"<tr>{''.join(shown)}</tr>"
+
+        body = [line(row, "td") for row in rows]
+        table = ["<table>", f"<thead>{line(headings, 'th')}</thead>", "<tbody>", *body, "</tbody>", "</table>"]
+        return [*table, more(left)]
+
+
+def _fitting(widths: Sequence[int]) -> int:
+    """The number of columns for which there is room, with a last one that says that others are left out."""
+    ends = list(accumulate(width + 2 for width in widths))
+    room = WIDTH if ends[-1] <= WIDTH else WIDTH - 3
+    return max(1, sum(end <= room for end in ends))
+
+
+class Displayed:
+    """A result that shows itself at the prompt and in notebooks; by default by its fields."""
+
+    __slots__ = ()
+
+    def _summary(self) -> Summary:
+        """What is shown; override it where a result has more to say than its fields."""
+        return summary_of(self)
+
+    def __repr__(self) -> str:
+        return self._summary().text()
+
+    def _repr_html_(self) -> str:
+        return self._summary().html()
+
+
+def tabulated(title: str, facts: Facts, columns: Mapping[str, Any], words: Iterable[str] = ()) -> Summary:
+    """A summary whose table has these columns, all of one length; those named in `words` are text.
+
+    >>> print(tabulated("Decay", [], {"time_s": [0.0, 0.5], "x_m": [1.0, 0.25]}).text())
+    Decay
+      time_s   x_m
+           0     1
+         0.5  0.25
+    """
+    shown = list(columns.items())[:MOST_COLUMNS]
+    count = len(shown[0][1]) if shown else 0
+    rows = ([brief(values[k]) for _, values in shown] for k in range(count))
+    texts = frozenset(k for k, (name, _) in enumerate(shown) if name in set(words))
+    left = len(columns) - len(shown)
+    told = [*facts, ("besides", f"{left} more columns")] if left else facts
+    return Summary(title, told, [name for name, _ in shown], rows, count, texts)
+
+
+def by_column(records: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Records as arrays, one for each key of the first.
+
+    >>> by_column([{"x": 1.0}, {"x": 2.0}])
+    {'x': array([1., 2.])}
+    """
+    from numpy import array
+
+    return {key: array([record[key] for record in records]) for key in (records[0] if records else ())}
+
+
+def summary_of(result: Any) -> Summary:
+    """The fields of a dataclass, of a named tuple, or of nothing."""
+    if is_dataclass(result):
+        names = [field.name for field in fields(result) if field.repr]
+    else:
+        names = list(getattr(result, "_fields", ()))
+    values = ((name, getattr(result, name)) for name in names if not name.startswith("_"))
+    return Summary(type(result).__name__, [(name, brief(value)) for name, value in values if value is not None])
+
+
+def brief(value: Any) -> str:
+    """A value on less than a line: small ones in full, of large ones how large they are.
+
+    >>> brief(0.1), brief((1, 2)), brief({"gravity": 9.81}), brief("a" * 100) == "a" * 59 + "…"
+    ('0.1', '1, 2', 'gravity', True)
+    """
+    if isinstance(value, str):
+        return value if len(value) <= MOST_WORDS else value[: MOST_WORDS - 1] + "…"
+    if isinstance(value, Complex):
+        return _number(value)
+    if getattr(value, "ndim", 0):
+        return _array(value)
+    if isinstance(value, Mapping | Sequence) and not hasattr(value, "_fields") and not isinstance(value, Displayed):
+        return _several(value)
+    return first_line(value)
+
+
+def _number(value: Any) -> str:
+    """A number with six significant digits."""
+    if value != value:  # noqa: PLR0124
+        return NOTHING
+    if isinstance(value, bool | int):
+        return str(value)
+    return short(float(value) + 0.0) if isinstance(value, Real) else f"{complex(value):.6g}"
+
+
+def scrolled(*parts: str) -> str:
+    """HTML in a box that scrolls where it is wider than the page."""
+    return "\n".join([SCROLLED, *filter(None, parts), "</div>"])
+
+
+def more(count: int) -> str:
+    """How many rows are left out, as HTML; nothing where none are."""
+    return f"<p>… {count} more</p>" if count > 0 else ""
+
+
+def first_line(value: Any) -> str:
+    """The first line of what a value shows."""
+    if isinstance(value, Displayed):
+        return value._summary().title
+    named = callable(value) or hasattr(value, "__dict__") or hasattr(value, "_fields")
+    return type(value).__name__ if named else brief(str(value))
+
+
+def _array(value: Any) -> str:
+    if value.ndim == 1 and value.size <= MOST_NUMBERS:
+        return ", ".join(map(brief, value.tolist()))
+    return f"{' × '.join(map(str, value.shape))} {'numbers' if value.ndim == 1 else 'array'}"
+
+
+def _several(values: Mapping[Any, Any] | Sequence[Any]) -> str:
+    few = [brief(value) for value in islice(values, MOST_NUMBERS)]
+    more = len(values) - len(few)
+    written = ", ".join([*few, *[f"… {more} more"] * bool(more)]) or "none"
+    return written if len(written) <= MOST_WORDS else f"{len(values)} of {type(next(iter(values))).__name__}"
+
+
+def deferred(place: str) -> Callable[..., Any]:
+    """The function at `module:name`, imported when it is called.
+
+    By it a result is drawn and written by rooms below its own, which import that of the result.
+
+    >>> deferred("modal.report.display:brief")(0.5)
+    '0.5'
+    """
+    return partial(_call, *place.split(":"))
+
+
+def _call(module: str, name: str, /, *given: Any, **named: Any) -> Any:
+    return getattr(import_module(module), name)(*given, **named)

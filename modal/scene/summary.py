@@ -1,0 +1,82 @@
+"""A scene in few words: what hangs where, and a row for each of its pendula."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import accumulate, groupby, islice
+
+from modal.report import Summary, brief, counted
+from modal.scene.model import AnyLink, Cart, Pendulum, Scene
+from modal.scene.motion import Moved
+from modal.scene.titles import title_of
+
+MOST_RUNS = 4
+HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "besides")
+BESIDES = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "drive", "hoist")
+CART = (("mass", "kg"), ("damping", "N s/m"), ("stiffness", "N/m"), ("friction", "N"), ("friction_coefficient", ""))
+
+
+def what_hangs(scene: Scene) -> str:
+    """The pendula and their support in words, whatever the title.
+
+    >>> from modal import load
+    >>> what_hangs(load("paper-cart-2"))
+    'two double pendula of rods on a cart'
+    """
+    words = title_of(scene.replace(title=""))
+    return words[:1].lower() + words[1:]
+
+
+def name_of(scene: Scene) -> str:
+    """Its title in quotation marks, else what hangs there."""
+    return f'"{scene.title}"' if scene.title else what_hangs(scene)
+
+
+def summarize(scene: Scene) -> Summary:
+    """What hangs where, and a row for each entry of `pendulum`."""
+    facts = [("gravity", f"{scene.gravity:g} m/s²"), ("links", str(scene.n_links)), *_support(scene)]
+    if scene.damping_ratio:
+        facts.append(("damping ratio", brief(scene.damping_ratio)))
+    if scene.stands:
+        facts.append(("equilibrium", "inverted"))
+    title = f'Scene "{scene.title}": {what_hangs(scene)}' if scene.title else f"Scene: {what_hangs(scene)}"
+    rows = _rows(scene.pendulum)
+    return Summary(title, facts, HEADINGS, rows, len(scene.pendulum), words=frozenset({1, 4}))
+
+
+def _support(scene: Scene) -> Iterator[tuple[str, str]]:
+    support = scene.support
+    if isinstance(support, Cart):
+        values = ((name, getattr(support, name), unit) for name, unit in CART)
+        yield "cart", ", ".join(f"{name} {value:g} {unit}".rstrip() for name, value, unit in values if value)
+    elif isinstance(support, Moved):
+        yield "motion", support.motion.kind
+
+
+def _rows(pendula: Sequence[Pendulum]) -> Iterator[tuple[str, ...]]:
+    last = accumulate(pendulum.count for pendulum in pendula)
+    for pendulum, end in zip(pendula, last, strict=True):
+        first = end - pendulum.count + 1
+        runs = _runs(pendulum.links)
+        besides = [name.replace("_", " ") for name in BESIDES if any(getattr(link, name) for link in pendulum.links)]
+        yield (
+            str(first) if first == end else f"{first}–{end}",
+            _cut(counted(count, kind, "bodies" if kind == "body" else f"{kind}s") for kind, count in runs),
+            _cut(_times(link.count, link.mass) for link in pendulum.links),
+            _cut(_times(link.count, link.length) for link in pendulum.links),
+            ", ".join([*besides, *["start"] * (pendulum.start is not None)]),
+        )
+
+
+def _runs(links: Iterable[AnyLink]) -> list[tuple[str, int]]:
+    """Links of one kind after each other, as one."""
+    return [(kind, sum(link.count for link in own)) for kind, own in groupby(links, lambda link: link.kind)]
+
+
+def _times(count: int, value: float) -> str:
+    return f"{count} × {value:g}" if count > 1 else f"{value:g}"
+
+
+def _cut(words: Iterable[str]) -> str:
+    shown = list(islice(words, MOST_RUNS + 1))
+    return ", ".join(shown if len(shown) <= MOST_RUNS else [*shown[:MOST_RUNS], "…"])

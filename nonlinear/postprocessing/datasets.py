@@ -1,0 +1,84 @@
+"""A trajectory as a labelled data set; the only user of xarray.
+
+Over `time`, `pendulum` and `link`, numbered from 1 as in the table.  Every variable and coordinate has its unit in the
+attribute `units` and a `long_name`, by which xarray labels its figures.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from modal.errors import ComputationError, MissingExtraError
+from modal.scene import title_of
+from modal.types import Floats, Ints
+from nonlinear.integration import Trajectory
+
+AXES = ("x", "y", "z")
+"""Along the rail, across it, down."""
+MOST_NUMBERS = 100_000_000
+"""Numbers of one variable, with those that fill up shorter pendula."""
+
+
+def dataset_of(trajectory: Trajectory) -> Any:
+    """The `xarray.Dataset` of `Trajectory.to_xarray`.
+
+    Raises MissingExtraError without xarray, ComputationError where pendula of very different length would fill it with
+    NaN.
+    """
+    try:
+        xarray = import_module("xarray")
+    except ImportError:
+        raise MissingExtraError("xarray", "xarray") from None
+    system, motion, run, scene = trajectory.system, trajectory.motion, trajectory.run, trajectory.scene
+    place = _places(system.pendulum)
+    counts = (system.n_pendula, int(place[1].max()) + 1)
+    if len(trajectory.times) * counts[0] * counts[1] > MOST_NUMBERS:
+        raise ComputationError(
+            f"a data set of {len(trajectory.times)} × {counts[0]} × {counts[1]} numbers is too large"
+        )
+    spatial = system.spatial
+    dims = ("time", "pendulum", "link", *["axis"] * spatial)
+    links, rates = (_spread(values, place, counts) for values in (motion.links, motion.link_rates))
+    names = ("direction", "direction_rate") if spatial else ("angle", "angular_rate")
+    about = (
+        (("1", "unit vector along the link"), ("1/s", "its rate"))
+        if spatial
+        else (("rad", "angle from the downward vertical"), ("rad/s", "angular rate"))
+    )
+    variables = {
+        names[0]: (dims, links, _attributes(*about[0])),
+        names[1]: (dims, rates, _attributes(*about[1])),
+        "work": ("time", motion.work, _attributes("J", "work of dampers and applied forces")),
+    }
+    if system.cart is not None:
+        variables["cart"] = ("time", motion.cart, _attributes("m", "position of the cart"))
+        variables["cart_rate"] = ("time", motion.cart_rate, _attributes("m/s", "velocity of the cart"))
+    coordinates = {
+        "time": ("time", trajectory.times, _attributes("s", "time")),
+        "pendulum": np.arange(1, counts[0] + 1),
+        "link": np.arange(1, counts[1] + 1),
+        **({"axis": list(AXES)} if spatial else {}),
+    }
+    title = title_of(scene)
+    told = {"title": title, "form": run.form, "method": run.method, "tolerance": run.tolerance}
+    return xarray.Dataset(variables, coordinates, told)
+
+
+def _attributes(units: str, long_name: str) -> dict[str, str]:
+    return {"units": units, "long_name": long_name}
+
+
+def _places(pendulum: Ints) -> tuple[Ints, Ints]:
+    """The pendulum of every link and its place in it, both from 0, (L,); links of a pendulum follow each other."""
+    first = np.searchsorted(pendulum, pendulum)
+    return pendulum, np.asarray(np.arange(len(pendulum)) - first)
+
+
+def _spread(values: Floats, place: tuple[Ints, Ints], counts: tuple[int, int]) -> Floats:
+    """Values (T, L, …) over pendula and links, (T, P, n, …), NaN where there is no link."""
+    found = np.full((len(values), *counts, *values.shape[2:]), np.nan)
+    found[:, place[0], place[1]] = values
+    return found

@@ -1,0 +1,215 @@
+"""What results show of themselves: bounded, escaped, and of every public result."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, is_dataclass
+from importlib import import_module
+from pathlib import Path
+from pkgutil import iter_modules
+from re import findall
+
+import numpy as np
+import pytest
+from shown import assert_shown, parsed
+
+import modal
+import nonlinear
+from modal.modes import natural_modes
+from modal.report import HTML_ROWS, Displayed, Summary, brief, by_column, summary_of
+from modal.report.display import MOST_LINES
+from modal.scene import Bob, Cart, Pendulum, Scene
+from nonlinear.system import AppliedForces, Kicks
+
+ROOT = Path(__file__).parent.parent.parent
+HOSTILE = "<script>alert('x')</script> & \u202e"
+MACHINERY = (
+    *("modal.assembly", "modal.eigen", "nonlinear.dynamics", "nonlinear.integration", "nonlinear.system"),
+    *("modal.plotting", "modal.report"),
+)
+"""Where equations and arrays of the inside are, which are nobody's result."""
+RESULTS = {
+    *("modal.assembly.linearization.Matrices", "nonlinear.dynamics.mechanics.Mechanics"),
+    *("nonlinear.dynamics.mechanics.Reactions", "nonlinear.integration.trajectory.Trajectory"),
+    *("nonlinear.integration.trajectory.SolverInfo", "nonlinear.system.state.State", "nonlinear.system.state.Motion"),
+    "nonlinear.system.system.System",
+}
+"""Results in those rooms."""
+SCALARS = ("float", "int", "str", "bool", "complex")
+
+
+# ---------------------------------------------------------------------------------------------- every result
+
+
+def public_classes() -> dict[str, type]:
+    found = {}
+    for package in (modal, nonlinear):
+        rooms = [f"{package.__name__}.{one.name}" for one in iter_modules(package.__path__)]
+        for room in (package.__name__, *rooms):
+            home = import_module(room)
+            for name in getattr(home, "__all__", ()):
+                thing = getattr(home, name)
+                if isinstance(thing, type):
+                    found[f"{thing.__module__}.{thing.__name__}"] = thing
+    return found
+
+
+def may_be_long(one: type) -> bool:
+    return is_dataclass(one) and any(
+        part.strip() not in {*SCALARS, "None"} for field in fields(one) for part in str(field.type).split("|")
+    )
+
+
+def long_winded(classes: dict[str, type]) -> set[str]:
+    """Public dataclasses that hold more than some numbers and leave showing them to dataclasses."""
+    return {
+        name
+        for name, one in classes.items()
+        if may_be_long(one) and not issubclass(one, Displayed) and (name in RESULTS or not name.startswith(MACHINERY))
+    }
+
+
+def test_every_public_result_shows_itself() -> None:
+    assert long_winded(public_classes()) == set()
+    assert public_classes().keys() >= RESULTS
+
+
+def test_the_search_for_results_bites() -> None:
+    @dataclass
+    class Long:
+        values: tuple[float, ...]
+
+    @dataclass
+    class Short:
+        value: float
+        other: float | None
+
+    assert long_winded({"modal.x.Long": Long, "modal.x.Short": Short}) == {"modal.x.Long"}
+
+
+def test_what_is_imported_late_is_there() -> None:
+    places = {
+        place
+        for package in ("modal", "nonlinear")
+        for path in (ROOT / package).rglob("*.py")
+        for place in findall(r'deferred\("([\w.]+:\w+)"\)', path.read_text(encoding="utf-8"))
+    }
+    assert len(places) > 10
+    for module, name in (place.split(":") for place in places):
+        assert callable(getattr(import_module(module), name))
+
+
+# ---------------------------------------------------------------------------------------------- any size
+
+
+def many(count: int, title: str = "") -> Scene:
+    own = [Pendulum(links=[Bob(mass=1.0, length=1 + k / count, damping=0.1)]) for k in range(count)]
+    return Scene(title=title, gravity=9.81, support=Cart(mass=5.0), pendulum=own)
+
+
+@pytest.mark.parametrize("name", ["paper-cart-2", "rope", "thousand-pendula", "huygens", "cart-upright"])
+def test_modes_of_any_size_are_shown(name: str) -> None:
+    scene = modal.load(name)
+    modes = natural_modes(scene, modes=slice(0, 30) if scene.n_links > 100 else None)
+    for thing in (scene, modes, modes[1], modes.shape(1)):
+        assert_shown(thing)
+    assert f"{len(modes)} modes" in repr(modes)
+    assert scene.title in repr(scene)
+
+
+def test_what_is_left_out_is_counted() -> None:
+    scene = many(50)
+    assert "… 46 more" in repr(scene)
+    assert f"… {50 - HTML_ROWS} more" in parsed(scene._repr_html_()).text
+    modes = natural_modes(scene, modes=slice(0, 20))
+    assert "… 16 more" in repr(modes)
+    assert f"… {20 - HTML_ROWS} more" in parsed(modes._repr_html_()).text
+
+
+def test_titles_are_escaped_and_seen() -> None:
+    scene = modal.load("paper-cart-2").replace(title=HOSTILE.replace("\u202e", ""))
+    modes = natural_modes(scene)
+    run = nonlinear.simulate(scene, 0.1, output=3)
+    for thing in (scene, modes, run):
+        page = thing._repr_html_()
+        assert "<script" not in page
+        assert "script" in parsed(page).text
+        assert "script" not in parsed(page).seen
+
+
+def test_invisible_characters_are_shown() -> None:
+    shown = Summary(HOSTILE, [("a\x1b", "b\u202e")], ["c\x1b"], [["d\u202e"]], 1)
+    for text in (shown.text(), shown.html()):
+        assert not set(text) & {"\x1b", "\u202e"}
+        assert "\\u202e" in text
+
+
+def test_a_wide_table_leaves_out_columns_and_says_so() -> None:
+    rows = [[f"{k}" for k in range(40)] for _ in range(3)]
+    shown = Summary("wide", (), [f"column {k}" for k in range(40)], rows, 3)
+    assert all(line.endswith("…") for line in shown.text().splitlines()[1:])
+    assert "29 more" in parsed(shown.html()).text
+
+
+def test_long_facts_are_cut() -> None:
+    shown = Summary("long", [("word", "x " * 1000)]).text()
+    assert len(shown.splitlines()) <= MOST_LINES
+    assert shown.endswith("…")
+
+
+# ---------------------------------------------------------------------------------------------- parts of a scene
+
+
+def test_a_part_is_written_without_defaults() -> None:
+    pendulum = Pendulum(links=[Bob(mass=1.0, length=2.0, count=3)], count=2)
+    assert repr(pendulum) == "Pendulum(links=(Bob(mass=1.0, length=2.0, count=3),), count=2)"
+    assert eval(repr(pendulum), {"Pendulum": Pendulum, "Bob": Bob}) == pendulum
+
+
+def test_a_long_chain_is_written_short() -> None:
+    pendulum = Pendulum(links=[Bob(mass=1.0 + k, length=1.0) for k in range(1000)])
+    assert len(repr(pendulum)) < 200
+    assert "… 997 more" in repr(pendulum)
+
+
+def test_values_on_less_than_a_line() -> None:
+    assert brief(np.arange(3.0)) == "0, 1, 2"
+    assert brief(np.zeros((4, 5))) == "4 × 5 array"
+    assert brief(np.zeros(100)) == "100 numbers"
+    assert brief(float("nan")) == "–"
+    assert brief(-0.0) == "0"
+    assert brief(["a" * 50, "b" * 50]) == "2 of str"
+    assert brief(modal.load("chain-2")).startswith('Scene "Chain of 2')
+    assert brief({}) == "none"
+
+
+def test_by_default_the_fields_are_shown() -> None:
+    @dataclass(repr=False)
+    class Found(Displayed):
+        size: float
+        rows: tuple[str, ...]
+        none: None = None
+
+    assert repr(Found(1.5, ("a", "b"))) == "Found\n  size 1.5; rows a, b"
+    assert summary_of(Found(1.5, ())).facts == [("size", "1.5"), ("rows", "none")]
+
+
+def test_named_tuples_with_arrays_are_short() -> None:
+    kicks = Kicks(np.arange(900.0), np.arange(900), np.ones(900), np.ones(900))
+    assert len(repr(kicks).splitlines()) <= 3
+    assert "900 numbers" in repr(kicks)
+    assert "100 numbers" in repr(AppliedForces(1.0, np.zeros(100)))
+    assert repr(AppliedForces(2.0)) == "AppliedForces\n  cart 2"
+
+
+def test_records_by_column() -> None:
+    found = by_column([{"x": 1.0, "y": "a"}, {"x": 2.0, "y": "b"}])
+    assert found["x"].tolist() == [1.0, 2.0]
+    assert found["y"].tolist() == ["a", "b"]
+    assert by_column([]) == {}
+
+
+def test_scenes_show_themselves_and_still_compare_and_hash() -> None:
+    one, other = modal.load("paper-cart-2"), modal.load("paper-cart-2")
+    assert one == other
+    assert hash(one) == hash(other)
+    assert repr(one) == repr(other) != repr(one.replace(gravity=1.0))

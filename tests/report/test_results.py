@@ -1,0 +1,176 @@
+"""Results of every door, small ones made here: what they show, their columns and their figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from shown import assert_shown
+
+import modal
+from modal.assembly import matrices
+from modal.coupling import explain
+from modal.errors import ComputationError
+from modal.identification import identify
+from modal.loci import follow_loci
+from modal.modes import natural_modes
+from modal.modes.sensitivity import sensitivities
+from modal.scene.parameters import parse_variations
+from modal.statespace import modal_gains, state_space, to_modal_form
+from modal.statespace.balancing import balance
+from modal.statespace.sampling import sample
+from modal.statespace.shapers import shaper_for
+from modal.statespace.transfer import transfer_functions
+from nonlinear import ensemble, simulate
+from nonlinear.averaging import average
+from nonlinear.chaos import lyapunov_exponent
+from nonlinear.ensembles import find_basins, find_section, find_spread
+from nonlinear.identification import Recording, Segment, Sensor, fit
+from nonlinear.orbits import nonlinear_mode
+from nonlinear.sweeps import Study, parse_measures, sweep
+from nonlinear.synchronization import phases_of
+from nonlinear.verification import check
+
+
+@cache
+def run_of() -> Any:
+    return simulate(modal.load("chain-1"), 6.0, output=301)
+
+
+def recording() -> Recording:
+    run = run_of()
+    return Recording((Sensor(1, 1),), (Segment("swing.csv", "", run.times, run.motion.links),))
+
+
+def decay() -> Any:
+    times = np.arange(0, 20, 0.02)
+    values = np.exp(-0.05 * times) * np.cos(3.0 * times)
+    return identify([(times, values[:, None])], ["theta"])
+
+
+def small_sweep() -> Any:
+    axis = parse_variations(["gravity=9:10:13"])
+    return sweep(Study(modal.load("chain-2"), axis, parse_measures(["frequencies"])), workers=1)
+
+
+def crane() -> Any:
+    return natural_modes(modal.load("crane-hook"))
+
+
+def form() -> Any:
+    return to_modal_form(crane(), state_space(modal.load("crane-hook")))
+
+
+RESULTS: dict[str, Callable[[], Any]] = {
+    "coupling": lambda: explain(modal.load("paper-cart-2")),
+    "sensitivities": lambda: sensitivities(crane(), 2),
+    "matrices": lambda: matrices(modal.load("paper-cart-3")),
+    "state space": lambda: state_space(modal.load("crane-hook")),
+    "modal form": form,
+    "gains": lambda: modal_gains(crane(), state_space(modal.load("crane-hook"))),
+    "transfer function": lambda: transfer_functions(form())[0][0],
+    "reduced": lambda: balance(state_space(modal.load("clocks-double"), outputs=("angles",)), 4),
+    "shaper": lambda: shaper_for(modal.load("crane-hook")),
+    "loci": lambda: follow_loci(
+        modal.load("crane-two-loads"), parse_variations(["pendulum[0].links[0].length=5:20:5"])[0]
+    ),
+    "run": run_of,
+    "motion": lambda: run_of().motion,
+    "state": lambda: run_of().final,
+    "how": lambda: run_of().run,
+    "mechanics": lambda: run_of().mechanics,
+    "ensemble": lambda: ensemble(modal.load("chain-1"), 0.5, vary={"gravity": [9.8, 1.6]}, engine="numpy", workers=1),
+    "basins": lambda: find_basins(
+        modal.load("chain-2"),
+        0.5,
+        vary=[f"pendulum[0].start.angles_deg[{k}]=-90:90:4" for k in (0, 1)],
+        engine="numpy",
+        workers=1,
+        check=0,
+    ),
+    "section": lambda: find_section(modal.load("chain-2"), 5.0, orbits=2, engine="numpy", workers=1, check=0),
+    "spread": lambda: find_spread(modal.load("chain-2"), ["gravity=0.1"], members=50),
+    "branch": lambda: nonlinear_mode(modal.load("chain-2"), 1, 0.3),
+    "identified": decay,
+    "sweep": small_sweep,
+    "check": lambda: check(modal.load("chain-1"), [0], [1.0, 5.0], periods=20),
+    "averaged": lambda: average(modal.load("huygens")),
+    "phases": lambda: phases_of(run_of()),
+}
+
+
+SLOW = {"branch"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in RESULTS]
+)
+def test_a_result_shows_itself(name: str) -> None:
+    found = RESULTS[name]()
+    assert_shown(found)
+    if hasattr(found, "to_dict") and name != "state space":
+        columns = found.to_dict()
+        assert len(columns) > 0
+        assert len({len(values) for values in columns.values()}) == 1
+    if hasattr(found, "plot"):
+        assert isinstance(found.plot(), Figure)
+
+
+def test_a_fit_shows_its_numbers() -> None:
+    found = fit(modal.load("chain-1"), recording(), ["gravity"])
+    assert_shown(found, "gravity", "m/s²")
+    columns = found.to_dict()
+    assert columns["number"].tolist() == ["gravity"]
+    assert columns["fitted"][0] == found.values[0] == pytest.approx(9.81, rel=1e-6)
+    assert columns["std"][0] == found.stds[0]
+    assert isinstance(found.plot(), Figure)
+
+
+def test_an_exponent_shows_itself() -> None:
+    found = lyapunov_exponent(modal.load("chain-2"), duration=20.0, ensemble=2)
+    assert_shown(found)
+
+
+def test_a_model_without_its_scene_is_not_drawn() -> None:
+    whole = state_space(modal.load("crane-hook"))
+    with pytest.raises(ComputationError, match="whole model"):
+        sample(whole, 0.1).plot()
+    assert whole.to_dict()["inputs"] == ["cart_force"]
+
+
+def test_columns_of_a_sweep_are_its_points() -> None:
+    found = small_sweep()
+    columns = found.to_dict()
+    for row in found.rows:
+        assert columns["gravity_m_per_s2"][row.index] == found.study.point(row.index)["gravity"]
+        assert all(columns[name][row.index] == value for name, value in row.numbers.items())
+    assert "… 9 more" in repr(found)
+
+
+def test_columns_of_a_branch_are_its_orbits() -> None:
+    branch = nonlinear_mode(modal.load("chain-1"), 1, 0.5)
+    columns = branch.to_dict()
+    for k, orbit in enumerate(branch.orbits):
+        assert columns["omega_rad_per_s"][k] == pytest.approx(2 * np.pi / orbit.period)
+        assert columns["amplitude_deg"][k] == pytest.approx(np.degrees(orbit.amplitude))
+    assert repr(branch.orbits[0]).startswith('Periodic orbit of "Chain of 1')
+
+
+def test_columns_of_basins_are_the_map() -> None:
+    found = RESULTS["basins"]()
+    columns = found.to_dict()
+    y, x = found.axes
+    for i, one in enumerate(y.values):
+        for j, other in enumerate(x.values):
+            row = (columns[y.column] == one) & (columns[x.column] == other)
+            np.testing.assert_array_equal(columns[found.column][row], found.values[i, j])
+
+
+def test_columns_of_members_are_what_was_varied() -> None:
+    found = ensemble(modal.load("chain-1"), 0.2, vary=["gravity=9:10:3"], engine="numpy", workers=1, check=0)
+    assert found.to_dict()["gravity"].tolist() == [9.0, 9.5, 10.0]
+    assert "varied gravity" in repr(found)
