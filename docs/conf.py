@@ -19,6 +19,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE)]
 import browser  # noqa: E402
 import docstrings  # noqa: E402
 import generated  # noqa: E402
+import mathematics  # noqa: E402
 import playing  # noqa: E402
 
 project = "multipendula"
@@ -46,6 +47,7 @@ html_theme = "furo"
 html_title = "multipendula"
 html_static_path = ["_static"]
 html_css_files = ["manual.css"]
+html_js_files = [("manual.js", {"defer": "defer"})]
 html_copy_source = False
 html_theme_options = {
     "top_of_page_buttons": [],
@@ -84,10 +86,11 @@ def expand(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def add_browser(app: Sphinx, failure: Exception | None) -> None:
-    """Put the live pages and the lessons that run in a browser beside the pages."""
+    """Put the live pages, and unless only a part is built (`-t part`) the lessons that run in a browser, beside the pages."""
     if failure is None and app.builder.name == "html":
         playing.build(Path(app.outdir) / "play")
-        browser.build(Path(app.outdir) / "browser")
+        if not app.tags.has("part"):
+            browser.build(Path(app.outdir) / "browser")
 
 
 def setup(app: Sphinx) -> None:
@@ -96,3 +99,4 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", expand)
     app.connect("build-finished", add_browser)
     docstrings.setup(app)
+    mathematics.setup(app)
