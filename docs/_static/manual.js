@@ -1,8 +1,9 @@
-// What is wider than the window scrolls, and takes the focus so that it scrolls by keys too.
+// What the pages need beyond their markup: keys reach all that scrolls, and screen readers tell its parts apart.
 
-const WIDE = "pre, div.math, .table-wrapper, .cell_output .text_html, .highlight";
+const WIDE = "pre, .math-wrapper, .table-wrapper, .cell_output .text_html";
 const NAMES = { PRE: "Code or output", DIV: "Table or formula" };
 
+/** What is wider than its place takes the focus, so that it scrolls by keys. */
 function reachable() {
   for (const one of document.querySelectorAll(WIDE)) {
     const scrolls = one.scrollWidth > one.clientWidth + 1 && getComputedStyle(one).overflowX !== "visible";
@@ -15,6 +16,11 @@ function reachable() {
     } else for (const name of ["tabindex", "role", "aria-label"]) one.removeAttribute(name);
   }
 }
+
+for (const one of document.querySelectorAll("p.caption[role=heading]")) one.ariaLevel = "2";
+for (const one of document.querySelectorAll("details.hide > summary")) one.removeAttribute("aria-label");
+document.querySelector(".sidebar-drawer")?.setAttribute("aria-label", "Manual");
+document.querySelector(".toc-drawer")?.setAttribute("aria-label", "On this page");
 
 reachable();
 addEventListener("load", () => (window.MathJax?.startup?.promise ?? Promise.resolve()).then(reachable));
