@@ -10,7 +10,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- measures -->                           what a sweep can measure
     <!-- gallery -->                            every figure of docs/pictures.toml
     <!-- play -->                               a link to the live page of every shipped scene
-    <!-- live: paper-cart-3 -->                 the live page of one
+    <!-- live: paper-cart-3 #swing -->           the live page of one, swinging
 
 Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
 """
@@ -190,12 +190,16 @@ def _figure(name: str, picture: dict[str, str]) -> str:
 # ------------------------------------------------------------------------------------------------ live pages
 
 
-def live(name: str) -> str:
-    """The live page of a shipped scene in a frame, which is loaded when it comes into view, and a link to it."""
+def live(name: str, word: str = "") -> str:
+    """The live page of a shipped scene in a frame, which is loaded when it comes into view, and a link to it.
+
+    With the word `#swing` it swings from the beginning.
+    """
     from playing import pages
 
     about = f'title="Live page: {html(pages()[name][0].title)}" loading="lazy" allow="fullscreen; clipboard-write"'
-    return f'<iframe src="play/{name}.html" {about}></iframe>\n<p><a href="play/{name}.html">Open the live page by itself</a></p>'
+    link = f'<p><a href="play/{name}.html">Open the live page by itself</a></p>'
+    return f'<iframe src="play/{name}.html{word}" {about}></iframe>\n{link}'
 
 
 def play() -> str:
