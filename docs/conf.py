@@ -86,7 +86,7 @@ def expand(app: Sphinx, docname: str, source: list[str]) -> None:
 
 
 def add_browser(app: Sphinx, failure: Exception | None) -> None:
-    """Put the live pages, and unless only a part is built (`-t part`) the lessons that run in a browser, beside the pages."""
+    """Put the live pages beside the pages, and, but for a part (`-t part`), the lessons that run in a browser."""
     if failure is None and app.builder.name == "html":
         playing.build(Path(app.outdir) / "play")
         if not app.tags.has("part"):

@@ -89,9 +89,7 @@ def unpacked(npm: str, package: str, digest: str, folder: Path) -> bool:
         return False
     (archive,) = folder.glob("*.tgz")
     if b64encode(sha512(archive.read_bytes()).digest()).decode() != digest:
-        print(
-            f"mathematics: npm's {package} {VERSION} is not the archive that is known; it is not used", file=sys.stderr
-        )
+        print(f"mathematics: npm's {package} {VERSION} is not the known archive and is not used", file=sys.stderr)
         return False
     with tarfile.open(archive) as opened:
         for member in opened.getmembers():
