@@ -9,7 +9,7 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what a sweep can measure
     <!-- gallery -->                            every figure of docs/pictures.toml
-    <!-- play -->                               a link to the live page of every shipped scene
+    <!-- play -->                               sketches of all shipped scenes, linked to their live pages
     <!-- live: paper-cart-3 #swing -->           the live page of one, swinging
 
 Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
@@ -203,14 +203,12 @@ def live(name: str, word: str = "") -> str:
 
 
 def play() -> str:
-    """A link to the live page of every shipped scene, or why it has none (`docs/playing.py`)."""
-    from playing import pages
+    """Every shipped scene with a sketch and a link to its live page, or why it has none (`docs/playing.py`)."""
+    from playing import pages, sketch
 
-    rows = []
+    cards = []
     for name, (scene, why) in pages().items():
-        title = html(scene.title)
-        link = f"no page: {html(why)}" if why else f'<a href="play/{name}.html" aria-label="Open {name}">open</a>'
-        rows.append(f"<tr><td><code>{name}</code></td><td>{title}</td><td>{link}</td></tr>")
-    head = "<tr><th>scene</th><th>what hangs there</th><th>its page</th></tr>"
-    table = f'<table class="docutils">\n<thead>{head}</thead>\n<tbody>\n' + "\n".join(rows) + "\n</tbody>\n</table>"
-    return f'<div class="table-wrapper">\n{table}\n</div>'
+        words = f"{sketch(scene)}<strong>{html(scene.title)}</strong> <code>{name}</code>"
+        link = f"<div>{words} <small>No page: {html(why)}</small></div>"
+        cards.append(link if why else f'<a href="play/{name}.html">{words}</a>')
+    return '<div class="scenes">\n' + "\n".join(cards) + "\n</div>"
