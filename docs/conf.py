@@ -82,6 +82,8 @@ def expand(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is made from the code in its place on a page."""
     page = Path(app.env.doc2path(docname))
     if page.suffix == ".md":
+        for maker in (generated, playing) if generated.PLACE.search(source[0]) else ():
+            app.env.note_dependency(maker.__file__, docname=docname)
         source[0] = generated.expanded(source[0], page.parent)
 
 

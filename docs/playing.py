@@ -1,19 +1,20 @@
 """The live pages of the shipped scenes: `python docs/playing.py FOLDER` writes them, as the manual's build does.
 
-`sketch` draws a scene for the list of them, as it hangs at its start.
+`sketch` draws a scene for the list of them, in its slowest swing.
 """
 
 from __future__ import annotations
 
 import sys
 from functools import cache
-from itertools import accumulate, chain, repeat
-from math import cos, radians, sin
 from pathlib import Path
 
+import numpy as np
+
 from modal.errors import SceneError
-from modal.scene import Pendulum, Scene, example_names, load
-from multipendula.page import page, scene_data
+from modal.modes import natural_modes
+from modal.scene import Scene, example_names, load
+from multipendula.page import MOST_LINKS, page, scene_data
 
 
 @cache
@@ -32,45 +33,48 @@ def _reason(scene: Scene) -> str:
 
 MOST = 9
 """Pendula of a sketch; of more, as many are drawn."""
-WIDTH, HEIGHT = 200.0, 120.0
-MARGIN = 14.0
+WIDTH, HEIGHT, MARGIN = 200.0, 120.0, 14.0
+LEAN = 25.0  # ° of the swing
 
 
 def sketch(scene: Scene) -> str:
-    """The scene at its start as SVG: support, links and joints, in colours by pendulum."""
-    pendula = list(chain.from_iterable(repeat(one, one.count) for one in scene.pendulum))[:MOST]
-    shapes = [_points(one) for one in pendula]
-    reach = max(sum(link.length * link.count for link in one.links) for one in pendula)
-    room = 0.62 * reach if len(pendula) < 5 else 0.3 * reach
-    hung = [[(x + place * room, y) for x, y in shape] for place, shape in enumerate(shapes)]
-    across = [x for shape in hung for x, _ in shape]
-    down = [y for shape in hung for _, y in shape] + [0.0]
-    wide, high = max(across) - min(across), max(down) - min(down)
-    scale = min((WIDTH - 2 * MARGIN) / max(wide, 1e-9), (HEIGHT - 2 * MARGIN) / max(high, 1e-9))
-    left, top = (WIDTH - scale * wide) / 2 - scale * min(across), (HEIGHT - scale * high) / 2 - scale * min(down)
-    lines = [
-        f'<polyline class="c{place % 3}" points="'
-        + " ".join(f"{left + scale * x:.1f},{top + scale * y:.1f}" for x, y in shape)
-        + '"/>'
-        for place, shape in enumerate(hung)
-    ]
-    first, last = left - 10, left + scale * room * (len(hung) - 1) + 10
-    support = f'<path class="support" d="M{first:.1f} {top:.1f}H{last:.1f}"/>'
+    """The scene in its slowest swing (a large one: hanging still) as SVG: support, links, joints."""
+    shapes = _shapes(scene)
+    reach = max(np.ptp(shape[:, 1]) for shape in shapes)
+    room = (0.62 if len(shapes) < 5 else 0.3) * reach
+    hung = [np.add(shape, (place * room, 0)) for place, shape in enumerate(shapes)]
+    low, high = np.min(np.vstack(hung), axis=0), np.max(np.vstack(hung), axis=0)
+    scale = min((np.array([WIDTH, HEIGHT]) - 2 * MARGIN) / np.maximum(high - low, 1e-9))
+    corner = (np.array([WIDTH, HEIGHT]) - scale * (low + high)) / 2
+    drawn = [corner + scale * shape for shape in hung]
+    left, top = drawn[0][0]
+    right = drawn[-1][0, 0]
+    parts = [f'<path class="support" d="M{left - 10:.1f} {top:.1f}H{right + 10:.1f}"/>']
     if scene.support.kind == "cart":
-        support += f'<path class="rail" d="M2 {top + 4:.1f}H{WIDTH - 2:.0f}"/>'
-    return f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{support}{"".join(lines)}</svg>'
+        parts.append(f'<path class="rail" d="M2 {top + 4:.1f}H{WIDTH - 2:.0f}"/>')
+    for place, shape in enumerate(drawn):
+        points = [f"{x:.1f},{y:.1f}" for x, y in shape]
+        joints = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>' for x, y in shape[1:] if len(shape) < 9)
+        parts.append(f'<g class="c{place % 3}"><polyline points="{" ".join(points)}"/>{joints}</g>')
+    return f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{"".join(parts)}</svg>'
 
 
-def _points(pendulum: Pendulum) -> list[tuple[float, float]]:
-    """Joints of a pendulum from the top (m): along the rail, down."""
-    start = pendulum.start
-    angles = (
-        list(start.angles_deg) if start else [180.0 if side == "up" else 0.0 for side in pendulum.equilibrium or ()]
-    )
-    angles = angles or [0.0] * sum(link.count for link in pendulum.links)
-    lengths = chain.from_iterable(repeat(link.length, link.count) for link in pendulum.links)
-    steps = [(one * sin(radians(angle)), one * cos(radians(angle))) for one, angle in zip(lengths, angles, strict=True)]
-    return list(accumulate(steps, lambda at, by: (at[0] + by[0], at[1] + by[1]), initial=(0.0, 0.0)))
+def _shapes(scene: Scene) -> list[np.ndarray]:
+    """The joints of each pendulum from the top (m): along the rail, down."""
+    pendula = [one for one in scene.pendulum for _ in range(one.count)]
+    lengths = [np.repeat([link.length for link in one.links], [link.count for link in one.links]) for one in pendula]
+    inverted = [np.array(one.equilibrium or ["down"] * len(l)) == "up" for one, l in zip(pendula, lengths, strict=True)]
+    lean = np.zeros(scene.n_links)
+    if scene.n_links <= MOST_LINKS:
+        modes = natural_modes(scene)
+        lean = LEAN * np.real(modes.shape(next(i for i, omega in enumerate(modes.omega) if omega)).angles)
+    ends = np.cumsum([len(l) for l in lengths])
+    shapes = []
+    for l, up, theta in list(zip(lengths, inverted, np.split(lean, ends[:-1]), strict=True))[:MOST]:
+        angles = np.radians(theta + 180 * up)
+        steps = l[:, None] * np.stack([np.sin(angles), np.cos(angles)], axis=1)
+        shapes.append(np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]))
+    return shapes
 
 
 def build(folder: Path) -> None:

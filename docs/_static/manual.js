@@ -19,6 +19,17 @@ function reachable() {
 
 for (const one of document.querySelectorAll("p.caption[role=heading]")) one.ariaLevel = "2";
 for (const one of document.querySelectorAll("details.hide > summary")) one.removeAttribute("aria-label");
+// Signatures of several lines are lists of definitions in the markup, but define nothing.
+for (const one of document.querySelectorAll("dt.sig dl")) {
+  const lines = document.createElement("div");
+  lines.className = "arguments";
+  for (const line of one.children) {
+    const plain = document.createElement("div");
+    plain.append(...line.childNodes);
+    lines.append(plain);
+  }
+  one.replaceWith(lines);
+}
 document.querySelector(".sidebar-drawer")?.setAttribute("aria-label", "Manual");
 document.querySelector(".toc-drawer")?.setAttribute("aria-label", "On this page");
 
