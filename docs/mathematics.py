@@ -16,9 +16,11 @@ from base64 import b64encode
 from hashlib import sha512
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
-from sphinx.application import Sphinx
-from sphinx.config import Config
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+    from sphinx.config import Config
 
 ROOT = Path(__file__).parent.parent
 VERSION = "4.1.3"
@@ -82,7 +84,7 @@ def unpacked(npm: str, package: str, digest: str, folder: Path) -> bool:
     """Fetch a package and put its parts into the folder; False where that fails or the archive is another one."""
     try:
         subprocess.run(
-            [npm, "pack", "--silent", f"{package}@{VERSION}"],
+            [npm, "pack", "--silent", "--fetch-retries=1", f"{package}@{VERSION}"],
             cwd=folder, capture_output=True, check=True, timeout=PATIENCE,
         )  # fmt: skip
     except (subprocess.SubprocessError, OSError):

@@ -6,9 +6,8 @@ import os
 import stat
 from pathlib import Path
 
+import mathematics
 import pytest
-
-mathematics = pytest.importorskip("mathematics", reason="the extra docs is not installed")
 
 pytestmark = pytest.mark.site
 
