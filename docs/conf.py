@@ -19,6 +19,7 @@ sys.path[:0] = [str(HERE.parent), str(HERE)]
 import browser  # noqa: E402
 import docstrings  # noqa: E402
 import generated  # noqa: E402
+import mathematics  # noqa: E402
 import playing  # noqa: E402
 
 project = "multipendula"
@@ -46,13 +47,14 @@ html_theme = "furo"
 html_title = "multipendula"
 html_static_path = ["_static"]
 html_css_files = ["manual.css"]
+html_js_files = [("manual.js", {"defer": "defer"})]
 html_copy_source = False
 html_theme_options = {
     "top_of_page_buttons": [],
     "light_css_variables": {"color-brand-primary": "#0067a0", "color-brand-content": "#0067a0"},
     "dark_css_variables": {"color-brand-primary": "#56b4e9", "color-brand-content": "#56b4e9"},
 }
-pygments_style, pygments_dark_style = "friendly", "github-dark"
+pygments_style, pygments_dark_style = "a11y-high-contrast-light", "a11y-high-contrast-dark"
 highlight_language = "none"
 smartquotes = False
 copybutton_prompt_text = "$ "
@@ -80,14 +82,17 @@ def expand(app: Sphinx, docname: str, source: list[str]) -> None:
     """Put what is made from the code in its place on a page."""
     page = Path(app.env.doc2path(docname))
     if page.suffix == ".md":
+        for maker in (generated, playing) if generated.PLACE.search(source[0]) else ():
+            app.env.note_dependency(maker.__file__, docname=docname)
         source[0] = generated.expanded(source[0], page.parent)
 
 
 def add_browser(app: Sphinx, failure: Exception | None) -> None:
-    """Put the live pages and the lessons that run in a browser beside the pages."""
+    """Put the live pages beside the pages, and, but for a part (`-t part`), the lessons that run in a browser."""
     if failure is None and app.builder.name == "html":
         playing.build(Path(app.outdir) / "play")
-        browser.build(Path(app.outdir) / "browser")
+        if not app.tags.has("part"):
+            browser.build(Path(app.outdir) / "browser")
 
 
 def setup(app: Sphinx) -> None:
@@ -96,3 +101,4 @@ def setup(app: Sphinx) -> None:
     app.connect("source-read", expand)
     app.connect("build-finished", add_browser)
     docstrings.setup(app)
+    mathematics.setup(app)

@@ -9,7 +9,8 @@ A page holds a comment where a part belongs; what stands there is Markdown:
     <!-- formats -->                            what a model can be written as
     <!-- measures -->                           what a sweep can measure
     <!-- gallery -->                            every figure of docs/pictures.toml
-    <!-- play -->                               the live page of every shipped scene
+    <!-- play -->                               sketches of all shipped scenes, linked to their live pages
+    <!-- live: paper-cart-3 #swing -->           the live page of one, swinging
 
 Pictures that have a dark twin, NAME-dark.png beside NAME.png, are followed by it.
 """
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parent.parent
 PLACE = re.compile(
-    r"^<!-- (commands|names|modules|shipped|formats|measures|gallery|play):?([^>]*) -->$", flags=re.MULTILINE
+    r"^<!-- (commands|names|modules|shipped|formats|measures|gallery|play|live):?([^>]*) -->$", flags=re.MULTILINE
 )
 PICTURE = re.compile(r"^!\[([^\]]*)\]\(([^)]+)\.(png|gif)\)$", flags=re.MULTILINE)
 
@@ -189,18 +190,25 @@ def _figure(name: str, picture: dict[str, str]) -> str:
 # ------------------------------------------------------------------------------------------------ live pages
 
 
-def play() -> str:
-    """A live page, then a link to that of every shipped scene, or why it has none (`docs/playing.py`)."""
+def live(name: str, word: str = "") -> str:
+    """The live page of a shipped scene in a frame, which is loaded when it comes into view, and a link to it.
+
+    With the word `#swing` it swings from the beginning.
+    """
     from playing import pages
 
-    rows = []
+    about = f'title="Live page: {html(pages()[name][0].title)}" loading="lazy" allow="fullscreen; clipboard-write"'
+    link = f'<p><a href="play/{name}.html">Open the live page by itself</a></p>'
+    return f'<iframe src="play/{name}.html{word}" {about}></iframe>\n{link}'
+
+
+def play() -> str:
+    """Every shipped scene with a sketch and a link to its live page, or why it has none (`docs/playing.py`)."""
+    from playing import pages, sketch
+
+    cards = []
     for name, (scene, why) in pages().items():
-        title = html(scene.title)
-        link = f"no page: {html(why)}" if why else f'<a href="play/{name}.html">open</a>'
-        rows.append(f"<tr><td><code>{name}</code></td><td>{title}</td><td>{link}</td></tr>")
-    style = "width: 100%; height: 1000px; border: 0; border-radius: 12px"
-    about = 'title="Live page of two double pendula on a cart" loading="lazy" allow="fullscreen; clipboard-write"'
-    frame = f'<iframe src="play/paper-cart-2.html" {about} style="{style}"></iframe>'
-    head = "<tr><th>scene</th><th>what hangs there</th><th>its page</th></tr>"
-    table = f'<table class="docutils">\n<thead>{head}</thead>\n<tbody>\n' + "\n".join(rows) + "\n</tbody>\n</table>"
-    return f"{frame}\n\n## Every shipped scene\n\n{table}"
+        words = f"{sketch(scene)}<strong>{html(scene.title)}</strong> <code>{name}</code>"
+        link = f"<div>{words} <small>No page: {html(why)}</small></div>"
+        cards.append(link if why else f'<a href="play/{name}.html">{words}</a>')
+    return '<div class="scenes">\n' + "\n".join(cards) + "\n</div>"

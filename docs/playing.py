@@ -1,4 +1,7 @@
-"""The live pages of the shipped scenes: `python docs/playing.py FOLDER` writes them, as the manual's build does."""
+"""The live pages of the shipped scenes: `python docs/playing.py FOLDER` writes them, as the manual's build does.
+
+`sketch` draws a scene for the list of them, in its slowest swing.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,12 @@ import sys
 from functools import cache
 from pathlib import Path
 
+import numpy as np
+
 from modal.errors import SceneError
+from modal.modes import natural_modes
 from modal.scene import Scene, example_names, load
-from multipendula.page import page, scene_data
+from multipendula.page import MOST_LINKS, page, scene_data
 
 
 @cache
@@ -23,6 +29,52 @@ def _reason(scene: Scene) -> str:
     except SceneError as error:
         return "; ".join(error.problems)
     return ""
+
+
+MOST = 9
+"""Pendula of a sketch; of more, as many are drawn."""
+WIDTH, HEIGHT, MARGIN = 200.0, 120.0, 14.0
+LEAN = 25.0  # ° of the swing
+
+
+def sketch(scene: Scene) -> str:
+    """The scene in its slowest swing (a large one: hanging still) as SVG: support, links, joints."""
+    shapes = _shapes(scene)
+    reach = max(np.ptp(shape[:, 1]) for shape in shapes)
+    room = (0.62 if len(shapes) < 5 else 0.3) * reach
+    hung = [np.add(shape, (place * room, 0)) for place, shape in enumerate(shapes)]
+    low, high = np.min(np.vstack(hung), axis=0), np.max(np.vstack(hung), axis=0)
+    scale = min((np.array([WIDTH, HEIGHT]) - 2 * MARGIN) / np.maximum(high - low, 1e-9))
+    corner = (np.array([WIDTH, HEIGHT]) - scale * (low + high)) / 2
+    drawn = [corner + scale * shape for shape in hung]
+    left, top = drawn[0][0]
+    right = drawn[-1][0, 0]
+    parts = [f'<path class="support" d="M{left - 10:.1f} {top:.1f}H{right + 10:.1f}"/>']
+    if scene.support.kind == "cart":
+        parts.append(f'<path class="rail" d="M2 {top + 4:.1f}H{WIDTH - 2:.0f}"/>')
+    for place, shape in enumerate(drawn):
+        points = [f"{x:.1f},{y:.1f}" for x, y in shape]
+        joints = "".join(f'<circle cx="{x:.1f}" cy="{y:.1f}" r="3.5"/>' for x, y in shape[1:] if len(shape) < 9)
+        parts.append(f'<g class="c{place % 3}"><polyline points="{" ".join(points)}"/>{joints}</g>')
+    return f'<svg viewBox="0 0 {WIDTH:.0f} {HEIGHT:.0f}" aria-hidden="true">{"".join(parts)}</svg>'
+
+
+def _shapes(scene: Scene) -> list[np.ndarray]:
+    """The joints of each pendulum from the top (m): along the rail, down."""
+    pendula = [one for one in scene.pendulum for _ in range(one.count)]
+    lengths = [np.repeat([link.length for link in one.links], [link.count for link in one.links]) for one in pendula]
+    inverted = [np.array(one.equilibrium or ["down"] * len(l)) == "up" for one, l in zip(pendula, lengths, strict=True)]
+    lean = np.zeros(scene.n_links)
+    if scene.n_links <= MOST_LINKS:
+        modes = natural_modes(scene)
+        lean = LEAN * np.real(modes.shape(next(i for i, omega in enumerate(modes.omega) if omega)).angles)
+    ends = np.cumsum([len(l) for l in lengths])
+    shapes = []
+    for l, up, theta in list(zip(lengths, inverted, np.split(lean, ends[:-1]), strict=True))[:MOST]:
+        angles = np.radians(theta + 180 * up)
+        steps = l[:, None] * np.stack([np.sin(angles), np.cos(angles)], axis=1)
+        shapes.append(np.vstack([[0.0, 0.0], np.cumsum(steps, axis=0)]))
+    return shapes
 
 
 def build(folder: Path) -> None:

@@ -1,6 +1,6 @@
-"""Screenshots by Chromium: of the live page at three widths, light and dark, and the landing picture of the manual.
+"""Screenshots by Chromium: live pages and pages of the manual at three widths, light and dark, and the landing picture.
 
-    python docs/screenshots.py FOLDER [--manual BUILT]    page (and pages of the built manual), to be looked at
+    python docs/screenshots.py FOLDER [--manual BUILT]    live pages, or pages of the built manual, to be looked at
     python docs/screenshots.py                            docs/pictures/play.png and its dark twin, made anew
 
 Time passes frame by frame (`chromium`), so that the same page gives the same picture.
@@ -21,9 +21,11 @@ WIDTHS = {360: 780, 768: 1024, 1280: 900}
 THEMES = {"light": "", "dark": "-dark"}
 LANDING = "paper-cart-3"
 SCENES = (LANDING, "clocks-double", "crane-two-loads", "cart-upright", "chain-unequal")
-PAGES = ("index", "play", "tutorial/lessons/01_first_table")
+PAGES = ("index", "tutorial/index", "tutorial/lessons/01_first_table", "play", "explanation/comparison")
 """Of the manual."""
 FRAMES = 280
+SETTLED = "new Promise((done) => setTimeout(done, 1000))"
+"""Frames are loaded, and the live scene has swung for a second."""
 
 
 def swinging(browser: Chromium, page: Path) -> None:
@@ -45,14 +47,14 @@ def examined(browser: Chromium, folder: Path, pages: Path) -> None:
 
 
 def read(browser: Chromium, folder: Path, manual: Path) -> None:
-    """Pages of the built manual, as they are first seen."""
+    """Pages of the built manual, the whole length of them, with their formulas drawn."""
     for width, height in WIDTHS.items():
         for theme, end in THEMES.items():
             browser.size(width, height, dark=theme == "dark")
             for name in PAGES:
                 browser.open(manual / f"{name}.html")
-                browser.run("new Promise((done) => setTimeout(done, 500))")
-                (folder / f"manual-{Path(name).name}-{width}{end}.png").write_bytes(browser.picture())
+                browser.run(f"(window.MathJax?.startup?.promise ?? Promise.resolve()).then(() => {SETTLED})")
+                (folder / f"manual-{name.replace('/', '-')}-{width}{end}.png").write_bytes(browser.picture(whole=True))
 
 
 def landing(browser: Chromium, pages: Path) -> None:
@@ -69,18 +71,22 @@ def main() -> None:
     """What the arguments ask for."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("folder", nargs="?", type=Path, help="for screenshots to look at")
-    parser.add_argument("--manual", metavar="BUILT", type=Path, help="the built manual, of which pages are taken too")
+    parser.add_argument(
+        "--manual", metavar="BUILT", type=Path, help="the built manual, of which pages are taken instead"
+    )
     asked = parser.parse_args()
-    with Chromium() as browser, TemporaryDirectory() as name:
-        build(Path(name))
-        if asked.folder:
-            asked.folder.mkdir(parents=True, exist_ok=True)
-            examined(browser, asked.folder, Path(name))
-        else:
-            landing(browser, Path(name))
+    if asked.folder:
+        asked.folder.mkdir(parents=True, exist_ok=True)
     if asked.folder and asked.manual:
         with Chromium(clockwork=False) as browser:
             read(browser, asked.folder, asked.manual)
+        return
+    with Chromium() as browser, TemporaryDirectory() as name:
+        build(Path(name))
+        if asked.folder:
+            examined(browser, asked.folder, Path(name))
+        else:
+            landing(browser, Path(name))
 
 
 if __name__ == "__main__":

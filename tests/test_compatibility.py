@@ -7,6 +7,7 @@ import warnings
 from importlib import import_module
 from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -69,16 +70,31 @@ def test_an_overwritten_package_is_told_with_the_way_out(tmp_path: Path, client:
         assert "pip uninstall modal multipendula" in said
 
 
-def test_a_build_for_an_environment_with_the_client_is_refused(tmp_path: Path) -> None:
+def hatch_build() -> ModuleType:
+    """What hatch runs while it builds."""
     pytest.importorskip("hatchling")
     spec = spec_from_file_location("hatch_build", ROOT / ".ci" / "hatch_build.py")
     assert spec
     assert spec.loader
-    hook = module_from_spec(spec)
-    spec.loader.exec_module(hook)
+    hooks = module_from_spec(spec)
+    spec.loader.exec_module(hooks)
+    return hooks
+
+
+def test_a_build_for_an_environment_with_the_client_is_refused(tmp_path: Path) -> None:
+    hook = hatch_build()
     assert hook.namesake(str(tmp_path)) is None
     (tmp_path / "modal-1.2.dist-info").mkdir()
     assert hook.namesake(str(tmp_path / "nowhere"), str(tmp_path)) == str(tmp_path)
+
+
+def test_the_description_on_an_index_leads_to_no_file() -> None:
+    hook = hatch_build()
+    text = hook.for_index((ROOT / "README.md").read_text(encoding="utf-8"))
+    assert text.startswith("# multipendula\n\nNatural frequencies")
+    assert "a tour shows all" in " ".join(text.split())
+    assert [word for word in ("](docs", "](CHANGELOG", "<picture", "<img", "](notebooks") if word in text] == []
+    assert hook.for_index("[a](https://b.c) [d](e.md#f) ![g](h.png)") == "[a](https://b.c) d "
 
 
 DOCUMENTED = """

@@ -1,4 +1,4 @@
-"""What the README and the manual claim beside their blocks, which `test_documents.py` executes."""
+"""What the manual claims beside their blocks, which `test_documents.py` executes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from modal.scene import parse
 
 pytestmark = [pytest.mark.site, pytest.mark.slow]
 
-README = (Path(__file__).parent.parent / "README.md").read_text(encoding="utf-8")
+FORMAT = (Path(__file__).parent.parent / "docs" / "reference" / "scene.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:
-    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", README, flags=re.DOTALL | re.MULTILINE)
+    fenced = re.findall(r"^```(\w*)\n(.*?)^```$", FORMAT, flags=re.DOTALL | re.MULTILINE)
     return [text for name, text in fenced if name == language]
 
 
 def test_the_scene_format_is_the_real_one() -> None:
-    (text,) = blocks("toml")
+    text = blocks("toml")[0]
     scene = parse(text.encode())
     assert scene.n_links == 2 * 23 + 1
     assert natural_modes(scene).omega[0] == 0.0
@@ -32,7 +32,7 @@ def test_the_message_it_quotes_is_the_real_one() -> None:
     text = "gravity = 1.0\n" + "".join("[[pendulum]]\n" + links % m + "\n" for m in ("1.0", "1.0", "-1.0"))
     with pytest.raises(SceneError) as caught:
         parse(text.encode())
-    assert caught.value.problems[0] in README
+    assert caught.value.problems[0] in FORMAT
 
 
 def test_every_column_is_explained() -> None:

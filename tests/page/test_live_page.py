@@ -192,6 +192,17 @@ def test_a_link_holds_the_state(shown: Chromium, tmp_path: Path) -> None:
     assert cells(shown)[1][1] == "0.42655"
 
 
+@pytest.mark.parametrize("still", [False, True], ids=["moving", "still"])
+def test_a_link_can_ask_for_motion(shown: Chromium, tmp_path: Path, still: bool) -> None:
+    shown.size(800, 800, still=still)
+    shown.open(tmp_path / "page.html", "#swing")
+    shown.frames(10)
+    assert text(shown, "play") == ("Play" if still else "Pause")
+    assert (text(shown, "time") == "0.00 s") == still
+    assert "holds no scene" not in text(shown, "status")
+    shown.size(800, 800)
+
+
 def test_full_screen_keeps_the_table(shown: Chromium) -> None:
     turned = (
         "once = () => new Promise((done) => addEventListener('fullscreenchange', done, { once: true, capture: true }))"

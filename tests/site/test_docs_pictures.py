@@ -73,3 +73,19 @@ def test_a_name_that_is_no_picture_is_refused() -> None:
     )
     assert made.returncode == 1
     assert "no picture is called moon: choose from shapes, " in made.stderr
+
+
+@pytest.mark.slow
+def test_every_scene_of_the_gallery_is_drawn_within_its_frame() -> None:
+    from xml.etree import ElementTree
+
+    import playing
+
+    for name, (scene, _) in playing.pages().items():
+        drawn = ElementTree.fromstring(playing.sketch(scene))
+        lines = [line.get("points", "").split() for line in drawn.iter("polyline")]
+        assert len(lines) == min(playing.MOST, sum(one.count for one in scene.pendulum)), name
+        assert len(lines[0]) == 1 + sum(link.count for link in scene.pendulum[0].links)
+        points = [tuple(map(float, point.split(","))) for line in lines for point in line]
+        assert all(0 <= x <= playing.WIDTH and 0 <= y <= playing.HEIGHT for x, y in points), name
+        assert max(abs(x - points[0][0]) for x, _ in points) > 10 or scene.n_links > playing.MOST_LINKS, name

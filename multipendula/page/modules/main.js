@@ -17,7 +17,8 @@ const element = (id) => document.getElementById(id);
 
 function begin() {
   const given = JSON.parse(element("data").textContent);
-  const held = location.hash.length > 1 ? unpacked(location.hash.slice(1)) : null;
+  const word = location.hash.slice(1);
+  const held = word && word !== "swing" ? unpacked(word) : null;
   const player = new Player(held?.scene ?? given.scene, !held && given.recording ? new Recording(given.recording) : null);
   if (held) restore(player, held);
   const stage = new Stage(element("scene"), player);
@@ -25,8 +26,9 @@ function begin() {
   const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
   const controls = new Controls(boxes, player);
   const page = new LivePage({ player, stage, table, controls, sound: new Sound(), given });
-  if (location.hash.length > 1 && !held) page.say("The link holds no scene: this is the page's own.");
+  if (word && word !== "swing" && !held) page.say("The link holds no scene: this is the page's own.");
   page.start();
+  if (word === "swing" && !matchMedia("(prefers-reduced-motion: reduce)").matches) element("play").click();
 }
 
 function restore(player, { y, drive, selected }) {
