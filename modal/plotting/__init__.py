@@ -51,8 +51,10 @@ from modal.plotting.style import (
     save,
     shade,
     sheet,
+    theme,
     thickness,
 )
+from modal.plotting.themes import Pair, pair_of, show_both_themes
 
 __all__ = [
     "DASHES",
@@ -64,6 +66,7 @@ __all__ = [
     "SMALL",
     "WIDE",
     "WIDTH",
+    "Pair",
     "Picture",
     "any_letters",
     "assurance_figure",
@@ -93,6 +96,7 @@ __all__ = [
     "mark_modes",
     "mode_fit_figure",
     "muted",
+    "pair_of",
     "paper",
     "poles_figure",
     "rest",
@@ -101,7 +105,9 @@ __all__ = [
     "shade",
     "shapes_figure",
     "sheet",
+    "show_both_themes",
     "side_by_side",
     "slide",
+    "theme",
     "thickness",
 ]
