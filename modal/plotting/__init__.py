@@ -31,6 +31,7 @@ from modal.plotting.layout import (
 from modal.plotting.loci import axis_words, draw_loci, scale
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
 from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
+from modal.plotting.sketches import sketch_figure
 from modal.plotting.sliders import slide
 from modal.plotting.style import (
     DASHES,
@@ -107,6 +108,7 @@ __all__ = [
     "sheet",
     "show_both_themes",
     "side_by_side",
+    "sketch_figure",
     "slide",
     "theme",
     "thickness",

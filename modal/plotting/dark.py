@@ -11,7 +11,7 @@ from functools import cache
 from typing import Any
 
 import numpy as np
-from matplotlib import RcParams, rcParams
+from matplotlib import rcParams
 from matplotlib.backend_bases import GraphicsContextBase
 from matplotlib.backends.backend_agg import FigureCanvasAgg, RendererAgg
 from matplotlib.colors import to_hex, to_rgb, to_rgba
@@ -31,22 +31,22 @@ def dark_twin(colour: Any) -> tuple[float, float, float, float]:
     >>> to_hex(dark_twin("#005f9e")), to_hex(dark_twin("white")), to_hex(dark_twin("red"))
     ('#2f8fd6', '#12181d', '#ff0000')
     """
-    *rgb, alpha = to_rgba(colour)
-    named = _twins().get(to_hex(rgb))
+    red, green, blue, alpha = to_rgba(colour)
+    named = _twins().get(to_hex((red, green, blue)))
     if named is not None:
         return (*named, alpha)
-    if np.ptp(rgb) > GREY:
-        return (*rgb, alpha)
+    if np.ptp((red, green, blue)) > GREY:
+        return red, green, blue, alpha
     (light_paper, light_ink), (dark_paper, dark_ink) = map(_ends, ("light", "dark"))
-    inked = (LUMA @ light_paper - LUMA @ rgb) / (LUMA @ light_paper - LUMA @ light_ink)
+    inked = (LUMA @ light_paper - LUMA @ (red, green, blue)) / (LUMA @ light_paper - LUMA @ light_ink)
     red, green, blue = (dark_paper + np.clip(inked, 0, 1) * (dark_ink - dark_paper)).tolist()
     return red, green, blue, alpha
 
 
 @cache
-def _settings(name: str) -> RcParams:
+def _settings(name: str) -> dict[str, Any]:
     with theme(name):
-        return rcParams.copy()
+        return dict(rcParams.items())
 
 
 @cache
@@ -69,6 +69,8 @@ def _ends(name: str) -> tuple[Floats, Floats]:
 class DarkContext(GraphicsContextBase):
     """The pen, in the twin of each colour."""
 
+    _rgb: Any
+
     def set_foreground(self, fg: Any, isRGBA: bool = False) -> None:
         """Choose the colour of lines and letters; `set_alpha` chooses the one that the pen already has."""
         super().set_foreground(fg if fg is self._rgb else dark_twin(fg), isRGBA=True)
@@ -86,21 +88,23 @@ class DarkRenderer(RendererAgg):
         return DarkContext()
 
     def _update_methods(self) -> None:
-        super()._update_methods()
-        markers, collection = self.draw_markers, self.draw_path_collection
+        """Agg puts compiled functions in place of its methods; two of them get colours of areas."""
+        super()._update_methods()  # type: ignore[no-untyped-call]
+        markers: Any = self.draw_markers
+        collection: Any = self.draw_path_collection
 
         def draw_markers(gc: Any, path: Any, place: Any, line: Any, at: Any, rgbFace: Any = None) -> None:
             markers(gc, path, place, line, at, _twin(rgbFace))
 
-        def draw_path_collection(gc: Any, *arguments: Any, **options: Any) -> None:
-            before, (faces, edges), rest = arguments[:5], arguments[5:7], arguments[7:]
-            collection(gc, *before, _twins_of(faces), _twins_of(edges), *rest, **options)
+        def draw_path_collection(gc: Any, *given: Any, **options: Any) -> None:
+            five, (faces, edges), rest = given[:5], given[5:7], given[7:]
+            collection(gc, *five, _twins_of(faces), _twins_of(edges), *rest, **options)
 
-        self.draw_markers, self.draw_path_collection = draw_markers, draw_path_collection
+        vars(self).update(draw_markers=draw_markers, draw_path_collection=draw_path_collection)
 
     def draw_path(self, gc: Any, path: Any, transform: Any, rgbFace: Any = None) -> None:
         """Draw a line or an area."""
-        super().draw_path(gc, path, transform, _twin(rgbFace))
+        super().draw_path(gc, path, transform, _twin(rgbFace))  # type: ignore[no-untyped-call]
 
 
 def _twin(face: Any) -> Any:
@@ -117,4 +121,4 @@ class FigureCanvas(FigureCanvasAgg):
     def get_renderer(self) -> DarkRenderer:
         """A renderer of the figure's size."""
         width, height = self.get_width_height(physical=True)
-        return DarkRenderer(width, height, self.figure.dpi)
+        return DarkRenderer(width, height, self.figure.dpi)  # type: ignore[no-untyped-call]

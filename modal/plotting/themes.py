@@ -79,12 +79,17 @@ def pair_of(figure: Figure, words: str = "") -> Pair:
     ...     pair_of(figure)
     Pair('angle (rad) over time (s)', png)
     """
+    with any_letters():
+        figure.draw_without_rendering()
+    layout = figure.get_layout_engine()
+    figure.set_layout_engine("none")  # both pictures have the layout of this drawing
     made = []
     for backend in ("agg", "module://modal.plotting.dark"):
         buffer = BytesIO()
         with any_letters():
             figure.savefig(buffer, format="png", dpi=figure.dpi, backend=backend)
         made.append(buffer.getvalue())
+    figure.set_layout_engine(layout)
     return Pair(made[0], made[1], words or _described(figure))
 
 
