@@ -33,6 +33,8 @@ from modal.scene.model import (
     validate_scene,
 )
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
+from modal.scene.parameters import parse_variations
+from modal.scene.records import Spectrum
 
 __all__ = [
     "STANDARD",
@@ -52,6 +54,7 @@ __all__ = [
     "Rod",
     "Scene",
     "SineMotion",
+    "Spectrum",
     "SupportMotion",
     "SweepMotion",
     "VanDerPol",
@@ -62,6 +65,7 @@ __all__ = [
     "kind_of",
     "load",
     "parse",
+    "parse_variations",
     "refuse_motion",
     "scene_from",
     "unsupported",

@@ -49,9 +49,10 @@ def drawn(name: str) -> bytes:
 
 
 def test_a_light_figure_in_dark_is_the_figure_made_in_dark() -> None:
-    """Pixel by pixel, but for rounding."""
+    """Pixel by pixel, but for rounding and the 256 colours of its palette."""
     difference = np.abs(pixels(drawn("light")) - pixels(drawn("dark")))
-    assert difference.max() <= 2
+    assert difference.max() <= 16
+    assert difference.mean() < 0.2
 
 
 def test_the_figure_itself_is_not_changed() -> None:
@@ -88,7 +89,7 @@ def test_images_keep_their_colours() -> None:
         axis.imshow([[0.0, 1.0], [0.5, 0.2]])
         axis.set_axis_off()
         pair = pair_of(figure)
-    assert np.array_equal(pixels(pair.light), pixels(pair.dark))
+    np.testing.assert_allclose(pixels(pair.light), pixels(pair.dark), atol=1)
 
 
 def test_a_page_has_both_and_its_words() -> None:
