@@ -8,6 +8,7 @@ from __future__ import annotations
 import sys
 from base64 import b64encode
 from dataclasses import dataclass
+from importlib import import_module
 from io import BytesIO
 
 import numpy as np
@@ -124,6 +125,9 @@ def show_both_themes() -> None:
     """
     style.use("modal.plotting.light")
     notebook = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    if notebook is not None:
-        formatter = notebook.display_formatter.formatters["text/html"]
-        formatter.for_type(Figure, lambda figure: pair_of(figure).html())
+    if notebook is None:
+        return
+    inline = import_module("matplotlib_inline.config").InlineBackend
+    inline.instance(parent=notebook).figure_formats = set()  # it would draw each figure once more
+    bundles = notebook.display_formatter.mimebundle_formatter
+    bundles.for_type(Figure, lambda figure, **_: pair_of(figure)._repr_mimebundle_())

@@ -99,6 +99,7 @@ def test_a_page_has_both_and_its_words() -> None:
     assert page.count('alt="ω &lt; 2"') == 2
 
 
+@pytest.mark.filterwarnings("ignore:.*deprecated in traitlets:DeprecationWarning")
 def test_a_notebook_shows_figures_in_both_themes() -> None:
     shell = InteractiveShell.instance()
     try:
