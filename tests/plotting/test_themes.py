@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from base64 import b64decode
 from io import BytesIO
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from chromium import Chromium
 from IPython.core.interactiveshell import InteractiveShell
+from live import BROWSER
 from matplotlib import rcParams
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
@@ -120,6 +123,35 @@ def test_outside_a_notebook_the_style_is_set() -> None:
     with theme("dark"):
         show_both_themes()
         assert rcParams["figure.facecolor"] == "#ffffff"
+
+
+@pytest.mark.slow
+@BROWSER
+def test_a_page_shows_the_one_of_its_theme(tmp_path: Path) -> None:
+    """As the manual says by its attribute, or JupyterLab by its own; the system decides where the manual leaves it to."""
+    with theme("light"):
+        figure = Figure(figsize=(1, 1))
+        figure.subplots()
+        fragment = pair_of(figure).html()
+    cases = {
+        ("", False): "in-light",
+        ("", True): "in-light",
+        ('data-theme="light"', True): "in-light",
+        ('data-theme="dark"', False): "in-dark",
+        ('data-theme="auto"', False): "in-light",
+        ('data-theme="auto"', True): "in-dark",
+        ('data-jp-theme-light="true"', True): "in-light",
+        ('data-jp-theme-light="false"', False): "in-dark",
+        ('class="vscode-dark"', False): "in-dark",
+    }
+    with Chromium(clockwork=False) as browser:
+        for (said, dark), expected in cases.items():
+            page = tmp_path / "page.html"
+            page.write_text(f"<!doctype html><body {said}>{fragment}</body>", encoding="utf-8")
+            browser.size(600, 400, dark=dark)
+            browser.open(page)
+            seen = "[...document.images].filter((one) => one.offsetWidth > 0).map((one) => one.className)"
+            assert browser.run(seen) == [expected], (said, dark)
 
 
 @pytest.mark.slow
