@@ -21,7 +21,7 @@ from modal.plotting.style import colour, ink, muted, paper, shade, sheet
 from modal.scene import AnyLink, Bob, Cart, Moved, Rod, Scene
 from modal.types import Floats
 
-TILTS = (31.0, 46.0, 18.0, 36.0)
+TILTS = (31.0, 48.0, 26.0, 40.0)
 """Angles (degrees) of the links from the top, where none are given."""
 MOST_PENDULA, MOST_LINKS = 3, 4
 SHORTEST = 0.7
@@ -220,8 +220,9 @@ def _link(axis: Axes, one: _Drawn, below: _Drawn | None, differ: dict[str, bool]
     )
     axis.plot(*one.joint, "o", ms=4, color=paper(), mec=ink(), mew=1.1, zorder=7)
     _angle(axis, one, side)
-    along = one.end - one.joint
-    _say(axis, _symbol("l", one, differ["length"]), *(one.joint + (0.8 if thick else 0.5) * along + 0.17 * across))
+    along, middle = one.end - one.joint, one.link.centre / one.link.length
+    at = 0.5 if not thick else 0.8 if middle < 0.65 else 0.32
+    _say(axis, _symbol("l", one, differ["length"]), *(one.joint + at * along + 0.17 * across))
     if thick:
         axis.plot(*one.centre, "o", ms=5, color=ink(), zorder=6)
         _arrow(axis, one.joint + 0.08 * across, one.centre + 0.08 * across, muted(), "<->")
@@ -231,7 +232,7 @@ def _link(axis: Axes, one: _Drawn, below: _Drawn | None, differ: dict[str, bool]
         axis.plot(*one.end, "o", ms=13, color=hue, mec=paper(), mew=0.8, zorder=4)
     _arrow(axis, one.centre, one.centre - (0, WEIGHT), colour(4))
     away = -side if thick or (below is not None and below.tilt * side >= 0) else side
-    x, y = one.centre - (-0.2 * away, WEIGHT - 0.06)
+    x, y = one.centre - (-0.2 * away, WEIGHT - (0.0 if thick else 0.06))
     _say(axis, f"{_symbol('m', one, differ['mass'])} g", x, y, color=colour(4))
 
 
@@ -242,7 +243,7 @@ def _symbol(letter: str, one: _Drawn, numbered: bool) -> str:
 def _angle(axis: Axes, one: _Drawn, side: float) -> None:
     """The vertical through the upper joint, and the arc of θ."""
     x, y = one.joint
-    axis.plot([x, x], [y, y - 0.6], "--", color=muted(), lw=1.0, zorder=1)
+    axis.plot([x, x], [y, y - 0.54], "--", color=muted(), lw=1.0, zorder=1)
     degrees = np.sort([270.0, 270.0 + np.degrees(one.tilt)])
     axis.add_patch(Arc((x, y), 2 * ARC, 2 * ARC, theta1=degrees[0], theta2=degrees[1], color=ink(), lw=1.2, zorder=2))
     half = one.tilt / 2

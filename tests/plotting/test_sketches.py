@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import Counter
 
 import numpy as np
@@ -24,6 +25,29 @@ SCENES = {
     "two rods": Scene(gravity=9.81, pendulum=[Pendulum(links=[Rod(mass=1.0, length=1.0), Rod(mass=2.0, length=1.2)])]),
     "a body": Scene(
         gravity=9.81, pendulum=[Pendulum(links=[Body(mass=1.0, length=1.0, centre=0.3, inertia=0.1), BOB])]
+    ),
+    "three arms": Scene(
+        gravity=9.81,
+        pendulum=[
+            Pendulum(
+                links=[
+                    Body(mass=0.26, centre=0.160, length=0.173, inertia=1e-4),
+                    Body(mass=0.28, centre=0.203, length=0.229, inertia=3e-4),
+                    Body(mass=0.12, centre=0.184, length=0.3, inertia=2e-4),
+                ]
+            )
+        ],
+    ),
+    "uneven bodies": Scene(
+        gravity=9.81,
+        pendulum=[
+            Pendulum(
+                links=[
+                    Body(mass=1.0, length=1.0, centre=0.6, inertia=0.1),
+                    Body(mass=2.0, length=1.2, centre=0.5, inertia=0.1),
+                ]
+            )
+        ],
     ),
     "three on a cart": Scene(
         gravity=9.81, support=Cart(mass=1.0), pendulum=[Pendulum(links=[BOB], count=2), Pendulum(links=[HEAVY])]
@@ -48,6 +72,32 @@ def test_no_symbol_is_upon_another_or_leaves_the_sketch(scene: Scene, name: str)
     push = "F" if isinstance(scene.support, Cart) else ""
     with theme(name):
         assert flaws(sketch_figure(scene, push=push)) == []
+
+
+def crossed(figure: Figure) -> list[str]:
+    """The symbols through which a line goes."""
+    (axis,) = figure.axes
+    figure.draw_without_rendering()
+    found = []
+    for line in axis.lines:
+        ends = axis.transData.transform(np.array(line.get_xydata()))
+        points = np.concatenate([np.linspace(one, two, 200) for one, two in itertools.pairwise(ends)] or [ends])
+        for text in axis.texts:
+            box = text.get_window_extent().shrunk(0.8, 0.7)
+            if text.get_text() != "$m_c$" and np.any(np.all((points > box.min) & (points < box.max), axis=1)):
+                found.append(text.get_text())
+    return found
+
+
+@pytest.mark.parametrize("scene", SCENES.values(), ids=SCENES)
+def test_no_line_goes_through_a_symbol(scene: Scene) -> None:
+    assert crossed(sketch_figure(scene)) == []
+
+
+def test_a_line_through_a_symbol_would_be_seen() -> None:
+    figure = sketch_figure(SCENES["a bob"])
+    figure.axes[0].plot([-1, 2], [0.0, 0.0])
+    assert "$g$" in crossed(figure)
 
 
 @pytest.mark.parametrize("tilt", [-55.0, -20.0, 12.0, 60.0])

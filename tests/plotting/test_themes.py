@@ -128,7 +128,7 @@ def test_outside_a_notebook_the_style_is_set() -> None:
 @pytest.mark.slow
 @BROWSER
 def test_a_page_shows_the_one_of_its_theme(tmp_path: Path) -> None:
-    """As the manual says by its attribute, or JupyterLab by its own; the system decides where the manual leaves it to."""
+    """As the manual says by its attribute, JupyterLab by its own, or the system where the manual leaves it to that."""
     with theme("light"):
         figure = Figure(figsize=(1, 1))
         figure.subplots()
