@@ -122,6 +122,13 @@ def show_both_themes() -> None:
     """Draw in the light style, and show every figure of this notebook in both themes.
 
     Outside a notebook only the style is set.
+
+    >>> from matplotlib import rcParams
+    >>> from modal.plotting import theme
+    >>> with theme("dark"):
+    ...     show_both_themes()
+    ...     rcParams["figure.facecolor"]
+    '#ffffff'
     """
     style.use("modal.plotting.light")
     notebook = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
