@@ -76,7 +76,6 @@ def pair_of(figure: Figure, words: str = "") -> Pair:
 
     >>> from modal.plotting import theme
     >>> from matplotlib.figure import Figure
-    from PIL import Image
     >>> with theme("light"):
     ...     axis = (figure := Figure()).subplots()
     ...     _ = axis.set(xlabel="time (s)", ylabel="angle (rad)")
