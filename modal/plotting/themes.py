@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 from base64 import b64encode
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from io import BytesIO
@@ -133,7 +134,8 @@ def show_both_themes() -> None:
     notebook = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if notebook is None:
         return
-    inline = import_module("matplotlib_inline.config").InlineBackend
-    inline.instance(parent=notebook).figure_formats = set()  # it would draw each figure once more
+    with suppress(ModuleNotFoundError):  # not every kernel has it; it would draw each figure once more
+        inline = import_module("matplotlib_inline.config").InlineBackend
+        inline.instance(parent=notebook).figure_formats = set()
     bundles = notebook.display_formatter.mimebundle_formatter
     bundles.for_type(Figure, lambda figure, **_: pair_of(figure)._repr_mimebundle_())
