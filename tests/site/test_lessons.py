@@ -179,3 +179,12 @@ def test_a_lesson_sketches_its_system_in_both_themes(twin: Path) -> None:
 def test_films_play_in_the_lesson_on_synchronization() -> None:
     (lesson,) = (twin for twin in LESSONS if twin.stem.startswith("07"))
     assert "\n".join(cells(lesson, "code")).count("show_film(") == 2
+
+
+@NUMBERED
+def test_no_cell_shows_what_a_setter_returns(twin: Path) -> None:
+    """A semicolon after the last line of a cell that only sets something about a figure."""
+    for code in cells(twin, "code"):
+        assert not re.search(
+            r"^\w*axi?s\w*(\[\d\])?\.(set|legend|plot|axvline|annotate)\w*\(.*\)$", code.splitlines()[-1]
+        ), code
