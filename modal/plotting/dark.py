@@ -98,7 +98,8 @@ class DarkRenderer(RendererAgg):
 
         def draw_path_collection(gc: Any, *given: Any, **options: Any) -> None:
             five, (faces, edges), rest = given[:5], given[5:7], given[7:]
-            collection(gc, *five, _twins_of(faces), _twins_of(edges), *rest, **options)
+            twins = {name: _twins_of(colours) for name, colours in options.items()}  # hatching, since matplotlib 3.11
+            collection(gc, *five, _twins_of(faces), _twins_of(edges), *rest, **twins)
 
         vars(self).update(draw_markers=draw_markers, draw_path_collection=draw_path_collection)
 
@@ -111,8 +112,8 @@ def _twin(face: Any) -> Any:
     return None if face is None else dark_twin(face)[: len(face)]
 
 
-def _twins_of(colours: Any) -> Floats:
-    return np.array([dark_twin(one) for one in colours]).reshape(-1, 4)
+def _twins_of(colours: Any) -> Floats | None:
+    return None if colours is None else np.array([dark_twin(one) for one in colours]).reshape(-1, 4)
 
 
 class FigureCanvas(FigureCanvasAgg):

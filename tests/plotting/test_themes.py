@@ -40,6 +40,7 @@ def drawn(name: str) -> bytes:
         axis.scatter([0.1, 0.5], [0.8, 0.2], [40, 90], color="C3")
         axis.bar([0.7, 0.85], [0.5, 0.4], 0.1, color="C2", hatch="//", edgecolor="C4")
         axis.fill_between([0.2, 0.4], [0, 0], [0.3, 0.5], color="C1", alpha=0.4)
+        axis.fill_between([0.5, 0.6], [0, 0], [0.3, 0.5], facecolor="none", edgecolor="C5", hatch="//")
         axis.annotate("words", (0.3, 0.4), (0.1, 0.6), arrowprops={"arrowstyle": "->", "color": rcParams["text.color"]})
         axis.set(xlabel="time (s)", ylabel=r"$\theta^2/2$ (rad²)", title="a title")
         axis.legend(frameon=True, edgecolor=rcParams["legend.edgecolor"])
