@@ -12,13 +12,17 @@ results to compare with.
 from typing import TYPE_CHECKING
 
 from modal._compatibility import renamed
+from modal.modes.closed_forms import hanging_rope, rope_error_of_bobs, rope_error_of_rods
 from modal.modes.frequencies import natural_frequencies
+from modal.modes.friction import sliding_modes, stop_of
 from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
 from modal.modes.omissions import HOISTED, UNDRIVEN, omitted
+from modal.modes.sensitivity import sensitivities
 from modal.modes.shapes import Shape
+from modal.modes.tables import table
 
 __all__ = [
     "HOISTED",
@@ -31,12 +35,19 @@ __all__ = [
     "Shape",
     "all_shapes",
     "counterparts",
+    "hanging_rope",
     "labelled",
     "lettered",
     "natural_frequencies",
     "natural_modes",
     "omitted",
     "paired",
+    "rope_error_of_bobs",
+    "rope_error_of_rods",
+    "sensitivities",
+    "sliding_modes",
+    "stop_of",
+    "table",
     "table_numbers",
 ]
 

@@ -33,6 +33,7 @@ from modal.plotting.loci import axis_words, draw_loci, scale
 from modal.plotting.modal_films import LOOP, film_modes
 from modal.plotting.response import bode_figure, draw_bode, draw_impulse
 from modal.plotting.shapes import MOST_PANELS, draw_shapes, shapes_figure
+from modal.plotting.sketches import sketch_figure
 from modal.plotting.sliders import slide
 from modal.plotting.style import (
     DASHES,
@@ -53,8 +54,10 @@ from modal.plotting.style import (
     save,
     shade,
     sheet,
+    theme,
     thickness,
 )
+from modal.plotting.themes import Pair, pair_of, show_both_themes
 
 __all__ = [
     "DASHES",
@@ -68,6 +71,7 @@ __all__ = [
     "WIDE",
     "WIDTH",
     "MovingFigure",
+    "Pair",
     "Picture",
     "any_letters",
     "assurance_figure",
@@ -100,6 +104,7 @@ __all__ = [
     "mark_modes",
     "mode_fit_figure",
     "muted",
+    "pair_of",
     "paper",
     "poles_figure",
     "require_writer",
@@ -109,8 +114,11 @@ __all__ = [
     "shade",
     "shapes_figure",
     "sheet",
+    "show_both_themes",
     "side_by_side",
+    "sketch_figure",
     "slide",
+    "theme",
     "thickness",
     "write_film",
 ]

@@ -2,60 +2,57 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from io import BytesIO
 
 from matplotlib import pyplot
 from matplotlib.figure import Figure
 
-from modal.plotting.style import save
+from modal.plotting.themes import CHOICE, Pair, pair_of
 from modal.report import html
 
-PAGE = """<figure style="margin:0">
+PAGE = """{choice}
+<figure style="margin:0">
 <label>{label} <output>{first}</output>
 <input type="range" min="0" max="{last}" value="{at}"
  style="width:60%;vertical-align:middle;color:inherit;accent-color:currentcolor"
- oninput="const all = this.closest('figure').querySelectorAll('img');
+ oninput="const all = this.closest('figure').querySelectorAll('div');
  all.forEach((one, k) => one.style.display = k == this.value ? 'block' : 'none');
  this.closest('label').querySelector('output').value = all[this.value].dataset.value"></label>
 {pictures}
 </figure>"""
-PICTURE = '<img src="data:image/png;base64,{data}" data-value="{value}" alt="{label} {value}" style="{style}">'
+PICTURE = '<div data-value="{value}" style="display:{display}">{images}</div>'
 
 
 @dataclass(frozen=True)
 class Slider:
-    """Pictures as PNG, their values, and which is shown first.
+    """Pictures on light and dark paper, their values, and which is shown first.
 
     Notebooks and pages show the slider; where only a picture can be shown (print, a preview) it is the first.
     """
 
     label: str
     values: tuple[str, ...]
-    pictures: tuple[bytes, ...]
+    pictures: tuple[Pair, ...]
     at: int
 
     def html(self) -> str:
         """A self-contained fragment of a page."""
-        label = html(self.label)
         pictures = (
-            PICTURE.format(
-                data=base64.b64encode(picture).decode(),
-                value=html(value),
-                label=label,
-                style=f"max-width:100%;display:{'block' if k == self.at else 'none'}",
-            )
+            PICTURE.format(value=html(value), images=picture.images(), display="block" if k == self.at else "none")
             for k, (value, picture) in enumerate(zip(self.values, self.pictures, strict=True))
         )
-        last = len(self.values) - 1
         return PAGE.format(
-            label=label, first=html(self.values[self.at]), last=last, at=self.at, pictures="\n".join(pictures)
+            choice=CHOICE,
+            label=html(self.label),
+            first=html(self.values[self.at]),
+            last=len(self.values) - 1,
+            at=self.at,
+            pictures="\n".join(pictures),
         )
 
     def _repr_mimebundle_(self, **_: object) -> dict[str, object]:
-        return {"text/html": self.html(), "image/png": self.pictures[self.at], "text/plain": repr(self)}
+        return {"text/html": self.html(), "image/png": self.pictures[self.at].light, "text/plain": repr(self)}
 
     def __repr__(self) -> str:
         return f"Slider({self.label!r}, {len(self.values)} pictures)"
@@ -70,11 +67,12 @@ def slide(draw: Callable[[float], Figure], values: Sequence[float], label: str, 
     if len(values) == 0:
         raise ValueError("a slider needs at least one value")
     first = len(values) // 2 if at is None else range(len(values))[at]
-    return Slider(label, tuple(f"{value:.4g}" for value in values), tuple(_picture(draw(v)) for v in values), first)
+    names = tuple(f"{value:.4g}" for value in values)
+    made = tuple(_pictured(draw(value), f"{label} {name}") for value, name in zip(values, names, strict=True))
+    return Slider(label, names, made, first)
 
 
-def _picture(figure: Figure) -> bytes:
-    buffer = BytesIO()
-    save(figure, buffer, "png")
+def _pictured(figure: Figure, words: str) -> Pair:
+    pair = pair_of(figure, words)
     pyplot.close(figure)
-    return buffer.getvalue()
+    return pair

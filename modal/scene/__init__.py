@@ -34,6 +34,8 @@ from modal.scene.model import (
     validate_scene,
 )
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
+from modal.scene.parameters import parse_variations
+from modal.scene.records import Spectrum
 from modal.scene.summary import name_of, what_hangs
 from modal.scene.titles import title_of
 
@@ -55,6 +57,7 @@ __all__ = [
     "Rod",
     "Scene",
     "SineMotion",
+    "Spectrum",
     "SupportMotion",
     "SweepMotion",
     "VanDerPol",
@@ -66,6 +69,7 @@ __all__ = [
     "load",
     "name_of",
     "parse",
+    "parse_variations",
     "refuse_motion",
     "scene_from",
     "title_of",

@@ -16,6 +16,7 @@ from nonlinear.plotting.ensembles import (
     spread_figure,
 )
 from nonlinear.plotting.identification import draw_fit, fit_figure
+from nonlinear.plotting.notebooks import show_film
 from nonlinear.plotting.orbit_films import film_orbit
 from nonlinear.plotting.orbits import draw_orbits, orbits_figure
 from nonlinear.plotting.run import draw_run
@@ -48,6 +49,7 @@ __all__ = [
     "fit_figure",
     "orbits_figure",
     "section_figure",
+    "show_film",
     "spread_figure",
     "strobe",
     "sync_figure",

@@ -5,12 +5,19 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from importlib.metadata import requires
 from pathlib import Path
+from threading import Thread
 
 import browser
 import pytest
 from amounts import usually
+from chromium import Chromium
+from live import BROWSER
 
 pytestmark = [pytest.mark.site, pytest.mark.slow]
 
@@ -77,3 +84,68 @@ def test_a_notebook_in_the_browser_installs_this_project_first() -> None:
     shipped = json.loads((NOTEBOOKS / f"{browser.LESSONS[0]}.ipynb").read_text(encoding="utf-8"))["cells"]
     assert cells[0]["source"] == [browser.INSTALL]
     assert cells[1:] == shipped
+
+
+class Quiet(SimpleHTTPRequestHandler):
+    """Serves a folder, and says nothing."""
+
+    def log_message(self, *_: object) -> None:
+        """Nothing."""
+
+
+@pytest.fixture
+def served(tmp_path: Path) -> Iterator[tuple[Path, str]]:
+    """A folder and where it is served."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=tmp_path))
+    Thread(target=server.serve_forever, daemon=True).start()
+    yield tmp_path, f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+    server.server_close()
+
+
+def shown(page: str, seconds: float) -> str:
+    """What a page says about Pyodide within so many seconds; nothing if it says nothing."""
+    with Chromium(clockwork=False) as window:
+        window.call("Page.navigate", url=page)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            words = window.run("document.getElementById('pyodide-unreachable')?.innerText ?? ''")
+            if words:
+                links = window.run(
+                    "[...document.querySelectorAll('#pyodide-unreachable a')].map((a) => a.href).join(' ')"
+                )
+                return f"{words} {links}"
+            time.sleep(0.1)
+        return ""
+
+
+@BROWSER
+def test_a_lesson_says_where_pyodide_cannot_be_reached_and_what_to_do(served: tuple[Path, str]) -> None:
+    folder, address = served
+    (folder / "browser" / "lab").mkdir(parents=True)
+    page = "<!doctype html><html><head><title>lab</title></head><body></body></html>"
+    path = "/browser/lab/index.html?path=02_simple_chain.ipynb"
+    (folder / "browser" / "lab" / "index.html").write_text(browser.guarded(page, f"{address}/missing.mjs"))
+    said = shown(address + path, 20)
+    assert "does not run here" in said
+    assert address.removeprefix("http://") in said
+    assert "pip install multipendula jupyterlab && jupyter lab 02_simple_chain.ipynb" in said
+    assert f"{address}/browser/files/02_simple_chain.ipynb" in said
+    assert f"{address}/tutorial/lessons/02_simple_chain.html" in said
+    (folder / "browser" / "lab" / "index.html").write_text(browser.guarded(page, "http://127.0.0.1:9/pyodide.mjs"))
+    assert "127.0.0.1:9" in shown(address + path, 20)
+
+
+@BROWSER
+def test_a_lesson_says_nothing_where_pyodide_answers(served: tuple[Path, str]) -> None:
+    folder, address = served
+    (folder / "pyodide.mjs").write_text("export {};")
+    page = "<!doctype html><html><head></head><body>lab</body></html>"
+    (folder / "index.html").write_text(browser.guarded(page, f"{address}/pyodide.mjs"))
+    assert shown(f"{address}/index.html", 2) == ""
+
+
+def test_every_page_asks_for_the_pyodide_of_its_kernel() -> None:
+    page = browser.guarded("<html><head></head><body></body></html>")
+    assert "/full/pyodide.mjs" in page
+    assert page.index("<script>") < page.index("</head>")

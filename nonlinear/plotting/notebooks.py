@@ -1,0 +1,31 @@
+"""Films in a notebook: in both themes, small enough to be part of it, and playing without being asked."""
+
+from __future__ import annotations
+
+from io import BytesIO
+from typing import Any
+
+from modal.plotting import Pair, theme
+from modal.report import visible
+from nonlinear.integration import Trajectory
+from nonlinear.plotting.animation import animate
+
+
+def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> Pair:
+    """A film of a motion as a GIF on light and on dark paper, to be the last line of a cell.
+
+    `words` say what is seen, by default the scene's title; the options are those of `animate`, such as `speed`,
+    `seconds` and `fps`.  Raises what `animate` raises.
+
+    >>> from modal import load
+    >>> from nonlinear import simulate
+    >>> show_film(simulate(load("chain-1"), 1.0), "a pendulum swings", seconds=0.2)
+    Pair('a pendulum swings', gif)
+    """
+    films = []
+    for name in ("light", "dark"):
+        buffer = BytesIO()
+        with theme(name):
+            animate(trajectory, buffer, "gif", **options)
+        films.append(buffer.getvalue())
+    return Pair(films[0], films[1], words or visible(trajectory.scene.title) or "pendula in motion", "gif")
