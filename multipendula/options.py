@@ -103,6 +103,25 @@ def add_text(page: Page) -> None:
     offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), completion.files(()))
 
 
+def add_quiet(page: Page) -> None:
+    """No words beside the result."""
+    words = "print nothing but the result and errors: no summary beside a file, no notes, no progress"
+    page.written.add_argument("-q", "--quiet", action="store_true", help=words)
+
+
+class Former(argparse.Action):
+    """An option with a former name, the last of its own, that still works and says what it is called now."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> None:
+        """Keep the value, and a note on the former name."""
+        setattr(namespace, self.dest, values)
+        if option_string == self.option_strings[-1]:
+            now = self.option_strings[0]
+            namespace.former = [*getattr(namespace, "former", ()), f"{option_string} is deprecated: it is now {now}"]
+
+
 def add_motion(page: Page, *flags: str, **more: Any) -> None:
     """A file for a simulated motion."""
     add_file(page, *(flags or ("--output", "-o")), words="save the motion in {}", kinds=RUNS, **more)

@@ -14,7 +14,8 @@ from modal.coupling.damping import Damped
 from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
 from modal.coupling.records import coupling_record
 from modal.modes.friction import stop_words
-from modal.report import WIDTH, as_json, capital, counted, listed, markdown, percent, rad, short, visible
+from modal.report import as_json, capital, counted, line_width, listed, markdown, percent, rad, short, visible
+from modal.scene import title_of
 
 FORMS = ("text", "markdown", "json")
 MOST_LISTED, FEW = 8, 3
@@ -51,7 +52,7 @@ def coupling_report(coupling: Coupling, form: str = "text") -> str:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
     if form == "json":
         return as_json(coupling_record(coupling))
-    title = f"{coupling.scene.title or 'This scene'}: what couples the pendula"
+    title = f"{title_of(coupling.scene)}: what couples the pendula"
     return (_markdown if form == "markdown" else _text)(title, sections(coupling))
 
 
@@ -71,7 +72,7 @@ def sections(coupling: Coupling) -> tuple[Section, ...]:
 
 
 def _text(title: str, parts: tuple[Section, ...]) -> str:
-    wrapper = TextWrapper(WIDTH, "- ", "  ", break_long_words=False, break_on_hyphens=False)
+    wrapper = TextWrapper(line_width(), "- ", "  ", break_long_words=False, break_on_hyphens=False)
     lines = [visible(title), "=" * len(visible(title))]
     for part in parts:
         lines += ["", part.title, "-" * len(part.title), *map(wrapper.fill, part.sentences)]

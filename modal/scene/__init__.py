@@ -6,7 +6,7 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
 Start with `model`; `motion` moves a support and `records` reads its records; `files` reads and writes scenes, `sealed`
 detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
-path.
+path, `titles` says what hangs in a scene without a title.
 """
 
 from typing import TYPE_CHECKING
@@ -33,6 +33,7 @@ from modal.scene.model import (
     validate_scene,
 )
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
+from modal.scene.titles import title_of
 
 __all__ = [
     "STANDARD",
@@ -64,6 +65,7 @@ __all__ = [
     "parse",
     "refuse_motion",
     "scene_from",
+    "title_of",
     "unsupported",
     "validate_scene",
     "whole_file",

@@ -17,6 +17,7 @@ from multipendula.options import (
     add_picture,
     add_scene,
     add_text,
+    add_words,
     number,
 )
 from multipendula.parser import Page
@@ -24,6 +25,14 @@ from multipendula.parser import Page
 if TYPE_CHECKING:
     from modal.modes import Mode, Modes
 
+ELSEWHERE = "--columns all shows every column, --format csv every digit"
+COLUMN_NAMES = (
+    *("mode", "omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "growth_rate_per_s", "multiplicity"),
+    *("family", "cart_participation", "effective_mass_kg", "effective_mass_share", "fixed_base_effective_mass_kg"),
+    *("effective_mass_across_kg", "linear_to_1_percent_deg", "relative_error_bound", "participation_factor_per_m"),
+    *("cumulative_effective_mass_share", "cumulative_fixed_base_mass_share"),
+)
+"""The columns that can be printed, `printable` of `modal.modes.columns`, which the help page must not load."""
 LONG_TABLE = 2000
 LONG_CHAIN = 2000
 """Links of a scene of which only the modes that are shown are looked for."""
@@ -43,6 +52,7 @@ def table(options: argparse.Namespace) -> None:
         rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
         more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
+        more |= {"chosen": options.columns or "", "elsewhere": ELSEWHERE, "sensitive": options.sensitivities}
         write(tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution
@@ -78,6 +88,14 @@ def _table_arguments(page: Page) -> None:
     page.computed.add_argument("--amplitude", metavar="DEG", type=degrees, help=words)
     words = "where a mode is starred, take the 1 %% amplitude from its periodic orbits in the full equations"
     page.computed.add_argument("--orbits", action="store_true", help=words)
+    words = (
+        "print all columns or some, by their names in --format csv, or how these begin; after a + beside the usual "
+        "ones, as in +participation,cumulative"
+    )
+    add_words(page.written, "--columns", ("all", *COLUMN_NAMES), metavar="NAMES", help=words)
+    page.rephrase(r"^columns (?=\S*:)", "--columns ")
+    words = "add the sensitivity of every frequency to every number of the scene"
+    page.written.add_argument("--sensitivities", action="store_true", help=words)
     page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
     add_explain(page)
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, picture, validated
+from multipendula.commands.shared import bar, drawn, film_form, picture, say, validated
 from multipendula.completion import mode_numbers, places
 from multipendula.options import (
     FILMS,
@@ -40,7 +40,7 @@ def orbits(options: argparse.Namespace) -> None:
     found = _mode(scene, options) if options.mode else _cycles(scene, options)
     if options.enter:
         found = (*found, *_entered(found))
-    sys.stdout.write(_told(scene, found, options))
+    say(_told(scene, found, options), options.format)
     if options.output:
         _draw(scene, found, options)
     if options.film:

@@ -22,7 +22,7 @@ import numpy as np
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_frequencies
 from modal.report import NOTHING, as_csv, as_json, counted, finite, grid, titled
-from modal.scene import Scene, describe
+from modal.scene import Scene, describe, title_of
 from modal.scene.parameters import Variable, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
@@ -280,7 +280,7 @@ def spread_table(found: Spread, form: str) -> str:
     parts = [f"{found.size} members with {found.words}", grid(rows, headings), motion_words(found)]
     if found.failures:
         parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
-    return titled(found.scene.title, "spread", parts, "text")
+    return titled(title_of(found.scene), "spread", parts, "text")
 
 
 def _words(shares: dict[str, float], most: str) -> str:

@@ -30,6 +30,7 @@ from PIL import Image
 from modal.errors import ComputationError, SceneError
 from modal.plotting import SMALL, any_letters, colour, ink, muted, paper, sheet
 from modal.report import html, visible
+from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.dynamics import children_without_interrupts
 from nonlinear.integration import Trajectory
@@ -68,7 +69,7 @@ class Film:
         self, trajectory: Trajectory, times: Floats, rate: float, speed: float, beside: Trajectory | None = None
     ) -> None:
         self.times, self.rate = times, rate
-        self.title = visible(trajectory.scene.title) or "Pendula"
+        self.title = visible(title_of(trajectory.scene))
         self.figure = sheet(*SIZE)
         self.figure.set(dpi=DPI, layout_engine="none")
         self.canvas = FigureCanvasAgg(self.figure)

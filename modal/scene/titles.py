@@ -1,0 +1,96 @@
+"""The title of a scene, or what hangs there where the file gives none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import groupby
+
+from modal.scene.model import Body, Cart, Link, Pendulum, Scene
+
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
+SINGLE = {"bob": "simple ", "rod": "rod ", "rigid body": "compound "}
+NAMES = {1: "", 2: "double ", 3: "triple "}
+MOST_SORTS = 3
+"""Sorts of pendula that a title names one by one."""
+
+
+def title_of(scene: Scene) -> str:
+    """The scene's own title, or a description of what hangs there.
+
+    >>> from modal import Bob, Cart, Pendulum, Rod, Scene
+    >>> rods = Pendulum(links=[Rod(mass=1.0, length=1.0, count=2)], count=2)
+    >>> title_of(Scene(gravity=9.81, support=Cart(mass=1.0), pendulum=[rods]))
+    'Two double pendula of rods on a cart'
+    >>> title_of(Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, count=5)])]))
+    'A chain of five bobs on a fixed support'
+    """
+    if scene.title:
+        return scene.title
+    words = f"{_pendula(scene)} on {_support(scene)}{', in space' if scene.space == 'space' else ''}"
+    return words[:1].upper() + words[1:]
+
+
+def _support(scene: Scene) -> str:
+    support = scene.support
+    if isinstance(support, Cart):
+        what = "cart" if support.mass else "massless cart"
+        return f"a {what} with a spring" if support.stiffness else f"a {what}"
+    return "a moved support" if scene.is_moved else "a fixed support"
+
+
+def _pendula(scene: Scene) -> str:
+    """All pendula, equal sorts together."""
+    counts: dict[str, tuple[str, int]] = {}
+    for pendulum in scene.pendulum:
+        one, many = _sort(pendulum)
+        counts[one] = many, counts.get(one, (many, 0))[1] + pendulum.count
+    if len(counts) > MOST_SORTS:
+        return f"{_number(scene.n_pendula)} pendula of {_number(scene.n_links)} links in all"
+    every = [one if count == 1 else f"{_number(count)} {many}" for one, (many, count) in counts.items()]
+    return " and ".join(part for part in (", ".join(every[:-1]), every[-1]) if part)
+
+
+def _sort(pendulum: Pendulum) -> tuple[str, str]:
+    """A pendulum in words, one and several of its sort."""
+    n, links = pendulum.n_links, _links(pendulum)
+    up = sum(way == "up" for way in pendulum.ways)
+    adjective = "inverted " if up == n else "partly inverted " if up else ""
+    springs = " with springs" if any(link.stiffness for link in pendulum.links) else ""
+    article = "an" if adjective[:1] == "i" else "a"
+    if n in NAMES:
+        which = f" of {links}" if n > 1 else ""
+        name = f"{adjective}{NAMES[n] or SINGLE[_kind(pendulum.links[0])]}"
+        return f"{article} {name}pendulum{which}{springs}", f"{name}pendula{which}{springs}"
+    return f"{article} {adjective}chain of {links}{springs}", f"{adjective}chains of {links}{springs}"
+
+
+def _links(pendulum: Pendulum) -> str:
+    """The links from top to bottom by their kinds, with their numbers unless the name of the pendulum has them."""
+    runs = list(_runs(pendulum))
+    if len(runs) == 1:
+        (kind, count), n = runs[0], pendulum.n_links
+        return _plural(kind, count) if n in NAMES and n > 1 else f"{_number(count)} {_plural(kind, count)}"
+    if len(runs) > MOST_SORTS:
+        return f"{_number(pendulum.n_links)} links"
+    every = [f"{_number(count)} {_plural(kind, count)}" for kind, count in runs]
+    return f"{', '.join(every[:-1])} and {every[-1]}"
+
+
+def _runs(pendulum: Pendulum) -> Iterator[tuple[str, int]]:
+    kinds = ((_kind(link), link.count) for link in pendulum.links)
+    for kind, run in groupby(kinds, key=lambda one: one[0]):
+        yield kind, sum(count for _, count in run)
+
+
+def _kind(link: Link) -> str:
+    return "rigid body" if isinstance(link, Body) else str(getattr(link, "kind", "link"))
+
+
+def _plural(kind: str, count: int) -> str:
+    if count == 1:
+        return kind
+    return "rigid bodies" if kind == "rigid body" else f"{kind}s"
+
+
+def _number(count: int) -> str:
+    return NUMBERS[count] if count < len(NUMBERS) else str(count)
