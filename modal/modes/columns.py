@@ -184,11 +184,11 @@ COLUMNS = (
     ),
     Column("indistinct", lambda m: m.indistinct),
     _of_rows("participation_factor_per_m", _participation, "part. factor (1/m)", r"$\Gamma$ (1/m)", 6, usual=False),
-    _of_rows("cumulative_effective_mass_share", _cumulative, "cumulative", "", 4, _has_own_mass, usual=False),
+    _of_rows("cumulative_effective_mass_share", _cumulative, "cum. share", "", 4, _has_own_mass, usual=False),
     _of_rows(
         "cumulative_fixed_base_mass_share",
         _cumulative_held,
-        "cumulative fixed-base",
+        "cum. fixed-base",
         "",
         4,
         _swings_freely,
@@ -214,13 +214,13 @@ def columns_of(
     every = list(COLUMNS) if stds is None else _with_stds(stds)
     if amplitude_deg is not None:
         every.insert(1 + [column.key for column in every].index("damping_ratio"), _at_amplitude(modes, amplitude_deg))
-    asked = _asked(chosen, every)
+    asked = _asked(modes, chosen, every)
     return [column.computed(modes, rows) for column in every if column.usual or column.key in asked]
 
 
-def added_by(chosen: str, every: Sequence[Column]) -> frozenset[str]:
+def added_by(modes: Modes, chosen: str, every: Sequence[Column]) -> frozenset[str]:
     """The keys of the columns that a choice adds to the usual ones."""
-    return frozenset(_asked(chosen, every)) if chosen.startswith("+") else frozenset()
+    return frozenset(_asked(modes, chosen, every)) if chosen.startswith("+") else frozenset()
 
 
 def printed(modes: Modes, rows: Sequence[Mode], every: Sequence[Column], chosen: str = "") -> list[Column]:
@@ -228,7 +228,7 @@ def printed(modes: Modes, rows: Sequence[Mode], every: Sequence[Column], chosen:
     with_heading = [column for column in every if column.shown]
     if chosen == EVERY:
         return with_heading
-    asked = _asked(chosen, with_heading)
+    asked = _asked(modes, chosen, with_heading)
     if chosen and not chosen.startswith("+"):
         return [column for column in with_heading if column.key in asked or column.key == "mode"]
     return [column for column in with_heading if column.key in asked or _says_something(modes, rows, column)]
@@ -239,17 +239,22 @@ def _says_something(modes: Modes, rows: Sequence[Mode], column: Column) -> bool:
     return told and (column.shown is None or not rows or any(column.shown(row) != NOTHING for row in rows))
 
 
-def _asked(chosen: str, every: Sequence[Column]) -> set[str]:
-    """The keys of the columns with these names, separated by commas, perhaps after a +: keys, or how they begin."""
+def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
+    """The keys of the columns with these names, separated by commas, perhaps after a +.
+
+    A name is a key, a heading, or how keys begin: then those are meant that say something about the scene, if any do.
+    """
+    there = [column for column in every if column.shown]
     if chosen == EVERY:
-        return {column.key for column in every}
+        return {column.key for column in there}
     found, problems = set[str](), []
     for name in (word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
-        own = {column.key for column in every if column.shown and name in {column.key, column.heading}}
-        own = own or {column.key for column in every if column.shown and name and column.key.startswith(name)}
+        own = {column.key for column in there if name in {column.key, column.heading}}
+        begun = [column for column in there if name and column.key.startswith(name)]
+        own = own or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}
         found |= own
         if not own:
-            names = [column.key for column in every if column.shown]
+            names = [column.key for column in there]
             problems.append(f"columns {name}: must be {EVERY}, or some of {', '.join(names)}{meant(name, names)}")
     if problems:
         raise SceneError(problems)

@@ -162,7 +162,7 @@ def _text(
     """The columns that fit, the names of those that do not, and the notes."""
     headings, left = [column.heading for column in shown], list[str]()
     if not chosen or chosen.startswith("+"):
-        kept, left = that_fit(shown, widths_of(cells, headings), columns(), added_by(chosen, shown))
+        kept, left = that_fit(shown, widths_of(cells, headings), columns(), added_by(modes, chosen, shown))
         shown, headings = [shown[k] for k in kept], [headings[k] for k in kept]
         cells = [[row[k] for k in kept] for row in cells]
     if left:

@@ -51,7 +51,7 @@ def aligned(cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequ
     if most is None or full(widths) <= most:
         return "\n".join(_lines(cells, headings, align, widths))
     keys = _keys(cells, widths, most)
-    limits = [_limit(widths, number, keys, most) for number in range(len(widths))]
+    limits = _limits(widths, keys, most)
     parts = (
         "\n".join(
             _lines(
@@ -87,12 +87,11 @@ def _keys(cells: Sequence[Sequence[str]], widths: Sequence[int], most: int) -> i
     return 1
 
 
-def _limit(widths: Sequence[int], number: int, keys: int, most: int) -> int:
-    """The columns that one column may take: all that are left beside those that name a row."""
-    if number < keys:
-        return min(widths[number], most // 2)
-    beside = sum(min(width, most // 2) + GAP for width in widths[:keys])
-    return min(widths[number], most - beside)
+def _limits(widths: Sequence[int], keys: int, most: int) -> list[int]:
+    """The columns that each column may take: those that name a row leave room for any other, or take half of it."""
+    room = max(most // 2, most - GAP - max(widths[keys:], default=0))
+    first = [min(width, room) for width in widths[:keys]]
+    return first + [min(width, max(most - sum(first) - GAP * keys, 1)) for width in widths[keys:]]
 
 
 def _stacked(widths: Sequence[int], keys: int, most: int) -> Iterator[list[int]]:

@@ -55,7 +55,7 @@ def bobs(n: int, count: int = 1, **more: object) -> Pendulum:
             "A double pendulum of bobs with springs on a fixed support",
         ),
         (
-            Moved(motion=SineMotion(amplitude=0.1, frequency=1.0)),
+            Moved(motion=SineMotion(amplitude=0.1, frequency_hz=1.0)),
             [bobs(1)],
             "A simple pendulum on a moved support",
         ),
