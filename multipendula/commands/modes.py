@@ -195,14 +195,17 @@ COMMANDS = (
         arguments=_table_arguments,
         details=(
             "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
-            "effective mass, the angle up to which the linear frequency is accurate to 1 %, and a bound on the "
-            "relative error. Dampers and drag add damping ratios, an inverted equilibrium growth rates; dry friction "
-            "is left out, but for its damping ratio at an amplitude."
+            "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
+            "accurate to 1 %, and a bound on the relative error. Dampers and drag add damping ratios, an inverted "
+            "equilibrium growth rates; dry friction is left out, but for its damping ratio at an amplitude. Columns "
+            "that say nothing about the scene are left out. A terminal too narrow for the others leaves out, in this "
+            "order, the bound, shares and masses, participation, multiplicity, period, 1 % angle and frequency in Hz, "
+            "and names them; a pipe or a file gets all."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
             ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
-            ("table cart-upright", "growth rates about an inverted equilibrium"),
+            ("table crane-hook --columns +cumulative --sensitivities", "what a change of each number does"),
             ("table crane-hook --format latex -o crane.tex", "for a paper"),
             ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
         ),

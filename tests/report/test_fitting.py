@@ -66,14 +66,17 @@ def test_wide_letters_count_twice_and_accents_not_at_all() -> None:
 
 
 def test_the_width_ends_with_its_block_even_by_an_error() -> None:
-    assert columns() is None
-    with pytest.raises(ZeroDivisionError), fitted(40):
+    def fail() -> None:
         assert columns() == 40
         with fitted(None):
             assert columns() is None
         with fitted(3):
             assert columns() == NARROWEST
         raise ZeroDivisionError
+
+    assert columns() is None
+    with pytest.raises(ZeroDivisionError), fitted(40):
+        fail()
     assert columns() is None
 
 
