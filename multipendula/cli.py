@@ -110,7 +110,7 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     try:
-        with _channels(options):
+        with _channels(options), _reported(options):
             options.run(options)
         sys.stdout.flush()
     except BaseException as error:
@@ -187,6 +187,30 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
         for note in getattr(options, "former", ()):
             print(f"multipendula: {note}", file=sys.stderr)
         yield
+
+
+@contextmanager
+def _reported(options: argparse.Namespace) -> Iterator[None]:
+    """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text."""
+    place = next((action.dest for action in options.page._actions if "-o" in action.option_strings), "")
+    name = getattr(options, place, None) or ""
+    form = options.page.reports.get(os.path.splitext(name)[1].lower())
+    if form is None:
+        yield
+        return
+    from modal.errors import SceneError
+    from modal.report import fitted
+    from modal.scene import whole_file
+    from multipendula.commands.shared import in_a_folder
+
+    in_a_folder(name)
+    if getattr(options, "format", "text") not in {"text", form}:
+        raise SceneError([f"--format {options.format}: cannot be combined with -o {name}"])
+    options.format = form
+    setattr(options, place, None)
+    with whole_file(name) as stream, fitted(None), redirect_stdout(StringIO()) as text:
+        yield
+        stream.write(text.getvalue().encode())
 
 
 def _columns() -> int | None:

@@ -15,6 +15,8 @@ PICTURES = ("png", "svg", "pdf")
 FILMS = ("gif", "mp4", "html")
 RUNS = ("npz", "csv")
 REPORTS = ("text", "markdown", "csv", "json")
+TEXTS = {"text": "txt", "markdown": "md", "csv": "csv", "json": "json"}
+"""The ending of a file for each format of text."""
 
 # ----------------------------------------------------------------------------------------------- arguments
 
@@ -131,6 +133,16 @@ def add_picture(page: Page, *flags: str, **more: Any) -> None:
     """A file for a figure, and its colours."""
     add_file(page, *flags, kinds=PICTURES, **more)
     add_theme(page)
+
+
+def add_report(page: Page, formats: Sequence[str] = ("text",), *flags: str, **more: Any) -> None:
+    """A file for a figure, or for the text instead, in the one of these formats that its name ends in."""
+    page.reports = {f".{TEXTS[form]}": form for form in formats}
+    kinds = [*PICTURES, *(TEXTS[form] for form in formats)]
+    *most, last = endings(kinds)
+    add_file(page, *(flags or ("--output", "-o")), words="the figure or the text as {}", kinds=kinds, **more)
+    add_theme(page)
+    page.rephrase(r"\.png, \.svg or \.pdf$", f"{', '.join(most)} or {last}")
 
 
 def add_theme(page: Page) -> None:

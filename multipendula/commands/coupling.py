@@ -6,7 +6,7 @@ import argparse
 
 from multipendula.command import Command
 from multipendula.commands.shared import draw_in, picture, say
-from multipendula.options import add_format, add_picture, add_scene
+from multipendula.options import add_format, add_report, add_scene
 from multipendula.parser import Page
 
 
@@ -25,7 +25,7 @@ def explain(options: argparse.Namespace) -> None:
 def _explain_arguments(page: Page) -> None:
     add_scene(page)
     add_format(page, ("text", "markdown", "json"))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "markdown", "json"))
 
 
 COMMANDS = (

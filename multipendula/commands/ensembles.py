@@ -16,7 +16,7 @@ from multipendula.options import (
     add_covariance,
     add_duration,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_words,
     number,
@@ -56,7 +56,7 @@ def _basins_arguments(page: Page) -> None:
     words = "keep finished chunks in this folder, and go on there after an interruption"
     page.written.add_argument("--folder", metavar="FOLDER", help=words)
     add_format(page, FORMATS)
-    add_picture(page, "--output", "-o")
+    add_report(page, FORMATS)
 
 
 def section(options: argparse.Namespace) -> None:
@@ -81,7 +81,7 @@ def _section_arguments(page: Page) -> None:
     add_duration(page, "of each (default 200 sqrt(l/g))")
     _add_engine(page)
     add_format(page, FORMATS)
-    add_picture(page, "--output", "-o")
+    add_report(page, FORMATS)
     page.rephrase(r"no pendulum has a start: .*", "this scene has no start: give --energy")
 
 
@@ -118,7 +118,7 @@ def _spread_arguments(page: Page) -> None:
     add_duration(page, "of the motion, from the scene's own start (default: frequencies only)")
     _add_engine(page)
     add_format(page, FORMATS)
-    add_picture(page, "--output", "-o")
+    add_report(page, FORMATS)
     page.rephrase(r"members (\d+): must be", r"--members \1: must be")
 
 

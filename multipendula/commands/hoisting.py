@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.shared import drawn, picture, say, small_swings
-from multipendula.options import add_format, add_picture, add_scene, number, whole
+from multipendula.options import add_format, add_report, add_scene, number, whole
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _arguments(page: Page) -> None:
     page.rephrase(r"^travel:", "--travel:")
     page.rephrase(r"^samples (\S+):", r"--samples \1:")
     add_format(page, ("text", "csv", "json"))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "csv", "json"))
 
 
 COMMANDS = (

@@ -12,7 +12,7 @@ from multipendula.options import (
     PICTURES,
     add_file,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_theme,
     add_words,
@@ -189,7 +189,7 @@ def _poles_arguments(page: Page) -> None:
     page.computed.add_argument("--order", metavar="N", type=whole(200), help=words)
     add_format(page, ("text", "csv", "json"))
     add_file(page, "--modes", words="write the modes as {}, for fit and mac", kinds=("csv",))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "csv", "json"))
 
 
 def mac(options: argparse.Namespace) -> None:
@@ -218,7 +218,7 @@ def _mac_arguments(page: Page) -> None:
     words = "measured modes, a CSV file with mode, frequency_hz, std_hz and columns theta_P_L and cart of the shapes"
     offer(page.asked.add_argument("data", metavar="MODES.csv", help=words), files((".csv",)))
     add_format(page, ("text", "csv", "json"))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "csv", "json"))
 
 
 COMMANDS = (

@@ -16,7 +16,7 @@ from multipendula.options import (
     add_duration,
     add_file,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_start,
     number,
@@ -64,7 +64,7 @@ def _orbits_arguments(page: Page) -> None:
     add_start(page, "with --vary, begin where a run from there has settled, instead of at predicted oscillations")
     add_duration(page, f"of that run (default: {LONG} periods of the slowest mode)")
     add_format(page, ("text", "csv", "json"))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "csv", "json"))
     add_file(page, "--film", words="a film of the last orbit beside the linear mode in {}", kinds=FILMS)
 
 

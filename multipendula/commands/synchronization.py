@@ -17,7 +17,7 @@ from multipendula.options import (
     add_duration,
     add_file,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_start,
     offer,
@@ -42,7 +42,7 @@ def _sync_arguments(page: Page) -> None:
     words = "follow every steady oscillation along one number instead, such as support.mass=1:100:30log"
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", help=words), places)
     add_format(page, ("text", "json", "csv"), help="csv with --vary only")
-    add_picture(page, "--output", "-o", "--picture", action=Former)
+    add_report(page, ("text", "json", "csv"), "--output", "-o", "--picture", action=Former)
     add_file(page, "--film", words="a stroboscopic film in {}", kinds=FILMS)
 
 

@@ -16,7 +16,7 @@ from multipendula.options import (
     add_format,
     add_modes,
     add_motion,
-    add_picture,
+    add_report,
     add_samples,
     add_scene,
     add_start,
@@ -56,7 +56,7 @@ def _check_arguments(page: Page) -> None:
     add_start(page, "with --general, as in simulate")
     add_duration(page, "with --general")
     add_format(page, REPORTS)
-    add_picture(page, "--output", "-o")
+    add_report(page, REPORTS)
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -125,7 +125,7 @@ def _chaos_arguments(page: Page) -> None:
     words = "number of starts (default 16)"
     page.asked.add_argument("--ensemble", metavar="E", type=whole_number(10_000), help=words)
     page.asked.add_argument("--quick", action="store_true", help="a shorter version of a paper's study")
-    add_picture(page, "--output", "-o")
+    add_report(page)
 
 
 Drawn = tuple[str, Callable[[IO[bytes], str], None]]
@@ -198,7 +198,7 @@ def _tradeoff_arguments(page: Page) -> None:
     add_start(page)
     add_duration(page, "default 10", 10.0)
     add_format(page, REPORTS)
-    add_picture(page, "--output", "-o")
+    add_report(page, REPORTS)
 
 
 def advise(options: argparse.Namespace) -> None:

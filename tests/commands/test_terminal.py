@@ -139,6 +139,35 @@ def test_every_text_goes_to_a_file_or_to_standard_output(call: str, printed: Pri
     assert (folder / "out").read_text(encoding="utf-8") == text == printed(f"{call} --output -", None)
 
 
+@pytest.mark.parametrize(
+    ("call", "form", "ending"),
+    [
+        ("explain crane-hook", "text", "txt"),
+        ("explain crane-hook", "markdown", "md"),
+        ("explain crane-hook", "json", "json"),
+        ("mac chain-2 measured.csv", "csv", "csv"),
+        ("hoist hoisting-crane --samples 3", "csv", "csv"),
+    ],
+)
+def test_the_ending_of_a_file_chooses_text_or_figure(
+    call: str, form: str, ending: str, printed: Printed, folder: Path
+) -> None:
+    (folder / "measured.csv").write_text("mode,frequency_hz,std_hz\n1,0.4,0.1\n", encoding="utf-8")
+    text = printed(f"{call} --format {form}", None)
+    assert printed(f"{call} -o r.{ending}", 40) == ""
+    assert (folder / f"r.{ending}").read_text(encoding="utf-8") == text
+
+
+def test_a_wrong_ending_is_told_with_all_that_are_right(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["explain", "crane-hook", "-o", "r.csv"]) == 2
+    assert "-o r.csv: the name must end in .png, .svg, .pdf, .txt, .md or .json" in capsys.readouterr().err
+    assert main(["explain", "crane-hook", "-o", "r.md", "--format", "json"]) == 2
+    assert "--format json: cannot be combined with -o r.md" in capsys.readouterr().err
+    assert main(["explain", "crane-hook", "-o", "nowhere/r.md"]) == 2
+    assert "there is no folder nowhere" in capsys.readouterr().err
+    assert not list(folder.glob("r.*"))
+
+
 # ------------------------------------------------------------------------------------------------ hostile titles
 
 
