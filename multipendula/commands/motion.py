@@ -87,7 +87,7 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
     from nonlinear.ensembles import find_spread, motion_words
 
     scene, duration = estimate.scene, options.duration or options.usual
-    start = start_of(scene, options.start)
+    start = start_of(scene, options.start, told=True)
     with bar(BAND_MEMBERS, "member") as report:
         found = find_spread(
             scene, (), duration, members=BAND_MEMBERS, estimate=estimate, start=start, report=report, check=0

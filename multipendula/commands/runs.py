@@ -128,11 +128,12 @@ def _unstarted(options: argparse.Namespace) -> None:
         raise SceneError(["--start: a saved run continues from its last state"])
 
 
-def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> State | None:
+def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False) -> State | None:
     """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
 
-    Without words a scene that has no start gets the first mode that swings, which a note to standard error says.
-    `undamped` selects the shape without dampers; R is the number in the table of the scene even then.
+    Without words a scene that has no start gets the first mode that swings; a note to standard error says so, unless
+    that has been `told`.  `undamped` selects the shape without dampers; R is the number in the table of the scene even
+    then.
     """
     from modal.errors import SceneError
     from nonlinear.system import initial as starts
@@ -141,7 +142,8 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> Stat
         words = _usual_start(scene, undamped=undamped)
         number, _, degrees = words.removeprefix("mode:").partition(":")
         note = f"the scene has no start: it begins in the shape of mode {number}, its largest angle {degrees}°"
-        print(f"multipendula: {note} (--start {words})", file=sys.stderr)
+        if not told:
+            print(f"multipendula: {note} (--start {words})", file=sys.stderr)
     if words is None or words == "scene":
         return None
     kind, _, rest = words.partition(":")

@@ -65,6 +65,26 @@ def test_a_title_says_what_hangs_there(support: Fixed | Cart, pendula: list[Pend
     assert title_of(Scene(gravity=9.81, support=support, pendulum=pendula)) == words
 
 
+@pytest.mark.slow
+def test_figures_reports_and_pages_have_it(tmp_path: object) -> None:
+    from modal.coupling import coupling_report, explain
+    from modal.plotting.shapes import shapes_figure
+    from multipendula.page import page, scene_data
+    from nonlinear import simulate
+    from nonlinear.postprocessing import summary
+
+    scene = Scene(gravity=9.81, support=CART, pendulum=[bobs(2, 2, start={"angles_deg": [5, 0]})])
+    title = title_of(scene)
+    assert title == "Two double pendula of bobs on a cart"
+    figure = shapes_figure(natural_modes(scene), range(1, 3))
+    assert title in " ".join(figure.get_suptitle().split())
+    assert coupling_report(explain(scene)).startswith(title)
+    assert summary.text(simulate(scene, 0.1)).startswith(title)
+    whole = page(scene_data(scene))
+    assert f"<title>{title}" in whole
+    assert '"title"' not in whole.partition('id="data"')[2].partition("</script>")[0]
+
+
 def test_space_is_named() -> None:
     scene = Scene(gravity=9.81, space="space", pendulum=[bobs(2)])
     assert title_of(scene) == "A double pendulum of bobs on a fixed support, in space"
