@@ -15,9 +15,10 @@ import threading
 import warnings
 from _thread import interrupt_main
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, redirect_stdout, suppress
-from io import TextIOBase, TextIOWrapper
-from typing import TYPE_CHECKING
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
+from io import StringIO, TextIOBase, TextIOWrapper
+from shutil import get_terminal_size
+from typing import TYPE_CHECKING, TextIO
 
 if TYPE_CHECKING:
     import argparse
@@ -109,7 +110,7 @@ def _obey(arguments: Sequence[str] | None, stopped: Sequence[int]) -> int:
     if isinstance(sys.stdout, TextIOWrapper):
         sys.stdout.reconfigure(errors="replace")
     try:
-        with _words_aside(options):
+        with _channels(options), _reported(options):
             options.run(options)
         sys.stdout.flush()
     except BaseException as error:
@@ -163,29 +164,70 @@ def _in_its_file(error: SceneError, options: argparse.Namespace | None) -> str:
 
 
 @contextmanager
-def _words_aside(options: argparse.Namespace) -> Iterator[None]:
-    """If a file is written to standard output, print all text to standard error instead."""
+def _channels(options: argparse.Namespace) -> Iterator[None]:
+    """Set where words go and how wide text is.
+
+    If a file is written to standard output, all text is printed to standard error instead.  With --quiet nothing is
+    printed but the result: the file of -o, or else the text.
+    """
     from modal.errors import SceneError
+    from modal.report import fitted
     from modal.scene import STANDARD
 
     files = [action for action in options.page._actions if action.metavar == "FILE"]
     to_output = [max(action.option_strings, key=len) for action in files if vars(options)[action.dest] == STANDARD]
     if len(to_output) > 1:
         raise SceneError([f"{', '.join(to_output)}: at most one of them can be - (standard output)"])
-    with redirect_stdout(_Aside() if to_output else sys.stdout):
+    if options.quiet and getattr(options, "explain", False):
+        raise SceneError(["--quiet: cannot be combined with --explain"])
+    written = any("-o" in action.option_strings and vars(options)[action.dest] is not None for action in files)
+    words = _Aside(sys.stdout, quiet=options.quiet) if to_output or (options.quiet and written) else sys.stdout
+    notes = StringIO() if options.quiet else sys.stderr
+    with fitted(_columns()), redirect_stdout(words), redirect_stderr(notes):
+        for note in getattr(options, "former", ()):
+            print(f"multipendula: {note}", file=sys.stderr)
         yield
 
 
-class _Aside(TextIOBase):
-    """Standard output with its text diverted to standard error; bytes still go to standard output."""
+@contextmanager
+def _reported(options: argparse.Namespace) -> Iterator[None]:
+    """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text."""
+    place = next((action.dest for action in options.page._actions if "-o" in action.option_strings), "")
+    name = getattr(options, place, None) or ""
+    form = options.page.reports.get(os.path.splitext(name)[1].lower())
+    if form is None:
+        yield
+        return
+    from modal.errors import SceneError
+    from modal.report import fitted
+    from modal.scene import whole_file
+    from multipendula.commands.shared import in_a_folder
 
-    def __init__(self) -> None:
-        self.output = sys.stdout
+    in_a_folder(name)
+    if getattr(options, "format", "text") not in {"text", form}:
+        raise SceneError([f"--format {options.format}: cannot be combined with -o {name}"])
+    options.format = form
+    setattr(options, place, None)
+    with whole_file(name) as stream, fitted(None), redirect_stdout(StringIO()) as text:
+        yield
+        stream.write(text.getvalue().encode())
+
+
+def _columns() -> int | None:
+    """The columns of the terminal, or those that COLUMNS says it has; None for a pipe or a file, which wrap no line."""
+    return get_terminal_size().columns if sys.stdout.isatty() else None
+
+
+class _Aside(TextIOBase):
+    """A stream with its text diverted to standard error, or to nowhere; bytes still go to it."""
+
+    def __init__(self, output: TextIO, *, quiet: bool) -> None:
+        self.output, self.quiet = output, quiet
         if hasattr(self.output, "buffer"):
             self.buffer = self.output.buffer
 
     def write(self, text: str) -> int:
-        return sys.stderr.write(text)
+        return len(text) if self.quiet else sys.stderr.write(text)
 
     def flush(self) -> None:
         self.output.flush()

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from typing import NamedTuple
 
+from multipendula.options import add_quiet
 from multipendula.parser import Examples, Page
 
 
@@ -34,4 +35,5 @@ class Command(NamedTuple):
             self.name, help=self.summary, description=f"{self.summary} {self.details}", examples=self.examples
         )
         self.arguments(page)
+        add_quiet(page)
         page.set_defaults(run=self.run, page=page)

@@ -15,6 +15,8 @@ PICTURES = ("png", "svg", "pdf")
 FILMS = ("gif", "mp4", "html")
 RUNS = ("npz", "csv")
 REPORTS = ("text", "markdown", "csv", "json")
+TEXTS = {"text": "txt", "markdown": "md", "csv": "csv", "json": "json"}
+"""The ending of a file for each format of text."""
 
 # ----------------------------------------------------------------------------------------------- arguments
 
@@ -103,6 +105,25 @@ def add_text(page: Page) -> None:
     offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), completion.files(()))
 
 
+def add_quiet(page: Page) -> None:
+    """No words beside the result."""
+    words = "print nothing but the result and errors: no summary beside a file, no notes, no progress"
+    page.written.add_argument("-q", "--quiet", action="store_true", help=words)
+
+
+class Former(argparse.Action):
+    """An option with a former name, the last of its own, that still works and says what it is called now."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> None:
+        """Keep the value, and a note on the former name."""
+        setattr(namespace, self.dest, values)
+        if option_string == self.option_strings[-1]:
+            now = self.option_strings[0]
+            namespace.former = [*getattr(namespace, "former", ()), f"{option_string} is deprecated: it is now {now}"]
+
+
 def add_motion(page: Page, *flags: str, **more: Any) -> None:
     """A file for a simulated motion."""
     add_file(page, *(flags or ("--output", "-o")), words="save the motion in {}", kinds=RUNS, **more)
@@ -112,6 +133,16 @@ def add_picture(page: Page, *flags: str, **more: Any) -> None:
     """A file for a figure, and its colours."""
     add_file(page, *flags, kinds=PICTURES, **more)
     add_theme(page)
+
+
+def add_report(page: Page, formats: Sequence[str] = ("text",), *flags: str, **more: Any) -> None:
+    """A file for a figure, or for the text instead, in the one of these formats that its name ends in."""
+    page.reports = {f".{TEXTS[form]}": form for form in formats}
+    kinds = [*PICTURES, *(TEXTS[form] for form in formats)]
+    *most, last = endings(kinds)
+    add_file(page, *(flags or ("--output", "-o")), words="the figure or the text as {}", kinds=kinds, **more)
+    add_theme(page)
+    page.rephrase(r"\.png, \.svg or \.pdf$", f"{', '.join(most)} or {last}")
 
 
 def add_theme(page: Page) -> None:

@@ -42,6 +42,7 @@ class Page(argparse.ArgumentParser):
         self.examples, self.topics = examples, topics or {}
         self.given: list[str] = []
         self.phrases: list[tuple[str, str]] = []
+        self.reports: dict[str, str] = {}
         self.asked = self.add_argument_group("arguments")
         self.motion = self.add_argument_group("motion")
         self.computed = self.add_argument_group("computation")

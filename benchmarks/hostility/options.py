@@ -121,7 +121,14 @@ def _given(option: str, value: str) -> tuple[str, ...]:
 
 
 def case(call: tuple[str, ...], folder: Path, *, patience: float = 10.0) -> Ended:
-    """Run one call in a folder that has a small scene, a driven one, a PSD, records, modes and a broken file."""
+    """Run one call in a folder that has what the calls of BASES name."""
+    prepare(folder)
+    binary = any(word == "-" or word.endswith("=-") for word in call)
+    return run(call, folder, patience=patience, text=not binary)
+
+
+def prepare(folder: Path) -> None:
+    """Write a small scene, a driven one, a PSD, records, modes and a broken file."""
     (folder / "small.toml").write_text(SMALL, encoding="utf-8")
     (folder / "clock.toml").write_text(CLOCK, encoding="utf-8")
     (folder / "psd.csv").write_text(PSD, encoding="utf-8")
@@ -130,5 +137,3 @@ def case(call: tuple[str, ...], folder: Path, *, patience: float = 10.0) -> Ende
     decay = [f"{t / 50},{exp(-t / 500) * cos(t / 10)}" for t in range(200)]
     (folder / "decay.csv").write_text("\n".join(["time_s,theta_1_1_rad", *decay]), encoding="utf-8")
     (folder / "broken.npz").write_bytes(random.Random(0).randbytes(300))
-    binary = any(word == "-" or word.endswith("=-") for word in call)
-    return run(call, folder, patience=patience, text=not binary)

@@ -4,34 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from math import isfinite, isinf
+from math import isinf
 from textwrap import TextWrapper
 
-import numpy as np
-
 from modal.coupling.analysis import CartMode, Coupling, Family, family_name
-from modal.coupling.damping import Damped
-from modal.coupling.exchange import MOST_MODES, STRONG, EnergyExchange, Transfer
+from modal.coupling.damping_words import damping
+from modal.coupling.exchange import STRONG, Transfer
+from modal.coupling.exchange_words import exchanges
 from modal.coupling.records import coupling_record
-from modal.modes.friction import stop_words
-from modal.report import WIDTH, as_json, capital, counted, listed, markdown, percent, rad, short, visible
+from modal.coupling.wording import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered, shown
+from modal.report import as_json, counted, line_width, listed, markdown, percent, rad, short, visible
+from modal.scene import title_of
 
 FORMS = ("text", "markdown", "json")
-MOST_LISTED, FEW = 8, 3
-ROUGH = 0.1
-"""Coupling strength above which first order is only a guide."""
-GUIDE = " (only a guide: the coupling is strong)"
 NEAR = " (only a guide: another family is near)"
-SLIGHT = 1e-4
-"""Smallest fraction of an energy that is given as a number."""
-ELSEWHERE = "in the JSON form"
-HALF = 0.5
-MOST_DAMPED = 12
-NEGLIGIBLE = 1e-12
-LET_GO_DEG = 10.0
-"""Largest angle from which the report lets modes go that dry friction stops."""
-OFF = 0.1
-"""Relative difference of the exact rate from first order that is mentioned."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +37,7 @@ def coupling_report(coupling: Coupling, form: str = "text") -> str:
         raise ValueError(f"form = {form!r}: must be one of {', '.join(FORMS)}")
     if form == "json":
         return as_json(coupling_record(coupling))
-    title = f"{coupling.scene.title or 'This scene'}: what couples the pendula"
+    title = f"{title_of(coupling.scene)}: what couples the pendula"
     return (_markdown if form == "markdown" else _text)(title, sections(coupling))
 
 
@@ -71,7 +57,7 @@ def sections(coupling: Coupling) -> tuple[Section, ...]:
 
 
 def _text(title: str, parts: tuple[Section, ...]) -> str:
-    wrapper = TextWrapper(WIDTH, "- ", "  ", break_long_words=False, break_on_hyphens=False)
+    wrapper = TextWrapper(line_width(), "- ", "  ", break_long_words=False, break_on_hyphens=False)
     lines = [visible(title), "=" * len(visible(title))]
     for part in parts:
         lines += ["", part.title, "-" * len(part.title), *map(wrapper.fill, part.sentences)]
@@ -83,27 +69,6 @@ def _markdown(title: str, parts: tuple[Section, ...]) -> str:
     for part in parts:
         lines += ["", f"## {part.title}", "", *(f"- {sentence}" for sentence in part.sentences)]
     return "\n".join(lines) + "\n"
-
-
-def shown(coupling: Coupling) -> int:
-    """How many entries of each kind are listed, fewer where there are many."""
-    return MOST_LISTED if len(coupling.own.omega) <= MOST_MODES else FEW
-
-
-def member(coupling: Coupling, k: int) -> str:
-    """A fixed-base mode by its number and its pendulum."""
-    return f"fixed-base mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
-
-
-def numbered(coupling: Coupling, omega: float) -> str:
-    """The number of a frequency's mode in the table, in parentheses, where it is known."""
-    number = coupling.number(omega)
-    return "" if number is None else f" (mode {number})"
-
-
-def left(share: float) -> str:
-    """A fraction of an energy in words."""
-    return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"
 
 
 def _scene(coupling: Coupling) -> Iterator[str]:
@@ -290,194 +255,6 @@ def _limit(coupling: Coupling, mode: CartMode) -> str:
         f"{name}, {whose}, now at {rad(mode.omega)} with {percent(mode.participation)} of the "
         f"cart's velocity after a push [φ_x²/Σφ_x²], goes to {rad(mode.light)} with a massless cart [zero of "
         f"m_dyn − m_c] and to {heavy} with an immense one [{why}]."
-    )
-
-
-def exchanges(coupling: Coupling) -> Iterator[str]:
-    """A sentence about each pair of modes of different pendula, or about all of them where there are many."""
-    if len(coupling.names) == 1 or not coupling.on_cart:
-        return
-    if len(coupling.own.omega) > MOST_MODES:
-        yield from _many(coupling)
-        return
-    yield from (_pair(coupling, pair) for pair in coupling.pairs[:MOST_LISTED])
-    if not coupling.pairs:
-        yield (
-            "No inertia but that of the pendula opposes them [m = 0]: they move together and exchange no energy in "
-            "beats."
-        )
-    elif (left := len(coupling.pairs) - MOST_LISTED) > 0:
-        yield f"{left} more pairs are {ELSEWHERE}."
-
-
-def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
-    own = coupling.own
-    a, b = (member(coupling, k) for k in (pair.first, pair.second))
-    strength = max(float(own.mass[k] * own.count[k]) for k in (pair.first, pair.second)) / abs(pair.cart_mass)
-    if strength > STRONG:
-        return (
-            f"{capital(a)} and {b} are coupled too strongly for beats between two [μ/|m| = {short(strength)}, "
-            f"m = {short(pair.cart_mass)} kg]: their energy goes where the modes above carry it."
-        )
-    if not pair.alone:
-        return (
-            f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
-            "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
-        )
-    creeping = [capital(member(coupling, k)) for k in (pair.first, pair.second) if own.rate[k] >= own.omega[k]]
-    if creeping:
-        return f"{listed(creeping, len(creeping))}: overdamped by its joints [σ ≥ ω], no beats."
-    return (
-        f"{capital(a)} and {b}: detuning {short(abs(pair.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
-        f"ω_b(1 + μ_b/2m)] against coupling {short(pair.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "
-        f"{short(pair.cart_mass)} kg]: {_passed(pair)}{GUIDE if strength > ROUGH else ''}."
-    )
-
-
-def _passed(pair: EnergyExchange) -> str:
-    """Whether they exchange energy, how much, and how much comes back."""
-    passed, tuned = pair.exchange, abs(pair.detuning) < 2 * pair.coupling
-    if passed.lossless:
-        return (
-            f"{'they exchange energy' if tuned else 'detuning suppresses the exchange'}. One passes at most "
-            f"{percent(pair.share)} of its energy to the other [4g²/(4g² + δ²)] in beats of {short(pair.period)} s "
-            "[2π/√(4g² + δ²)]"
-        )
-    verdict = (
-        ("they exchange energy" if pair.share > HALF else "damping suppresses the exchange")
-        if tuned
-        else "detuning suppresses the exchange"
-    )
-    back = (
-        f"after a beat of {short(pair.period)} s [π/Re Ω, Ω² = g² + δ²/4 with the dampers] at most {left(passed.left)} "
-        "is back"
-        if passed.beats
-        else "nothing comes back in beats [Im Ω > Re Ω, Ω² = g² + δ²/4 with the dampers]"
-    )
-    return f"{verdict}. With the dampers the other never holds more than {left(pair.share)} of one's energy, and {back}"
-
-
-def _many(coupling: Coupling) -> Iterator[str]:
-    """The first modes of many different pendula: their spread against their collective coupling."""
-    own, dynamic = coupling.own, coupling.dynamic
-    first = own.number == 1
-    omega, mass = own.omega[first], float((own.mass * own.count)[first].sum())
-    middle, spread = float(np.median(omega)), float(np.ptp(omega))
-    left_out = np.isin(np.arange(len(dynamic.omega)), coupling.pole[first])
-    rest = float(dynamic([middle], left_out=left_out[None])[0])
-    shift = middle * mass / (2 * rest) if rest else float("inf")
-    yield (
-        f"{len(own.omega)} modes of {len(coupling.names)} kinds are too many to list in pairs. Their first modes "
-        f"spread over {short(spread)} rad/s [max ω_r − min ω_r] about {rad(middle)} [median], "
-        f"{short(spread / max(1, len(omega) - 1))} rad/s from one to the next in the mean; swinging alike they would "
-        f"be shifted by {short(shift)} rad/s [½ ω Σμ/m, m = {short(rest)} kg]."
-    )
-    yield (
-        "The shift is the larger: one mode in which they swing together stands out from the others."
-        if abs(shift) > spread
-        else "The spread is the larger: neighbours in frequency exchange energy, those far apart do not."
-    )
-    top = max(coupling.cart_modes, key=lambda mode: mode.participation)
-    yield (
-        f"The mode that moves the cart most, at {rad(top.omega)}{numbered(coupling, top.omega)}, has "
-        f"{percent(top.participation)} of its velocity after a push [φ_x²/Σφ_x²]."
-    )
-
-
-def damping(coupling: Coupling) -> Iterator[str]:
-    """Sentences about every mode, about the survivors, and about a drive."""
-    yield from map(capital, stop_words(coupling.scene, LET_GO_DEG)[:MOST_DAMPED])
-    if not (coupling.scene.has_damping or coupling.scene.is_driven):
-        rubbed = coupling.scene.has_friction or coupling.scene.has_drag
-        kept = "in the linear scene every mode keeps its amplitude" if rubbed else "every mode keeps its amplitude"
-        yield f"Nothing {'else ' if rubbed else ''}dissipates energy [D = 0]: {kept}."
-        return
-    modes = coupling.damped
-    yield from (_mode(coupling, mode) for mode in modes[:MOST_DAMPED] if coupling.scene.has_damping)
-    if len(modes) > MOST_DAMPED:
-        yield f"{len(modes) - MOST_DAMPED} more modes are in the JSON form."
-    if not modes:
-        yield "No mode of finite frequency is left to be damped [m_dyn(∞) = 0]."
-        return
-    if all(mode.exact is None for mode in modes):
-        yield "The damped eigenvalues themselves cannot be computed for this scene: all rates are those of first order."
-    if coupling.scene.is_driven:
-        yield from _own_drives(coupling, modes)
-        return
-    yield from _survivors(coupling, modes)
-    yield from _drive(coupling, modes)
-
-
-def _named(coupling: Coupling, mode: Damped) -> str:
-    """A mode by its frequency and the moving parts."""
-    whose = f", {mode.kind}" if mode.kind else ""
-    number = coupling.number(mode.omega)
-    name = "the mode" if number is None else f"mode {number}"
-    return f"{name} at {rad(mode.omega)} (cart {'still' if mode.still else 'moves'}{whose})"
-
-
-def _mode(coupling: Coupling, mode: Damped) -> str:
-    first = (
-        f"{capital(_named(coupling, mode))}: damping ratio {short(mode.ratio)} [σ/ω], rate {short(mode.rate)} 1/s "
-        f"[σ = φᵀDφ/2φᵀMφ], {short(mode.from_cart)} of it from the cart's damper [c_c φ_x²/2φᵀMφ] and "
-        f"{short(mode.from_joints)} from the joints [Σ d_i(θ_i − θ_i−1)²/2φᵀMφ]"
-        + (f", {short(mode.from_drag)} from drag [Σ drag_k(h_kᵀφ)²/2φᵀMφ]" if mode.from_drag else "")
-    )
-    if mode.exact is None:
-        return first + "."
-    kind = f"damping ratio {short(mode.decay / abs(mode.exact))} [−Re λ/|λ|]" if mode.exact.imag else "overdamped"
-    off = "" if _is_first_order(mode) else "; first order no longer holds"
-    return f"{first}; the damped scene itself: {kind}, rate {short(mode.decay)} 1/s [−Re λ]{off}."
-
-
-def _is_first_order(mode: Damped) -> bool:
-    return abs(mode.decay - mode.rate) <= OFF * mode.rate
-
-
-def _survivors(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
-    last, first = (choose(modes, key=lambda mode: mode.decay) for choose in (min, max))
-    most = NEGLIGIBLE * max(mode.rate for mode in modes)
-    spared = [mode for mode in modes if mode.decay <= NEGLIGIBLE * first.decay and mode.rate <= most]
-    if spared:
-        each = "; ".join(_named(coupling, mode) for mode in spared[:MOST_DAMPED])
-        rest = f"; and {len(spared) - MOST_DAMPED} more" if len(spared) > MOST_DAMPED else ""
-        yield f"Not damped at all [σ = 0]: {each}{rest}. In the end only these swing."
-        if first.from_cart and all(mode.still for mode in spared):
-            yield "What leaves the cart still survives a damper on it: antiphase, as Huygens saw."
-    elif last.decay <= 0:
-        yield (
-            f"The slowest to decay is {_named(coupling, last)}: its rate is beyond double precision beside that of "
-            f"{_named(coupling, first)}."
-        )
-    elif last.decay < first.decay:
-        formula = "1/σ" if last.exact is None else "−1/Re λ"
-        yield (
-            f"The slowest to decay is {_named(coupling, last)}: it falls to 1/e in {short(1 / last.decay)} s "
-            f"[{formula}], {short(first.decay / last.decay)} times as long as the fastest, {_named(coupling, first)}."
-        )
-
-
-def _own_drives(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
-    """The effect of the scene's van der Pol torques; the kicks of escapements have no rate at equilibrium."""
-    fed = [mode for mode in modes if mode.from_drives]
-    for mode in fed[:MOST_DAMPED]:
-        net = mode.from_drives - mode.decay
-        fate = "it grows from rest" if net > 0 else "it dies out nevertheless"
-        feed = "[Σ e_i(θ_i − θ_i−1)²/2φᵀMφ]"
-        words = f"The drives feed {_named(coupling, mode)} with {short(mode.from_drives)} 1/s {feed}"
-        yield f"{words}: {fate}, net {short(net)} 1/s."
-    yield "Linear modes cannot tell which mode wins at large angles; `sync` can."
-
-
-def _drive(coupling: Coupling, modes: tuple[Damped, ...]) -> Iterator[str]:
-    reached = [mode for mode in modes if isfinite(mode.threshold)]
-    if not reached or not all(map(_is_first_order, modes)):
-        return
-    first = min(reached, key=lambda mode: mode.threshold)
-    yield (
-        f"A drive that gives every pendulum the torque e θ_1' at its pivot starts {_named(coupling, first)} first, "
-        f"from e = {first.threshold:.4g} N m s/rad on [σ/F, F = Σθ_1²/2φᵀMφ = {short(first.fed)} 1/(kg m²)]. Linear "
-        "modes cannot tell which one wins at large angles."
     )
 
 

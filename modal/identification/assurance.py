@@ -20,6 +20,7 @@ from modal.errors import ComputationError
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.modes import Mode, Modes
 from modal.report import NOTHING, Displayed, as_csv, as_json, finite, grid, titled
+from modal.scene import title_of
 from modal.types import Floats
 
 LEAST = 0.5  # MAC of a pair below which shapes are called different
@@ -165,7 +166,7 @@ def assurance_table(found: Assurance, form: str) -> str:
     shaped = bool(np.isfinite(found.mac).any())
     matrix_text = grid(cells, ["MAC", *(str(mode.number) for mode in found.rows)]) if shaped else ""
     parts = [grid(pairs, headings), matrix_text, "\n".join(f"{note[0].upper()}{note[1:]}." for note in found.notes)]
-    return titled(found.modes.scene.title, "measured beside computed modes", parts, "text")
+    return titled(title_of(found.modes.scene), "measured beside computed modes", parts, "text")
 
 
 def _pair_record(pair: Pair) -> dict[str, Any]:

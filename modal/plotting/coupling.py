@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from modal.coupling import Coupling, Family, family_name
 from modal.plotting.layout import SMALL, headline, key
 from modal.plotting.style import WIDE, colour, ink, muted, paper, save, sheet
+from modal.scene import title_of
 from modal.types import Floats, Ints
 
 MOST_CLOSE, MANY, POINTS = 3, 24, 1200
@@ -48,7 +49,7 @@ def coupling_figure(coupling: Coupling) -> Figure:
 
 def _finish(figure: Figure, coupling: Coupling) -> None:
     what = "dynamic mass for a force on the cart" if coupling.on_cart else "dynamic mass for a cart here"
-    headline(figure, coupling.scene.title, what)
+    headline(figure, title_of(coupling.scene), what)
     entries = {
         "dynamic mass": Line2D([], [], color=curve()),
         "poles: the cart stands still": Line2D([], [], color=pole(), ls="--", lw=1.1),

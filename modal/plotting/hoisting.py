@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError
 from modal.plotting.layout import framed, headline, legend
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, save, sheet
+from modal.scene import title_of
 from modal.statespace.hoisting import Along
 
 
@@ -36,5 +37,5 @@ def hoist_figure(found: Along) -> Figure:
         framed(axis, "time (s)" if axis is axes[-1] else "", words)
         axis.set_xlim(found.times[0], found.times[-1])
         legend(axis)
-    headline(figure, found.scene.title, "along the hoist")
+    headline(figure, title_of(found.scene), "along the hoist")
     return figure

@@ -11,6 +11,7 @@ from matplotlib.ticker import MaxNLocator
 
 from modal.plotting.layout import SMALL, headline, legend
 from modal.plotting.style import WIDTH, colour, ink, muted, paper, rest, save, sheet
+from modal.scene import title_of
 from modal.types import Floats
 
 if TYPE_CHECKING:
@@ -91,7 +92,7 @@ def assurance_figure(found: Assurance) -> Figure:
         axis.annotate(words, at, textcoords="offset points", fontsize=SMALL, color=ink(), **beside)
     axis.set(xlabel="computed frequency (Hz)", ylabel="measured frequency (Hz)", xlim=(0, most), ylim=(0, most))
     axis.legend(loc="upper left")
-    headline(figure, found.modes.scene.title, "measured beside computed modes")
+    headline(figure, title_of(found.modes.scene), "measured beside computed modes")
     return figure
 
 

@@ -14,6 +14,7 @@ from modal.errors import ComputationError
 from modal.loci import CloseApproach, Loci
 from modal.plotting.layout import NUMBER, headline, key, log_ticks
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, paper, save, sheet
+from modal.scene import title_of
 from modal.scene.parameters import Variation
 
 MARKS = {"crossing": "X", "veering": "o"}
@@ -43,7 +44,7 @@ def loci_figure(found: Loci) -> Figure:
     values = found.variation.values
     axis.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)", xlim=(values[0], values[-1]))
     scale(axis, "x", found.variation)
-    headline(figure, found.scene.title, "frequency loci")
+    headline(figure, title_of(found.scene), "frequency loci")
     key(figure, [*lines, *_named(found)], columns=2 if len(shown) <= MOST_NAMED else 4)
     return figure
 

@@ -16,7 +16,7 @@ from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.layout import caption, evenly, headline, side_by_side
 from modal.plotting.style import QUIET, WIDE, colour, ink, muted, paper, rest, save, sheet
-from modal.scene import AnyLink, Bob, Rod
+from modal.scene import AnyLink, Bob, Rod, title_of
 from modal.types import Floats
 
 FARTHEST = 0.3  # largest displacement of the cart over the picture's depth
@@ -78,7 +78,7 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
     words = [panel_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
     height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
     figure = sheet(max(width * columns, LEAST), height * lines + 0.8)
-    headline(figure, modes.scene.title, "mode shapes")
+    headline(figure, title_of(modes.scene), "mode shapes")
     axes = figure.subplots(lines, columns, squeeze=False)
     for axis, row, text in zip(axes.flat, rows, words, strict=False):
         _panel(axis, modes, row, layout, np.radians(amplitude_deg))

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError
 from modal.plotting.layout import framed, headline, legend, log_ticks, mark_modes
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, ink, muted, save, sheet, thickness
+from modal.scene import title_of
 from modal.statespace import Signal
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def random_figure(found: RandomResponse) -> Figure:
     inside = [(number, rate) for number, rate in named_modes(found.modes) if f[0] <= rate <= f[-1]]
     for axis in panels[1:]:
         mark_modes(axis, inside, numbered=False)
-    headline(figure, found.modes.scene.title, "random vibration")
+    headline(figure, title_of(found.modes.scene), "random vibration")
     return figure
 
 
@@ -106,7 +107,7 @@ def shock_figure(found: ShockResponse) -> Figure:
     histories[-1].set_xlabel("time, with the end of the record dotted (s)")
     if combined:
         _combinations(panels[-1], found, combined)
-    headline(figure, found.modes.scene.title, "response to a record")
+    headline(figure, title_of(found.modes.scene), "response to a record")
     return figure
 
 

@@ -1,7 +1,8 @@
 """Output: tables, CSV and JSON, numbers in running text, escaped text.
 
 In: titles, columns and rows.  Out: text, Markdown, LaTeX, CSV, HTML or JSON in which no text of a scene can act as
-markup or code.  This room is independent of pendula.  Start with `escaping`; by `display` results show themselves.
+markup or code; text fits the columns of a terminal where `fitted` sets them.  This room is independent of pendula.
+Start with `escaping`; by `display` results show themselves.
 """
 
 from modal.report.display import (
@@ -34,8 +35,9 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.prose import WIDTH, capital, counted, listed, percent, rad, short, with_unit
-from modal.report.tables import NOTHING, as_csv, as_json, digits, finite, grid, titled
+from modal.report.fitting import breadth, columns, filled, fitted, folded, padded
+from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, with_unit
+from modal.report.tables import NOTHING, aligned, as_csv, as_json, digits, finite, full, grid, titled, widths_of
 
 __all__ = [
     "HTML_ROWS",
@@ -45,30 +47,39 @@ __all__ = [
     "WIDTH",
     "Displayed",
     "Summary",
+    "aligned",
     "as_csv",
     "as_json",
+    "breadth",
     "brief",
     "by_column",
     "c_comment",
     "capital",
+    "columns",
     "counted",
     "csv_cell",
     "csv_comment",
     "csv_rows",
     "deferred",
     "digits",
+    "filled",
     "finite",
     "first_line",
+    "fitted",
+    "folded",
+    "full",
     "grid",
     "html",
     "json_text",
     "latex",
+    "line_width",
     "listed",
     "markdown",
     "matlab_text",
     "modelica_text",
     "more",
     "one_line",
+    "padded",
     "percent",
     "python_text",
     "rad",
@@ -78,5 +89,6 @@ __all__ = [
     "tabulated",
     "titled",
     "visible",
+    "widths_of",
     "with_unit",
 ]

@@ -5,7 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import isinf
 
-WIDTH = 110  # characters per line of a report
+from modal.report.fitting import columns
+
+WIDTH = 110
+"""Characters per line of a report that no terminal limits."""
+
+
+def line_width() -> int:
+    """Characters per line of a report."""
+    return min(WIDTH, columns() or WIDTH)
 
 
 def short(value: float) -> str:

@@ -2,34 +2,137 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from math import isfinite, log10
 from typing import Any, TypeVar
 
 from modal.report.escaping import csv_rows, json_text, markdown, visible
+from modal.report.fitting import breadth, columns, filled, folded, padded
 
 T = TypeVar("T")
 
-FORMATS = {"text": "simple", "markdown": "github"}
 LEFT = {"at", "description", "event", "lines", "loci", "meeting", "method", "number", "pendula", "stability"}
 """Headings of columns of text."""
 NOTHING = "–"
 """Printed in place of an undefined quantity."""
+GAP = 2
+"""Blanks between columns."""
+MOST_KEYS = 3
+"""Columns at most that name a row, and are repeated in every part of a stacked table."""
 
 
 def titled(scene: str, what: str, parts: Sequence[str], form: str) -> str:
     """The parts that are not empty, under a title made of the scene's and of `what` is reported."""
     title = f"{scene or 'Modes'}: {what}"
-    head = f"**{markdown(title)}**" if form == "markdown" else visible(title)
-    return "\n\n".join([head, *(part for part in parts if part)]) + "\n"
+    if form == "markdown":
+        return "\n\n".join([f"**{markdown(title)}**", *(part for part in parts if part)]) + "\n"
+    return folded("\n\n".join([visible(title), *(part for part in parts if part)])) + "\n"
 
 
 def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "text") -> str:
-    """Cells under headings, text aligned left and numbers right; the empty string if there are no cells."""
-    from tabulate import tabulate
+    """Cells under headings, text aligned left and numbers right; the empty string if there are no cells.
 
+    A table of text that is too wide for the columns in force (`fitted`) is stacked: its columns follow in several parts
+    below each other, each of which begins with the columns that name a row.
+    """
+    if not cells:
+        return ""
     align = ["left" if heading in LEFT else "right" for heading in headings]
-    return tabulate(cells, headings, tablefmt=FORMATS[form], colalign=align, disable_numparse=True) if cells else ""
+    if form == "markdown":
+        from tabulate import tabulate
+
+        return tabulate(cells, headings, tablefmt="github", colalign=align, disable_numparse=True)
+    return aligned(cells, headings, align)
+
+
+def aligned(cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str]) -> str:
+    """Cells under headings as text, stacked where they are too wide.  Imports nothing: commands start quickly."""
+    widths, most = widths_of(cells, headings), columns()
+    if most is None or full(widths) <= most:
+        return "\n".join(_lines(cells, headings, align, widths))
+    keys = _keys(cells, widths, most)
+    limits = _limits(widths, keys, most)
+    parts = (
+        "\n".join(
+            _lines(
+                [[row[k] for k in shown] for row in cells],
+                [headings[k] for k in shown],
+                [align[k] for k in shown],
+                [limits[k] for k in shown],
+            )
+        )
+        for shown in _stacked(limits, keys, most)
+    )
+    return "\n\n".join(parts)
+
+
+def widths_of(cells: Sequence[Sequence[str]], headings: Sequence[str]) -> list[int]:
+    """The columns that each column of a table takes."""
+    return [max(map(breadth, column)) for column in zip(headings, *cells, strict=True)]
+
+
+def full(widths: Iterable[int]) -> int:
+    """The columns that a whole table takes."""
+    every = list(widths)
+    return sum(every) + GAP * (len(every) - 1)
+
+
+def _keys(cells: Sequence[Sequence[str]], widths: Sequence[int], most: int) -> int:
+    """How many columns it takes to name every row: 1 where no few do, or no room is left beside them."""
+    for count in range(1, min(MOST_KEYS, len(widths) - 1) + 1):
+        if full(widths[:count]) > most // 2:
+            break
+        if len({tuple(row[:count]) for row in cells}) == len(cells):
+            return count
+    return 1
+
+
+def _limits(widths: Sequence[int], keys: int, most: int) -> list[int]:
+    """The columns that each column may take: those that name a row leave room for any other, or take half of it."""
+    room = max(most // 2, most - GAP - max(widths[keys:], default=0))
+    first = [min(width, room) for width in widths[:keys]]
+    return first + [min(width, max(most - sum(first) - GAP * keys, 1)) for width in widths[keys:]]
+
+
+def _stacked(widths: Sequence[int], keys: int, most: int) -> Iterator[list[int]]:
+    """The columns of each part."""
+    shown = list(range(keys))
+    for number in range(keys, len(widths)):
+        if len(shown) > keys and full(widths[k] for k in [*shown, number]) > most:
+            yield shown
+            shown = list(range(keys))
+        shown.append(number)
+    yield shown
+
+
+def _lines(
+    cells: Sequence[Sequence[str]], headings: Sequence[str], align: Sequence[str], widths: Sequence[int]
+) -> Iterator[str]:
+    """Headings, rules and rows, every one of as many lines as its highest cell."""
+    for row in (headings, ["-" * width for width in widths], *cells):
+        pieces = [_pieces(cell, width) for cell, width in zip(row, widths, strict=True)]
+        for number in range(max(map(len, pieces))):
+            line = (own[number] if number < len(own) else "" for own in pieces)
+            whole = (padded(cell, width, side) for cell, width, side in zip(line, widths, align, strict=True))
+            yield (" " * GAP).join(whole).rstrip()
+
+
+def _pieces(cell: str, width: int) -> list[str]:
+    """The lines of a cell, a word longer than its column being broken."""
+    if breadth(cell) <= width:
+        return [cell]
+    return [piece for line in filled(cell, width) for piece in _cut(line, width)]
+
+
+def _cut(line: str, width: int) -> Iterator[str]:
+    start = used = 0
+    for at, letter in enumerate(line):
+        wide = breadth(letter)
+        if used + wide > width and at > start:
+            yield line[start:at]
+            start, used = at, 0
+        used += wide
+    yield line[start:]
 
 
 def as_csv(records: Sequence[dict[str, Any]]) -> str:

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modes import UNCERTAIN, Modes
-from modal.report import Displayed
+from modal.report import Displayed, aligned
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
@@ -128,22 +128,15 @@ class Gains(Displayed):
         return f"{'grows' if value.real > 0 else 'decays'} {abs(value):.6g} 1/s"
 
     def _grid(self, side: Side) -> str:
-        lines = [
-            [
-                "fixed-base mode" if self.held else "mode",
-                "ω (rad/s)",
-                "multiplicity",
-                side.verb,
-                *(signal.name for signal in side.signals),
-            ]
-        ]
+        several = any(len(part) > 1 for part in side.parts)
+        mode = "fixed-base mode" if self.held else "mode"
+        headings = [mode, "ω (rad/s)", *["multiplicity"] * several, side.verb, *(one.name for one in side.signals)]
+        rows = []
         for number, (words, shares) in enumerate(zip(side.words, side.relative.tolist(), strict=True)):
             cells = (f"{w} {share:.2g}" if w == side.verb else w for w, share in zip(words, shares, strict=True))
-            fold = len(side.parts[number])
-            lines.append([f"{number + 1}", self._rate(number), f"{fold}", f"{side.copies[number]}", *cells])
-        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-        padded = ([cell.rjust(width) for cell, width in zip(line, widths, strict=True)] for line in lines)
-        return "\n".join("  ".join(line) for line in padded)
+            fold = [f"{len(side.parts[number])}"] * several
+            rows.append([f"{number + 1}", self._rate(number), *fold, f"{side.copies[number]}", *cells])
+        return aligned(rows, headings, ["right"] * len(headings))
 
 
 def modal_gains(modes: Modes, model: StateSpace) -> Gains:

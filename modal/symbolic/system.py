@@ -25,7 +25,7 @@ import sympy as sp
 from modal import pair
 from modal.errors import SceneError
 from modal.exact import exact, exact_links
-from modal.scene import Cart, Pendulum, Scene, refuse_motion, unsupported
+from modal.scene import Cart, Pendulum, Scene, refuse_motion, title_of, unsupported
 from modal.symbolic.lagrange import Coordinate, coordinate
 
 SYMBOLIC = ("masses", "lengths", "gravity", "cart")
@@ -218,7 +218,7 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
         mass = _symbol("m_c") if "cart" in symbolic else _rational(scene.support.mass)
         support = SymbolicCart(mass, _rational(scene.support.damping), _rational(scene.support.stiffness))
     gravity = _gravity() if "gravity" in symbolic else _rational(scene.gravity)
-    return SymbolicSystem(scene.title or "The scene", gravity, chains, support, scene.space == "space")
+    return SymbolicSystem(title_of(scene), gravity, chains, support, scene.space == "space")
 
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:

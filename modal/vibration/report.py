@@ -10,6 +10,7 @@ import numpy as np
 
 from modal.modes import Modes
 from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
+from modal.scene import title_of
 from modal.types import Floats
 from modal.vibration.random import RandomResponse
 from modal.vibration.shock import ShockResponse
@@ -105,7 +106,7 @@ def _random_text(found: RandomResponse) -> str:
         grid(white, headings),
         *found.words,
     ]
-    return titled(found.modes.scene.title, f"random vibration, from the PSD of the support's {of}", parts, "text")
+    return titled(title_of(found.modes.scene), f"random vibration, from the PSD of the support's {of}", parts, "text")
 
 
 def shock_report(found: ShockResponse, form: str = "text") -> str:
@@ -197,7 +198,7 @@ def _shock_text(found: ShockResponse) -> str:
         grid(rows, modes),
         *_notes(found),
     ]
-    return titled(found.modes.scene.title, "response to the record", parts, "text")
+    return titled(title_of(found.modes.scene), "response to the record", parts, "text")
 
 
 def _notes(found: ShockResponse) -> Sequence[str]:

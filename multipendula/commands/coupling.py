@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from multipendula.command import Command
-from multipendula.commands.shared import drawn, picture
-from multipendula.options import add_format, add_picture, add_scene
+from multipendula.commands.shared import draw_in, picture, say
+from multipendula.options import add_format, add_report, add_scene
 from multipendula.parser import Page
 
 
@@ -16,20 +15,17 @@ def explain(options: argparse.Namespace) -> None:
     from modal.coupling import coupling_report, explain
     from modal.scene import load
 
-    kind = picture(options.output) if options.output else ""
+    if options.output:
+        picture(options.output)
     coupling = explain(load(options.scene))
-    if kind:
-        from modal.plotting import draw_coupling
-
-        with drawn(options.output, options.theme) as stream:
-            draw_coupling(coupling, stream, kind)
-    sys.stdout.write(coupling_report(coupling, options.format))
+    draw_in(options, options.output, "modal.plotting", "draw_coupling", coupling)
+    say(coupling_report(coupling, options.format), options.format)
 
 
 def _explain_arguments(page: Page) -> None:
     add_scene(page)
     add_format(page, ("text", "markdown", "json"))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "markdown", "json"))
 
 
 COMMANDS = (

@@ -16,6 +16,7 @@ TARGETS = ("chain:", "cart:", "paper:000", "paper:001", "paper:002")
 def derive(options: argparse.Namespace) -> None:
     """Derive equations of motion, matrices, eigen-polynomial and modes in symbols."""
     from modal.errors import SceneError
+    from modal.report import folded
     from modal.symbolic import derivation, typesetting
     from modal.symbolic.papers import catalogue
 
@@ -31,7 +32,8 @@ def derive(options: argparse.Namespace) -> None:
         title = system.title
         sections = list(derivation.derive(system, show or derivation.SECTIONS, scene and small_swings(scene)))
     with output(options.output) as write:
-        write(typesetting.typeset(title, sections, options.format))
+        text = typesetting.typeset(title, sections, options.format)
+        write(folded(text) if options.format == "text" else text)
 
 
 def _derive_arguments(page: Page) -> None:
@@ -61,12 +63,13 @@ def _derive_arguments(page: Page) -> None:
 def enclose(options: argparse.Namespace) -> None:
     """Print a proved enclosure of every natural frequency, to any number of digits."""
     from modal.exact import enclose
+    from modal.report import folded
     from modal.scene import load
 
     with output(options.output) as write, bar(1.0, "scene") as report:
         for row in enclose(small_swings(load(options.scene)), options.digits, report):
             folds = f", {row.multiplicity}-fold" if row.multiplicity > 1 else ""
-            write(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}\n")
+            write(folded(f"{row.low} <= omega <= {row.high} rad/s  {row.label}{folds}") + "\n")
 
 
 def _enclose_arguments(page: Page) -> None:

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import prod
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, estimate_of, in_a_folder, picture
+from multipendula.commands.runs import start_of
+from multipendula.commands.shared import bar, draw_in, estimate_of, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
     add_covariance,
     add_duration,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_words,
     number,
@@ -25,6 +25,9 @@ from multipendula.options import (
 )
 from multipendula.parser import Page
 
+if TYPE_CHECKING:
+    from modal.scene import Scene
+
 FORMATS = ("text", "csv", "json")
 ENGINES = ("auto", "numpy", "numba", "heyoka", "simulate")
 RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
@@ -32,19 +35,14 @@ RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
 
 def basins(options: argparse.Namespace) -> None:
     """Map which motion each start of a grid ends in: a rhythm, the first turn over the top, or an exponent."""
-    from modal.scene import load
     from nonlinear.ensembles import basins_table, find_basins, grid_of
 
-    kind, scene = _kind(options), load(options.scene)
+    scene = _scene(options)
     axes = grid_of(scene, options.vary or ())
     with _engine(options, prod(len(axis.values) for axis in axes)) as more:
         found = find_basins(scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more)
-    sys.stdout.write(basins_table(found, options.format))
-    if options.output:
-        from nonlinear.plotting import draw_basins
-
-        with drawn(options.output, options.theme) as stream:
-            draw_basins(found, stream, kind)
+    say(basins_table(found, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_basins", found)
 
 
 def _basins_arguments(page: Page) -> None:
@@ -58,24 +56,19 @@ def _basins_arguments(page: Page) -> None:
     words = "keep finished chunks in this folder, and go on there after an interruption"
     page.written.add_argument("--folder", metavar="FOLDER", help=words)
     add_format(page, FORMATS)
-    add_picture(page, "--output", "-o")
+    add_report(page, FORMATS)
 
 
 def section(options: argparse.Namespace) -> None:
     """Compute the Poincaré section of a scene at an energy, from many motions."""
-    from modal.scene import load
     from nonlinear.ensembles import find_section, section_table
 
-    kind, scene = _kind(options), load(options.scene)
+    scene = _scene(options)
     orbits = options.orbits or 24
     with _engine(options, orbits) as more:
         found = find_section(scene, options.duration, energy=options.energy, at=options.at, orbits=orbits, **more)
-    sys.stdout.write(section_table(found, options.format))
-    if options.output:
-        from nonlinear.plotting import draw_section
-
-        with drawn(options.output, options.theme) as stream:
-            draw_section(found, stream, kind)
+    say(section_table(found, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_section", found)
 
 
 def _section_arguments(page: Page) -> None:
@@ -88,29 +81,27 @@ def _section_arguments(page: Page) -> None:
     add_duration(page, "of each (default 200 sqrt(l/g))")
     _add_engine(page)
     add_format(page, FORMATS)
-    add_picture(page, "--output", "-o")
+    add_report(page, FORMATS)
     page.rephrase(r"no pendulum has a start: .*", "this scene has no start: give --energy")
 
 
 def spread(options: argparse.Namespace) -> None:
     """Propagate tolerances of a scene's numbers to its frequencies and its motion by Monte Carlo."""
     from modal.errors import SceneError
-    from modal.scene import load
     from nonlinear.ensembles import find_spread, spread_table
 
-    kind, scene = _kind(options), load(options.scene)
+    scene = _scene(options)
     members, seed = options.members or 1000, options.seed or 5
     with _engine(options, members) as more:
         more["estimate"] = estimate_of(scene, options.covariance)
         if more["estimate"] is None and not options.tolerance:
             raise SceneError(["spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"])
-        found = find_spread(scene, options.tolerance or (), options.duration, members=members, seed=seed, **more)
-    sys.stdout.write(spread_table(found, options.format))
-    if options.output:
-        from nonlinear.plotting import draw_spread
-
-        with drawn(options.output, options.theme) as stream:
-            draw_spread(found, stream, kind)
+        start = start_of(scene, None) if options.duration else None
+        found = find_spread(
+            scene, options.tolerance or (), options.duration, members=members, seed=seed, start=start, **more
+        )
+    say(spread_table(found, options.format), options.format)
+    draw_in(options, options.output, "nonlinear.plotting", "draw_spread", found)
 
 
 def _spread_arguments(page: Page) -> None:
@@ -127,7 +118,7 @@ def _spread_arguments(page: Page) -> None:
     add_duration(page, "of the motion, from the scene's own start (default: frequencies only)")
     _add_engine(page)
     add_format(page, FORMATS)
-    add_picture(page, "--output", "-o")
+    add_report(page, FORMATS)
     page.rephrase(r"members (\d+): must be", r"--members \1: must be")
 
 
@@ -142,9 +133,14 @@ def _joules(text: str) -> float:
     return value
 
 
-def _kind(options: argparse.Namespace) -> str:
+def _scene(options: argparse.Namespace) -> Scene:
+    """The scene, once the picture's name is right."""
+    from modal.scene import load
+
     in_a_folder(options.output)
-    return picture(options.output) if options.output else ""
+    if options.output:
+        picture(options.output)
+    return load(options.scene)
 
 
 def _add_engine(page: Page) -> None:

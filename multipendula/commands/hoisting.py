@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import drawn, picture, small_swings
-from multipendula.options import add_format, add_picture, add_scene, number, whole
+from multipendula.commands.shared import drawn, picture, say, small_swings
+from multipendula.options import add_format, add_report, add_scene, number, whole
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -24,18 +23,18 @@ def hoist(options: argparse.Namespace) -> None:
     from modal.scene import load
     from modal.statespace.hoisting import frequencies_along
 
-    form = picture(options.file) if options.file else ""
+    form = picture(options.output) if options.output else ""
     alone = [name for name in TRAVEL if getattr(options, name) is not None and options.travel is None]
     if alone:
         raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
     scene = small_swings(load(options.scene))
     found = frequencies_along(scene, options.samples, options.drive)
     left = _left(scene, options) if options.travel else ()
-    sys.stdout.write(_written(found, left, options))
-    if options.file:
+    say(_written(found, left, options), options.format)
+    if options.output:
         from modal.plotting import draw_hoist
 
-        with drawn(options.file, options.theme) as stream:
+        with drawn(options.output, options.theme) as stream:
             draw_hoist(frequencies_along(scene, max(options.samples, 201), options.drive), stream, form)
 
 
@@ -53,6 +52,7 @@ def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespa
     from math import degrees
 
     from modal.report import as_csv, as_json, grid, short, titled
+    from modal.scene import title_of
 
     names = [f"length_{p + 1}_{i + 1}_m" for p, i in found.links]
     modes = found.names
@@ -85,7 +85,7 @@ def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespa
     table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
     words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
     lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
-    return titled(found.scene.title, "along the hoist", [table, words, "\n".join(lines)], "text")
+    return titled(title_of(found.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
 
 
 def _arguments(page: Page) -> None:
@@ -107,7 +107,7 @@ def _arguments(page: Page) -> None:
     page.rephrase(r"^travel:", "--travel:")
     page.rephrase(r"^samples (\S+):", r"--samples \1:")
     add_format(page, ("text", "csv", "json"))
-    add_picture(page, "-o", dest="file")
+    add_report(page, ("text", "csv", "json"))
 
 
 COMMANDS = (

@@ -6,13 +6,13 @@ import argparse
 import sys
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture, small_swings
+from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture, say, small_swings
 from multipendula.completion import files, places
 from multipendula.options import (
     PICTURES,
     add_file,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_theme,
     add_words,
@@ -69,7 +69,7 @@ def _fit_modes(options: argparse.Namespace) -> None:
 
         with drawn(options.picture, options.theme) as stream:
             draw_mode_fit(found, stream, kind)
-    sys.stdout.write(mode_fit_json(found) if options.format == "json" else mode_fit_text(found))
+    say(mode_fit_json(found) if options.format == "json" else mode_fit_text(found), options.format)
 
 
 def _fit_motions(options: argparse.Namespace) -> None:
@@ -105,9 +105,8 @@ def _fit_motions(options: argparse.Namespace) -> None:
 
         with drawn(options.picture, options.theme) as stream:
             draw_fit(found, stream, picture(options.picture, "--picture"))
-    sys.stdout.write(
-        fit_json(found, candidates, draws) if options.format == "json" else fit_text(found, candidates, draws)
-    )
+    told = fit_json if options.format == "json" else fit_text
+    say(told(found, candidates, draws), options.format)
 
 
 def _fit_arguments(page: Page) -> None:
@@ -172,7 +171,7 @@ def poles(options: argparse.Namespace) -> None:
 
         with drawn(options.output, options.theme) as stream:
             draw_poles(found, stream, kind, title)
-    sys.stdout.write(poles_table(found, options.format, title))
+    say(poles_table(found, options.format, title), options.format)
 
 
 def _poles_arguments(page: Page) -> None:
@@ -190,7 +189,7 @@ def _poles_arguments(page: Page) -> None:
     page.computed.add_argument("--order", metavar="N", type=whole(200), help=words)
     add_format(page, ("text", "csv", "json"))
     add_file(page, "--modes", words="write the modes as {}, for fit and mac", kinds=("csv",))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "csv", "json"))
 
 
 def mac(options: argparse.Namespace) -> None:
@@ -211,7 +210,7 @@ def mac(options: argparse.Namespace) -> None:
 
         with drawn(options.output, options.theme) as stream:
             draw_assurance(found, stream, kind)
-    sys.stdout.write(assurance_table(found, options.format))
+    say(assurance_table(found, options.format), options.format)
 
 
 def _mac_arguments(page: Page) -> None:
@@ -219,7 +218,7 @@ def _mac_arguments(page: Page) -> None:
     words = "measured modes, a CSV file with mode, frequency_hz, std_hz and columns theta_P_L and cart of the shapes"
     offer(page.asked.add_argument("data", metavar="MODES.csv", help=words), files((".csv",)))
     add_format(page, ("text", "csv", "json"))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "csv", "json"))
 
 
 COMMANDS = (

@@ -8,7 +8,7 @@ from typing import Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import recorded
-from multipendula.commands.shared import in_a_folder
+from multipendula.commands.shared import in_a_folder, say
 from multipendula.options import add_file, add_run
 from multipendula.parser import Page
 
@@ -31,7 +31,7 @@ def play(options: argparse.Namespace) -> None:
     with whole_file(options.output) as stream:
         stream.write(content)
     if options.output != STANDARD:
-        print(f"{visible(options.output)}: {len(content) / 1000:.0f} kB, open it in any browser")
+        say(f"{visible(options.output)}: {len(content) / 1000:.0f} kB, open it in any browser\n")
     if recording and recording["samples"] < recording["of"]:
         words = f"{recording['samples']} of {recording['of']} samples of the run are in the page"
         print(f"multipendula: {words}", file=sys.stderr)

@@ -20,6 +20,7 @@ from multipendula.options import (
     add_scene,
     add_text,
     add_theme,
+    add_words,
     number,
 )
 from multipendula.parser import Page
@@ -27,6 +28,14 @@ from multipendula.parser import Page
 if TYPE_CHECKING:
     from modal.modes import Mode, Modes
 
+ELSEWHERE = "--columns all shows every column, --format csv every digit"
+COLUMN_NAMES = (
+    *("mode", "omega_rad_per_s", "frequency_hz", "period_s", "damping_ratio", "growth_rate_per_s", "multiplicity"),
+    *("family", "cart_participation", "effective_mass_kg", "effective_mass_share", "fixed_base_effective_mass_kg"),
+    *("effective_mass_across_kg", "linear_to_1_percent_deg", "relative_error_bound", "participation_factor_per_m"),
+    *("cumulative_effective_mass_share", "cumulative_fixed_base_mass_share"),
+)
+"""The columns that can be printed, `printable` of `modal.modes.columns`, which the help page must not load."""
 LONG_TABLE = 2000
 LONG_CHAIN = 2000
 """Links of a scene of which only the modes that are shown are looked for."""
@@ -46,6 +55,7 @@ def table(options: argparse.Namespace) -> None:
         rows, starred = _by_orbits(modes, rows)
     with output(options.output) as write:
         more = {"shapes": options.shapes, "starred": starred, "amplitude_deg": options.amplitude, "stds": stds}
+        more |= {"chosen": options.columns or "", "elsewhere": ELSEWHERE, "sensitive": options.sensitivities}
         write(tables.table(modes, rows, options.format, **more))
     if options.explain:
         from modal.modes.solution_report import report_solution
@@ -81,6 +91,14 @@ def _table_arguments(page: Page) -> None:
     page.computed.add_argument("--amplitude", metavar="DEG", type=degrees, help=words)
     words = "where a mode is starred, take the 1 %% amplitude from its periodic orbits in the full equations"
     page.computed.add_argument("--orbits", action="store_true", help=words)
+    words = (
+        "print all columns or some, by their names in --format csv, or how these begin; after a + beside the usual "
+        "ones, as in +participation,cumulative"
+    )
+    add_words(page.written, "--columns", ("all", *COLUMN_NAMES), metavar="NAMES", help=words)
+    page.rephrase(r"^columns (?=\S*:)", "--columns ")
+    words = "add the sensitivity of every frequency to every number of the scene"
+    page.written.add_argument("--sensitivities", action="store_true", help=words)
     page.written.add_argument("--shapes", action="store_true", help="add mode shapes and energy shares (json only)")
     add_explain(page)
 
@@ -185,14 +203,17 @@ COMMANDS = (
         arguments=_table_arguments,
         details=(
             "One row per mode: frequency and period, multiplicity, description, participation of the cart, modal "
-            "effective mass, the angle up to which the linear frequency is accurate to 1 %, and a bound on the "
-            "relative error. Dampers and drag add damping ratios, an inverted equilibrium growth rates; dry friction "
-            "is left out, but for its damping ratio at an amplitude."
+            "effective mass (on a free cart with the cart held), the angle up to which the linear frequency is "
+            "accurate to 1 %, and a bound on the relative error. Dampers and drag add damping ratios, an inverted "
+            "equilibrium growth rates; dry friction is left out, but for its damping ratio at an amplitude. Columns "
+            "that say nothing about the scene are left out. A terminal too narrow for the others leaves out, in this "
+            "order, the bound, shares and masses, participation, multiplicity, period, 1 % angle and frequency in Hz, "
+            "and names them; a pipe or a file gets all."
         ),
         examples=(
             ("table paper-cart-2", "every mode of two double pendula on a cart"),
             ("table rope --modes 1:5", "the first five modes of a rope of 1000 links"),
-            ("table cart-upright", "growth rates about an inverted equilibrium"),
+            ("table crane-hook --columns +cumulative --sensitivities", "what a change of each number does"),
             ("table crane-hook --format latex -o crane.tex", "for a paper"),
             ("table paper-cart-2 --format json --shapes", "in full precision, with shapes and energy shares"),
         ),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import add_run_arguments, in_few_modes, run_of, shown_of, start_of, whole
-from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, picture
+from multipendula.commands.shared import bar, drawn, estimate_of, film_form, in_a_folder, picture, say
 from multipendula.options import (
     FILMS,
     PICTURES,
@@ -51,8 +51,8 @@ def simulate(options: argparse.Namespace) -> None:
     if options.output:
         recordings.save(trajectory, options.output)
     target = "standard output" if options.output == STANDARD else options.output
-    print(summary.text(trajectory))
-    print(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}" if options.output else ""))
+    say(f"{summary.text(trajectory)}\n")
+    say(f"computed in {spent:.3g} s" + (f", saved in {visible(target)}\n" if options.output else "\n"))
     if band is not None and not trajectory.run.interrupted:
         _print_band(options, *band)
     if options.explain:
@@ -87,14 +87,14 @@ def _print_band(options: argparse.Namespace, estimate: Estimate, kind: str) -> N
     from nonlinear.ensembles import find_spread, motion_words
 
     scene, duration = estimate.scene, options.duration or options.usual
-    start = start_of(scene, options.start)
+    start = start_of(scene, options.start, told=True)
     with bar(BAND_MEMBERS, "member") as report:
         found = find_spread(
             scene, (), duration, members=BAND_MEMBERS, estimate=estimate, start=start, report=report, check=0
         )
-    print(f"band of {found.size} members with {found.words}, from 5 to 95 %:\n{motion_words(found)}")
+    say(f"band of {found.size} members with {found.words}, from 5 to 95 %:\n{motion_words(found)}\n")
     if found.failures:
-        print(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
+        say(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}\n")
     if kind:
         from nonlinear.plotting import draw_spread
 
@@ -136,7 +136,7 @@ def animate(options: argparse.Namespace) -> None:
         shown = film(
             trajectory, stream, form, fps=options.fps, speed=options.speed, seconds=options.seconds, report=report
         )
-    print(f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion")
+    say(f"{shown.frames} frames, {shown.seconds:.3g} s of film for {shown.motion:.3g} s of motion\n")
     if shown.left_out > 0:
         print(f"multipendula: {shown.left_out:.3g} s of the run left out; --seconds or --speed", file=sys.stderr)
 

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of, whole
-from multipendula.commands.shared import bar, drawn, film_form, picture, validated
+from multipendula.commands.shared import bar, drawn, film_form, picture, say, validated
 from multipendula.completion import mode_numbers, places
 from multipendula.options import (
     FILMS,
     add_duration,
     add_file,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_start,
     number,
@@ -40,7 +40,7 @@ def orbits(options: argparse.Namespace) -> None:
     found = _mode(scene, options) if options.mode else _cycles(scene, options)
     if options.enter:
         found = (*found, *_entered(found))
-    sys.stdout.write(_told(scene, found, options))
+    say(_told(scene, found, options), options.format)
     if options.output:
         _draw(scene, found, options)
     if options.film:
@@ -64,7 +64,7 @@ def _orbits_arguments(page: Page) -> None:
     add_start(page, "with --vary, begin where a run from there has settled, instead of at predicted oscillations")
     add_duration(page, f"of that run (default: {LONG} periods of the slowest mode)")
     add_format(page, ("text", "csv", "json"))
-    add_picture(page, "--output", "-o")
+    add_report(page, ("text", "csv", "json"))
     add_file(page, "--film", words="a film of the last orbit beside the linear mode in {}", kinds=FILMS)
 
 

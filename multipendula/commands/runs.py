@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,12 @@ if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
     from nonlinear.system import State
 
+USUAL_DEG = 5.0
+"""Largest angle of a scene without a start."""
+START = (
+    "scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit) or "
+    "angles:A,B,... (deg, at rest)"
+)
 HOW = ("method", "form", "tolerance", "accuracy")
 
 
@@ -33,7 +40,7 @@ def add_run_arguments(page: Page, duration: float) -> None:
     add_run(page)
     add_duration(page, f"default {duration:g}")
     page.set_defaults(usual=duration)
-    add_start(page, "scene (default), mode:R:DEG, orbit:R:DEG (a periodic orbit) or angles:A,B,... (deg, at rest)")
+    add_start(page, START)
     methods = ("auto", "DOP853", "RK45", "RK23", "Radau", "BDF", "LSODA", "taylor")
     words = f"{', '.join(methods)} (default auto)"
     add_words(page.computed, "--method", methods, comma="", metavar="NAME", help=words)
@@ -121,14 +128,22 @@ def _unstarted(options: argparse.Namespace) -> None:
         raise SceneError(["--start: a saved run continues from its last state"])
 
 
-def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> State | None:
+def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False) -> State | None:
     """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
 
-    `undamped` selects the shape without dampers; R is the number in the table of the scene even then.
+    Without words a scene that has no start gets the first mode that swings; a note to standard error says so, unless
+    that has been `told`.  `undamped` selects the shape without dampers; R is the number in the table of the scene even
+    then.
     """
     from modal.errors import SceneError
     from nonlinear.system import initial as starts
 
+    if words is None and not scene.is_moved and not any(pendulum.start for pendulum in scene.pendulum):
+        words = _usual_start(scene, undamped=undamped)
+        number, _, degrees = words.removeprefix("mode:").partition(":")
+        note = f"the scene has no start: it begins in the shape of mode {number}, its largest angle {degrees}°"
+        if not told:
+            print(f"multipendula: {note} (--start {words})", file=sys.stderr)
     if words is None or words == "scene":
         return None
     kind, _, rest = words.partition(":")
@@ -145,6 +160,22 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False) -> Stat
             raise
     forms = "scene, mode:R:DEG such as mode:2:10, orbit:R:DEG, or angles:A,B,... in degrees"
     raise SceneError([f"--start {words}: must be {forms}"])
+
+
+def _usual_start(scene: Scene, *, undamped: bool) -> str:
+    """The first mode that swings, at a small angle; SceneError if there is none."""
+    import numpy as np
+
+    from modal.errors import SceneError
+    from modal.modes import UNCERTAIN, table_numbers
+    from nonlinear.integration import modes_of
+
+    modes = modes_of(scene.conservative if undamped else scene)
+    swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN)
+    numbers = table_numbers(scene)[swings] if undamped else 1 + np.flatnonzero(swings)
+    if not numbers.size:
+        raise SceneError(["no pendulum has a start, and no mode swings: give --start angles:10,20,... in degrees"])
+    return f"mode:{numbers.min()}:{USUAL_DEG:g}"
 
 
 def _on_orbit(scene: Scene, number: int, degrees: float) -> State:

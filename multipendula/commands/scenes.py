@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import sys
 
 from multipendula import completion as completing
 from multipendula.command import Command
-from multipendula.options import offer
+from multipendula.commands.shared import output
+from multipendula.options import add_text, offer
 from multipendula.parser import Page
 
 SHELLS = ("bash", "zsh", "fish", "powershell")
@@ -15,20 +15,23 @@ SHELLS = ("bash", "zsh", "fish", "powershell")
 
 def scenes(options: argparse.Namespace) -> None:
     """List the shipped scenes, or print one of them."""
+    from modal.report import folded
     from modal.scene import files
 
-    if options.name:
-        sys.stdout.write(files.example_text(options.name))
-        return
     names = files.example_names()
     width = max(map(len, names))
-    for name in names:
-        print(f"{name:<{width}}  {files.load(name).title}")
+    with output(options.output) as write:
+        if options.name:
+            write(files.example_text(options.name))
+            return
+        for name in names:
+            write(folded(f"{name:<{width}}  {files.load(name).title}") + "\n")
 
 
 def _scenes_arguments(page: Page) -> None:
     name = page.asked.add_argument("name", nargs="?", metavar="NAME", help="print this scene's file")
     offer(name, completing.names)
+    add_text(page)
 
 
 def schema(options: argparse.Namespace) -> None:
@@ -36,22 +39,25 @@ def schema(options: argparse.Namespace) -> None:
     from modal.report import as_json
     from modal.scene import files
 
-    sys.stdout.write(as_json(files.schema()))
+    with output(options.output) as write:
+        write(as_json(files.schema()))
 
 
 def _schema_arguments(page: Page) -> None:
-    """None."""
+    add_text(page)
 
 
 def completion(options: argparse.Namespace) -> None:
     """Print the script with which a shell completes this command."""
     from argcomplete.shell_integration import shellcode
 
-    print(shellcode(["multipendula"], shell=options.shell))
+    with output(options.output) as write:
+        write(shellcode(["multipendula"], shell=options.shell) + "\n")
 
 
 def _completion_arguments(page: Page) -> None:
     page.asked.add_argument("shell", choices=SHELLS)
+    add_text(page)
 
 
 COMMANDS = (

@@ -17,14 +17,22 @@ if TYPE_CHECKING:
 
 @contextmanager
 def output(path: str | None) -> Iterator[Callable[[str], object]]:
-    """A function that writes text to a file, or to standard output if there is none."""
-    if path is None:
-        yield sys.stdout.write
-        return
-    from modal.scene import whole_file
+    """A function that writes text to a file, as wide as it is, or to standard output if there is none or for "-"."""
+    from modal.report import fitted
+    from modal.scene import STANDARD, whole_file
 
-    with whole_file(path) as stream:
+    if path is None or path == STANDARD:
+        yield getattr(sys.stdout, "output", sys.stdout).write
+        return
+    with fitted(None), whole_file(path) as stream:
         yield lambda text: stream.write(text.encode())
+
+
+def say(text: str, form: str = "text") -> None:
+    """Print what a command says, lines of text folded to fit the terminal."""
+    from modal.report import folded
+
+    sys.stdout.write(folded(text) if form == "text" else text)
 
 
 @contextmanager
@@ -35,6 +43,15 @@ def drawn(name: str, theme: str) -> Iterator[IO[bytes]]:
 
     with pictures.theme(theme), files.whole_file(name) as stream:
         yield stream
+
+
+def draw_in(options: argparse.Namespace, name: str | None, room: str, figure: str, found: object) -> None:
+    """Draw what was `found` in a file, if there is one, by the function `figure` of a room of figures."""
+    if name:
+        from importlib import import_module
+
+        with drawn(name, options.theme) as stream:
+            getattr(import_module(room), figure)(found, stream, picture(name))
 
 
 def picture(name: str, option: str = "-o", kinds: Sequence[str] = PICTURES) -> str:
@@ -51,14 +68,14 @@ def film_form(name: str, option: str = "-o") -> str:
     return kind_of(name, FILMS, f"{option} ")
 
 
-def in_a_folder(path: str | None) -> None:
+def in_a_folder(path: str | None, option: str = "-o") -> None:
     """SceneError if the folder of an output file does not exist, before anything is computed."""
     from pathlib import Path
 
     from modal.errors import SceneError
 
     if path and not Path(path).absolute().parent.is_dir():
-        raise SceneError([f"-o {path}: there is no folder {Path(path).parent}"])
+        raise SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
 
 
 def validated(options: argparse.Namespace, image: str | None, fitting: Callable[[], None]) -> Scene:

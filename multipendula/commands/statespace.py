@@ -4,13 +4,25 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from modal.exports import FORMATS
 from multipendula.command import Command
-from multipendula.commands.shared import drawn, estimate_of, listed, picture, small_swings
-from multipendula.completion import files
-from multipendula.options import add_covariance, add_format, add_picture, add_scene, add_words, number, offer, whole
+from multipendula.commands.shared import drawn, estimate_of, listed, output, picture, say, small_swings
+from multipendula.completion import Completer, files
+from multipendula.options import (
+    PICTURES,
+    add_covariance,
+    add_format,
+    add_scene,
+    add_text,
+    add_theme,
+    add_words,
+    endings,
+    number,
+    offer,
+    whole,
+)
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
@@ -18,13 +30,22 @@ if TYPE_CHECKING:
     from modal.statespace import StateSpace
     from modal.statespace.varying import VaryingModel
 
+OUTPUTS = (
+    *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
+    *("joint_positions", "tip_positions", "tip_accelerations", "pivot_forces"),
+)
+"""The groups of outputs of a model."""
+
 
 def export(options: argparse.Namespace) -> None:
     """Write a state-space model for control software, a simulator or a controller."""
+    from modal.errors import SceneError
     from modal.exports import format_named
     from modal.scene import whole_file
 
     target = format_named(options.to)
+    if options.file is None:
+        raise SceneError(["-o FILE: is required"])
     scene = _scene(options)
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
@@ -51,7 +72,7 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
     asked = [name for name in ("discrete", "minimal", "modes") if getattr(options, name)]
     if asked:
         raise SceneError([f"--{name}: needs constant lengths, and this scene has a hoist" for name in asked])
-    return varying_model(scene, None, listed(options.input), listed(options.output))
+    return varying_model(scene, None, listed(options.input), listed(options.signals))
 
 
 def _export_arguments(page: Page) -> None:
@@ -63,7 +84,7 @@ def _export_arguments(page: Page) -> None:
     words = "the file to write, or - for standard output"
     page.rephrase(r"^format (\S+):", r"--to \1:")
     page.rephrase(r"a C header needs a sampled model", "--to c needs --discrete SECONDS")
-    offer(page.written.add_argument("-o", dest="file", metavar="FILE", required=True, help=words), files(()))
+    _add_file(page, words, files(()), required=True)
     seconds = number("seconds above 0")
     words = "discretize with this time step, inputs held (zero-order hold)"
     page.asked.add_argument("--discrete", metavar="SECONDS", type=seconds, help=words)
@@ -80,12 +101,15 @@ def gains(options: argparse.Namespace) -> None:
     from modal.statespace import modal_gains
 
     scene = _scene(options)
-    print(modal_gains(natural_modes(scene), _model(scene, options)).text())
+    gains = modal_gains(natural_modes(scene), _model(scene, options))
+    with output(options.file) as write:
+        write(gains.text() + "\n")
 
 
 def _gains_arguments(page: Page) -> None:
     add_scene(page)
     _add_signals(page)
+    _add_file(page, "write to this file instead of standard output (-)", files(()))
 
 
 def response(options: argparse.Namespace) -> None:
@@ -123,7 +147,7 @@ def response(options: argparse.Namespace) -> None:
     if options.at:
         every = chosen or list(range(len(outputs)))
         spread = None if std is None else std(2 * pi * np.asarray(options.at))
-        sys.stdout.write(response_table(form, options.at, at, every, options.format, spread))
+        say(response_table(form, options.at, at, every, options.format, spread), options.format)
     if options.file:
         from modal.plotting import draw_bode, draw_impulse
 
@@ -138,7 +162,8 @@ def _response_arguments(page: Page) -> None:
     add_scene(page)
     add_covariance(page, "adds standard deviations of magnitudes, in the picture a band of two to either side")
     _add_signals(page)
-    add_picture(page, "-o", dest="file")
+    _add_file(page, "a .png, .svg or .pdf file, or - for standard output", files(endings(PICTURES)))
+    add_theme(page)
     words = "print magnitude and phase at these frequencies in Hz, separated by commas"
     page.asked.add_argument("--at", metavar="HERTZ", type=_frequencies, help=words)
     add_format(page, ("text", "csv", "json"), help="of what --at prints")
@@ -155,7 +180,7 @@ def _frequencies(text: str) -> list[float]:
 
 def shaper(options: argparse.Namespace) -> None:
     """Print an input shaper that suppresses residual swing in the slowest modes of a crane."""
-    from modal.report import csv_rows
+    from modal.report import csv_rows, folded
     from modal.scene import load
     from modal.statespace import shaper_for, swing_words
 
@@ -163,20 +188,20 @@ def shaper(options: argparse.Namespace) -> None:
     estimate = estimate_of(scene, options.covariance)
     step, tolerance = options.discrete or 0.0, options.tolerance / 100
     found = shaper_for(scene, options.count, options.kind, options.drive, step=step, tolerance=tolerance)
-    for words in swing_words(scene, options.count, options.drive):
-        print(f"# {words}")
+    remarks = list(swing_words(scene, options.count, options.drive))
     if estimate is not None:
         from modal.identification import shaped_modes
 
-        for number, left in enumerate(shaped_modes(found, estimate, options.drive, options.count), 1):
-            print(f"# {left.words(number)}")
+        shaped = shaped_modes(found, estimate, options.drive, options.count)
+        remarks += [left.words(number) for number, left in enumerate(shaped, 1)]
     if scene.is_hoisted:
         from modal.statespace.hoisting import residual_words
 
-        for words in residual_words(scene, options.count, options.kind, options.drive, found):
-            print(f"# {words}")
+        remarks += residual_words(scene, options.count, options.kind, options.drive, found)
     impulses = zip(found.times.tolist(), found.amplitudes.tolist(), strict=True)
-    sys.stdout.write(csv_rows([("time_s", "amplitude"), *impulses]))
+    with output(options.output) as write:
+        write("".join(folded(f"# {words}", mark="# ") + "\n" for words in remarks))
+        write(csv_rows([("time_s", "amplitude"), *impulses]))
 
 
 def _shaper_arguments(page: Page) -> None:
@@ -195,18 +220,39 @@ def _shaper_arguments(page: Page) -> None:
     drives = ("cart_acceleration", "cart_velocity", "cart_force")
     words = "what moves the cart: cart_acceleration (default), cart_velocity or cart_force"
     page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
+    add_text(page)
+
+
+class _Output(argparse.Action):
+    """The file to write; --output with names of signals, its former meaning, still chooses these."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> None:
+        """Keep the file or the signals."""
+        if option_string == "-o" or not set(listed(values)) & set(OUTPUTS):
+            namespace.file = values
+            return
+        namespace.signals = values
+        note = "--output WORDS is deprecated: it is now --signals WORDS, and --output is the file to write"
+        namespace.former = [*getattr(namespace, "former", ()), note]
+
+
+def _add_file(page: Page, words: str, completer: Completer, **more: Any) -> None:
+    """The main file of these commands, whose --output once was what --signals is."""
+    action = page.written.add_argument(
+        "--output", "-o", dest="file", action=_Output, metavar="FILE", help=words, **more
+    )
+    offer(action, completer)
 
 
 def _add_signals(page: Page) -> None:
     """The groups of inputs and outputs of a model."""
-    page.rephrase(r"^(input|output)(?=[ :])", r"--\1")
+    page.rephrase(r"^input(?=[ :])", "--input")
+    page.rephrase(r"^output(?=[ :])", "--signals")
     inputs = (
         *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
         *("support_displacement", "support_velocity", "support_acceleration"),
-    )
-    outputs = (
-        *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
-        *("joint_positions", "tip_positions", "tip_accelerations", "pivot_forces"),
     )
     words = (
         "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
@@ -217,7 +263,7 @@ def _add_signals(page: Page) -> None:
         "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
         "tip_positions, tip_accelerations, pivot_forces"
     )
-    add_words(page.asked, "--output", outputs, metavar="WORDS", help=words)
+    add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
 
 
 def _scene(options: argparse.Namespace) -> Scene:
@@ -230,7 +276,7 @@ def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
     """The model with the inputs and outputs, and the reduction, given by the options."""
     from modal.statespace import state_space
 
-    inputs, outputs = listed(options.input), listed(options.output)
+    inputs, outputs = listed(options.input), listed(options.signals)
     count = getattr(options, "modes", None)
     if not getattr(options, "minimal", False) and count is None:
         return state_space(scene, inputs, outputs)
@@ -260,7 +306,7 @@ COMMANDS = (
                 "for python-control, with prescribed cart motion",
             ),
             (
-                "export crane-hook --to c --discrete 0.01 --input cart_acceleration --output angles -o crane.h",
+                "export crane-hook --to c --discrete 0.01 --input cart_acceleration --signals angles -o crane.h",
                 "for a controller that samples at 100 Hz",
             ),
             ("export paper-cart-3 --to json --minimal -o small.json", "the controllable part: 6 states of 14"),
@@ -277,7 +323,7 @@ COMMANDS = (
         ),
         examples=(
             ("gains crane-two-loads", "how well a force on the trolley reaches each mode"),
-            ("gains crane-two-loads --output cart_position", "which modes the trolley's position alone observes"),
+            ("gains crane-two-loads --signals cart_position", "which modes the trolley's position alone observes"),
         ),
     ),
     Command(

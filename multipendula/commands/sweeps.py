@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
-from multipendula.commands.shared import bar, drawn, in_a_folder, picture
+from multipendula.commands.shared import bar, drawn, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import RUNS, add_file, add_picture, add_scene, add_words, offer, whole
 from multipendula.parser import Page
@@ -78,7 +78,7 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         if len(found.failures) == study.size:
             kept.finish()
             raise ComputationError("\n".join(["every point of the sweep failed", *reasons(found)]))
-        sys.stdout.write(sweep_text(found))
+        say(sweep_text(found))
         if found.interrupted:
             if _has_journal(options):
                 print(f"repeat the command to resume from {visible(options.output)}.journal", file=sys.stderr)
@@ -137,7 +137,7 @@ def _loci(options: argparse.Namespace, kind: str) -> None:
     scene, (variation,) = load(options.scene), parse_variations(options.vary)
     with bar(len(variation.values), "value") as report:
         found = follow_loci(scene, variation, report)
-    sys.stdout.write(loci_text(found))
+    say(loci_text(found))
     if options.output:
         with whole_file(options.output) as stream:
             stream.write(loci_csv(found).encode())

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING
 
 from multipendula.command import Command
 from multipendula.commands.runs import start_of
-from multipendula.commands.shared import bar, drawn, film_form, picture, validated
+from multipendula.commands.shared import bar, drawn, film_form, picture, say, validated
 from multipendula.completion import places
 from multipendula.options import (
     FILMS,
+    Former,
     add_duration,
     add_file,
     add_format,
-    add_picture,
+    add_report,
     add_scene,
     add_start,
     offer,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 def sync(options: argparse.Namespace) -> None:
     """Predict which mode survives in a scene with drives, simulate it, and measure which pendula synchronize."""
-    scene = validated(options, options.picture, lambda: _fitting(options))
+    scene = validated(options, options.output, lambda: _fitting(options))
     (_branches if options.vary else _run)(scene, options)
 
 
@@ -41,7 +42,7 @@ def _sync_arguments(page: Page) -> None:
     words = "follow every steady oscillation along one number instead, such as support.mass=1:100:30log"
     offer(page.asked.add_argument("--vary", metavar="PLACE=VALUES", help=words), places)
     add_format(page, ("text", "json", "csv"), help="csv with --vary only")
-    add_picture(page, "--picture", "-o")
+    add_report(page, ("text", "json", "csv"), "--output", "-o", "--picture", action=Former)
     add_file(page, "--film", words="a stroboscopic film in {}", kinds=FILMS)
 
 
@@ -68,9 +69,9 @@ def _run(scene: Scene, options: argparse.Namespace) -> None:
     start = start_of(scene, options.start, undamped=True)
     with bar(1.0, "run") as report:
         found = study_synchronization(scene, options.duration, start=start, report=lambda now, end: report(now / end))
-    sys.stdout.write(_told(found, options.format))
-    if options.picture:
-        _draw(found, options.picture, options.theme)
+    say(_told(found, options.format), options.format)
+    if options.output:
+        _draw(found, options.output, options.theme)
     if options.film:
         _film(found, options.film, options.theme)
 
@@ -105,12 +106,12 @@ def _branches(scene: Scene, options: argparse.Namespace) -> None:
     (variation,) = parse_variations([options.vary])
     with bar(0, "branch") as report:
         found = follow_branches(scene, variation, report)
-    sys.stdout.write(branches_csv(found) if options.format == "csv" else branches_text(found))
-    if options.picture:
+    say(branches_csv(found) if options.format == "csv" else branches_text(found), options.format)
+    if options.output:
         from nonlinear.plotting import draw_branches
 
-        with drawn(options.picture, options.theme) as stream:
-            draw_branches(found, stream, picture(options.picture))
+        with drawn(options.output, options.theme) as stream:
+            draw_branches(found, stream, picture(options.output))
 
 
 COMMANDS = (

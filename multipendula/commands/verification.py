@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.command import Command
 from multipendula.commands.runs import recorded, start_of, whole
-from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture
+from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture, say
 from multipendula.options import (
     REPORTS,
     add_accuracy,
@@ -17,7 +16,7 @@ from multipendula.options import (
     add_format,
     add_modes,
     add_motion,
-    add_picture,
+    add_report,
     add_samples,
     add_scene,
     add_start,
@@ -39,7 +38,7 @@ def check(options: argparse.Namespace) -> None:
 
     kind, scene = _kind(options), load(_scene(options))
     found, table, draw = _general(options, scene) if options.general else _mode_by_mode(options, scene)
-    sys.stdout.write(table(found, options.format))
+    say(table(found, options.format), options.format)
     if getattr(found, "interrupted", False):
         raise KeyboardInterrupt
     if options.output:
@@ -57,7 +56,7 @@ def _check_arguments(page: Page) -> None:
     add_start(page, "with --general, as in simulate")
     add_duration(page, "with --general")
     add_format(page, REPORTS)
-    add_picture(page, "--output", "-o")
+    add_report(page, REPORTS)
 
 
 def _mode_by_mode(options: argparse.Namespace, scene: Scene) -> tuple[Any, Any, Any]:
@@ -114,7 +113,7 @@ def chaos(options: argparse.Namespace) -> None:
     """Measure the largest Lyapunov exponent, or test what paper 000 or 001 claims about it."""
     kind = _kind(options)
     text, draw = _claims(options) if options.scene.startswith("paper:") else _exponent(options)
-    print(text)
+    say(f"{text}\n")
     if options.output:
         with drawn(options.output, options.theme) as stream:
             draw(stream, kind)
@@ -126,7 +125,7 @@ def _chaos_arguments(page: Page) -> None:
     words = "number of starts (default 16)"
     page.asked.add_argument("--ensemble", metavar="E", type=whole_number(10_000), help=words)
     page.asked.add_argument("--quick", action="store_true", help="a shorter version of a paper's study")
-    add_picture(page, "--output", "-o")
+    add_report(page)
 
 
 Drawn = tuple[str, Callable[[IO[bytes], str], None]]
@@ -142,7 +141,8 @@ def _exponent(options: argparse.Namespace) -> Drawn:
     scene = load(_scene(options))
     duration = options.duration or usual_duration(scene)
     with bar((1 + TRANSIENT) * duration) as report:
-        found = lyapunov_exponent(scene, duration, ensemble=options.ensemble or 16, report=report)
+        members, start = options.ensemble or 16, start_of(scene, None)
+        found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=report)
 
     def draw(stream: IO[bytes], kind: str) -> None:
         from nonlinear.plotting import draw_running
@@ -150,7 +150,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
         draw_running(found, stream, kind=kind)
 
     if found.interrupted:
-        print(found.text())
+        say(f"{found.text()}\n")
         raise KeyboardInterrupt
     return found.text(), draw
 
@@ -183,7 +183,7 @@ def tradeoff(options: argparse.Namespace) -> None:
     start = start_of(scene, options.start)
     with bar(len(list_candidates(scene)) + 1, "candidate") as report:
         found = compared(scene, options.duration, start=start, report=report)
-    sys.stdout.write(tradeoff_table(found, options.format))
+    say(tradeoff_table(found, options.format), options.format)
     if found.interrupted:
         raise KeyboardInterrupt
     if options.output:
@@ -198,7 +198,7 @@ def _tradeoff_arguments(page: Page) -> None:
     add_start(page)
     add_duration(page, "default 10", 10.0)
     add_format(page, REPORTS)
-    add_picture(page, "--output", "-o")
+    add_report(page, REPORTS)
 
 
 def advise(options: argparse.Namespace) -> None:
@@ -219,7 +219,7 @@ def advise(options: argparse.Namespace) -> None:
     )
     with bar(options.duration) as report:
         advice = advised(scene, options.duration, options.accuracy, start=start, output=options.samples, report=report)
-    sys.stdout.write(advice_table(advice, options.format))
+    say(advice_table(advice, options.format), options.format)
     if options.output:
         recordings.save(advice.certain, options.output)
     whole(certain(advice))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.shared import drawn, listed, output, picture, small_swings
+from multipendula.commands.shared import draw_in, listed, output, picture, small_swings
 from multipendula.completion import files
 from multipendula.options import add_format, add_picture, add_scene, add_text, add_words, offer
 from multipendula.parser import Page
@@ -25,15 +26,10 @@ def vibration(options: argparse.Namespace) -> None:
     from modal.scene.records import read_spectrum
     from modal.vibration import random_report, random_response
 
-    kind, scene = picture(options.picture, "--picture") if options.picture else "", _scene(options)
-    found = random_response(scene, read_spectrum(options.psd), **_outputs(options))
-    if kind:
-        from modal.plotting.vibration import draw_random
+    def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
+        return random_response(scene, read_spectrum(options.psd), **outputs)
 
-        with drawn(options.picture, options.theme) as stream:
-            draw_random(found, stream, kind)
-    with output(options.output) as write:
-        write(random_report(found, options.format))
+    _report(options, respond, random_report, "draw_random")
 
 
 def _vibration_arguments(page: Page) -> None:
@@ -52,16 +48,11 @@ def shock(options: argparse.Namespace) -> None:
     from modal.scene.records import read_record
     from modal.vibration import shock_report, shock_response
 
-    kind, scene = picture(options.picture, "--picture") if options.picture else "", _scene(options)
-    motion = RecordMotion(**read_record(options.record), baseline=options.baseline)
-    found = shock_response(scene, motion, **_outputs(options))
-    if kind:
-        from modal.plotting.vibration import draw_shock
+    def respond(scene: Scene, **outputs: tuple[str, ...]) -> Any:
+        motion = RecordMotion(**read_record(options.record), baseline=options.baseline)
+        return shock_response(scene, motion, **outputs)
 
-        with drawn(options.picture, options.theme) as stream:
-            draw_shock(found, stream, kind)
-    with output(options.output) as write:
-        write(shock_report(found, options.format))
+    _report(options, respond, shock_report, "draw_shock")
 
 
 def _shock_arguments(page: Page) -> None:
@@ -87,14 +78,19 @@ def _add_written(page: Page) -> None:
     add_picture(page, "--picture")
 
 
-def _scene(options: argparse.Namespace) -> Scene:
+def _report(
+    options: argparse.Namespace, respond: Callable[..., Any], written: Callable[[Any, str], str], figure: str
+) -> None:
+    """The response of the scene as a report and as a picture, whose name is judged before anything is computed."""
     from modal.scene import load
 
-    return small_swings(load(options.scene))
-
-
-def _outputs(options: argparse.Namespace) -> dict[str, tuple[str, ...]]:
-    return {"outputs": listed(options.signals)} if options.signals else {}
+    if options.picture:
+        picture(options.picture, "--picture")
+    scene = small_swings(load(options.scene))
+    found = respond(scene, **({"outputs": listed(options.signals)} if options.signals else {}))
+    draw_in(options, options.picture, "modal.plotting.vibration", figure, found)
+    with output(options.output) as write:
+        write(written(found, options.format))
 
 
 COMMANDS = (

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from modal.report import html
+from modal.scene import scene_from, title_of
 
 HERE = Path(__file__).parent
 PHYSICS = ("system", "matrices", "modes", "dop853", "recursion", "kicks", "motion", "scene_file", "recording")
@@ -43,7 +44,7 @@ def page(data: dict[str, Any], recording: dict[str, Any] | None = None) -> str:
     script, style = f"\n{joined()}", f"\n{_file('page.css')}"
     policy = f"default-src 'none'; script-src '{_digest(script)}'; style-src '{_digest(style)}'; base-uri 'none'"
     parts = {
-        "title": html(data.get("title") or "Pendula"),
+        "title": html(title_of(scene_from(data))),
         "policy": html(policy),
         "style": style,
         "script": script,

@@ -6,7 +6,7 @@ from math import isfinite
 from typing import Any
 
 from modal.report import NOTHING, as_csv, as_json, finite, grid, titled
-from modal.scene import describe
+from modal.scene import describe, title_of
 from nonlinear.accuracy.advice import Advice
 from nonlinear.accuracy.attempts import Attempt
 from nonlinear.accuracy.references import Reference
@@ -34,7 +34,9 @@ def tradeoff_table(found: WorkPrecision, form: str) -> str:
     if form == "csv":
         return as_csv(records)
     cells = [_cells(found, row) for row in found.rows]
-    return titled(found.scene.title, "time against accuracy", [grid(cells, ROWS, form), "\n".join(_notes(found))], form)
+    return titled(
+        title_of(found.scene), "time against accuracy", [grid(cells, ROWS, form), "\n".join(_notes(found))], form
+    )
 
 
 def _cells(found: WorkPrecision, row: Row) -> list[str]:
@@ -129,7 +131,7 @@ def advice_table(advice: Advice, form: str) -> str:
     cells = [_tried_cells(attempt) for attempt in advice.attempts]
     what = f"the cheapest way to {advice.accuracy:g} rad"
     return titled(
-        advice.trajectory.scene.title, what, [grid(cells, TRIED, form), "\n".join(_advice_notes(advice))], form
+        title_of(advice.trajectory.scene), what, [grid(cells, TRIED, form), "\n".join(_advice_notes(advice))], form
     )
 
 

@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, visible
-from modal.scene import Escapement, Scene, refuse_motion, unsupported
+from modal.scene import Escapement, Scene, refuse_motion, title_of, unsupported
 from modal.types import Floats
 from nonlinear.chaos.tangent import Tangent
 from nonlinear.dynamics import Lanes, Mechanics
@@ -174,7 +174,7 @@ class Exponent(Displayed):
 
     def text(self) -> str:
         """A report of λ, its meaning and its measurement, in a few lines."""
-        lines = [f"{visible(self.scene.title) or 'scene'}: largest Lyapunov exponent"]
+        lines = [f"{visible(title_of(self.scene))}: largest Lyapunov exponent"]
         if self.is_positive:
             lines.append(f"  {self.equation}: a small error doubles every {log(2) / self.value:.3g} s")
             low, high = (f"{self.value + side * self.half_width:.3g}" for side in (-1, 1))
@@ -202,6 +202,7 @@ def lyapunov_exponent(
     *,
     ensemble: int = 16,
     starts: Sequence[State] | None = None,
+    start: State | None = None,
     spread: float = 1e-3,
     tolerance: float = TOLERANCE,
     seed: int = 0,
@@ -209,11 +210,11 @@ def lyapunov_exponent(
 ) -> Exponent:
     """λ of a plane scene from `duration` seconds, after a transient of half that length that is discarded.
 
-    By default the duration is 200 sqrt(l/g) of the longest link, and the `starts` are the scene's own and `ensemble` −
-    1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become independent, and together, if
-    there are at least four, they give the uncertainty of λ.  `report` is called with the simulated time, out of 1.5
-    times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long enough. Raises SceneError
-    for a scene in space or a duration that is too short.
+    By default the duration is 200 sqrt(l/g) of the longest link, and the `starts` are `start`, by default the scene's
+    own, and `ensemble` − 1 more whose angles differ from it by up to `spread` (rad): in chaos they soon become
+    independent, and together, if there are at least four, they give the uncertainty of λ.  `report` is called with the
+    simulated time, out of 1.5 times the duration.  After Ctrl-C λ comes from the part measured so far, if that is long
+    enough. Raises SceneError for a scene in space or a duration that is too short.
     """
     refuse_motion(scene, "a Lyapunov exponent")
     duration = usual_duration(scene) if duration is None else duration
@@ -221,7 +222,7 @@ def lyapunov_exponent(
     require_constant_lengths(scene, "a Lyapunov exponent")
     tangent = Tangent(system_of(scene))
     rng = np.random.default_rng(seed)
-    states = starts if starts is not None else nearby(initial_state(scene), ensemble, spread, rng)
+    states = starts if starts is not None else nearby(start or initial_state(scene), ensemble, spread, rng)
     y = np.stack([tangent.equations.begin(validate_state(state, tangent.system)) for state in states], axis=1)
     least = TRANSIENT * duration + SHORTEST / USUAL * usual_duration(scene)
     times, growth, last = _grown(scene, tangent, y, rng, (1 + TRANSIENT) * duration, tolerance, least, report)

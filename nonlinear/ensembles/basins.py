@@ -16,7 +16,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, as_csv, as_json, deferred, finite, grid, tabulated, titled
-from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, refuse_motion
+from modal.scene import InitialCondition, Pendulum, Scene, describe, name_of, refuse_motion, title_of
 from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.measures import configurations
@@ -192,7 +192,7 @@ def basins_table(found: Basins, form: str) -> str:
     scene = found.ensemble.question.scene
     rows = [(f"{100 * share:.3g}", name) for name, share in found.shares().items()]
     parts = [grid(rows, ("starts (%)", "description")), _ends(found), found.ensemble.words()]
-    return titled(scene.title, "where starts end", parts, "text")
+    return titled(title_of(scene), "where starts end", parts, "text")
 
 
 def _ends(found: Basins) -> str:

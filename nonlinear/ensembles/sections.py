@@ -15,7 +15,7 @@ import numpy as np
 
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, as_csv, as_json, by_column, deferred, finite, titled
-from modal.scene import Scene, describe, name_of, refuse_motion
+from modal.scene import Scene, describe, name_of, refuse_motion, title_of
 from modal.types import Floats
 from nonlinear.dynamics import Lanes
 from nonlinear.ensembles.energies import Accounts
@@ -159,7 +159,7 @@ def section_table(found: PoincareSection, form: str) -> str:
         f"energy {found.energy:.6g} J above the scene's rest",
         found.ensemble.words(),
     ]
-    return titled(scene.title, "Poincaré section", ["\n".join(lines)], "text")
+    return titled(title_of(scene), "Poincaré section", ["\n".join(lines)], "text")
 
 
 def _records(found: PoincareSection) -> list[dict[str, Any]]:

@@ -35,7 +35,7 @@ from modal.report import (
     grid,
     titled,
 )
-from modal.scene import Scene, describe, name_of
+from modal.scene import Scene, describe, name_of, title_of
 from modal.scene.parameters import Variable, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
@@ -312,7 +312,7 @@ def spread_table(found: Spread, form: str) -> str:
     parts = [f"{found.size} members with {found.words}", grid(rows, headings), motion_words(found)]
     if found.failures:
         parts.append(f"{len(found.failures)} members failed: {next(iter(found.failures.values()))}")
-    return titled(found.scene.title, "spread", parts, "text")
+    return titled(title_of(found.scene), "spread", parts, "text")
 
 
 def _words(shares: dict[str, float], most: str) -> str:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from modal.report import WIDTH, as_csv, counted, finite, grid, listed, titled
-from modal.scene import Scene
+from modal.report import as_csv, counted, finite, grid, line_width, listed, titled
+from modal.scene import Scene, title_of
 from nonlinear.orbits.branch import Branch
 from nonlinear.orbits.cycles import growth
 from nonlinear.orbits.orbit import Orbit
@@ -85,7 +85,7 @@ def orbits_csv(branches: Sequence[Branch]) -> str:
 
 def orbits_text(scene: Scene, branches: Sequence[Branch], linear: float | None = None) -> str:
     """The branches as text, at most SHOWN orbits of each; `linear` is the frequency (rad/s) of the mode."""
-    return titled(scene.title, "periodic orbits", list(_parts(branches, linear)), "text")
+    return titled(title_of(scene), "periodic orbits", list(_parts(branches, linear)), "text")
 
 
 def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
@@ -98,7 +98,7 @@ def _parts(branches: Sequence[Branch], linear: float | None) -> Iterator[str]:
         rows = [_cells(branch, branch.orbits[at], linear) for at in kept]
         yield grid(rows, _headings(branch, linear))
         yield "\n".join(_notes(branch))
-    yield fill(STABLE, WIDTH)
+    yield fill(STABLE, line_width())
 
 
 def _headings(branch: Branch, linear: float | None) -> list[str]:

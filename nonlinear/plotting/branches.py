@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.plotting import HUES, WIDTH, axis_words, colour, headline, ink, key, paper, save, scale, sheet, thickness
+from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.synchronization import Branch, Branches
 
@@ -41,7 +42,7 @@ def branches_figure(found: Branches) -> Figure:
     upper.set_ylim(0, 1.05 * upper.get_ylim()[1])
     lower.set(xlabel=axis_words(found.variation), ylabel="angular frequency ω (rad/s)")
     scale(lower, "x", found.variation)
-    headline(figure, found.scene.title, "steady oscillations")
+    headline(figure, title_of(found.scene), "steady oscillations")
     key(figure, _handles(found), columns=2)
     return figure
 

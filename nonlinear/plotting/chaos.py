@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from modal.plotting import QUIET, WIDE, WIDTH, colour, headline, muted, save, sheet
-from modal.scene import Scene
+from modal.scene import Scene, title_of
 from nonlinear.chaos import Case, Exponent, Finding
 
 MARKERS = ("o", "s", "D", "^")
@@ -45,7 +45,7 @@ def exponent_figure(exponent: Exponent) -> Figure:
     axis.set(xlim=(0, since[-1]), ylim=(low - 0.05 * (high - low), high * 1.08))
     axis.set(xlabel="averaging time T (s)", ylabel="growth of a small error, λ(T) (1/s)")
     axis.legend(loc="upper right")
-    headline(figure, exponent.scene.title, "the largest Lyapunov exponent")
+    headline(figure, title_of(exponent.scene), "the largest Lyapunov exponent")
     return figure
 
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
 from modal.plotting import WIDTH, axis_words, colour, headline, rest, save, scale, sheet
+from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.ensembles import Basins, PoincareSection, Spread
 from nonlinear.plotting.sweeps import edges, label
@@ -43,7 +44,9 @@ def basins_figure(found: Basins) -> Figure:
     axis.set(xlabel=axis_words(x), ylabel=axis_words(y))
     axis.grid(visible=False)
     words = TITLES.get(found.column, label(found.column))
-    headline(figure, found.ensemble.question.scene.title, f"{words}, within {found.ensemble.question.duration:.3g} s")
+    headline(
+        figure, title_of(found.ensemble.question.scene), f"{words}, within {found.ensemble.question.duration:.3g} s"
+    )
     return figure
 
 
@@ -103,7 +106,7 @@ def section_figure(found: PoincareSection) -> Figure:
     unit = ("m", "m/s") if found.shown == "x" else ("°", "°/s")
     axis.set(xlabel=f"{name} ({unit[0]})", ylabel=f"rate of {name} ({unit[1]})")
     words = f"Poincaré section at {_passed(found.coordinate)}, energy {found.energy:.4g} J"
-    headline(figure, found.ensemble.question.scene.title, words)
+    headline(figure, title_of(found.ensemble.question.scene), words)
     return figure
 
 
@@ -131,7 +134,7 @@ def spread_figure(found: Spread) -> Figure:
     if motion:
         _bands(panels[0], found)
     _deviations(panels[-1], found)
-    headline(figure, found.scene.title, f"spread of {found.size} members")
+    headline(figure, title_of(found.scene), f"spread of {found.size} members")
     return figure
 
 

@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 from modal.errors import ComputationError
 from modal.modes import Mode
 from modal.plotting import HUES, WIDTH, axis_words, colour, headline, ink, key, muted, paper, save, scale, sheet
-from modal.scene import Scene
+from modal.scene import Scene, title_of
 from modal.types import Floats
 from nonlinear.orbits import Branch, Special
 
@@ -38,7 +38,7 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
     if not 1 <= len(branches) <= HUES:
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
     figure = _backbones(branches, mode) if mode else _along(branches)
-    headline(figure, scene.title, "periodic orbits")
+    headline(figure, title_of(scene), "periodic orbits")
     key(figure, [*_lines(branches), *_drawn(branches, mode)], columns=2)
     return figure
 

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
 from modal.plotting import WIDE, caption, colour, dash, framed, headline, ink, legend, muted, save, sheet, thickness
+from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import power_spectrum, resample
@@ -45,7 +46,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
     _energies(energies, trajectory)
     _portrait(figure.add_subplot(grid[:3, 1]), smooth, shown[:MOST_PORTRAITS])
     _spectrum(figure.add_subplot(grid[3:, 1]), trajectory, shown)
-    headline(figure, trajectory.scene.title, "motion")
+    headline(figure, title_of(trajectory.scene), "motion")
     caption(figure, _caption(trajectory, shown))
     return figure
 

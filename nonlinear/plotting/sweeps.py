@@ -27,6 +27,7 @@ from modal.plotting import (
     scale,
     sheet,
 )
+from modal.scene import title_of
 from modal.scene.parameters import Variation
 from modal.types import Floats
 from nonlinear.sweeps import Sweep
@@ -73,7 +74,7 @@ def sweep_figure(sweep: Sweep) -> Figure:
     if len(known) > most:
         raise ComputationError(f"{len(known)} quantities do not fit in a figure: measure at most {most}")
     figure = _curves(sweep, known) if len(axes) == 1 else _maps(sweep, known)
-    headline(figure, sweep.study.scene.title, "sweep")
+    headline(figure, title_of(sweep.study.scene), "sweep")
     return figure
 
 

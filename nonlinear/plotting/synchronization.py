@@ -32,6 +32,7 @@ from modal.plotting import (
     thickness,
 )
 from modal.report import counted
+from modal.scene import title_of
 from modal.types import Floats, Ints
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import picked, resample, smooth
@@ -194,7 +195,7 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
 
 
 def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
-    headline(figure, trajectory.scene.title, "synchronization")
+    headline(figure, title_of(trajectory.scene), "synchronization")
     lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(shown))]
     names = [f"pendulum {number + 1}" for number in shown]
     key(figure, lines, names, columns=MOST_LINES)

@@ -29,6 +29,7 @@ from modal.plotting import (
     save,
     sheet,
 )
+from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.postprocessing import ORDER
 from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, ModeInMotion
@@ -69,7 +70,7 @@ def check_figure(found: Check) -> Figure:
     axis.set(xscale="log", yscale="log", xlim=(low, high), ylim=(bottom, top))
     axis.set(xlabel="largest angle a (°)", ylabel="shift of frequency |ω(a)/ω − 1| (–)")
     log_ticks(axis.xaxis)
-    headline(figure, found.scene.title, "frequency against amplitude")
+    headline(figure, title_of(found.scene), "frequency against amplitude")
     key(figure, [_handle(k) for k in range(len(rows))], [_named(row) for row in rows], columns=2)
     return figure
 
@@ -115,7 +116,7 @@ def spectrum_figure(found: Comparison) -> Figure:
     mark_modes(axis, [(number, omega) for number, omega in inside if low < omega < high])
     handles = [Line2D([], [], color=colour(k), ls=dash(k)) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
-    headline(figure, found.modes.scene.title, "spectra of the modal coordinates")
+    headline(figure, title_of(found.modes.scene), "spectra of the modal coordinates")
     key(figure, handles, names)
     return figure
 

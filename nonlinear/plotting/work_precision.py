@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError
 from modal.plotting import HUES, QUIET, SMALL, WIDTH, colour, headline, ink, key, paper, rest, save, sheet
+from modal.scene import title_of
 from nonlinear.accuracy import Candidate, Row, WorkPrecision
 from nonlinear.reduction import CORRECTED, LINEAR
 
@@ -85,5 +86,5 @@ def _decorate(figure: Figure, axis: Axes, found: WorkPrecision) -> None:
     if tolerances:
         words = f"along each line: tolerances from {max(tolerances):.0e} to at most {min(tolerances):.0e}"
         axis.set_title(words, loc="right")
-    headline(figure, found.scene.title, "time against accuracy")
+    headline(figure, title_of(found.scene), "time against accuracy")
     key(figure, *axis.get_legend_handles_labels())

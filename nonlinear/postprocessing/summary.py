@@ -16,7 +16,7 @@ from modal.eigen import counted
 from modal.errors import ComputationError
 from modal.modes.solution_report import loaded, not_loaded
 from modal.report import visible
-from modal.scene import Moved, SineMotion
+from modal.scene import Moved, SineMotion, title_of
 from nonlinear.dynamics import Dense, Generated, Reduced, Small, is_unstable_equilibrium
 from nonlinear.integration import CLOSED, EXPLICIT, SCIPY, TRUNCATED, SolverInfo, Trajectory, departure
 from nonlinear.reduction import CORRECTED, LINEAR
@@ -40,7 +40,7 @@ def text(trajectory: Trajectory) -> str:
     """The lines, ready to print."""
     lines = list(_lines(trajectory))
     width = max(len(name) for name, _ in lines)
-    title = trajectory.scene.title or "untitled scene"
+    title = title_of(trajectory.scene)
     return "\n".join(map(visible, [title, *(f"{name:<{width}}  {words}" for name, words in lines)]))
 
 

@@ -15,12 +15,12 @@ import numpy as np
 from modal.errors import ComputationError
 from modal.report import (
     NOTHING,
-    WIDTH,
     capital,
     counted,
     csv_rows,
     finite,
     grid,
+    line_width,
     listed,
     percent,
     rad,
@@ -28,7 +28,7 @@ from modal.report import (
     visible,
     with_unit,
 )
-from modal.scene import describe
+from modal.scene import describe, title_of
 from modal.types import Floats
 from nonlinear.averaging import ASIDE, RelativeEquilibrium
 from nonlinear.orbits import Orbit, Special, growth
@@ -60,7 +60,7 @@ MOST_FREQUENCIES = 6
 
 def sync_text(found: SynchronizationStudy) -> str:
     """The report for a terminal."""
-    parts = [visible(found.scene.title) or "untitled scene", *_sections(found)]
+    parts = [visible(title_of(found.scene)), *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -75,11 +75,11 @@ def _sections(found: SynchronizationStudy) -> Iterator[str]:
     if found.scene.has_damping:
         yield NUMBERED
     if found.theory is not None:
-        yield fill(NOT_COVERED, WIDTH)
+        yield fill(NOT_COVERED, line_width())
 
 
 def _paragraph(title: str, sentences: Iterator[str]) -> str:
-    wrapper = TextWrapper(WIDTH, "  ", "    ", break_long_words=False, break_on_hyphens=False)
+    wrapper = TextWrapper(line_width(), "  ", "    ", break_long_words=False, break_on_hyphens=False)
     return "\n".join([title, *map(wrapper.fill, sentences)])
 
 
@@ -89,7 +89,7 @@ def _table(theory: Theory) -> str:
     each = list(zip(theory.configurations, theory.orbits, strict=True))
     rows = grid([_cells(one, orbit) for one, orbit in each], HEAD, "text")
     notes = [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
-    return "\n\n".join([rows, *(fill(note, WIDTH) for note in notes)])
+    return "\n\n".join([rows, *(fill(note, line_width()) for note in notes)])
 
 
 def _cells(one: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
@@ -333,7 +333,7 @@ def branches_text(found: Branches) -> str:
         ]
         parts += ["", grid(turns, (with_unit("averaged", unit), with_unit("exact", unit), "", "event"))]
         if any(found.located):
-            parts += ["", fill(LOCATED, WIDTH)]
+            parts += ["", fill(LOCATED, line_width())]
     return "\n".join(parts) + "\n"
 
 

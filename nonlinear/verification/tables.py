@@ -7,7 +7,7 @@ from typing import Any
 
 from modal.modes.friction import stop_words
 from modal.report import NOTHING, as_csv, as_json, digits, finite, grid, titled
-from modal.scene import describe
+from modal.scene import describe, title_of
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
 from nonlinear.verification.motion import Comparison, ModeInMotion
@@ -34,7 +34,7 @@ def check_table(found: Check, form: str) -> str:
         grid([_run_cells(row, run) for row in found.rows for run in row.measurements], RUNS, form),
         "\n".join(_notes(found)),
     ]
-    return titled(found.scene.title, "the table of modes against the full motion", parts, form)
+    return titled(title_of(found.scene), "the table of modes against the full motion", parts, form)
 
 
 def _angle(degree: float) -> str:
@@ -131,7 +131,7 @@ def comparison_table(found: Comparison, form: str) -> str:
         )
     note = "lines: frequency (rad/s), amplitude, and difference from the nearest frequency of the table."
     parts = [grid([_cells(found, row) for row in found.rows], HEADINGS, form), note]
-    return titled(found.modes.scene.title, "the motion in modal coordinates", parts, form)
+    return titled(title_of(found.modes.scene), "the motion in modal coordinates", parts, form)
 
 
 def _cells(found: Comparison, row: ModeInMotion) -> list[str]:

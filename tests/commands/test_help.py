@@ -157,7 +157,7 @@ def completed(line: str) -> list[str]:
         ("shapes chain-3 -o p", ["picture.png"]),
         ("derive chain-3 --show polynomial,m", ["polynomial,matrices", "polynomial,modes"]),
         ("derive pap", ["paper:000", "paper:001", "paper:002", *(n for n in example_names() if n.startswith("pap"))]),
-        ("gains crane-hook --output angles,t", ["angles,tip_accelerations", "angles,tip_positions"]),
+        ("gains crane-hook --signals angles,t", ["angles,tip_accelerations", "angles,tip_positions"]),
         ("gains crane-hook --input cart_f", ["cart_force"]),
         ("sweep chain-1 --measure o", ["order"]),
         ("sweep chain-1 --vary g", ["gravity="]),
@@ -172,7 +172,7 @@ def test_a_line_is_completed(folder: Path, line: str, words: list[str]) -> None:
 
 
 def test_options_come_where_nothing_else_may_stand(folder: Path) -> None:
-    assert completed("multipendula matrices chain-3 ") == ["--help", "--format", "--output"]
+    assert completed("multipendula matrices chain-3 ") == ["--help", "--format", "--output", "--quiet"]
 
 
 def test_completing_loads_nothing_that_computes() -> None:
@@ -202,7 +202,7 @@ def test_the_words_are_those_of_the_packages() -> None:
     assert offered("derive", "--show") == list(SECTIONS)
     assert offered("derive", "--symbolic") == list(SYMBOLIC)
     assert sorted(offered("export", "--input")) == sorted(INPUTS)
-    assert sorted(offered("export", "--output")) == sorted(OUTPUTS)
+    assert sorted(offered("export", "--signals")) == sorted(OUTPUTS)
     assert offered("export", "--to") == list(FORMATS)
     assert offered("simulate", "--method") == list(METHODS)
     assert offered("simulate", "--form") == list(FORMS)

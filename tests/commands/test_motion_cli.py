@@ -58,7 +58,7 @@ def test_starts(words: str, largest: float, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["simulate", "rope"], "no pendulum has a start"),
+        (["simulate", "rope", "--start", "scene"], "no pendulum has a start"),
         (["simulate", "chain-3", "--start", "mode:9:10"], "--start mode:9: the scene has modes 1 to 3"),
         (["simulate", "chain-3", "--start", "mode:1.5:10"], "must be scene, mode:R:DEG"),
         (["simulate", "chain-3", "--start", "angles:1,2"], "start: has 2 angles: this scene needs 3"),
@@ -76,8 +76,8 @@ def test_starts(words: str, largest: float, tmp_path: Path) -> None:
         (["check", "chain-2", "--general", "--mode", "1"], "--mode: "),
         (["chaos", "chain-2", "--quick"], "--quick: "),
         (["chaos", "paper:000", "--duration", "3"], "paper:000: has its own --duration"),
-        (["tradeoff", "cart-upright"], "no pendulum has a start"),
-        (["tradeoff", "chain-3", "-o", "film.avi"], "-o film.avi: the name must end in .png, .svg or .pdf"),
+        (["tradeoff", "cart-upright", "--start", "scene"], "no pendulum has a start"),
+        (["tradeoff", "chain-3", "-o", "film.avi"], "-o film.avi: the name must end in .png, .svg, .pdf, .txt"),
         (["chaos", "chain-spatial"], "Lyapunov exponents are computed in the plane"),
         (["simulate", "chain-2", "-o", "nowhere/run.npz"], "-o nowhere/run.npz: there is no folder nowhere"),
         (["check", "chain-2", "-o", "nowhere/a.png"], "-o nowhere/a.png: there is no folder nowhere"),

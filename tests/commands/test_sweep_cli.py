@@ -56,7 +56,7 @@ def test_loci_are_told_kept_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixt
     kept, drawn = tmp_path / "l.csv", tmp_path / "l.svg"
     place = "pendulum[0].links[0].length=5:20:4"
     sweep(options(place, scene="crane-two-loads", loci=True, workers=None, output=str(kept), picture=str(drawn)))
-    assert "veering    2 · 3   10.0833" in capsys.readouterr().out
+    assert "veering  2 · 3  10.0833" in capsys.readouterr().out
     rows = np.loadtxt(kept, delimiter=",", skiprows=1)
     assert rows[0, 0] == 5.0
     assert rows.shape[1] == 4

@@ -128,5 +128,5 @@ def test_text_and_records_name_every_mode_and_signal() -> None:
     assert all(record["word"] in {"reached", "seen", "not seen"} for record in records)
     lines = gains.text().splitlines()
     assert lines[0].split()[-2:] == ["reached", "cart_force"]
-    assert lines[1].split()[-2:] == ["reached", "1"]
-    assert len(lines) == 9
+    assert lines[2].split()[-2:] == ["reached", "1"]
+    assert len(lines) == 11

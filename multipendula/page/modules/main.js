@@ -49,7 +49,7 @@ class LivePage {
 
   start() {
     const { player } = this;
-    element("title").textContent = player.scene.title || "Pendula";
+    element("title").textContent = player.scene.title || document.title;
     element("replay").hidden = !player.recording;
     element("of-cart").hidden = !player.system.cart;
     player.listen((what) => this.heard(what));

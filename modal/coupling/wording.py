@@ -1,0 +1,36 @@
+"""Words that the sections of a report on coupling share: modes by their numbers, fractions, and how many are listed."""
+
+from __future__ import annotations
+
+from modal.coupling.analysis import Coupling
+from modal.coupling.exchange import MOST_MODES
+from modal.report import percent
+
+MOST_LISTED, FEW = 8, 3
+ROUGH = 0.1
+"""Coupling strength above which first order is only a guide."""
+GUIDE = " (only a guide: the coupling is strong)"
+SLIGHT = 1e-4
+"""Smallest fraction of an energy that is given as a number."""
+ELSEWHERE = "in the JSON form"
+
+
+def shown(coupling: Coupling) -> int:
+    """How many entries of each kind are listed, fewer where there are many."""
+    return MOST_LISTED if len(coupling.own.omega) <= MOST_MODES else FEW
+
+
+def member(coupling: Coupling, k: int) -> str:
+    """A fixed-base mode by its number and its pendulum."""
+    return f"fixed-base mode {coupling.own.number[k]} of {coupling.names[coupling.own.kind[k]]}"
+
+
+def numbered(coupling: Coupling, omega: float) -> str:
+    """The number of a frequency's mode in the table, in parentheses, where it is known."""
+    number = coupling.number(omega)
+    return "" if number is None else f" (mode {number})"
+
+
+def left(share: float) -> str:
+    """A fraction of an energy in words."""
+    return percent(share) if share >= SLIGHT else f"less than {percent(SLIGHT)}"

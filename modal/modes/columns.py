@@ -1,0 +1,312 @@
+"""The columns of the table of modes, each with its key, its value and its heading, and the choice among them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from math import isfinite, log10, nan, pi, radians
+
+import numpy as np
+
+from modal.errors import SceneError, meant
+from modal.modes.fixed_base import fixed_base_masses, on_free_cart
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes
+from modal.report import NOTHING, full
+from modal.types import Floats
+
+Stds = Mapping[int, tuple[float, float]]
+"""Standard deviations of ω (rad/s) and of the damping ratio by the number of the mode."""
+Value = float | int | str | bool | None
+EVERY = "all"
+
+
+@dataclass(frozen=True)
+class Column:
+    """A key with its unit, its value and, if it is printed, a heading, plain and in LaTeX, and a format.
+
+    `only_if` tells of which scenes it says something.  Where a value takes more than its own row, `of_rows` computes
+    those of the modes with these indices.  A column that is not `usual` is there for those who choose it.
+    """
+
+    key: str
+    value: Callable[[Mode], Value]
+    heading: str = ""
+    latex: str = ""
+    shown: Callable[[Mode], str] | None = None
+    only_if: Callable[[Modes], bool] = lambda modes: True
+    of_rows: Callable[[Modes, Sequence[int]], Floats] | None = None
+    digits: int = 0
+    usual: bool = True
+
+    @property
+    def headed(self) -> str:
+        """The heading in LaTeX."""
+        return self.latex or self.heading
+
+    def computed(self, modes: Modes, rows: Sequence[Mode]) -> Column:
+        """The same with the values of these rows."""
+        if self.of_rows is None:
+            return self
+        numbers = [row.number for row in rows]
+        values = self.of_rows(modes, [number - 1 - modes.first for number in numbers])
+        found: dict[int, float] = dict(zip(numbers, values.tolist(), strict=True))
+
+        def value(mode: Mode) -> float:
+            return found[mode.number]
+
+        return replace(self, value=value, shown=_digits(self.digits, value))
+
+
+def _digits(most: int, value: Callable[[Mode], float | None]) -> Callable[[Mode], str]:
+    """At most `most` significant digits, and no more than the bound on ω allows."""
+
+    def shown(mode: Mode) -> str:
+        number, bound = value(mode), mode.relative_error_bound
+        if number is None or not isfinite(number) or mode.is_uncertain:
+            return NOTHING
+        certain = most if bound == 0 else min(most, max(1, int(-log10(bound))))
+        return f"{number:.{certain}g}"
+
+    return shown
+
+
+def _marked(mode: Mode) -> str:
+    marks = (("*", bool(mode.resonances)), ("~", mode.indistinct), ("!", mode.is_uncertain))
+    return f"{mode.number}{''.join(mark for mark, holds in marks if holds)}"
+
+
+def _trusted(mode: Mode) -> str:
+    angle = mode.linear_to_1_percent_deg
+    return ">90" if angle > 90 and isfinite(mode.kappa) and mode.kappa else _digits(3, lambda m: angle)(mode)
+
+
+def _number(
+    key: str,
+    value: Callable[[Mode], float | None],
+    heading: str,
+    latex: str,
+    digits: int,
+    only_if: Callable[[Modes], bool] = lambda modes: True,
+) -> Column:
+    return Column(key, value, heading, latex, _digits(digits, value), only_if)
+
+
+def _of_rows(
+    key: str,
+    of_rows: Callable[[Modes, Sequence[int]], Floats],
+    heading: str,
+    latex: str,
+    digits: int,
+    only_if: Callable[[Modes], bool] = lambda modes: True,
+    *,
+    usual: bool = True,
+) -> Column:
+    return Column(key, lambda m: nan, heading, latex, lambda m: NOTHING, only_if, of_rows, digits, usual)
+
+
+def _swings_freely(modes: Modes) -> bool:
+    return on_free_cart(modes.rig)
+
+
+def _has_own_mass(modes: Modes) -> bool:
+    """Not on a free cart, where the rigid translation has all of it and every other mode none."""
+    return not on_free_cart(modes.rig)
+
+
+def _participation(modes: Modes, rows: Sequence[int]) -> Floats:
+    return np.array([modes.shape(row).participation_factor + 0.0 for row in rows])
+
+
+def _cumulative(modes: Modes, rows: Sequence[int]) -> Floats:
+    """The share of the total mass in each of these modes and all below it."""
+    last = max(rows, default=-1) + 1
+    lower = np.full(last, nan) if modes.first else [one.effective_mass_share for one in modes.rows(range(last))]
+    return np.asarray(np.cumsum(lower)[list(rows)])
+
+
+def _cumulative_held(modes: Modes, rows: Sequence[int]) -> Floats:
+    """The same of the fixed-base modes, of the mass of the pendula."""
+    last = max(rows, default=-1) + 1
+    lower = np.full(last, nan) if modes.first else fixed_base_masses(modes, range(last))
+    hanging = modes.rig.total_mass - (modes.rig.cart.mass if modes.rig.cart else 0.0)
+    return np.asarray(np.cumsum(lower)[list(rows)] / hanging)
+
+
+COLUMNS = (
+    Column("mode", lambda m: m.number, "mode", shown=_marked),
+    _number("omega_rad_per_s", lambda m: m.omega, "ω (rad/s)", r"$\omega$ (rad/s)", 9),
+    _number("frequency_hz", lambda m: m.frequency, "f (Hz)", r"$f$ (Hz)", 7),
+    _number("period_s", lambda m: m.period, "T (s)", r"$T$ (s)", 7),
+    _number("damping_ratio", lambda m: m.damping_ratio, "ζ", r"$\zeta$", 4, lambda modes: modes.scene.has_damping),
+    _number("growth_rate_per_s", lambda m: m.growth_rate, "growth (1/s)", "", 7, lambda modes: modes.scene.stands),
+    Column(
+        "multiplicity",
+        lambda m: m.multiplicity,
+        "multiplicity",
+        shown=lambda m: str(m.multiplicity),
+        only_if=lambda modes: bool((modes.multiplicity > 1).any()),
+    ),
+    Column("family", lambda m: m.family, "description", shown=lambda m: m.family),
+    _number("cart_participation", lambda m: m.cart_participation, "cart part.", "", 4, lambda modes: modes.on_cart),
+    _number(
+        "effective_mass_kg", lambda m: m.effective_mass, "eff. mass (kg)", r"$m_\mathrm{eff}$ (kg)", 6, _has_own_mass
+    ),
+    _number("effective_mass_share", lambda m: m.effective_mass_share, "share", "", 4, _has_own_mass),
+    _of_rows(
+        "fixed_base_effective_mass_kg",
+        fixed_base_masses,
+        "fixed-base mass (kg)",
+        r"fixed-base $m_\mathrm{eff}$ (kg)",
+        6,
+        _swings_freely,
+    ),
+    _number(
+        "effective_mass_across_kg",
+        lambda m: m.effective_mass_across,
+        "across (kg)",
+        r"$m_\mathrm{eff}$ across (kg)",
+        6,
+        lambda modes: modes.rig.spatial,
+    ),
+    Column(
+        "linear_to_1_percent_deg", lambda m: m.linear_to_1_percent_deg, "1 % at (°)", r"1\,\% at ($^\circ$)", _trusted
+    ),
+    Column("kappa_per_rad2", lambda m: m.kappa),
+    Column("resonances", lambda m: "; ".join(m.resonances)),
+    Column("residual", lambda m: m.residual),
+    Column(
+        "relative_error_bound",
+        lambda m: m.relative_error_bound,
+        "rel. error ≤",
+        r"rel.\ error $\leq$",
+        lambda m: f"{m.relative_error_bound:.0e}",
+    ),
+    Column("indistinct", lambda m: m.indistinct),
+    _of_rows("participation_factor_per_m", _participation, "part. factor (1/m)", r"$\Gamma$ (1/m)", 6, usual=False),
+    _of_rows("cumulative_effective_mass_share", _cumulative, "cum. share", "", 4, _has_own_mass, usual=False),
+    _of_rows(
+        "cumulative_fixed_base_mass_share",
+        _cumulative_held,
+        "cum. fixed-base",
+        "",
+        4,
+        _swings_freely,
+        usual=False,
+    ),
+)
+DROPPED = (
+    *("relative_error_bound", "effective_mass_share", "effective_mass_across_kg", "fixed_base_effective_mass_kg"),
+    *("effective_mass_kg", "cart_participation", "multiplicity", "period_s", "linear_to_1_percent_deg"),
+    *("growth_rate_per_s", "damping_ratio_std", "frequency_std_hz", "omega_std_rad_per_s", "damping_ratio_at"),
+    "frequency_hz",
+)
+"""The columns that a narrow terminal has no room for, the first to go first; keys, or how they begin."""
+
+
+def columns_of(
+    modes: Modes, rows: Sequence[Mode], chosen: str = "", stds: Stds | None = None, amplitude_deg: float | None = None
+) -> list[Column]:
+    """All columns of a table with these rows: the usual ones, those of the options, and those that are `chosen`.
+
+    SceneError for a name in `chosen` that no column has.
+    """
+    every = list(COLUMNS) if stds is None else _with_stds(stds)
+    if amplitude_deg is not None:
+        every.insert(1 + [column.key for column in every].index("damping_ratio"), _at_amplitude(modes, amplitude_deg))
+    asked = _asked(modes, chosen, every)
+    return [column.computed(modes, rows) for column in every if column.usual or column.key in asked]
+
+
+def added_by(modes: Modes, chosen: str, every: Sequence[Column]) -> frozenset[str]:
+    """The keys of the columns that a choice adds to the usual ones."""
+    return frozenset(_asked(modes, chosen, every)) if chosen.startswith("+") else frozenset()
+
+
+def printed(modes: Modes, rows: Sequence[Mode], every: Sequence[Column], chosen: str = "") -> list[Column]:
+    """The columns that are printed: those that say something about the scene, or those that are `chosen`."""
+    with_heading = [column for column in every if column.shown]
+    if chosen == EVERY:
+        return with_heading
+    asked = _asked(modes, chosen, with_heading)
+    if chosen and not chosen.startswith("+"):
+        return [column for column in with_heading if column.key in asked or column.key == "mode"]
+    return [column for column in with_heading if column.key in asked or _says_something(modes, rows, column)]
+
+
+def _says_something(modes: Modes, rows: Sequence[Mode], column: Column) -> bool:
+    told = column.only_if(modes) and column.usual
+    return told and (column.shown is None or not rows or any(column.shown(row) != NOTHING for row in rows))
+
+
+def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
+    """The keys of the columns with these names, separated by commas, perhaps after a +.
+
+    A name is a key, a heading, or how keys begin: then those are meant that say something about the scene, if any do.
+    """
+    there = [column for column in every if column.shown]
+    if chosen == EVERY:
+        return {column.key for column in there}
+    found, problems = set[str](), []
+    for name in (word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
+        own = {column.key for column in there if name in {column.key, column.heading}}
+        begun = [column for column in there if name and column.key.startswith(name)]
+        own = own or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}
+        found |= own
+        if not own:
+            names = [column.key for column in there]
+            problems.append(f"columns {name}: must be {EVERY}, or some of {', '.join(names)}{meant(name, names)}")
+    if problems:
+        raise SceneError(problems)
+    return found
+
+
+def that_fit(
+    columns: Sequence[Column], widths: Sequence[int], most: int | None, kept: frozenset[str] = frozenset()
+) -> tuple[list[int], list[str]]:
+    """The places of the columns that fit into so many, and the headings of those left out, in the order of DROPPED.
+
+    Those whose keys are `kept` stay.
+    """
+    shown, dropped = list(range(len(columns))), list[str]()
+    order = [k for start in DROPPED for k in shown if columns[k].key.startswith(start) and columns[k].key not in kept]
+    for k in dict.fromkeys(order):
+        if most is None or full(widths[k] for k in shown) <= most:
+            break
+        shown.remove(k)
+        dropped.append(columns[k].heading)
+    return shown, dropped
+
+
+def _with_stds(stds: Stds) -> list[Column]:
+    """All columns, with those of standard deviations beside what they are of."""
+    beside = {
+        "omega_rad_per_s": ("omega_std_rad_per_s", 0, 1.0, "± (rad/s)", r"$\pm$ (rad/s)"),
+        "frequency_hz": ("frequency_std_hz", 0, 1 / (2 * pi), "± (Hz)", r"$\pm$ (Hz)"),
+        "damping_ratio": ("damping_ratio_std", 1, 1.0, "± ζ", r"$\pm\zeta$"),
+    }
+    found = []
+    for column in COLUMNS:
+        found.append(column)
+        if own := beside.get(column.key):
+            key, which, factor, heading, latex = own
+
+            def value(mode: Mode, column: Column = column, which: int = which, factor: float = factor) -> float:
+                return nan if column.value(mode) is None else factor * stds[mode.number][which]
+
+            found.append(_number(key, value, heading, latex, 2, column.only_if))
+    return found
+
+
+def _at_amplitude(modes: Modes, amplitude_deg: float) -> Column:
+    """The damping ratio with dry friction and quadratic drag at a largest angle (deg)."""
+    from modal.modes.friction import damping_ratios
+
+    found = damping_ratios(modes, radians(amplitude_deg))
+    angle = f"{amplitude_deg:g}"
+
+    def ratio(mode: Mode) -> float:
+        return found.get(mode.number, nan)
+
+    heading = f"ζ({angle}°)", rf"$\zeta({angle}^\circ)$"
+    return Column(f"damping_ratio_at_{angle}_deg", ratio, *heading, _digits(4, ratio))

@@ -1,0 +1,120 @@
+"""The sensitivities of natural frequencies to the numbers of a scene, by their places in its file.
+
+A number of the file may belong to many links: copies of a pendulum, and a run of equal links.  All of them change with
+it, so their derivatives add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+from modal.errors import ComputationError
+from modal.modes.mode import Mode
+from modal.modes.modes import Modes
+from modal.modes.sensitivity import Sensitivities, sensitivities
+from modal.report import NOTHING, folded, grid
+from modal.scene import Body, Cart
+from modal.types import Floats
+
+MOST_NUMBERS = 200_000
+"""Derivatives beyond which a table is refused."""
+HEAD = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
+
+
+class Sensitivity(NamedTuple):
+    """A number p of the scene, ∂ω/∂p in rad/s per unit of p, and (p/ω) ∂ω/∂p; None where it is undefined."""
+
+    number: float
+    derivative: float
+    relative: float | None
+
+    def record(self) -> dict[str, float | None]:
+        """The same for JSON."""
+        return {"value": self.number, "d_omega": self.derivative, "relative": self.relative}
+
+
+def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
+    """The derivatives of one mode's frequency to every number above 0, by place; empty where it has none.
+
+    That is for damped modes, frequencies that several modes share, and those beyond double precision.
+
+    >>> from modal import load, natural_modes
+    >>> modes = natural_modes(load("chain-1"))
+    >>> {place: abs(round(one.relative, 9)) for place, one in of_mode(modes, modes[0]).items()}
+    {'pendulum[0].links[0].mass': 0.0, 'pendulum[0].links[0].length': 0.5, 'gravity': 0.5}
+    """
+    try:
+        return dict(_places(modes, row.omega, sensitivities(modes, row.number - 1 - modes.first)))
+    except ComputationError:
+        return {}
+
+
+def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[str, Sensitivity]]:
+    scene, at = modes.scene, 0
+    if isinstance(scene.support, Cart):
+        yield from _one("support.mass", scene.support.mass, found.cart_mass, omega)
+        yield from _one("support.stiffness", scene.support.stiffness, found.cart_stiffness, omega)
+    for p, pendulum in enumerate(scene.pendulum):
+        own = slice(at, at + pendulum.count * pendulum.n_links)
+        at, first = own.stop, 0
+        for i, link in enumerate(pendulum.links):
+            run = slice(first, first + link.count)
+            first = run.stop
+
+            def whole(values: Floats, own: slice = own, run: slice = run, n: int = pendulum.n_links) -> float:
+                return float(values[own].reshape(-1, n)[:, run].sum())
+
+            name = f"pendulum[{p}].links[{i}]"
+            yield from _one(f"{name}.mass", link.mass, whole(found.mass), omega)
+            yield from _one(f"{name}.length", link.length, whole(found.length), omega)
+            if isinstance(link, Body):
+                yield from _one(f"{name}.centre", link.centre, whole(found.centre), omega)
+                yield from _one(f"{name}.inertia", link.inertia, whole(found.inertia), omega)
+            yield from _one(f"{name}.stiffness", link.stiffness, whole(found.stiffness), omega)
+    yield from _one("gravity", scene.gravity, found.gravity, omega)
+
+
+def _one(path: str, number: float, derivative: float, omega: float) -> Iterator[tuple[str, Sensitivity]]:
+    if number:
+        yield path, Sensitivity(number, derivative, number / omega * derivative if omega else None)
+
+
+def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:
+    """A table of the relative sensitivities, a row for each number of the scene and a column for each mode.
+
+    `form` is text, markdown, latex or html.  Raises ComputationError for too many.
+    """
+    size = len(rows) * 5 * sum(len(pendulum.links) for pendulum in modes.scene.pendulum)
+    if size > MOST_NUMBERS:
+        raise ComputationError(f"{size} sensitivities are too many for a table: choose fewer modes")
+    each = [of_mode(modes, row) for row in rows]
+    places = list(dict.fromkeys(place for one in each for place in one))
+    cells = [
+        [
+            place,
+            *(_short(value) if value is not None else NOTHING for value in (_relative(one, place) for one in each)),
+        ]
+        for place in places
+    ]
+    headings = ["number", *(f"mode {row.number}" for row in rows)]
+    lacking = [f"{row.number}" for row, one in zip(rows, each, strict=True) if not one]
+    why = f"No single derivative: mode {', '.join(lacking)} (damped, or shared by several modes)." if lacking else ""
+    if form == "text":
+        return "\n" + "\n\n".join(part for part in (folded(HEAD), grid(cells, headings), folded(why)) if part) + "\n"
+    from tabulate import tabulate
+
+    align = ["left", *["right"] * len(rows)]
+    names = {"markdown": "github", "latex": "latex", "html": "html"}
+    body = tabulate(cells, headings, tablefmt=names[form], colalign=align, disable_numparse=True) if cells else ""
+    before = {"markdown": f"\n{HEAD}\n\n", "latex": "% " + HEAD + "\n", "html": f"<p>{HEAD}</p>\n"}[form]
+    return before + body + "\n"
+
+
+def _short(value: float) -> str:
+    """Four decimals, zero without a sign."""
+    return f"{round(value, 4) + 0.0:.4f}"
+
+
+def _relative(found: dict[str, Sensitivity], place: str) -> float | None:
+    return found[place].relative if place in found else None

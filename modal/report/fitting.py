@@ -1,0 +1,110 @@
+"""Text within the columns of a terminal: how wide letters are, and lines folded between words.
+
+Nothing is folded unless a width is in force, which `fitted` sets for the text made inside it: the packages make tables
+and sentences as wide as they are, and the command line sets the width of the terminal that they are printed on.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from unicodedata import category, east_asian_width
+
+NARROWEST = 20
+"""Columns below which text is as wide as it would be here."""
+_COLUMNS: ContextVar[int | None] = ContextVar("columns", default=None)
+_RULE = re.compile(r"\s*([-=])\1+")
+_HANGING = re.compile(r"\s*(?:[-*] |\S+ {2,})?")
+"""What stands before the text of a line: blanks, a bullet, or a name in a column of names."""
+
+
+def columns() -> int | None:
+    """The columns that a line may take; None for any number."""
+    return _COLUMNS.get()
+
+
+@contextmanager
+def fitted(to: int | None) -> Iterator[None]:
+    """Make text inside this block fit into so many columns, any number for None.
+
+    >>> with fitted(24):
+    ...     print(folded("a line of more than twenty columns"))
+    a line of more than
+    twenty columns
+    """
+    token = _COLUMNS.set(to and max(to, NARROWEST))
+    try:
+        yield
+    finally:
+        _COLUMNS.reset(token)
+
+
+def breadth(text: str) -> int:
+    """The columns that a terminal gives to a text: two to a wide letter, none to an accent that joins the one before.
+
+    >>> breadth("ω"), breadth("振り子"), breadth("e\u0301")
+    (1, 6, 1)
+    """
+    return len(text) if text.isascii() else sum(map(_letter, text))
+
+
+def _letter(letter: str) -> int:
+    if category(letter) in {"Mn", "Me", "Cf"}:
+        return 0
+    return 2 if east_asian_width(letter) in {"W", "F"} else 1
+
+
+def padded(text: str, width: int, align: str = "left") -> str:
+    """The text with blanks up to a width."""
+    blanks = " " * (width - breadth(text))
+    return text + blanks if align == "left" else blanks + text
+
+
+def folded(text: str, within: int | None = None, mark: str = "") -> str:
+    """The text with every longer line folded between words, what follows under the text of the line.
+
+    `within` columns, by default those in force.  A word is broken only between wide letters, which need no blanks; any
+    other stays whole, however long.  A rule of equal signs is cut.  Lines that follow begin with the comment's `mark`,
+    if there is one.
+    """
+    most = within or columns()
+    return text if most is None else "\n".join(part for line in text.split("\n") for part in _fold(line, most, mark))
+
+
+def _fold(line: str, most: int, mark: str) -> Iterator[str]:
+    """The lines of one line."""
+    if breadth(line) <= most:
+        yield line
+        return
+    if _RULE.fullmatch(line):
+        yield line[:most]
+        return
+    found = _HANGING.match(line.removeprefix(mark))
+    hanging = len(found[0]) if found else 0
+    indent = mark + " " * (hanging if hanging <= most // 2 else 2)
+    at = len(mark) + hanging if hanging <= most // 2 else 0
+    yield from filled(line[at:], most, line[:at], indent)
+
+
+def filled(text: str, most: int, first: str = "", then: str = "") -> Iterator[str]:
+    """Lines of at most so many columns, the first after `first`, all others after `then`."""
+    line, empty = first, True
+    for word in text.split():
+        for piece, joined in _pieces(word, most - breadth(then)):
+            gap = "" if joined or empty else " "
+            if not empty and breadth(line) + len(gap) + breadth(piece) > most:
+                yield line
+                line, gap = then, ""
+            line, empty = line + gap + piece, False
+    yield line
+
+
+def _pieces(word: str, most: int) -> Iterator[tuple[str, bool]]:
+    """A word, or where it is too wide its wide letters one by one; and whether each joins what stands before it."""
+    if word.isascii() or breadth(word) <= most:
+        yield word, False
+        return
+    for number, found in enumerate(re.finditer(r"[\x00-\x7f]+|[^\x00-\x7f]", word)):
+        yield found[0], number > 0

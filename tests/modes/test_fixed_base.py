@@ -1,0 +1,211 @@
+"""The modal effective mass with the cart held, by residues of the dynamic mass, by matrices and by the sum rule."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
+from modal.assembly import matrices
+from modal.coupling import explain
+from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed
+from modal.modes.fixed_base import fixed_base_masses
+from modal.modes.tables import table
+from modal.report import fitted
+from modal.scene.parameters import number_at, vary
+
+SCENES = (
+    *("paper-cart-1", "paper-cart-2", "paper-cart-3", "crane-hook", "crane-two-loads"),
+    Scene(
+        gravity=9.81,
+        support=Cart(mass=3.0),
+        pendulum=[
+            Pendulum(links=[Rod(mass=1.0, length=0.4), Bob(mass=0.3, length=0.9)], count=3),
+            Pendulum(links=[Body(mass=2.0, length=0.7, centre=0.3, inertia=0.2, stiffness=4.0)]),
+            Pendulum(links=[Bob(mass=0.5, length=1.1)], count=2),
+        ],
+    ),
+    Scene(  # two different pendula of one frequency, beside another
+        gravity=9.81,
+        support=Cart(mass=1.0),
+        pendulum=[Pendulum(links=[Bob(mass=m, length=l)]) for m, l in ((1.0, 1.0), (5.0, 1.0), (2.0, 0.5))],
+    ),
+    Scene(
+        gravity=9.81, space="space", support=Cart(mass=1.0), pendulum=[Pendulum(links=[Bob(mass=1, length=1)], count=2)]
+    ),
+)
+
+
+def scene_of(one: str | Scene) -> Scene:
+    return load(one) if isinstance(one, str) else one
+
+
+def clamped(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """ω² and (φᵀb)²/(φᵀAφ) of the pendula on a fixed support, from dense matrices: b is the cart's row of M."""
+    whole = matrices(scene.in_plane)
+    square, shapes = eigh(whole.K[1:, 1:], whole.M[1:, 1:])
+    return square, (shapes.T @ whole.M[1:, 0]) ** 2
+
+
+@pytest.mark.parametrize("one", SCENES, ids=str)
+def test_every_route_gives_the_same_mass(one: str | Scene) -> None:
+    scene = scene_of(one)
+    modes = natural_modes(scene)
+    found = fixed_base_masses(modes)
+    dynamic = explain(scene).dynamic
+    square, mass = clamped(scene)
+    assert np.allclose(np.sort(found[found > 1e-12]), np.sort(dynamic.mass[dynamic.mass > 1e-12]), rtol=1e-9)
+    for omega, own in zip(modes.omega, found, strict=True):  # the pole at or below the mode that has its mass
+        if own > 1e-12:
+            r = np.flatnonzero(dynamic.omega <= omega * (1 + 1e-9))[-1]
+            assert own == pytest.approx(dynamic.mass[r], rel=1e-9)
+            assert own == pytest.approx(mass[np.isclose(square, dynamic.omega[r] ** 2, rtol=1e-9)].sum(), rel=1e-7)
+    hanging = sum(link.mass * link.count * one.count for one in scene.pendulum for link in one.links)
+    assert found.sum() + dynamic.residual == pytest.approx(hanging, rel=1e-12)
+
+
+@pytest.mark.parametrize("one", SCENES, ids=str)
+def test_residues_of_the_dynamic_mass_are_these_masses(one: str | Scene) -> None:
+    scene = scene_of(one)
+    dynamic, found = explain(scene).dynamic, fixed_base_masses(natural_modes(scene))
+    step = 1e-7
+    residues = [  # m_dyn ≈ μ ω_r²/(ω_r² − ω²) beside a pole: half the difference across it, where all else cancels
+        float((dynamic([w * (1 - step)]) - dynamic([w * (1 + step)]))[0]) / 2 * (2 * step) for w in dynamic.omega
+    ]
+    assert sum(residues) == pytest.approx(found.sum(), rel=1e-5)
+
+
+@pytest.mark.parametrize("one", SCENES[:5])
+def test_a_mode_goes_to_its_fixed_base_mode_as_the_cart_grows(one: str) -> None:
+    scene = load(one)
+    heavy = natural_modes(scene.replace(support=Cart(mass=1e9)))
+    found, base = fixed_base_masses(heavy), natural_modes(scene.replace(support=Fixed()))
+    assert np.allclose(found, fixed_base_masses(natural_modes(scene)), rtol=1e-9)
+    for omega, own in zip(heavy.omega, found, strict=True):
+        if own > 1e-12:
+            row = int(np.abs(base.omega - omega).argmin())
+            assert base.omega[row] == pytest.approx(omega, rel=1e-6)
+            assert base[row].effective_mass == pytest.approx(own, rel=1e-9)
+
+
+def test_on_a_fixed_support_it_is_the_modes_own() -> None:
+    modes = natural_modes(load("chain-unequal"))
+    assert np.allclose(fixed_base_masses(modes), [mode.effective_mass for mode in modes], rtol=1e-13)
+
+
+def test_some_of_the_modes_have_the_same_as_all() -> None:
+    scene = load("thousand-pendula")
+    whole = natural_modes(scene)
+    every = fixed_base_masses(whole)
+    for first, last in ((0, 5), (3, 7), (500, 503)):
+        some = natural_modes(scene, modes=slice(first, last))
+        assert np.allclose(fixed_base_masses(some), every[first:last], rtol=1e-9)
+    assert np.allclose(fixed_base_masses(whole, [4, 2]), every[[4, 2]])
+    assert every.sum() == pytest.approx(1000.0)
+
+
+@pytest.mark.parametrize(
+    "support", [{"stiffness": 1.0}, {"damping": 1.0}], ids=["a spring holds the cart", "a damper brakes it"]
+)
+def test_there_is_none_where_modes_do_not_belong_together(support: dict[str, float]) -> None:
+    scene = load("crane-hook").replace(support=Cart(mass=1000.0, **support))
+    assert np.isnan(fixed_base_masses(natural_modes(scene))).all()
+    assert np.isnan(fixed_base_masses(natural_modes(load("cart-upright")))).all()
+
+
+# ------------------------------------------------------------------------------------------------------ columns
+
+
+def keys(name: str, chosen: str = "") -> list[str]:
+    modes = natural_modes(load(name))
+    rows = list(modes)
+    return [column.key for column in printed(modes, rows, columns_of(modes, rows, chosen), chosen)]
+
+
+def test_columns_that_say_nothing_are_left_out() -> None:
+    hook, chain, many = keys("crane-hook"), keys("chain-3"), keys("paper-cart-3")
+    assert "fixed_base_effective_mass_kg" in hook
+    assert not {"effective_mass_kg", "effective_mass_share", "multiplicity"} & set(hook)
+    assert {"effective_mass_kg", "effective_mass_share"} < set(chain)
+    assert not {"cart_participation", "fixed_base_effective_mass_kg", "multiplicity"} & set(chain)
+    assert "multiplicity" in many
+    damped = keys("huygens")
+    assert "damping_ratio" in damped
+    assert not {"effective_mass_kg", "fixed_base_effective_mass_kg"} & set(damped)
+
+
+def test_columns_are_chosen_by_name() -> None:
+    from multipendula.commands.modes import COLUMN_NAMES
+
+    every = keys("crane-hook", "all")
+    assert every == list(COLUMN_NAMES) == [column.key for column in COLUMNS if column.shown]
+    assert keys("crane-hook", "omega,effective_mass_kg") == ["mode", "omega_rad_per_s", "effective_mass_kg"]
+    for name, own in (
+        ("crane-hook", "cumulative_fixed_base_mass_share"),
+        ("chain-3", "cumulative_effective_mass_share"),
+    ):
+        assert set(keys(name, "+cumulative")) - set(keys(name)) == {own}
+
+
+def test_every_column_but_two_may_go_and_the_order_is_documented() -> None:
+    from pathlib import Path
+
+    usual = {column.key for column in COLUMNS if column.shown and column.usual}
+    kept = {key for key in usual if not any(key.startswith(start) for start in DROPPED)}
+    assert kept == {"mode", "omega_rad_per_s", "family", "damping_ratio"}
+    manual = Path(__file__).parents[2] / "docs" / "reference" / "columns.md"
+    text = manual.read_text(encoding="utf-8").partition("## On a narrow terminal")[2]
+    places = [text.index(f"`{key}`") for key in DROPPED if key in usual]
+    assert places == sorted(places)
+
+
+def test_the_cumulative_mass_is_all_of_it_in_the_end() -> None:
+    modes = natural_modes(load("chain-unequal"))
+    rows = list(modes)
+    columns = {column.key: column for column in columns_of(modes, rows, "all")}
+    shares = [columns["cumulative_effective_mass_share"].value(row) for row in rows]
+    assert shares == pytest.approx(np.cumsum([row.effective_mass_share for row in rows]))
+    assert shares[-1] == pytest.approx(1.0)
+    factors = [columns["participation_factor_per_m"].value(row) for row in rows]
+    for k, (factor, row) in enumerate(zip(factors, rows, strict=True)):
+        shape = modes.shape(k)
+        assert factor**2 * shape.modal_mass == pytest.approx(row.effective_mass)
+
+
+# ------------------------------------------------------------------------------------------------ sensitivities
+
+
+@pytest.mark.parametrize("name", ["crane-hook", "chain-unequal", "paper-cart-2", "crane-two-loads"])
+def test_sensitivities_are_those_of_the_numbers_in_the_file(name: str) -> None:
+    from modal.modes.sensitivity_table import of_mode
+    from modal.scene.parameters import find_places
+
+    scene = load(name)
+    modes = natural_modes(scene)
+    for k, row in enumerate(modes):
+        for path, own in of_mode(modes, row).items():
+            (place, *_) = find_places(scene, path)
+            assert number_at(scene, place) == own.number
+            step = 1e-4 * own.number
+            above, below = (natural_modes(vary(scene, {path: own.number + s})).omega[k] for s in (step, -step))
+            assert own.derivative == pytest.approx((above - below) / (2 * step), rel=1e-5, abs=1e-7 / own.number)
+            if row.omega:
+                assert own.relative == pytest.approx(own.number / row.omega * own.derivative)
+
+
+def test_sensitivities_in_every_format() -> None:
+    import json
+
+    modes = natural_modes(load("paper-cart-3"))
+    rows = list(modes)
+    found = json.loads(table(modes, rows, "json", sensitive=True))["modes"]
+    assert [bool(one["sensitivities"]) for one in found] == [row.multiplicity == 1 for row in rows]
+    assert "d_omega_d_gravity" in table(modes, rows, "csv", sensitive=True).splitlines()[0]
+    for form in ("text", "markdown", "latex", "html"):
+        text = table(modes, rows, form, sensitive=True)
+        assert "links[0].length" in text or "links[0].length" in text.replace("\\", "")
+    with fitted(50):
+        narrow = table(modes, rows, "text", sensitive=True)
+    assert max(map(len, narrow.splitlines())) <= 50
+    assert narrow.count("pendulum[0].links[0].length") > 1
