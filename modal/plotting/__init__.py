@@ -6,6 +6,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
+from modal.plotting.curves import draw_curves, pick
 from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
     assurance_figure,
@@ -76,6 +77,7 @@ __all__ = [
     "draw_assurance",
     "draw_bode",
     "draw_coupling",
+    "draw_curves",
     "draw_hoist",
     "draw_impulse",
     "draw_loci",
@@ -94,6 +96,7 @@ __all__ = [
     "mode_fit_figure",
     "muted",
     "paper",
+    "pick",
     "poles_figure",
     "rest",
     "save",
