@@ -31,6 +31,9 @@ ASIDE = 0.01
 ROUNDS, BETWEEN, MOST_TURNING = 4, 12, 400
 """Rounds of refinement about peaks and troughs, points added to either side of one in each, and most of them."""
 NEAR = 1500
+"""Points near all modes, on either side."""
+ROW = 0.12
+"""Height in inches that a figure gains with each curve beyond six."""
 ROUNDING = 1e-9
 MOST_UNITS = 2
 
@@ -70,7 +73,7 @@ def bode_figure(
     omega, G = _sampled(form, shown, source, low, high)
     size = np.abs(G)
     bottom, top, infinite = _limits(form, omega, size)
-    figure = sheet(WIDTH, 6.0)
+    figure = sheet(WIDTH, 6.0 + ROW * max(0, len(shown) - 6))
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     heights = [_whole(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
     cut = any(bool(np.any(y < bottom)) for _, y in heights)
