@@ -187,8 +187,9 @@ def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
     axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)
     for k, pendulum in enumerate(shown):
         wide, narrow = LARGEST - RING * k, max(HAND * 0.65**k, 0.8)
-        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=colour(k), lw=narrow, zorder=2 + k / 10)
-        axis.plot(angle[pendulum], size[pendulum], "o", color=colour(k), ms=wide, mec=paper(), mew=0.6, zorder=4 + k)
+        own: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], **own, lw=narrow, zorder=2 + k / 10)
+        axis.plot(angle[pendulum], size[pendulum], "o", **own, ms=wide, mec=paper(), mew=0.6, zorder=4 + k)
     axis.set_ylim(0, 1.15 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
     axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)")

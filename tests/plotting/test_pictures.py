@@ -78,10 +78,10 @@ def hung(count: int, *, cart: float | None = None, length: float = 1.0, mass: fl
     return Scene(title=title, gravity=9.81, pendulum=pendula, **({} if cart is None else {"support": Cart(mass=cart)}))
 
 
-def clocks(count: int) -> Scene:
+def clocks(count: int, apart: float = 1.0) -> Scene:
     """Clocks on a light beam."""
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.05, angle_deg=5.0)),)
-    starts = (InitialCondition(angles_deg=(5.0 + k,)) for k in range(count))
+    starts = (InitialCondition(angles_deg=(5.0 + apart * k,)) for k in range(count))
     pendula = tuple(Pendulum(links=links, start=start) for start in starts)
     return Scene(gravity=9.81, support=Cart(mass=50.0, damping=15.0), pendulum=pendula)
 
@@ -254,6 +254,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "spectrum": lambda: spectrum_figure(compared("chain-2", 10.0)),
     "spectrum of many": lambda: spectrum_figure(compared(hung(4, cart=10.0, title=LONG), 10.0)),
     "sync": lambda: synced("metronomes", 5.0),
+    "sync of equals": lambda: synced(clocks(6, 0.0), 8.0),
     "sync of many": lambda: synced(clocks(12), 20.0),
     "branches": lambda: branches_figure(branching()),
     "sweep": lambda: sweep_figure(swept("support.mass=1:1000:9log")),
@@ -292,7 +293,14 @@ def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     assert flaws(figure) == []
 
 
-SHARED = ("run of five", "run of equals", "bode of clocks", "impulse of clocks", "shapes of a hundred equal", "sync")
+SHARED = (
+    "run of five",
+    "run of equals",
+    "bode of clocks",
+    "impulse of clocks",
+    "shapes of a hundred equal",
+    "sync of equals",
+)
 """Figures in which curves coincide."""
 
 

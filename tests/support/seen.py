@@ -33,8 +33,8 @@ COVERED = 0.05
 """Largest part of a curve that a legend is upon."""
 FRAME = 6.0
 """Pixels by which the frame of a legend may be wider than its axes."""
-FEWEST, SEEN, FILLED, CHANGED, DPI = 8, 0.04, 245, 30, 160
-"""Points of a curve; its least visible part; opacity of a pixel within it; least change of a pixel; dots an inch."""
+SEEN, FILLED, CHANGED, DPI = 0.04, 245, 30, 160
+"""Least visible part of a curve; opacity of a pixel within it; least change of a pixel; dots an inch."""
 SLACK = 1.0
 """Pixels by which boxes of words may overlap or leave the page: they are that much larger than the letters."""
 
@@ -79,7 +79,7 @@ def hidden_curves(figure: Figure) -> list[str]:
         lines = [line for line in axis.lines if line.get_visible() and _placed(line, axis)]
         curves: dict[tuple[str, object], list[Line2D]] = {}
         for line in lines:
-            if line.get_gid() != QUIET and len(line.get_xydata()) >= FEWEST:
+            if line.get_gid() != QUIET and len(line.get_xydata()):
                 curves.setdefault((str(line.get_label()).lstrip("_"), line.get_color()), []).append(line)
         whole = pixels(lines)
         for (label, _), own in curves.items():
