@@ -17,9 +17,11 @@ CLOSE = 0.004
 """Largest distance of curves that coincide, as a fraction of the range of all: less than the width of a line."""
 INSTANTS = 400
 """Points at which curves are compared."""
-CELLS = 100
-"""Cells of a panel in each direction; curves in the same cells are upon each other."""
-AWHILE = 6.0
+CELLS = 300, 100
+"""Cells of a panel across and up, about a point each; curves in the same cells are upon each other."""
+MOST_POINTS = 60_000
+"""Most points at which the cells of a curve are looked up."""
+AWHILE = 15.0
 """Length in cells from which curves are upon each other and do not just cross."""
 DASH = 3.5
 """Length of such a dash in points."""
@@ -144,14 +146,14 @@ def _places(curves: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
     if not whole.size:
         return both
     low, extent = whole.min(1, keepdims=True), np.maximum(np.ptp(whole, axis=1, keepdims=True), 1e-300)
-    return [(curve - low) / extent * (CELLS - 1) for curve in both]
+    return [(curve - low) / extent * (np.array([CELLS]).T - 1) for curve in both]
 
 
 def _numbered(place: Floats) -> Ints:
     """The number of the cell of each point; −1 for what is not finite."""
     known = np.isfinite(place).all(axis=0)
     x, y = np.round(np.where(known, place, 0.0)).astype(np.int64)
-    return np.where(known, x * CELLS + y, -1)
+    return np.where(known, x * CELLS[1] + y, -1)
 
 
 def _cells(place: Floats) -> Ints:
@@ -160,7 +162,7 @@ def _cells(place: Floats) -> Ints:
     if not points.size:
         return np.zeros(0, dtype=np.int64)
     along = _along(points)
-    fine = np.linspace(0.0, along[-1], int(min(2 * along[-1], 200 * CELLS)) + 2)
+    fine = np.linspace(0.0, along[-1], int(min(2 * along[-1], MOST_POINTS)) + 2)
     return np.unique(_numbered(np.stack([np.interp(fine, along, row) for row in points])))
 
 

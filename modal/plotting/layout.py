@@ -36,6 +36,8 @@ SHARE = 0.6
 """Largest part of an axis' height that its legend may take."""
 APART = 5.0
 """Points between a legend and the curves below it."""
+KEY = 0.92
+"""The same of a legend below the figure, whose words differ in width with the resolution."""
 OWN = re.compile(r"[ωθ]\$_\{[\w.,]+\}\$")
 """Mathematics of the package's own in a legend; other dollars are letters of a name."""
 FEW_DECADES = 300.0
@@ -98,7 +100,7 @@ def key(
         made.get_title().set(fontsize=SMALL, color=muted(), parse_math=False, multialignment="center")
         return made
 
-    _fitted(labels, columns, BREADTH * figure.bbox.width, make)
+    _fitted(labels, columns, KEY * figure.bbox.width, make)
 
 
 def _fitted(labels: list[str], columns: int, room: float, make: Callable[[list[str], int], Legend]) -> Legend:
