@@ -264,9 +264,10 @@ def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[fl
     no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these.
     """
     bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
-    lowest = float(min(poles.min(), now.min(), omega.min()))
+    known = np.concatenate((poles, now))
+    lowest = float(min(known.min(), omega.min()))
     rises = float(omega.max()) > top
-    top = min(float(omega.max()) * 1.05, RISE * float(max(poles.max(), now.max()))) if rises else top
+    top = min(float(omega.max()) * 1.05, RISE * float(known.max())) if rises else top
     wide = wide or top > LOGARITHMIC * lowest
     room = 0.12 * (top - lowest)
     return (lowest / 1.5 if wide else max(0.0, bottom, lowest - room)), top, wide

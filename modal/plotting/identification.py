@@ -60,8 +60,8 @@ def poles_figure(found: Identified, title: str = "") -> Figure:
     low, high = bottom.get_ylim()
     bottom.set(xlabel="frequency (Hz)", ylabel="damping ratio (–)")
     legend(top, 2)
-    bottom.set_ylim(min(0.0, low), high + 0.3 * (high - low))
-    bottom.legend(loc="upper right")
+    bottom.set_ylim(min(0.0, low), high)
+    legend(bottom, least=1)
     headline(figure, title, f"poles of {'free decays' if found.excitation == 'free' else 'random responses'}")
     return figure
 

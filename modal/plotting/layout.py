@@ -139,14 +139,14 @@ def framed(axis: Axes, across: str, up: str, title: str = "") -> None:
     axis.set_title(title, loc="left")
 
 
-def legend(axis: Axes, columns: int = 6, title: str | None = None) -> None:
-    """A legend in room made above the curves of an axis, as wide as it; none for a single curve.
+def legend(axis: Axes, columns: int = 6, title: str | None = None, least: int = 2) -> None:
+    """A legend in room made above the curves of an axis, as wide as it; none for fewer curves than `least`.
 
     A single one that stands for several, whose name says that they coincide, has a legend.  Columns and room are found
     when the figure is first drawn and the size of the axis is known; a legend never takes room from other axes.
     """
     handles, labels = axis.get_legend_handles_labels()
-    if len(labels) < 2 and not any(label.endswith("coincide") for label in labels):
+    if len(labels) < least and not any(label.endswith("coincide") for label in labels):
         return
 
     def make(words: list[str], count: int) -> Legend:

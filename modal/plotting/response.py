@@ -249,7 +249,8 @@ def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float,
     if not np.isfinite(seen).any():
         return -20.0, 20.0, infinite
     top = 20 * ceil(float(np.nanmax(seen)) / 20) + 20 * infinite
-    ends = np.concatenate((decibel[:, 0], decibel[:, -1], np.nanmedian(decibel, axis=1)))
+    known = decibel[np.isfinite(decibel).any(axis=1)]
+    ends = np.concatenate((known[:, 0], known[:, -1], np.nanmedian(known, axis=1)))
     lowest = max(float(np.nanmin(ends)), top - DEEP)
     troughs = float(np.nanmin(seen))
     return max(20 * floor(lowest / 20) - 20, min(20 * floor(troughs / 20), top - 40)), top, infinite

@@ -63,7 +63,7 @@ def random_figure(found: RandomResponse) -> Figure:
             axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))
         framed(axis, "", f"PSD ({_per_hertz(unit)})", "response")
         _logarithmic(axis)
-        legend(axis, 2)
+        legend(axis, 2, least=1)
     panels[-1].set_xlabel("frequency (Hz)")
     _logarithmic(panels[0])
     panels[0].set(xscale="log", xlim=(f[0], f[-1]))

@@ -317,3 +317,16 @@ def test_two_lines_at_the_resolution_are_two_peaks() -> None:
     assert len(peaks) == 2
     assert all(b - a > 0 for a, b in pairwise(peaks))
     assert omega[peaks] == pytest.approx([9, 9 + apart], abs=0.1)
+
+
+@pytest.mark.parametrize("outputs", [[1], [0, 1]])
+def test_an_output_that_the_input_does_not_reach_is_drawn_as_nothing(outputs: list[int]) -> None:
+    """Two pendula on a fixed support: the torque on one leaves the other at rest."""
+    links = ((Bob(mass=1.0, length=1.0),), (Bob(mass=1.0, length=2.0),))
+    scene = Scene(gravity=9.81, pendulum=tuple(Pendulum(links=one) for one in links))
+    with theme("light"):
+        figure = bode_figure(to_modal_form(natural_modes(scene), state_space(scene)), outputs=outputs)
+    figure.draw_without_rendering()
+    upper = figure.axes[0]
+    drawn = [np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any() for line in upper.lines[: len(outputs)]]
+    assert drawn == [output == 0 for output in outputs]
