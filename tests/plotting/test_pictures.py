@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from itertools import combinations
@@ -309,6 +310,15 @@ SHARED = (
 def test_no_curve_is_hidden_under_others(kind: str) -> None:
     with theme("light"):
         assert hidden_curves(FIGURES[kind]()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("branches")
+def test_branches_upon_each_other_all_show() -> None:
+    found = branching()
+    with theme("light"):
+        hidden = hidden_curves(branches_figure(replace(found, branches=found.branches[:1] * 3)))
+    assert [problem for problem in hidden if "child" not in problem] == []  # rings of one value are one ring
 
 
 # --------------------------------------------------------------------------------------------- the tests themselves
