@@ -106,6 +106,7 @@ def test_curves_that_cross_stay_solid() -> None:
 # ---------------------------------------------------------------------------------------------------- words in figures
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("title", ["振り子の連成振動" * 60, "$\\frac{" * 80, "a_b " * 300, "W" * 900])
 def test_a_title_of_any_length_leaves_room_and_tells_what_is_drawn(title: str) -> None:
     with theme("light"):
