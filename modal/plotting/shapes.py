@@ -14,7 +14,7 @@ from matplotlib.patches import FancyBboxPatch
 
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
-from modal.plotting.layout import caption, headline, side_by_side
+from modal.plotting.layout import caption, evenly, headline, side_by_side
 from modal.plotting.profiles import profiles_figure
 from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
 from modal.scene import AnyLink, Bob, Rod
@@ -101,12 +101,13 @@ def _layout(modes: Modes) -> _Layout:
     for pendulum in modes.scene.pendulum:
         links = tuple(link for link in pendulum.links for _ in range(link.count))
         way = np.array([1.0 if way == "down" else -1.0 for way in pendulum.ways])
-        hanging += [(links, way, first + k * len(links)) for k in range(pendulum.count)]
+        hanging += [(links, way, first + k * len(links)) for k in range(min(pendulum.count, MOST_PENDULA))]
         first += pendulum.count * len(links)
-    chains, ways, offsets = (tuple(column) for column in zip(*hanging, strict=True))
+    picked = evenly(len(hanging), MOST_PENDULA)
+    chains, ways, offsets = (tuple(column) for column in zip(*(hanging[k] for k in picked), strict=True))
     levels = [_levels(chain, way) for chain, way in zip(chains, ways, strict=True)]
     depth = max(float(np.ptp(level)) for level in levels)
-    pivots = side_by_side(len(chains), depth)
+    pivots = side_by_side(len(picked), depth)
     below, above = (max(float((sign * level).max()) for level in levels) for sign in (1, -1))
     return _Layout(chains, ways, offsets, pivots, depth, below, above, float(pivots[-1] + 0.6 * depth))
 

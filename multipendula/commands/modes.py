@@ -196,7 +196,7 @@ COMMANDS = (
         arguments=_shapes_arguments,
         details=(
             "One panel per mode, drawn with the largest angle that you choose. A repeated frequency shows one shape of "
-            "each sort."
+            "each sort. Of more than 12 pendula it draws angles over the number of the pendulum."
         ),
         examples=(
             ("shapes paper-cart-2 -o shapes.png", "every mode"),
