@@ -210,7 +210,7 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         >>> natural_modes(load("chain-2")).to_dict()["frequency_hz"].round(4).tolist()
         [0.3815, 0.9211]
         """
-        found: dict[str, NDArray[Any]] = deferred("modal.modes.summary:columns_of")(self.every)
+        found: dict[str, NDArray[Any]] = deferred("modal.modes.summary:table_of")(self)
         return found
 
     def plot(self, numbers: Sequence[int] | None = None, **options: Any) -> Any:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import isnan, nan
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from modal.modes.columns import columns_of
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
@@ -24,12 +24,13 @@ TOLD = {"period_s", "effective_mass_kg", "linear_to_1_percent_deg", "relative_er
 
 def record_of(mode: Mode) -> dict[str, Any]:
     """The row of a mode by the keys of the table."""
-    return {column.key: column.value(mode) for column in COLUMNS}
+    return {column.key: column.value(mode) for column in COLUMNS if column.of_rows is None}
 
 
-def columns_of(rows: Sequence[Mode]) -> dict[str, NDArray[Any]]:
+def table_of(modes: Modes) -> dict[str, NDArray[Any]]:
     """The columns (R,) of the table by their keys; NaN where there is no value."""
-    return {column.key: _array([column.value(row) for row in rows]) for column in COLUMNS}
+    rows = modes.every
+    return {column.key: _array([column.value(row) for row in rows]) for column in columns_of(modes, rows)}
 
 
 def _array(values: list[Any]) -> NDArray[Any]:

@@ -6,6 +6,7 @@ with `style` and `layout`; each of the other modules makes one kind of figure.
 """
 
 from modal.plotting.coupling import coupling_figure, draw_coupling
+from modal.plotting.curves import draw_curves, pick
 from modal.plotting.films import MovingFigure, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.hoisting import draw_hoist
 from modal.plotting.identification import (
@@ -49,6 +50,7 @@ from modal.plotting.style import (
     in_both_themes,
     ink,
     muted,
+    narrowing,
     paper,
     rest,
     save,
@@ -84,6 +86,7 @@ __all__ = [
     "draw_assurance",
     "draw_bode",
     "draw_coupling",
+    "draw_curves",
     "draw_hoist",
     "draw_impulse",
     "draw_loci",
@@ -104,8 +107,10 @@ __all__ = [
     "mark_modes",
     "mode_fit_figure",
     "muted",
+    "narrowing",
     "pair_of",
     "paper",
+    "pick",
     "poles_figure",
     "require_writer",
     "rest",

@@ -15,7 +15,7 @@ from modal.coupling import Coupling, Family, family_name
 from modal.plotting.layout import SMALL, headline, key
 from modal.plotting.style import WIDE, colour, ink, muted, paper, save, sheet
 from modal.scene import title_of
-from modal.types import Floats, Ints
+from modal.types import Floats
 
 MOST_CLOSE, MANY, POINTS = 3, 24, 1200
 CLOSEST = 0.02
@@ -25,7 +25,9 @@ TOP = 2.2
 LOGARITHMIC = 30.0
 """Ratio of frequencies from which their axis is logarithmic."""
 FELT = r"dynamic mass $m_\mathrm{dyn}$ (kg)"
-MOST_LINES, MASSES = 12, 81
+MASSES = 81
+RISE = 2.5
+"""Top of the lower panel over the highest frequency of the scene, where a curve rises without limit."""
 CART_MASS = r"mass of the cart $m_c$ (kg)"
 
 
@@ -218,18 +220,19 @@ def _beside(coupling: Coupling, number: int, apart: Floats) -> Floats:
 
 
 def draw_limits(axis: Axes, coupling: Coupling) -> None:
-    """Frequencies of the modes that move the cart, as its mass goes from 0 to ∞."""
+    """Frequencies of the modes that move the cart, as its mass goes from 0 to ∞; of a crowd the band that holds them.
+
+    Between two neighbouring poles there is one of them whatever the cart's mass, so that a band of poles holds all but
+    those beyond its ends, which are drawn.
+    """
     poles, here = coupling.dynamic.omega, coupling.dynamic.cart if coupling.on_cart else np.inf
     low, high = _masses(coupling, here)
     masses = np.geomspace(low, high, MASSES)
     omega = coupling.swept(masses)
-    chosen, drawn = _some(omega.shape[1]), _some(len(poles))
-    crowd = crowded(coupling)
-    axis.hlines(poles[drawn], low, high, color=pole(), ls="--", lw=0.6 if crowd else 1.0, alpha=0.8)
-    axis.plot(masses, omega[:, chosen], color=zero(), lw=0.9 if crowd else 1.6)
     light = np.array([mode.light for mode in coupling.cart_modes])
     now = np.array([mode.omega for mode in coupling.cart_modes]) if coupling.on_cart else poles
-    bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
+    spot, crowd = float(np.clip(here, low, high)), crowded(coupling)
+    bottom, top, wide = _reach(poles, now, omega, light)
     axis.set(
         xscale="log",
         xlim=(low, high),
@@ -238,12 +241,37 @@ def draw_limits(axis: Axes, coupling: Coupling) -> None:
         ylabel="angular frequency ω (rad/s)",
     )
     axis.set_ylim(bottom, top)
-    _here(axis, here, float(np.clip(here, low, high)), now[chosen[chosen < len(now)]], size=4 if crowd else 6)
+    chosen = np.arange(omega.shape[1])
+    if crowd:
+        chosen = np.flatnonzero(((omega > poles[-1]) | (omega < poles[0])).any(axis=0))
+        axis.axhspan(poles[0], poles[-1], color=pole(), alpha=0.18, lw=0)
+        held = omega.shape[1] - len(chosen)
+        words = f"band: {len(poles)} poles" + (f", with {held} modes that move the cart between them" if held else "")
+        axis.text(0.98, 0.92, words, transform=axis.transAxes, ha="right", va="top", fontsize=SMALL, bbox=plain())
+    else:
+        axis.hlines(poles, low, high, color=pole(), ls="--", lw=1.0, alpha=0.8)
+    axis.plot(masses, omega[:, chosen], color=zero(), lw=1.6)
+    _here(axis, here, spot, now[chosen[chosen < len(now)]], size=6)
     if not crowd:
         _ends(axis, low, [(value, f"{value:.5g}") for value in light[np.isfinite(light)].tolist()], zero(), (4, 4))
         _ends(axis, high, [(value, name(k)) for k, value in enumerate(poles.tolist())], pole(), (5, -3))
-    some = f"; {len(chosen)} of {omega.shape[1]} modes" if len(chosen) < omega.shape[1] else ""
-    axis.set_title(f"massless cart  ←  modes that move the cart, as its mass changes{some}  →  fixed support")
+    axis.set_title("massless cart  ←  modes that move the cart, as its mass changes  →  fixed support")
+
+
+def _reach(poles: Floats, now: Floats, omega: Floats, light: Floats) -> tuple[float, float, bool]:
+    """Both ends of the frequency axis of the limits and whether it is logarithmic.
+
+    They hold all poles, the scene's own modes and the finite limits of a light cart; where a mode of a light cart has
+    no limit, the axis goes as far as it rises on an axis of the same kind, up to RISE times the highest of these.
+    """
+    bottom, top, wide = span(np.concatenate([poles, now, light[np.isfinite(light)]]))
+    known = np.concatenate((poles, now))
+    lowest = float(min(known.min(), omega.min()))
+    rises = float(omega.max()) > top
+    top = min(float(omega.max()) * 1.05, RISE * float(known.max())) if rises else top
+    wide = wide or top > LOGARITHMIC * lowest
+    room = 0.12 * (top - lowest)
+    return (lowest / 1.5 if wide else max(0.0, bottom, lowest - room)), top, wide
 
 
 def _ends(axis: Axes, x: float, marks: list[tuple[float, str]], hue: str, offset: tuple[int, int]) -> None:
@@ -270,11 +298,6 @@ def _masses(coupling: Coupling, here: float) -> tuple[float, float]:
     hanging = coupling.dynamic.with_cart(0.0).at_rest
     low, high = hanging * 1e-3, hanging * 1e3
     return (min(low, here / 10), max(high, here * 10)) if 0 < here < np.inf else (low, high)
-
-
-def _some(count: int) -> Ints:
-    """At most MOST_LINES indices, the first and the last among them."""
-    return np.unique(np.linspace(0, count - 1, min(MOST_LINES, count)).round().astype(np.int64))
 
 
 def _here(axis: Axes, here: float, spot: float, now: Floats, *, size: float) -> None:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting.layout import SMALL, headline, legend
+from modal.plotting.layout import SMALL, evenly, headline, legend
 from modal.plotting.style import WIDTH, colour, ink, muted, paper, rest, save, sheet
 from modal.scene import title_of
 from modal.types import Floats
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from modal.identification import Assurance, Identified, ModeFit
 
 BARS = 2.0  # standard deviations of an error bar
-MOST_WRITTEN = 12  # modes of a matrix whose entries are written
+MOST_WRITTEN = 12  # modes of a matrix whose entries are written, and numbers along it
+MOST_TICKS = 8  # fitted modes that are named
 
 
 def draw_poles(found: Identified, stream: IO[bytes], kind: str = "png", title: str = "") -> None:
@@ -60,8 +61,8 @@ def poles_figure(found: Identified, title: str = "") -> Figure:
     low, high = bottom.get_ylim()
     bottom.set(xlabel="frequency (Hz)", ylabel="damping ratio (–)")
     legend(top, 2)
-    bottom.set_ylim(min(0.0, low), high + 0.3 * (high - low))
-    bottom.legend(loc="upper right")
+    bottom.set_ylim(min(0.0, low), high)
+    legend(bottom, least=1)
     headline(figure, title, f"poles of {'free decays' if found.excitation == 'free' else 'random responses'}")
     return figure
 
@@ -99,8 +100,9 @@ def assurance_figure(found: Assurance) -> Figure:
 def _matrix(figure: Figure, axis: Axes, found: Assurance) -> None:
     shown: Floats = np.ma.masked_invalid(found.mac)
     mesh = axis.imshow(shown, cmap="cividis", vmin=0, vmax=1, aspect="auto")
-    axis.set_xticks(range(len(found.rows)), [str(mode.number) for mode in found.rows])
-    axis.set_yticks(range(len(found.measured.modes)), [str(one.number) for one in found.measured.modes])
+    columns, rows = ([str(one.number) for one in modes] for modes in (found.rows, found.measured.modes))
+    axis.set_xticks(*_thinned(columns))
+    axis.set_yticks(*_thinned(rows))
     axis.set(xlabel="computed mode (–)", ylabel="measured mode (–)")
     axis.grid(visible=False)
     if max(found.mac.shape) <= MOST_WRITTEN:
@@ -112,6 +114,12 @@ def _matrix(figure: Figure, axis: Axes, found: Assurance) -> None:
     bar = figure.colorbar(mesh, ax=axis, pad=0.02)
     bar.set_label("MAC (–)")
     bar.outline.set_visible(False)
+
+
+def _thinned(words: list[str], most: int = MOST_WRITTEN) -> tuple[list[int], list[str]]:
+    """Places and words of at most so many ticks."""
+    places = evenly(len(words), most).tolist()
+    return places, [words[k] for k in places]
 
 
 def draw_mode_fit(found: ModeFit, stream: IO[bytes], kind: str = "png") -> None:
@@ -135,7 +143,8 @@ def mode_fit_figure(found: ModeFit) -> Figure:
         ]
         axis.plot([k for k, _ in damped], own, "s", ms=6, mfc=paper(), mec=colour(1), mew=2, label="damping ratio")
     most = max(3.0, 1.2 * max(abs(one.deviation) for one in found.modes))
-    axis.set_xticks(at, [f"mode {one.measured.number}\n{one.measured.frequency:.4g} Hz" for one in found.modes])
+    names = [f"mode {one.measured.number}\n{one.measured.frequency:.4g} Hz" for one in found.modes]
+    axis.set_xticks(*_thinned(names, MOST_TICKS))
     axis.set(ylabel="fitted − measured (standard deviations)", ylim=(-most, most), xlim=(-0.5, len(at) - 0.5))
     axis.legend(loc="upper right", ncols=2)
     words = f"fit to measured modes, chi-square {found.chi_square:.3g} with {found.freedom} degrees of freedom"

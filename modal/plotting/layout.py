@@ -5,7 +5,8 @@ Also the positions of pendula that are drawn side by side.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from textwrap import fill
 
 import numpy as np
@@ -13,10 +14,11 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.text import Text
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from modal.plotting.style import any_letters, muted
+from modal.plotting.style import Picture, any_letters, muted
 from modal.report import visible
 from modal.types import Floats, Ints
 
@@ -26,22 +28,46 @@ NUMBER = "–"
 """The unit of dimensionless quantities."""
 BREADTH = 0.96
 """Largest width of titles, captions and keys as a fraction of the figure's."""
-ROOM, ROW = 0.08, 0.12
-"""Heights of a legend and of each of its rows, as fractions of the axis."""
+LINES = 3
+"""Most lines of a headline; a longer title of a scene is shortened."""
+LONGEST = 48
+"""Most letters of a name in a legend."""
+SHARE = 0.6
+"""Largest part of an axis' height that its legend may take."""
+APART = 5.0
+"""Points between a legend and the curves below it."""
+KEY = 0.92
+"""The same of a legend below the figure, whose words differ in width with the resolution."""
+OWN = re.compile(r"[ωθ]\$_\{[\w.,]+\}\$")
+"""Mathematics of the package's own in a legend; other dollars are letters of a name."""
 FEW_DECADES = 300.0
+INDISTINCT = 0.002
+"""Fraction of the axis from which lines at modes are seen as two."""
 CLOSEST = 0.022
 """Fraction of the axis that the number of a mode needs."""
 
 
 def headline(figure: Figure, title: str, words: str) -> None:
-    """The scene's title and a description, over the whole figure; nothing in it is read as mathematics."""
-    whole = f"{visible(title)}: {words}" if title else words[:1].upper() + words[1:]
-    _fold(figure, figure.suptitle(whole, parse_math=False))
+    """The scene's title and a description, over the whole figure; nothing in it is read as mathematics.
+
+    A title of more than LINES lines is shortened.
+    """
+    shown = visible(title)
+    whole = f"{shown}: {words}" if title else words[:1].upper() + words[1:]
+    text = figure.suptitle(whole, parse_math=False)
+    _fold(figure, text)
+    while text.get_text().count("\n") >= LINES and len(shown) > 1:
+        lines = text.get_text().count("\n") + 1
+        shown = shown[: min(len(shown) - 1, int(1.02 * len(shown) * LINES / lines))].rstrip("… ")
+        text.set_text(f"{shown}…: {words}")
+        _fold(figure, text)
 
 
-def caption(figure: Figure, words: str) -> None:
-    """Notes about a figure, below it."""
-    _fold(figure, figure.supxlabel(words, fontsize=SMALL, fontweight="normal", color=muted(), parse_math=False))
+def caption(figure: Figure, words: str) -> str:
+    """Notes about a figure, below it; the words as they are folded."""
+    text = figure.supxlabel(words, fontsize=SMALL, fontweight="normal", color=muted(), parse_math=False)
+    _fold(figure, text)
+    return text.get_text()
 
 
 def _fold(figure: Figure, text: Text) -> None:
@@ -54,17 +80,57 @@ def _fold(figure: Figure, text: Text) -> None:
             text.set_text(fill(words, letters))
 
 
-def key(figure: Figure, handles: Sequence[Artist], names: Sequence[str] | None = None, columns: int = 4) -> None:
-    """A legend below the figure, in at most `columns` columns and as room permits."""
-    labels = names or [str(handle.get_label()) for handle in handles]
-    for rows in range(-(-len(labels) // columns), len(labels) + 1):
-        count = -(-len(labels) // rows)
-        made = figure.legend(handles, labels, loc="outside lower center", ncols=count)
+def key(
+    figure: Figure,
+    handles: Sequence[Artist],
+    names: Sequence[str] | None = None,
+    columns: int = 4,
+    notes: str = "",
+) -> None:
+    """A legend below the figure, in at most `columns` columns and as room permits; long names are shortened.
+
+    `notes` stand above it, in place of a caption.
+    """
+    labels = list(names or [str(handle.get_label()) for handle in handles])
+    above = caption(figure, notes) if notes else ""
+    figure.supxlabel("")
+
+    def make(words: list[str], count: int) -> Legend:
+        made = figure.legend(handles, words, loc="outside lower center", ncols=count, title=above)
+        made.get_title().set(fontsize=SMALL, color=muted(), parse_math=False, multialignment="center")
+        return made
+
+    _fitted(labels, columns, KEY * figure.bbox.width, make)
+
+
+def _fitted(labels: list[str], columns: int, room: float, make: Callable[[list[str], int], Legend]) -> Legend:
+    """The legend in as few rows as fit into `room` (pixels); nothing in it is read as mathematics."""
+    words = [shortened(label) for label in labels]
+    rows, letters = -(-len(words) // columns), LONGEST
+    while True:
+        count = -(-len(words) // rows)
+        made = make(words, count)
+        for text in made.get_texts():
+            text.set_parse_math(bool(OWN.search(text.get_text())))
         with any_letters():
-            fits = made.get_window_extent().width < BREADTH * figure.bbox.width
-        if fits or count == 1:
-            return
+            fits = made.get_window_extent().width <= room
+        if fits or (count == 1 and letters < 6):
+            return made
         made.remove()
+        if count > 1:
+            rows += 1
+        else:
+            letters -= 4
+            words = [shortened(label, letters) for label in labels]
+
+
+def shortened(name: str, letters: int = LONGEST) -> str:
+    """A name of at most this many letters, its middle left out where it has more."""
+    shown = visible(name)
+    if len(shown) <= letters:
+        return shown
+    half = (letters - 1) // 2
+    return f"{shown[: letters - 1 - half]}…{shown[len(shown) - half :]}"
 
 
 def framed(axis: Axes, across: str, up: str, title: str = "") -> None:
@@ -73,17 +139,53 @@ def framed(axis: Axes, across: str, up: str, title: str = "") -> None:
     axis.set_title(title, loc="left")
 
 
-def legend(axis: Axes, columns: int = 6, title: str | None = None) -> None:
-    """A legend in room made above the curves of an axis; none for a single curve."""
-    entries = len(axis.get_legend_handles_labels()[1])
-    if entries < 2:
+def legend(axis: Axes, columns: int = 6, title: str | None = None, least: int = 2) -> None:
+    """A legend in room made above the curves of an axis, as wide as it; none for fewer curves than `least`.
+
+    A single one that stands for several, whose name says that they coincide, has a legend.  Columns and room are found
+    when the figure is first drawn and the size of the axis is known; a legend never takes room from other axes.
+    """
+    handles, labels = axis.get_legend_handles_labels()
+    if len(labels) < least and not any(label.endswith("coincide") for label in labels):
         return
-    columns = min(entries, columns)
-    low, high = axis.get_ylim()
-    axis.set_ylim(low, high + (high - low) * (ROOM + ROW * -(-entries // columns)))
-    axis.legend(
-        ncols=columns, title=title, loc="upper right", fontsize=SMALL, frameon=True, edgecolor="none", borderpad=0.2
-    )
+
+    def make(words: list[str], count: int) -> Legend:
+        made = axis.legend(
+            handles,
+            words,
+            ncols=count,
+            title=title,
+            loc="upper right",
+            fontsize=SMALL,
+            frameon=True,
+            edgecolor="none",
+            borderpad=0.2,
+            borderaxespad=0.2,
+        )
+        made.set_in_layout(False)
+        return made
+
+    def fit() -> None:
+        _fitted(labels, columns, axis.get_window_extent().width, make)
+        _raise(axis)
+
+    figure = axis.get_figure()
+    if isinstance(figure, Picture):
+        make([shortened(label) for label in labels], columns)
+        figure.waiting.append(fit)
+    else:
+        fit()
+
+
+def _raise(axis: Axes) -> None:
+    """Make room above the curves for the legend of an axis."""
+    made, scale = axis.get_legend(), axis.yaxis.get_transform()
+    assert made is not None
+    high = made.get_window_extent().height + APART / 72 * axis.figure.dpi
+    part = min(high / axis.get_window_extent().height, SHARE)
+    ends = scale.transform(np.array(axis.get_ylim()))
+    top = ends[0] + (ends[1] - ends[0]) / (1 - part)
+    axis.set_ylim(top=float(scale.inverted().transform(np.array([top]))[0]))
 
 
 def log_ticks(line: Axis, ratio: float = 1.0) -> None:
@@ -98,8 +200,11 @@ def mark_modes(axis: Axes, omega: Sequence[tuple[int, float]], *, numbered: bool
     groups: list[list[tuple[int, float]]] = []
     share = axis.transData + axis.transAxes.inverted()
     places = [float(share.transform((value, axis.get_ylim()[0]))[0]) for _, value in omega]
+    last = -1.0
     for (number, value), place in zip(omega, places, strict=True):
-        axis.axvline(value, color=muted(), ls=":", lw=0.9, zorder=0)
+        if place - last > INDISTINCT:
+            axis.axvline(value, color=muted(), ls=":", lw=0.9, zorder=0)
+            last = place
         near = groups and place - groups[-1][-1][1] < CLOSEST
         groups = [*groups[:-1], [*groups[-1], (number, place)]] if near else [*groups, [(number, place)]]
     for group in groups if numbered else ():

@@ -14,15 +14,28 @@ from matplotlib.ticker import MaxNLocator, MultipleLocator
 
 from modal.errors import ComputationError
 from modal.modes import UNCERTAIN
+from modal.plotting.curves import draw_curves
 from modal.plotting.layout import headline, key, log_ticks, mark_modes
-from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet
+from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet, thickness
 from modal.statespace import ModalForm, Signal, frequency_response, impulse_response
 from modal.types import Complexes, Floats
 
 POINTS, LONGEST = 2000, 20_000
 Spread = Callable[[Floats], Floats]
-FAR = 70.0
-"""Decibels from the median of all curves that a picture goes up and down."""
+DEEP, BEYOND = 240.0, 5.0
+"""Most decibels that a picture goes down; decibels by which cut curves go on beyond it."""
+FIRST = 2.0
+"""Width of the first curve in points."""
+ASIDE = 0.01
+"""Distance from an undamped mode, over its frequency, up to which heights do not count."""
+ROUNDS, BETWEEN, MOST_TURNING = 4, 12, 400
+"""Rounds of refinement about peaks and troughs, points added to either side of one in each, and most of them."""
+NEAR = 1500
+"""Points near all modes, on either side."""
+ROW = 0.12
+"""Height in inches that a figure gains with each curve beyond six."""
+ROUNDING = 1e-9
+MOST_UNITS = 2
 
 
 def draw_bode(
@@ -49,34 +62,40 @@ def bode_figure(
 ) -> Figure:
     """Magnitude and phase of G(iω) from input `source` to these outputs (indices; by default all) over a band (rad/s).
 
-    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed; an undamped
-    peak, which is infinite, is cut off.  `std` gives the standard deviations (p, m, W) of |G| at ω (W,): two of them to
-    either side are shaded.  Raises ComputationError for more curves than a picture holds.
+    Dotted lines with numbers mark the modes, the fixed-base ones where the cart's motion is prescribed.  Every peak and
+    trough of a damped mode has its own height, found between the points of the grid; peaks of undamped modes are
+    infinite, and are cut, as zeros are, at levels given below the picture.  `std` gives the standard deviations
+    (p, m, W) of |G| at ω (W,): two of them to either side are shaded.  Raises ComputationError for more curves than a
+    picture holds.
     """
     shown = _shown(form, outputs)
     low, high = band or _band(form)
-    omega = _grid(form, low, high)
-    G = frequency_response(form, omega)[shown, source]
-    figure = sheet(WIDTH, 6.0)
-    top, bottom = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
-    for k, response in enumerate(G):
-        size = np.abs(response)
-        _draw(top, omega, _decibel(size), k)
-        _draw(bottom, omega, _phase(response), k)
-    spread = None if std is None else std(omega)[shown, source]
-    top.set(xscale="log", ylabel=f"magnitude (dB, {_units(form, shown, source)})", ylim=_limits(_decibel(np.abs(G))))
-    if spread is not None:
-        _shade(top, omega, np.abs(G), spread)
-    top.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
-    bottom.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
-    bottom.yaxis.set_major_locator(MultipleLocator(90))
-    log_ticks(bottom.xaxis, high / low)
+    omega, G = _sampled(form, shown, source, low, high)
+    size = np.abs(G)
+    bottom, top, infinite = _limits(form, omega, size)
+    figure = sheet(WIDTH, 6.0 + ROW * max(0, len(shown) - 6))
+    upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    heights = [_whole(omega, response, bottom - BEYOND, top + BEYOND) for response in G]
+    cut = any(bool(np.any(y < bottom)) for _, y in heights)
+    draw_curves(upper, heights, first=FIRST, log="x")
+    draw_curves(lower, [(omega, _phase(response)) for response in G], first=FIRST, log="x")
+    given = form.model.inputs[source]
+    upper.set(xscale="log", ylabel=f"magnitude (dB re 1 {_units(form, shown, source)})", ylim=(bottom, top))
+    if std is not None:
+        _shade(upper, omega, size, std(omega)[shown, source])
+    upper.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
+    lower.set(ylabel="phase (°)", xlabel="angular frequency ω (rad/s)", xlim=(low, high), ylim=(-195, 195))
+    lower.yaxis.set_major_locator(MultipleLocator(90))
+    log_ticks(lower.xaxis, high / low)
     inside = [(k, omega) for k, omega in enumerate(form.modes.omega.tolist(), 1) if low <= omega <= high]
-    mark_modes(top, inside)
-    mark_modes(bottom, inside, numbered=False)
+    mark_modes(upper, inside)
+    mark_modes(lower, inside, numbered=False)
     held = ", with the fixed-base modes" if any(block.mode is None for block in form.blocks) else ""
-    words = f"response to {_named(form.model.inputs[source])}{held}"
-    _finish(figure, form, shown, words + (", ± 2 standard deviations" if std else ""))
+    words = f"response to {_named(given)}{held}"
+    notes = [f"peaks of undamped modes are infinite and cut at {top:g} dB".replace("-", "−")] if infinite else []
+    notes += [f"zeros cut at {bottom:g} dB".replace("-", "−")] if cut else []
+    names = [f"{_named(form.model.outputs[output])} / {_named(given)}" for output in shown]
+    _finish(figure, form, names, words + (", ± 2 standard deviations" if std else ""), "; ".join(notes))
     return figure
 
 
@@ -120,13 +139,15 @@ def impulse_figure(
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
     figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
-    for k, output in enumerate(shown):
-        _draw(panels[units.index(form.model.outputs[output].unit)], t, h[k], k)
+    for panel, unit in zip(panels, units, strict=True):
+        own = [k for k, output in enumerate(shown) if form.model.outputs[output].unit == unit]
+        draw_curves(panel, [(t, h[k]) for k in own], numbers=own, first=FIRST)
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
         panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)
     panels[-1].set(xlabel="time t (s)", xlim=(0.0, end))
-    _finish(figure, form, shown, f"impulse response to {_named(form.model.inputs[source])}")
+    names = [_named(form.model.outputs[output]) for output in shown]
+    _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}")
     return figure
 
 
@@ -152,10 +173,37 @@ def _band(form: ModalForm) -> tuple[float, float]:
     return float(omega.min() / 3), float(omega.max() * 3)
 
 
+def _sampled(form: ModalForm, shown: list[int], source: int, low: float, high: float) -> tuple[Floats, Complexes]:
+    """Angular frequencies (W,) and G (k, W), with points in between added about every peak and trough."""
+    omega = _grid(form, low, high)
+    G = frequency_response(form, omega, outputs=shown, inputs=[source])[:, 0]
+    for _ in range(ROUNDS):
+        size = np.abs(G)
+        with np.errstate(invalid="ignore"):
+            rises = np.sign(np.diff(size, axis=1))
+        turning = np.isfinite(size[:, :-2] + size[:, 1:-1] + size[:, 2:]) & (rises[:, 1:] * rises[:, :-1] < 0)
+        places = np.flatnonzero(turning.any(axis=0))[:MOST_TURNING]
+        if not len(places):
+            break
+        part = np.linspace(0, 1, BETWEEN + 2)[1:-1]
+        inner = [omega[places + k, None] + part * (omega[places + k + 1] - omega[places + k])[:, None] for k in (0, 1)]
+        more = np.setdiff1d(np.concatenate(inner).ravel(), omega)
+        order = np.argsort(whole := np.concatenate((omega, more)), kind="stable")
+        omega = whole[order]
+        added = frequency_response(form, more, outputs=shown, inputs=[source])[:, 0]
+        G = np.concatenate((G, added), axis=1)[:, order]
+    return omega, G
+
+
 def _grid(form: ModalForm, low: float, high: float) -> Floats:
-    """Points evenly spaced in log ω, and closer near every mode."""
-    aside = np.geomspace(1e-5, 0.03, 60)
-    near = np.outer(_moving(form), np.concatenate([1 - aside, 1 + aside])).ravel()
+    """Points evenly spaced in log ω and closer near every mode, which is a point itself, within its width too."""
+    moving = _moving(form)
+    aside = np.geomspace(1e-5, 0.03, max(6, min(60, NEAR // len(moving))))
+    near = np.outer(moving, np.concatenate([1 - aside, [1.0], 1 + aside])).ravel()
+    damped = form.modes.eigenvalue[(form.modes.eigenvalue.real != 0) & (form.modes.eigenvalue.imag > 0)]
+    widths = np.concatenate(([0.0], np.geomspace(0.05, 30, 24)))
+    within = np.outer(np.abs(damped.real), np.concatenate((-widths, widths))) + damped.imag[:, None]
+    near = np.concatenate((near, within.ravel()))
     return np.unique(np.concatenate([np.geomspace(low, high, POINTS), near[(near > low) & (near < high)]]))
 
 
@@ -172,27 +220,49 @@ def _decibel(size: Floats) -> Floats:
     return np.asarray(20 * np.log10(np.where((size > 0) & np.isfinite(size), size, np.nan)))
 
 
-def _limits(decibel: Floats) -> tuple[float, float]:
-    """Multiples of 20 dB around all curves, up to FAR from their median: an undamped peak has no height."""
-    seen = decibel[np.isfinite(decibel)]
-    if not seen.size:
-        return -20.0, 20.0
-    middle = float(np.median(seen))
-    low, high = max(float(seen.min()), middle - FAR), min(float(seen.max()), middle + FAR)
-    return 20 * floor(low / 20), 20 * ceil(high / 20)
+def _whole(omega: Floats, G: Complexes, least: float, most: float) -> tuple[Floats, Floats]:
+    """ω and decibels of one curve from `least` to `most`, which infinite peaks and zeros reach; NaN where all are 0."""
+    if not G.any():
+        return omega, np.full(len(omega), np.nan)
+    size = np.abs(G)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        decibel = np.clip(20 * np.log10(size), least, most)
+        real = np.abs(G.imag) <= ROUNDING * np.abs(G.real)
+        turns = (np.sign(G.real[1:]) != np.sign(G.real[:-1])) & real[1:] & real[:-1] & np.isfinite(size[1:] + size[:-1])
+    at = np.flatnonzero(turns)
+    return np.insert(omega, at + 1, (omega[at] + omega[at + 1]) / 2), np.insert(decibel, at + 1, least)
+
+
+def _limits(form: ModalForm, omega: Floats, size: Floats) -> tuple[float, float, bool]:
+    """Multiples of 20 dB around all curves (k, W) and whether a peak is infinite.
+
+    Above all heights but those within ASIDE of an undamped mode, above which there are 20 dB more; at most DEEP below
+    the largest, and 20 dB below the lowest end of a curve.
+    """
+    undamped = form.modes.omega[form.modes.eigenvalue.real == 0]
+    infinite = bool(np.isinf(size).any())
+    away = np.ones(len(omega), dtype=bool)
+    for value in undamped if infinite else ():
+        away &= np.abs(omega - value) > ASIDE * value
+    decibel = _decibel(size)
+    seen = decibel[:, away] if away.any() else decibel
+    if not np.isfinite(seen).any():
+        return -20.0, 20.0, infinite
+    top = 20 * ceil(float(np.nanmax(seen)) / 20) + 20 * infinite
+    known = decibel[np.isfinite(decibel).any(axis=1)]
+    ends = np.concatenate((known[:, 0], known[:, -1], np.nanmedian(known, axis=1)))
+    lowest = max(float(np.nanmin(ends)), top - DEEP)
+    troughs = float(np.nanmin(seen))
+    return max(20 * floor(lowest / 20) - 20, min(20 * floor(troughs / 20), top - 40)), top, infinite
 
 
 # ------------------------------------------------------------------------------------------------------- drawing
 
 
-def _draw(axis: Axes, x: Floats, y: Floats, k: int) -> None:
-    axis.plot(x, y, color=colour(k), ls=dash(k))
-
-
-def _finish(figure: Figure, form: ModalForm, shown: list[int], title: str) -> None:
+def _finish(figure: Figure, form: ModalForm, names: Sequence[str], title: str, notes: str = "") -> None:
     headline(figure, form.model.title, title)
-    handles = [Line2D([], [], color=colour(k), ls=dash(k)) for k in range(len(shown))]
-    key(figure, handles, [_named(form.model.outputs[output]) for output in shown])
+    handles = [Line2D([], [], color=colour(k), ls=dash(k), lw=thickness(k, FIRST)) for k in range(len(names))]
+    key(figure, handles, names, notes=notes)
 
 
 def _named(signal: Signal) -> str:
@@ -201,4 +271,5 @@ def _named(signal: Signal) -> str:
 
 def _units(form: ModalForm, shown: list[int], source: int) -> str:
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
-    return f"{units[0] if len(units) == 1 else 'each unit'} per {form.model.inputs[source].unit}"
+    several = " or ".join(units) if len(units) <= MOST_UNITS else "each unit"
+    return f"{several} per {form.model.inputs[source].unit}"

@@ -15,13 +15,15 @@ from matplotlib.patches import FancyBboxPatch
 from modal.errors import ComputationError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.layout import caption, evenly, headline, side_by_side
-from modal.plotting.style import QUIET, WIDE, colour, ink, muted, paper, rest, save, sheet
+from modal.plotting.profiles import profiles_figure
+from modal.plotting.style import QUIET, WIDE, colour, ink, mixed, muted, paper, rest, save, sheet
 from modal.scene import AnyLink, Bob, Rod, title_of
 from modal.types import Floats
 
 FARTHEST = 0.3  # largest displacement of the cart over the picture's depth
 LINE, LETTER = 0.2, 0.08  # height of a title line and width of a letter (inches)
 MOST_PANELS, MOST_PENDULA, MOST_MARKS = 24, 12, 40
+FAINTEST = 0.3  # part of the colour in a motion that has faded
 LEAST, WIDEST = 4.6, 1.4  # least width of a picture (inches); width over height of panels, four in a row
 
 
@@ -64,12 +66,18 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
 
     The largest angle of each is `amplitude_deg`.
 
+    Up to MOST_PENDULA pendula are drawn as they hang; of more, the angles over the number of the pendulum.  An
+    overdamped mode is drawn where it begins and after one and two time constants.
+
     Raises ComputationError for more modes than one picture holds.
     """
     numbers = range(min(len(modes), MOST_PANELS)) if numbers is None else numbers
     if len(numbers) > MOST_PANELS:
         raise ComputationError(f"{len(numbers)} modes do not fit in one figure: choose at most {MOST_PANELS} modes")
-    rows, layout = list(modes.rows(numbers)), layout_of(modes)
+    rows = list(modes.rows(numbers))
+    if modes.scene.n_pendula > MOST_PENDULA:
+        return profiles_figure(modes, rows, panel_words, amplitude_deg)
+    layout = layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
     columns = min(len(rows), 4 if panel < WIDEST else 3)
     lines = -(-len(rows) // columns)
@@ -123,8 +131,14 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float
         reach, height = 0.3 * layout.depth, 0.13 * layout.depth
         arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
         axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
+        return
+    amplitude = fitting_amplitude(layout, shape, amplitude)
+    if creeps(row):
+        for constants in (2, 1, 0):
+            left = float(np.exp(-constants))
+            look = {"color": mixed(colour(0), max(left, FAINTEST)), **({"gid": QUIET} if constants else {})}
+            draw_swing(axis, modes, layout, shape, left * amplitude, look)
     else:
-        amplitude = fitting_amplitude(layout, shape, amplitude)
         draw_swing(axis, modes, layout, shape, -amplitude, {"color": colour(1)})
         draw_swing(axis, modes, layout, shape, amplitude, {"color": colour(0)})
 
@@ -138,11 +152,19 @@ def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
     draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
+def creeps(row: Mode) -> bool:
+    """Whether a mode returns to equilibrium without swinging."""
+    return row.omega > 0 and row.damping_ratio >= 1
+
+
 def panel_words(row: Mode, letters: int) -> str:
-    """The title of a panel: number, frequencies and family."""
+    """The title of a panel: number, frequencies or rates, and family."""
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio > 0 else ""
-    omega = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
-    rate = f"grows at {row.growth_rate:.5g} 1/s" if row.growth_rate else omega
+    rate = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
+    if row.growth_rate:
+        rate = f"grows at {row.growth_rate:.5g} 1/s"
+    elif creeps(row) and not row.is_uncertain:
+        rate = f"decays at {row.omega:.5g} 1/s without a swing"
     frequency = "" if row.frequency is None else f":  {row.frequency:.4g} Hz"
     return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
 
@@ -161,10 +183,10 @@ def fitting_amplitude(layout: Layout, shape: Shape, amplitude: float) -> float:
 def draw_swing(axis: Axes, modes: Modes, layout: Layout, shape: Shape, amplitude: float, look: dict[str, Any]) -> None:
     """A real shape times an amplitude (rad)."""
     shift = float(shape.cart.real) * amplitude
-    _support(axis, modes, layout, shift, look)
+    _support(axis, modes, layout, shift, look, filled=amplitude == 0)
     for links, way, first, pivot in zip(layout.links, layout.ways, layout.offsets, layout.pivots, strict=True):
         angles = amplitude * shape.angles[first : first + len(links)]
-        if "gid" not in look and shift == 0 and not angles.any():
+        if amplitude != 0 and shift == 0 and not angles.any():
             continue
         length = np.array([link.length for link in links])
         lean = (np.sin(angles), np.cos(angles)) if len(links) <= MOST_MARKS else (angles, np.ones(len(links)))
@@ -192,23 +214,27 @@ def _marks(axis: Axes, links: Sequence[AnyLink], x: Floats, y: Floats, look: dic
     axis.plot(x[:-1], y[:-1], "o", ms=2.6, **look | {"color": paper()}, mec=look["color"], mew=0.9, zorder=5)
 
 
-def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[str, Any]) -> None:
+def _support(axis: Axes, modes: Modes, layout: Layout, shift: float, look: dict[str, Any], *, filled: bool) -> None:
     left, right = layout.pivots[0] - 0.16 * layout.depth, layout.pivots[-1] + 0.16 * layout.depth
     height = 0.075 * layout.depth
     if modes.rig.cart is None:
         axis.plot([left, right], [0, 0], color=ink(), lw=3.0, zorder=1)
         return
-    face = look["color"] if "gid" in look else "none"
+    face = look["color"] if filled else "none"
     style: dict[str, Any] = {"boxstyle": f"round,pad=0,rounding_size={height / 3}", "lw": 1.3, "zorder": 1}
     axis.add_patch(FancyBboxPatch((left + shift, 0.0), right - left, height, fc=face, ec=look["color"], **style))
 
 
 def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: float) -> str:
     linear = max(map(len, layout.links)) > MOST_MARKS
-    words = ["grey: rest", "blue and orange: the two ends of the swing"]
+    words = ["grey: rest"]
+    if any(row.oscillates for row in rows):
+        words += ["blue and orange: the two ends of the swing"]
+    if any(row.growth_rate for row in rows):
+        words += ["of growing modes: the two ways they leave it"]
+    if any(map(creeps, rows)):
+        words += ["fading blue: an overdamped mode at the start, after one and after two time constants"]
     words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
-    if len(layout.links) < modes.scene.n_pendula:
-        words += [f"{len(layout.links)} of {modes.scene.n_pendula} pendula drawn"]
     return "; ".join(words)

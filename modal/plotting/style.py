@@ -37,10 +37,16 @@ class Picture(Figure):
         super().__init__(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(self)
         self.style = {name: value for name, value in rcParams.items() if name.partition(".")[0] in KEPT}
+        self.waiting: list[Callable[[], None]] = []
 
     def draw(self, renderer: RendererBase) -> None:
-        """Draw, whatever the style in force."""
+        """Draw, whatever the style in force; first what is `waiting` for the sizes of the axes."""
         with rc_context(self.style), any_letters():
+            waiting, self.waiting = self.waiting, []
+            if waiting and (engine := self.get_layout_engine()):
+                engine.execute(self)
+            for fit in waiting:
+                fit()
             super().draw(renderer)
 
     def _repr_png_(self) -> bytes:
@@ -96,9 +102,20 @@ def thickness(k: int, first: float = 2.4) -> float:
     return first * (1 - 0.12 * min(k, HUES - 1))
 
 
+def narrowing(k: int) -> float:
+    """The width of curve k in points where dashes have a meaning: a wider one shows beside those upon it."""
+    return 4.2 * 0.7 ** min(k, HUES - 1)
+
+
 def shade(part: float) -> str:
     """A mixture of ink and paper: 1 is ink, 0 is paper."""
     inked, plain = (np.array(to_rgb(rcParams[name])) for name in ("text.color", "axes.facecolor"))
+    return to_hex(tuple((part * inked + (1 - part) * plain).tolist()))
+
+
+def mixed(hue: str, part: float) -> str:
+    """A mixture of a colour and paper: 1 is the colour, 0 is paper."""
+    inked, plain = (np.array(to_rgb(one)) for one in (hue, paper()))
     return to_hex(tuple((part * inked + (1 - part) * plain).tolist()))
 
 

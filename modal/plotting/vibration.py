@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -30,6 +30,8 @@ QUANTITIES = {
 }
 """What a unit measures."""
 BAR = 0.36
+MOST_LEVEL = 5
+"""Most names of outputs that stand level below their bars."""
 
 
 def draw_random(found: RandomResponse, stream: IO[bytes], kind: str = "png") -> None:
@@ -62,7 +64,7 @@ def random_figure(found: RandomResponse) -> Figure:
             axis.set_ylim(bottom=max(sizes[sizes > 0].min() / 2, DEEPEST * sizes.max()))
         framed(axis, "", f"PSD ({_per_hertz(unit)})", "response")
         _logarithmic(axis)
-        axis.legend(fontsize="small", loc="best")
+        legend(axis, 2, least=1)
     panels[-1].set_xlabel("frequency (Hz)")
     _logarithmic(panels[0])
     panels[0].set(xscale="log", xlim=(f[0], f[-1]))
@@ -119,7 +121,10 @@ def _combinations(axis: Axes, found: ShockResponse, shown: list[int]) -> None:
         hatch = ("", "//")[k]
         axis.bar(places + (k - 0.5) * BAR, ratios, BAR, color=colour(k), hatch=hatch, label=name)
     axis.axhline(1.0, color=ink(), lw=1.0)
-    axis.set_xticks(places, [found.outputs[k].name for k in shown])
+    turned: dict[str, Any] = (
+        {"rotation": 30, "ha": "right", "rotation_mode": "anchor"} if len(shown) > MOST_LEVEL else {}
+    )
+    axis.set_xticks(places, [found.outputs[k].name for k in shown], **turned)
     framed(axis, "", "over exact peak (–)", "peaks of modes, combined")
     legend(axis)
 

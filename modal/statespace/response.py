@@ -50,16 +50,23 @@ def terms(form: ModalForm) -> Iterator[Term]:
             yield Term(block.mode, C @ B, C @ (A @ B - trace * B), (1.0, -trace, determinant))
 
 
-def frequency_response(form: ModalForm, omega: ArrayLike) -> Complexes:
+def frequency_response(
+    form: ModalForm, omega: ArrayLike, *, outputs: Sequence[int] | None = None, inputs: Sequence[int] | None = None
+) -> Complexes:
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
 
-    Infinite exactly at an undamped mode that the input reaches and the output sees, including ω = 0.
+    Of these outputs and inputs (indices; by default all).  Infinite exactly at an undamped mode that the input reaches
+    and the output sees, including ω = 0.
     """
     s = np.atleast_1d(1j * np.asarray(omega, dtype=np.complex128))
     model = form.model
-    response = np.repeat(model.D[..., None], len(s), axis=2).astype(np.complex128)
+    chosen = np.ix_(
+        np.arange(len(model.outputs)) if outputs is None else np.asarray(outputs),
+        np.arange(len(model.inputs)) if inputs is None else np.asarray(inputs),
+    )
+    response = np.repeat(model.D[chosen][..., None], len(s), axis=2).astype(np.complex128)
     for term in terms(form):
-        above, below = term.at(s)
+        above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
         pole = below == 0
         response += above / np.where(pole, 1.0, below)
         response[(above != 0) & pole] = np.inf

@@ -184,7 +184,8 @@ COMMANDS = (
         arguments=_plot_arguments,
         details=(
             "The run is a saved one, or of a scene that is simulated first. Dotted lines in the spectrum are the "
-            "frequencies of the table of modes."
+            "frequencies of the table of modes. Links that move alike are one curve; of many, some are drawn and the "
+            "range of all."
         ),
         examples=(
             ("simulate paper-cart-3 --duration 10 -o run.npz", "a run to draw"),

@@ -333,7 +333,7 @@ COMMANDS = (
         arguments=_response_arguments,
         details=(
             "Magnitude and phase of every output for one input, or the impulse response, computed in closed form from "
-            "the modes."
+            "the modes. Peaks of damped modes have their true height; below the picture is where infinite ones are cut."
         ),
         examples=(
             ("response crane-hook -o bode.png", "every output of the crane"),

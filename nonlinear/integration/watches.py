@@ -6,19 +6,35 @@ only in lanes where something happens there.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from math import inf, pi
 
 import numpy as np
 
 from modal.types import Floats, Ints
-from nonlinear.integration.lanes import Step, squared
+from nonlinear.integration.lanes import Inside, Step, squared
 from nonlinear.system import Layout
 
 TURN = 2 * pi
 ASIDE = 1e-7  # of natural units, by which a neighbour is put aside to see how a difference grows
 UNKNOWN = 0.1  # error (rad) beyond which nothing is known
+
+
+def _instants(step: Step, due: Ints, until: Ints) -> Iterator[tuple[Ints, Ints, Inside]]:
+    """The samples from `due` to `until` of every lane of a step that was taken, one of each lane at a time.
+
+    The lanes, the numbers of their samples, and the motion inside the step there.
+    """
+    columns = np.flatnonzero(step.taken & (due < until))
+    if not len(columns):
+        return
+    inside, due, until = step.within(columns), due[columns], until[columns]
+    left = np.arange(len(columns))
+    while len(left):
+        yield columns[left], due[left], inside.take(left)
+        due[left] += 1
+        left = left[due[left] < until[left]]
 
 
 @dataclass(eq=False)
@@ -42,20 +58,12 @@ class Samples:
         """Samples that fall into the step."""
         end = step.start + step.length
         due, until = self._passed(step.member, step.start), self._passed(step.member, end)
-        columns = np.flatnonzero(step.taken & (due < until))
-        if not len(columns):
-            return
-        inside, due, until = step.within(columns), due[columns], until[columns]
-        left = np.arange(len(columns))
-        while len(left):
-            own, sample = columns[left], due[left]
+        for own, sample, inside in _instants(step, due, until):
             members = step.member[own]
             time = self.times[members, sample] if self.times.ndim > 1 else self.times[sample]
             part = (time - step.start[own]) / step.length[own]
-            y = np.where(time == end[own], step.after[:, own], inside.take(left).at(part))
+            y = np.where(time == end[own], step.after[:, own], inside.at(part))
             self.rows[members, sample] = y.T
-            due[left] += 1
-            left = left[due[left] < until[left]]
 
     def _passed(self, members: Ints, time: Floats) -> Ints:
         """How many samples of each member come until a time."""
@@ -239,17 +247,10 @@ class Gains:
         """Times that fall into the step, then its end."""
         end, half = step.start + step.length, len(self.begun)
         due, until = (np.searchsorted(self.times, own, side="right") for own in (step.start, end))
-        columns = np.flatnonzero(step.taken & (due < until))
-        if len(columns):
-            inside, due, until = step.within(columns), due[columns], until[columns]
-            left = np.arange(len(columns))
-            while len(left):
-                own, time = columns[left], self.times[due[left]]
-                v = inside.take(left).at((time - step.start[own]) / step.length[own])[half:]
-                length = np.sqrt(np.sum((v / self.scale) ** 2, axis=0))
-                self.rows[due[left], step.member[own]] = self._whole.growth[step.member[own]] + np.log(length)
-                due[left] += 1
-                left = left[due[left] < until[left]]
+        for own, sample, inside in _instants(step, due, until):
+            part = (self.times[sample] - step.start[own]) / step.length[own]
+            length = np.sqrt(np.sum((inside.at(part)[half:] / self.scale) ** 2, axis=0))
+            self.rows[sample, step.member[own]] = self._whole.growth[step.member[own]] + np.log(length)
         self._whole.see(step)
         own = step.member[step.taken]
         self.last[:, own] = step.after[:half, step.taken]

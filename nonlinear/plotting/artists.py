@@ -28,7 +28,7 @@ BODY, FLOOR, SHADOW = 0.14, 0.05, 0.2  # fractions of ink in their colours
 MOST_MARKS = 40
 MARGIN = 0.09
 KINETIC, POTENTIAL = 0.8, 0.52  # fractions of ink in their colours
-FEWEST, LETTERS = 6, 34
+FEWEST, LETTERS = 6, 28
 """Largest number of bars; letters that fit side by side under them."""
 
 

@@ -11,7 +11,20 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import HUES, WIDTH, axis_words, colour, headline, ink, key, paper, save, scale, sheet, thickness
+from modal.plotting import (
+    HUES,
+    WIDTH,
+    axis_words,
+    colour,
+    headline,
+    ink,
+    key,
+    narrowing,
+    paper,
+    save,
+    scale,
+    sheet,
+)
 from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.synchronization import Branch, Branches
@@ -54,7 +67,15 @@ def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
         style = STABLE if fates[start] else UNSTABLE
-        axis.plot(one.values[piece], y[piece], color=colour(number), ls=style, lw=thickness(number), zorder=3)
+        axis.plot(
+            one.values[piece],
+            y[piece],
+            color=colour(number),
+            ls=style,
+            lw=narrowing(number),
+            zorder=3,
+            label=f"_{number}",
+        )
     critical = [change.value for change in one.changes]
     axis.plot(critical, np.interp(critical, one.values, y), **_ring())
 
@@ -65,7 +86,7 @@ def _ring() -> dict[str, Any]:
 
 def _handles(found: Branches) -> list[Line2D]:
     lines = [
-        Line2D([], [], color=colour(number), lw=thickness(number), label=f"{number + 1}: {one.words}")
+        Line2D([], [], color=colour(number), lw=narrowing(number), label=f"{number + 1}: {one.words}")
         for number, one in enumerate(found.branches)
     ]
     fates = [

@@ -10,7 +10,7 @@ from matplotlib.colors import BoundaryNorm, ListedColormap, LogNorm, Normalize, 
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from modal.plotting import WIDTH, axis_words, colour, headline, rest, save, scale, sheet
+from modal.plotting import WIDTH, axis_words, colour, headline, legend, rest, save, scale, sheet, thickness
 from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.ensembles import Basins, PoincareSection, Spread
@@ -142,9 +142,15 @@ def _bands(axis: Axes, found: Spread) -> None:
     for link in range(min(found.scene.n_links, MOST_BANDS)):
         low, middle, high = found.bands[..., link]
         axis.fill_between(found.times, low, high, color=colour(link), alpha=0.25, lw=0)
-        axis.plot(found.times, middle, color=colour(link), label=f"link {link + 1}: median, 5 to 95 %")
+        axis.plot(
+            found.times,
+            middle,
+            color=colour(link),
+            lw=thickness(link, 1.8),
+            label=f"link {link + 1}: median, 5 to 95 %",
+        )
     axis.set(xlabel="time (s)", ylabel="angle (°)", xlim=(0, found.times[-1]))
-    axis.legend(ncols=2, loc="upper right")
+    legend(axis, 2)
 
 
 def _deviations(axis: Axes, found: Spread) -> None:
@@ -160,7 +166,7 @@ def _deviations(axis: Axes, found: Spread) -> None:
         ylabel="relative standard deviation of ω (–)", ylim=(0, 1.3 * max(float(deviation.max(initial=0.0)), 1e-12))
     )
     axis.grid(visible=False, axis="x")
-    axis.legend(loc="upper right", ncols=2)
+    legend(axis, 2)
 
 
 def _parts(records: list[dict[str, dict[str, float]]], path: str) -> Floats:

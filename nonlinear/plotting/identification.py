@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib import rcParams
 from matplotlib.figure import Figure
 
-from modal.plotting import WIDTH, colour, headline, rest, save, sheet
+from modal.plotting import WIDTH, colour, headline, legend, rest, save, sheet
 from nonlinear.identification import Fit
 
 MOST_SEGMENTS = 4
@@ -49,10 +49,10 @@ def fit_figure(found: Fit) -> Figure:
                 axis.axvline(times[0] - GAP * longest / 2, color=rest(), lw=0.6, ls=":")
     for axis, sensor in zip(axes, sensors, strict=False):
         axis.set_ylabel(f"{sensor.name} ({'°' if sensor.pendulum else 'mm'})")
-    axes[0].legend(loc="upper right", ncols=2)
+    legend(axes[0], 2)
     units = {"mrad" if sensor.pendulum else "mm" for sensor in sensors}
     axes[-1].set_ylabel(f"residual ({', '.join(sorted(units))})")
-    axes[-1].legend(loc="upper right", ncols=3)
+    legend(axes[-1], 3)
     many = len(recording.segments) > len(segments)
     axes[-1].set_xlabel("time since the first sample (s)" + (", segments side by side" if len(segments) > 1 else ""))
     words = f"fit to measured motions, rms residual {found.rms_all:.3g} rad"

@@ -13,7 +13,21 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.modes import Mode
-from modal.plotting import HUES, WIDTH, axis_words, colour, headline, ink, key, muted, paper, save, scale, sheet
+from modal.plotting import (
+    HUES,
+    WIDTH,
+    axis_words,
+    colour,
+    headline,
+    ink,
+    key,
+    muted,
+    narrowing,
+    paper,
+    save,
+    scale,
+    sheet,
+)
 from modal.scene import Scene, title_of
 from modal.types import Floats
 from nonlinear.orbits import Branch, Special
@@ -81,7 +95,10 @@ def _curve(axis: Axes, branch: Branch, x: Floats, y: Floats, number: int) -> Non
     breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
     for start, stop in pairwise(breaks):
         piece = slice(max(start - 1, 0), stop)
-        axis.plot(x[piece], y[piece], color=colour(number), ls=STABLE if fates[start] else UNSTABLE, lw=1.8, zorder=3)
+        style = STABLE if fates[start] else UNSTABLE
+        axis.plot(
+            x[piece], y[piece], color=colour(number), ls=style, lw=narrowing(number), zorder=3, label=f"_{number}"
+        )
     for special in branch.special:
         place = [_read(special, branch, x), _read(special, branch, y)]
         axis.plot(place[:1], place[1:], **_mark(special.kind))
@@ -101,7 +118,7 @@ def _mark(kind: str) -> dict[str, Any]:
 
 def _lines(branches: Sequence[Branch]) -> list[Line2D]:
     return [
-        Line2D([], [], color=colour(number), lw=1.8, label=f"{number + 1}: from {branch.origin}")
+        Line2D([], [], color=colour(number), lw=narrowing(number), label=f"{number + 1}: from {branch.origin}")
         for number, branch in enumerate(branches)
     ]
 

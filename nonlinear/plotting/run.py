@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import IO
+from dataclasses import dataclass, replace
+from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,14 +11,30 @@ from matplotlib.figure import Figure
 
 from modal.errors import ComputationError, MultipendulaError
 from modal.modes import natural_modes
-from modal.plotting import WIDE, caption, colour, dash, framed, headline, ink, legend, muted, save, sheet, thickness
+from modal.plotting import (
+    WIDE,
+    caption,
+    draw_curves,
+    evenly,
+    framed,
+    headline,
+    ink,
+    legend,
+    muted,
+    pick,
+    rest,
+    save,
+    sheet,
+)
 from modal.scene import title_of
 from modal.types import Floats
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import power_spectrum, resample
+from nonlinear.postprocessing import WINDOW_NAME, power_spectrum, resample, resolution
 
-MOST_LINES, MOST_PORTRAITS, MOST_MARKS, FEWEST = 6, 3, 12, 32
+MOST_LINES, MOST_MARKS, FEWEST = 6, 24, 32
+MOST_MODES = 480  # links of a scene whose natural frequencies are computed for the spectrum
 MOST_SMOOTHED, POINTS = 20_000, 6000  # size of a run up to which it is interpolated, and points drawn
+FAINT = 1e-6  # power of note over the strongest line, where no frequency says how far a spectrum goes
 DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 
 
@@ -28,8 +43,26 @@ def draw_run(trajectory: Trajectory, stream: IO[bytes], *, kind: str = "png") ->
     save(run_figure(trajectory), stream, kind)
 
 
+@dataclass(frozen=True)
+class _Drawn:
+    """The links drawn, from 0, their names, and how many links they stand for, with those that coincide with them."""
+
+    links: list[int]
+    names: list[str]
+    stand_for: int
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> _Drawn:
+        """Of many links some evenly spaced."""
+        links, names, stand_for = pick(degrees(trajectory)[0].T, _names(trajectory), MOST_LINES)
+        return cls(links.tolist(), names, stand_for)
+
+
 def run_figure(trajectory: Trajectory) -> Figure:
-    """The picture of a run; of many links it shows the first few, as its caption says."""
+    """The picture of a run; of many links it draws some and the range of all, as its caption says.
+
+    Links that move alike throughout are one curve with one name.
+    """
     if len(trajectory.times) < 2:
         raise ComputationError("a run with a single sample cannot be drawn")
     on_cart = trajectory.system.cart is not None
@@ -38,16 +71,16 @@ def run_figure(trajectory: Trajectory) -> Figure:
     tall = 2 if on_cart else 3
     angles = figure.add_subplot(grid[:tall, 0])
     energies = figure.add_subplot(grid[-tall:, 0], sharex=angles)
-    shown = _shown(trajectory)
+    drawn = _Drawn.of(trajectory)
     smooth = _smooth(trajectory)
-    _angles(angles, smooth, shown)
+    _angles(angles, smooth, drawn)
     if on_cart:
         _cart(figure.add_subplot(grid[2:4, 0], sharex=angles), trajectory)
     _energies(energies, trajectory)
-    _portrait(figure.add_subplot(grid[:3, 1]), smooth, shown[:MOST_PORTRAITS])
-    _spectrum(figure.add_subplot(grid[3:, 1]), trajectory, shown)
+    _portrait(figure.add_subplot(grid[:3, 1]), smooth, drawn)
+    _spectrum(figure.add_subplot(grid[3:, 1]), trajectory, drawn)
     headline(figure, title_of(trajectory.scene), "motion")
-    caption(figure, _caption(trajectory, shown))
+    caption(figure, _caption(trajectory, drawn))
     return figure
 
 
@@ -63,17 +96,14 @@ def _smooth(trajectory: Trajectory) -> Trajectory:
         return trajectory
 
 
-def _shown(trajectory: Trajectory) -> list[int]:
-    """The links drawn: all links of the first pendula, as far as there is room."""
-    return list(range(min(trajectory.system.n_links, MOST_LINES)))
-
-
 def _names(trajectory: Trajectory) -> list[str]:
-    """Names of the links: pendulum.link, or the link's number where there is one pendulum."""
+    """Names of the links: pendulum.link, or the number of either where there is one of the other."""
     labels = [label for label in trajectory.system.labels if label != "x"]
     places = [label.removeprefix("theta[").removesuffix("]").split(",") for label in labels]
-    alone = trajectory.system.n_pendula == 1
-    return [f"link {link}" if alone else f"{pendulum}.{link}" for pendulum, link in places]
+    if trajectory.system.n_pendula == 1:
+        return [f"link {link}" for _, link in places]
+    single = trajectory.system.n_pendula == trajectory.system.n_links
+    return [f"pendulum {pendulum}" if single else f"{pendulum}.{link}" for pendulum, link in places]
 
 
 def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
@@ -88,16 +118,20 @@ def degrees(trajectory: Trajectory) -> tuple[Floats, Floats]:
     return np.rad2deg(np.arctan2(side, down)), np.rad2deg(slope)
 
 
-def _draw(axis: Axes, x: Floats, y: Floats, k: int, label: str, first: float = 2.0) -> None:
-    axis.plot(x, y, dash(k), color=colour(k), lw=thickness(k, first), label=label)
+def _range(axis: Axes, times: Floats, values: Floats, what: str) -> None:
+    """The range of all curves (T, K), in grey behind those drawn."""
+    style: dict[str, Any] = {"color": rest(), "alpha": 0.6, "lw": 0, "zorder": 0}
+    axis.fill_between(times, values.min(1), values.max(1), label=f"range of all {values.shape[1]} {what}", **style)
 
 
-def _angles(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
-    values, names = degrees(trajectory)[0], _names(trajectory)
-    for k, link in enumerate(shown):
-        _draw(axis, trajectory.times, values[:, link], k, names[link])
+def _angles(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+    values, times = degrees(trajectory)[0], trajectory.times
+    draw_curves(axis, [(times, values[:, link]) for link in drawn.links], names=drawn.names)
+    single = trajectory.system.n_pendula in (1, trajectory.system.n_links)
+    if drawn.stand_for < values.shape[1]:
+        _range(axis, times, values, "pendula" if single and trajectory.system.n_pendula > 1 else "links")
     from_what = "from the vertical" if trajectory.system.spatial else "from the downward vertical"
-    framed(axis, "time (s)", "angle (°)", f"Angles {from_what}")
+    framed(axis, "time (s)", "angle (°)", f"Angles {from_what}" + ("" if single else ", by pendulum.link"))
     legend(axis)
 
 
@@ -113,28 +147,30 @@ def _energies(axis: Axes, trajectory: Trajectory) -> None:
     potential = mechanics.of_pendula(mechanics.potential)
     if trajectory.system.n_pendula == 1 and trajectory.system.cart is None:
         curves = {"kinetic": kinetic[:, 0], "potential": potential[:, 0], "total": (kinetic + potential)[:, 0]}
+        left_out = False
     else:
-        each = (kinetic + potential).T[:MOST_LINES]
-        curves = {f"pendulum {number}": energy for number, energy in enumerate(each, 1)}
-    for k, (name, energy) in enumerate(curves.items()):
-        _draw(axis, times, energy, k, name)
+        each = kinetic + potential
+        numbers, labels, stand_for = pick(each.T, [f"pendulum {k}" for k in range(1, each.shape[1] + 1)], MOST_LINES)
+        curves, left_out = dict(zip(labels, each[:, numbers].T, strict=True)), stand_for < each.shape[1]
+    draw_curves(axis, [(times, energy) for energy in curves.values()], names=list(curves))
     if trajectory.system.cart is not None:
         axis.plot(times, mechanics.cart_kinetic + mechanics.cart_potential, color=ink(), lw=1.2, label="cart")
+    if left_out:
+        _range(axis, times, kinetic + potential, "pendula")
     framed(axis, "time (s)", "energy (J)", "Energy above equilibrium")
     axis.set_ylim(min(0.0, axis.get_ylim()[0]), None)
     legend(axis)
 
 
-def _portrait(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
+def _portrait(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
     if trajectory.system.spatial:
         _top_view(axis, trajectory)
         return
-    angles, rates = degrees(trajectory)
-    names, rests = _names(trajectory), np.where(trajectory.system.by_link("sigma") > 0, 0.0, 180.0)
-    for k, link in enumerate(shown):
-        _draw(axis, *_around(angles[:, link], rates[:, link], rests[link]), k, names[link], 1.4)
-    framed(axis, "angle (°)", "rate (°/s)", "Phase portrait")
-    legend(axis)
+    (angles, rates), rests = degrees(trajectory), np.where(trajectory.system.by_link("sigma") > 0, 0.0, 180.0)
+    curves = [_around(angles[:, link], rates[:, link], rests[link]) for link in drawn.links]
+    draw_curves(axis, curves, names=drawn.names, first=1.4)
+    framed(axis, "angle (°)", "rate (°/s)", "Phase portraits of the links drawn above")
+    legend(axis, 3)
 
 
 def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]:
@@ -145,34 +181,51 @@ def _around(angles: Floats, rates: Floats, rest: float) -> tuple[Floats, Floats]
 
 
 def _top_view(axis: Axes, trajectory: Trajectory) -> None:
-    tips = [int(group.index[-1, k]) for group in trajectory.system.groups for k in range(group.index.shape[1])]
-    for k, link in enumerate(sorted(tips)[:MOST_PORTRAITS]):
-        x, y = trajectory.mechanics.joints[:, link, :2].T
-        _draw(axis, x, y, k, f"pendulum {k + 1}", 1.4)
+    tips = sorted(int(group.index[-1, k]) for group in trajectory.system.groups for k in range(group.index.shape[1]))
+    some = evenly(len(tips), MOST_LINES)
+    curves = [tuple(trajectory.mechanics.joints[:, tips[k], :2].T) for k in some]
+    draw_curves(axis, curves, names=[f"pendulum {k + 1}" for k in some], first=1.4)
     axis.set_aspect("equal", adjustable="datalim")
-    framed(axis, "along the rail (m)", "across (m)", "Tips from above")
-    legend(axis)
+    part = f" of {len(some)} of {len(tips)} pendula" if len(some) < len(tips) else ""
+    framed(axis, "along the rail (m)", "across (m)", f"Tips{part} from above")
+    legend(axis, 3)
 
 
-def _spectrum(axis: Axes, trajectory: Trajectory, shown: Sequence[int]) -> None:
-    framed(axis, "angular frequency ω (rad/s)", "power (°² s)", "Spectrum; dotted: modes")
+def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
+    framed(axis, "angular frequency ω (rad/s)", "power (°² s)")
     times = trajectory.times
     even = len(times) >= FEWEST and np.ptp(np.diff(times)) < 1e-6 * (times[1] - times[0])
     if not even:
+        axis.set_title("Spectrum", loc="left")
         axis.text(0.5, 0.5, "too few or uneven samples", ha="center", color=muted(), transform=axis.transAxes)
         return
-    highest = 0.0
-    for k, link in enumerate(shown):
-        omega, power = _power(trajectory, link)
-        _draw(axis, omega, np.where(power > 0, power, np.nan), k, "", 1.7)
-        highest = max(highest, float(power.max()))
+    found = [_power(trajectory, link) for link in drawn.links]
+    omega, highest = found[0][0], max(float(power.max()) for _, power in found)
     marks = _linear(trajectory, float(omega[-1]))
-    axis.set_xlim(0, min(omega[-1], 3 * max(marks, default=omega[-1])))
+    last = min(omega[-1], max(3 * max(marks) if marks else _reach(found), 2 * resolution(times)))
+    seen = omega <= 1.1 * last
+    lowest = highest * DEEPEST
+    powers = [np.where((power > 0) & seen, np.maximum(power, lowest / 10), np.nan) for _, power in found]
+    draw_curves(axis, [(omega, power) for power in powers], first=1.7, log="y")
+    axis.set_xlim(0, last)
     if highest > 0:
         axis.set_yscale("log")
-        axis.set_ylim(highest * DEEPEST, 10 * highest)
-    for mark in marks:
-        axis.axvline(mark, color=ink(), ls=":", lw=1.0, zorder=1)
+        axis.set_ylim(lowest, 10 * highest)
+    words = ""
+    if len(marks) > MOST_MARKS:
+        axis.axvspan(min(marks), max(marks), color=rest(), alpha=0.6, lw=0, zorder=0)
+        words = f"; grey: range of the {len(marks)} modes"
+    else:
+        words = "; dotted: modes" if marks else ""
+        for mark in marks:
+            axis.axvline(mark, color=ink(), ls=":", lw=1.0, zorder=1)
+    axis.set_title(f"Spectrum{words}\n{WINDOW_NAME} window, resolution {resolution(times):.2g} rad/s", loc="left")
+
+
+def _reach(found: list[tuple[Floats, Floats]]) -> float:
+    """The angular frequency (rad/s) above which no power of note is seen."""
+    highest = max(float(power.max()) for _, power in found)
+    return max(float(omega[np.flatnonzero(power >= FAINT * highest)[-1]]) for omega, power in found)
 
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
@@ -186,23 +239,24 @@ def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:
 
 def _linear(trajectory: Trajectory, most: float) -> list[float]:
     """The natural frequencies (rad/s) within the picture, where the scene has few enough modes to mark."""
-    if trajectory.system.n_links > 40 * MOST_MARKS:
+    if trajectory.system.n_links > MOST_MODES:
         return []
     try:
         modes = natural_modes(trajectory.scene)
     except MultipendulaError:
         return []
     swinging = modes.omega[modes.eigenvalue.imag != 0]
-    return [float(value) for value in swinging if 0 < value < most][:MOST_MARKS]
+    return [float(value) for value in swinging if 0 < value < most]
 
 
-def _caption(trajectory: Trajectory, shown: Sequence[int]) -> str:
+def _caption(trajectory: Trajectory, drawn: _Drawn) -> str:
     run, momentum = trajectory.run, trajectory.momentum_drift()
     words = [f"{run.method} at tolerance {run.tolerance:g}, {run.steps} steps"]
     words.append(f"energy drift {trajectory.energy_drift():.1e}")
     words += [f"momentum drift {momentum:.1e}"] if np.isfinite(momentum) else []
-    if len(shown) < trajectory.system.n_links:
-        words.append(f"the first {len(shown)} of {trajectory.system.n_links} links drawn")
+    links = trajectory.system.n_links
+    if drawn.stand_for < links:
+        words.append(f"{drawn.stand_for} of {links} links drawn, evenly spaced")
     if run.stopped:
         words.append(run.stopped)
     return "; ".join(words)

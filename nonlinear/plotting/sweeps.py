@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -18,9 +18,9 @@ from modal.plotting import (
     WIDE,
     WIDTH,
     axis_words,
-    colour,
-    dash,
+    draw_curves,
     headline,
+    legend,
     log_ticks,
     rest,
     save,
@@ -111,12 +111,12 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
     variation = sweep.study.variations[0]
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (kind, names) in zip(axes, panels.items(), strict=True):
-        for k, name in enumerate(names):
-            look: dict[str, Any] = {"color": colour(k), "ls": dash(k), "marker": ".", "ms": 4}
-            axis.plot(variation.values, _finite(sweep, name), label=label(name), **look)
+        curves = [(np.array(variation.values), _finite(sweep, name)) for name in names]
+        _range(axis, np.array([y for _, y in curves]))
+        log = ("x" if variation.log else "") + ("y" if axis.get_yscale() == "log" else "")
+        draw_curves(axis, curves, names=[label(name) for name in names], log=log, marker=".", ms=4.0)
         if len(names) > 1:
-            axis.legend(ncols=min(4, len(names)))
-        _range(axis, np.array([_finite(sweep, name) for name in names]))
+            legend(axis, 4)
         axis.set(ylabel=label(kind if len(names) > 1 else names[0]))
     scale(axes[-1], "x", variation)
     axes[-1].set(xlabel=axis_words(variation), xlim=(variation.values[0], variation.values[-1]))

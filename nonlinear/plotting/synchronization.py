@@ -19,6 +19,7 @@ from modal.plotting import (
     SMALL,
     WIDE,
     colour,
+    draw_curves,
     framed,
     headline,
     ink,
@@ -40,6 +41,8 @@ from nonlinear.synchronization import Phases, Survival, find_survival
 
 MOST_LINES = HUES
 PERIODS, POINTS = 4, 600  # periods in each window, and points drawn in it
+FIRST = 2.4  # width in points of the first curve
+LARGEST, RING, HAND = 15.0, 2.4, 4.0  # marks of phases in points: the largest, how much smaller each next one is, lines
 UNSEEN = 1e-3  # fraction of the energy that a row must reach to be drawn separately
 
 
@@ -80,10 +83,6 @@ def _period(phases: Phases) -> float:
     return float(2 * pi / np.median(phases.omega[:, phases.leading]))
 
 
-def _line(axis: Axes, x: Floats, y: Floats, k: int, **look: Any) -> None:
-    axis.plot(x, y, color=colour(k), lw=thickness(k), **look)
-
-
 # -------------------------------------------------------------------------------------------------- oscillations
 
 
@@ -94,8 +93,7 @@ def _swings(begin: Axes, end: Axes, trajectory: Trajectory, period: float, shown
     tops = _tops(trajectory)[shown]
     for axis, start, words in ((begin, times[0], "at first"), (end, times[-1] - width, "at the end")):
         x, angles = _close(trajectory, tops, float(start), width)
-        for k, angle in enumerate(angles.T):
-            _line(axis, x, np.rad2deg(angle), k)
+        draw_curves(axis, [(x, np.rad2deg(angle)) for angle in angles.T], first=FIRST)
         axis.set_xlim(x[0], x[-1])
         framed(axis, "time (s)", "angle (°)", f"Top links {words}")
     end.set_ylabel("")
@@ -141,8 +139,8 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
         return
     rows, rest = _largest(found)
     modes = found.modes.rows([int(found.row[row]) - 1 for row in rows])
-    for k, (row, mode) in enumerate(zip(rows, modes, strict=True)):
-        _line(axis, found.times, found.share[:, row], k, label=mode_words(mode))
+    curves = [(found.times, found.share[:, row]) for row in rows]
+    draw_curves(axis, curves, names=[mode_words(mode) for mode in modes], first=FIRST)
     if rest.size:
         words = counted(rest.size, "other", "others")
         axis.plot(found.times, found.share[:, rest].sum(1), "--", color=muted(), lw=1.2, label=words)
@@ -171,8 +169,7 @@ def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
     """Means over a period: of each pendulum, or the range with the median."""
     times, energy = phases.times, smooth(phases.times, phases.energy, _period(phases))
     if len(shown) == energy.shape[1]:
-        for k, one in enumerate(energy.T):
-            _line(axis, times, one, k)
+        draw_curves(axis, [(times, one) for one in energy.T], first=FIRST)
     else:
         axis.fill_between(times, energy.min(1), energy.max(1), color=rest(), lw=0, label="least to most")
         axis.plot(times, np.median(energy, axis=1), color=ink(), lw=1.4, label="median")
@@ -182,14 +179,19 @@ def _energies(axis: Axes, phases: Phases, shown: Ints) -> None:
 
 
 def _circle(axis: Axes, phases: Phases, shown: Ints) -> None:
-    """Every pendulum at the end, with its phase relative to that of the first and its amplitude as the radius."""
+    """Every pendulum at the end, with its phase relative to that of the first and its amplitude as the radius.
+
+    Marks become smaller from pendulum to pendulum, so that those of one phase and amplitude are rings in each other.
+    """
     z = phases.z[-1, :, phases.leading]
     angle, size = np.angle(z) - np.angle(z[0]), np.rad2deg(np.abs(z))
     axis.scatter(angle, size, s=14, color=muted(), alpha=0.5, lw=0, gid=QUIET)
     for k, pendulum in enumerate(shown):
-        axis.plot([0, angle[pendulum]], [0, size[pendulum]], color=colour(k), lw=thickness(k))
-        axis.plot(angle[pendulum], size[pendulum], "o", color=colour(k), ms=10 - k, mec=paper(), zorder=4 + k)
-    axis.set_ylim(0, 1.1 * float(size.max()) or 1.0)
+        wide, narrow = LARGEST - RING * k, max(HAND * 0.65**k, 0.8)
+        own: dict[str, Any] = {"color": colour(k), "label": f"_pendulum {pendulum + 1}"}
+        axis.plot([0, angle[pendulum]], [0, size[pendulum]], **own, lw=narrow, zorder=2 + k / 10)
+        axis.plot(angle[pendulum], size[pendulum], "o", **own, ms=wide, mec=paper(), mew=0.6, zorder=4 + k)
+    axis.set_ylim(0, 1.15 * float(size.max()) or 1.0)
     axis.yaxis.set_major_locator(MaxNLocator(4))
     axis.set_title("Phases at the end, from pendulum 1's;\nradius: amplitude (°)")
 
@@ -198,4 +200,6 @@ def _finish(figure: Figure, trajectory: Trajectory, shown: Ints) -> None:
     headline(figure, title_of(trajectory.scene), "synchronization")
     lines = [Line2D([], [], color=colour(k), lw=thickness(k)) for k in range(len(shown))]
     names = [f"pendulum {number + 1}" for number in shown]
-    key(figure, lines, names, columns=MOST_LINES)
+    few = len(shown) < trajectory.system.n_pendula
+    notes = f"{len(shown)} of {trajectory.system.n_pendula} pendula drawn; grey dots: the phases of all" if few else ""
+    key(figure, lines, names, columns=MOST_LINES, notes=notes)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from math import degrees, pi
-from typing import IO
+from typing import IO, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -37,6 +37,7 @@ from nonlinear.verification import ONE_PERCENT, Check, Comparison, ModeCheck, Mo
 MARKERS, SIZES = ("o", "s", "D"), (9.5, 5.5)
 MOST_CURVES, POINTS = HUES * len(MARKERS), 200
 BEYOND = 1.5  # margin factor of the axes beyond the outermost run
+DECADE = 12.0  # least ratio of the ends of the axis of angles
 DEEPEST = 1e-5  # smallest amplitude shown in a spectrum over the strongest line
 PADDING = 4
 
@@ -60,19 +61,35 @@ def check_figure(found: Check) -> Figure:
     figure = sheet(WIDTH, 5.4)
     axis = figure.subplots()
     angles = [degrees(run.effective) for row in rows for run in row.measurements]
-    low, high = min(angles) / BEYOND, min(max(angles) * BEYOND, 180.0)
+    low, high = _decade(min(angles) / BEYOND, min(max(angles) * BEYOND, 180.0))
     for k, row in enumerate(rows):
         _shifts(axis, row, low, high, k)
     sizes = [abs(run.shift) for row in rows for run in row.measurements if not run.irregular]
-    bottom, top = min(sizes) / BEYOND**2, min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
+    bottom, top = min(min(sizes) / BEYOND**2, ONE_PERCENT / 20), min(2 * max(*sizes, 2 * ONE_PERCENT), 1.0)
     axis.axhline(ONE_PERCENT, color=muted(), lw=0.9, ls=":", zorder=0)
-    axis.annotate("1 %", (0.004, ONE_PERCENT), (0, 3), axis.get_yaxis_transform(), "offset points", fontsize=SMALL)
+    behind = {"facecolor": paper(), "edgecolor": "none", "pad": 1.0, "alpha": 0.85}
+    style: dict[str, Any] = {"fontsize": SMALL, "bbox": behind, "zorder": 5}
+    axis.annotate("1 %", (0.004, ONE_PERCENT), (0, 4), axis.get_yaxis_transform(), "offset points", **style)
     axis.set(xscale="log", yscale="log", xlim=(low, high), ylim=(bottom, top))
     axis.set(xlabel="largest angle a (°)", ylabel="shift of frequency |ω(a)/ω − 1| (–)")
-    log_ticks(axis.xaxis)
+    log_ticks(axis.xaxis, high / low)
     headline(figure, title_of(found.scene), "frequency against amplitude")
-    key(figure, [_handle(k) for k in range(len(rows))], [_named(row) for row in rows], columns=2)
+    key(figure, [_handle(k) for k in range(len(rows))], [_named(row) for row in rows], columns=2, notes=_notes(rows))
     return figure
+
+
+def _decade(low: float, high: float) -> tuple[float, float]:
+    """The ends of a logarithmic axis (°), lowered where they are less than a decade apart."""
+    return min(low, high / DECADE), high
+
+
+def _notes(rows: Sequence[ModeCheck]) -> str:
+    """What the marks and lines of a check are."""
+    rising = any(run.shift > 0 and not run.irregular for row in rows for run in row.measurements)
+    words = ["marks: measured" + (", hollow where the frequency rises" if rising else ""), "thin lines: κa²"]
+    words += ["wide lines: periodic orbits"] if any(row.backbone for row in rows) else []
+    words += ["ticks: measured 1 %"] if any(np.isfinite(row.one_percent_deg) for row in rows) else []
+    return "; ".join(words)
 
 
 def _shifts(axis: Axes, row: ModeCheck, low: float, high: float, k: int) -> None:
@@ -117,7 +134,8 @@ def spectrum_figure(found: Comparison) -> Figure:
     handles = [Line2D([], [], color=colour(k), ls=dash(k)) for k in range(len(rows))]
     names = [f"mode {row.mode.number}: {row.mode.omega:.5g} rad/s" for row in rows]
     headline(figure, title_of(found.modes.scene), "spectra of the modal coordinates")
-    key(figure, handles, names)
+    notes = f"window (1 + cos πs)^{ORDER}, s from −1 to 1 over the motion, with zeros to {PADDING} times its length"
+    key(figure, handles, names, notes=notes)
     return figure
 
 

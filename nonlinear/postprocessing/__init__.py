@@ -8,12 +8,13 @@ from nonlinear.postprocessing.averages import last, smooth
 from nonlinear.postprocessing.frequencies import LEAST_PERIODS, ORDER, Line, attention, line, lines
 from nonlinear.postprocessing.reaction_forces import reaction_forces_of
 from nonlinear.postprocessing.resampling import extremes, picked, resample
-from nonlinear.postprocessing.spectra import power_spectrum
+from nonlinear.postprocessing.spectra import WINDOW_NAME, power_spectrum, resolution
 from nonlinear.postprocessing.summary import run_inventory
 
 __all__ = [
     "LEAST_PERIODS",
     "ORDER",
+    "WINDOW_NAME",
     "Line",
     "attention",
     "extremes",
@@ -24,6 +25,7 @@ __all__ = [
     "power_spectrum",
     "reaction_forces_of",
     "resample",
+    "resolution",
     "run_inventory",
     "smooth",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from itertools import combinations
@@ -16,7 +17,7 @@ from amounts import usually
 from matplotlib import style
 from matplotlib.figure import Figure
 from PIL import Image
-from seen import LEAST, contrast, flaws
+from seen import LEAST, contrast, flaws, hidden_curves
 
 import modal
 from modal import Bob, Cart, Pendulum, Rod, Scene, natural_modes
@@ -78,14 +79,26 @@ def hung(count: int, *, cart: float | None = None, length: float = 1.0, mass: fl
     return Scene(title=title, gravity=9.81, pendulum=pendula, **({} if cart is None else {"support": Cart(mass=cart)}))
 
 
-def clocks(count: int) -> Scene:
+def clocks(count: int, apart: float = 1.0) -> Scene:
     """Clocks on a light beam."""
     links = (Bob(mass=1.0, length=1.0, drive=VanDerPol(strength=0.05, angle_deg=5.0)),)
-    starts = (InitialCondition(angles_deg=(5.0 + k,)) for k in range(count))
+    starts = (InitialCondition(angles_deg=(5.0 + apart * k,)) for k in range(count))
     pendula = tuple(Pendulum(links=links, start=start) for start in starts)
     return Scene(gravity=9.81, support=Cart(mass=50.0, damping=15.0), pendulum=pendula)
 
 
+def equal(count: int, links: int = 1) -> Scene:
+    """Equal pendula on a cart that start alike."""
+    start = InitialCondition(angles_deg=(15.0,) * links)
+    alike = Pendulum(links=(Bob(mass=1.0, length=1.0, count=links),), count=count, start=start)
+    return Scene(title=f"{count} equal pendula", gravity=9.81, support=Cart(mass=10.0), pendulum=(alike,))
+
+
+HOSTILE = r"$\frac{x$ 振り子の連成振動 _{_ % # & \mathrm{ " * 4
+OVERDAMPED = Scene(
+    gravity=9.81,
+    pendulum=(Pendulum(links=(Bob(mass=1.0, length=1.0, damping=20.0), Bob(mass=1.0, length=1.0, damping=0.2))),),
+)
 WIDE_CHAIN = Scene(title=LONG, gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0, count=18),)),))
 EXTREME = hung(2, cart=1e9, length=1e7, mass=1e-12, title=LONG)
 MANY, TITLED = hung(30, cart=10.0), hung(8, cart=10.0, title=LONG)
@@ -203,16 +216,26 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "shapes in space": lambda: shapes("chain-spatial"),
     "shapes of clocks": lambda: shapes("huygens"),
     "shapes of many": lambda: shapes(WIDE_CHAIN),
+    "shapes of thirteen": lambda: shapes(hung(13, cart=10.0), 4),
+    "shapes of a hundred equal": lambda: shapes(equal(100, 2)),
+    "shapes of a thousand equal": lambda: shapes(equal(1000)),
+    "shapes overdamped": lambda: shapes(OVERDAMPED),
     "shapes extreme": lambda: shapes(EXTREME),
     "shapes of a crowd": lambda: shapes(MANY, 12),
     "coupling": lambda: coupled("paper-cart-2"),
     "coupling of two": lambda: coupled("crane-two-loads"),
     "coupling, fixed": lambda: coupled("chain-3"),
+    "coupling of one": lambda: coupled(hung(1, cart=10.0)),
+    "coupling of a hundred": lambda: coupled(hung(100, cart=10.0)),
+    "coupling of a thousand equal": lambda: coupled(equal(1000)),
     "coupling of a crowd": lambda: coupled(MANY),
     "coupling extreme": lambda: coupled(EXTREME),
     "bode": lambda: bode_figure(form("crane-hook")),
     "bode of many": lambda: bode_figure(form(WIDE_CHAIN), outputs=range(18)),
     "bode extreme": lambda: bode_figure(form(EXTREME)),
+    "bode of five": lambda: bode_figure(form(hung(5, cart=10.0, title=HOSTILE))),
+    "bode of clocks": lambda: bode_figure(form("huygens")),
+    "impulse of clocks": lambda: impulse_figure(form("huygens")),
     "impulse": lambda: impulse_figure(form("crane-hook")),
     "impulse of many": lambda: impulse_figure(form(WIDE_CHAIN), outputs=range(18)),
     "impulse extreme": lambda: impulse_figure(form(EXTREME)),
@@ -223,11 +246,16 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "run of one": lambda: run_figure(run("chain-1")),
     "run in space": lambda: run_figure(run("chain-spatial")),
     "run of many": lambda: run_figure(run(MANY)),
+    "run of five": lambda: run_figure(run(hung(5, cart=10.0, title=HOSTILE), 5.0)),
+    "run of equals": lambda: run_figure(run(equal(100, 2), 2.0)),
+    "run of a thousand equal": lambda: run_figure(run(equal(1000), 1.0)),
     "run extreme": lambda: run_figure(run(EXTREME)),
+    "check of one amplitude": lambda: check_figure(checked("chain-1", (10.0,))),
     "check": lambda: check_figure(checked("chain-2", (5.0, 20.0))),
     "spectrum": lambda: spectrum_figure(compared("chain-2", 10.0)),
     "spectrum of many": lambda: spectrum_figure(compared(hung(4, cart=10.0, title=LONG), 10.0)),
     "sync": lambda: synced("metronomes", 5.0),
+    "sync of equals": lambda: synced(clocks(6, 0.0), 8.0),
     "sync of many": lambda: synced(clocks(12), 20.0),
     "branches": lambda: branches_figure(branching()),
     "sweep": lambda: sweep_figure(swept("support.mass=1:1000:9log")),
@@ -264,6 +292,33 @@ def test_nothing_is_wrong_with_the_figure(kind: str, name: str) -> None:
     with theme(name):
         figure = FIGURES[kind]()
     assert flaws(figure) == []
+
+
+SHARED = (
+    "run of five",
+    "run of equals",
+    "bode of clocks",
+    "impulse of clocks",
+    "shapes of a hundred equal",
+    "sync of equals",
+)
+"""Figures in which curves coincide."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=pytest.mark.xdist_group(kind)) for kind in SHARED])
+def test_no_curve_is_hidden_under_others(kind: str) -> None:
+    with theme("light"):
+        assert hidden_curves(FIGURES[kind]()) == []
+
+
+@pytest.mark.slow
+@pytest.mark.xdist_group("branches")
+def test_branches_upon_each_other_all_show() -> None:
+    found = branching()
+    with theme("light"):
+        hidden = hidden_curves(branches_figure(replace(found, branches=found.branches[:1] * 3)))
+    assert [problem for problem in hidden if "child" not in problem] == []  # rings of one value are one ring
 
 
 # --------------------------------------------------------------------------------------------- the tests themselves
@@ -355,7 +410,40 @@ def faint_word(figure: Figure) -> None:
     figure.axes[0].xaxis.label.set_color(shade(0.3))
 
 
+def spilled_legend(figure: Figure) -> None:
+    axis = figure.axes[0]
+    axis.legend(list(axis.lines) * 6, ["a pendulum"] * 6, ncols=6, loc="upper right").set_in_layout(False)
+
+
+def tall_legend(figure: Figure) -> None:
+    axis = figure.axes[0]
+    axis.legend(list(axis.lines) * 12, ["a rather long name"] * 12)
+
+
+def legend_on_a_curve(figure: Figure) -> None:
+    axis = figure.axes[0]
+    axis.lines[0].set_data(np.linspace(0, 1, 50), np.linspace(0, 2, 50))
+    axis.legend(loc="upper right")
+
+
+def legend_on_others(figure: Figure) -> None:
+    figure.set_layout_engine("none")
+    figure.axes[0].set_position((0.2, 0.2, 0.7, 0.3))
+    axis = figure.add_axes((0.2, 0.55, 0.7, 0.35))
+    axis.plot([0.0, 1.0], [0.0, 1.0], color=ink(), label="a line")
+    axis.legend(loc="upper right", bbox_to_anchor=(1.0, 0.1))
+
+
+def tall_key(figure: Figure) -> None:
+    figure.legend(list(figure.axes[0].lines) * 12, ["a rather long name in a figure"] * 12, loc="lower center")
+
+
 WRONG = {
+    spilled_legend: ["the legend leaves its axes"],
+    tall_legend: ["takes more than its share"],
+    legend_on_a_curve: ["upon a curve"],
+    legend_on_others: ["upon other axes"],
+    tall_key: ["legend of the figure takes more than its share"],
     empty: ["nothing is drawn"],
     beyond: ["nothing is drawn"],
     beside: ["nothing is drawn"],
@@ -402,6 +490,20 @@ def test_what_is_quiet_on_purpose_or_says_why_it_is_empty_is_no_flaw() -> None:
         empty(figure)
         figure.axes[0].text(0.5, 0.5, "too few samples", transform=figure.axes[0].transAxes, ha="center")
         assert flaws(figure) == []
+
+
+def test_a_hidden_curve_is_found_out() -> None:
+    """One of the same width, colour apart; not one that shows beside it or in its gaps."""
+    x = np.linspace(0, 10, 200)
+    with theme("light"):
+        figure = sheet(4.0, 3.0)
+        axis = figure.subplots()
+        for k in range(2):
+            axis.plot(x, np.sin(x), color=colour(k), lw=2.0, label=f"curve {k}")
+        (problem,) = hidden_curves(figure)
+        assert "curve 0 is hidden" in problem
+        axis.lines[1].set_linestyle((0, (3, 3)))
+        assert hidden_curves(figure) == []
 
 
 def test_contrast_is_that_of_the_guidelines() -> None:

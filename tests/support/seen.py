@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import Collection
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
@@ -26,6 +27,14 @@ LEAST = 3.0
 """Contrast of words and lines with what is behind them, as the Web Content Accessibility Guidelines count it."""
 UNIT = re.compile(r"\(([^()]*(°|rad|m|s|kg|N|J|W|Hz|–|each unit)[^()]*)\)$")
 """How a label ends: in a unit in parentheses, which is a dash for numbers without a dimension."""
+SHARE = 0.4
+"""Largest part of its axes, or of the page, that a legend takes."""
+COVERED = 0.05
+"""Largest part of a curve that a legend is upon."""
+FRAME = 6.0
+"""Pixels by which the frame of a legend may be wider than its axes."""
+SEEN, FILLED, CHANGED, DPI = 0.04, 245, 30, 160
+"""Least visible part of a curve; opacity of a pixel within it; least change of a pixel; dots an inch."""
 SLACK = 1.0
 """Pixels by which boxes of words may overlap or leave the page: they are that much larger than the letters."""
 
@@ -40,7 +49,75 @@ def flaws(figure: Figure) -> list[str]:
     found += [f"{_quoted(text)}: leaves the page" for text in texts if _outside(_box(text), figure.bbox)]
     found += [f"{_quoted(text)}: is clipped" for text in texts if _clipped(text)]
     found += [f"{_quoted(one)} and {_quoted(two)}: upon each other" for one, two in _upon(texts)]
+    found += list(_legends(figure, axes))
     return found + [problem for axis in axes for problem in _faint_lines(axis)] + _faint_words(figure, texts)
+
+
+def hidden_curves(figure: Figure) -> list[str]:
+    """Curves that could be left out with hardly a pixel changed, because others are drawn upon them.
+
+    Pieces of one curve, of one colour and one label but for leading underscores, count as one.
+    """
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    figure.set_dpi(DPI)
+    canvas = FigureCanvasAgg(figure)
+    renderer, found = canvas.get_renderer(), []  # type: ignore[no-untyped-call]
+
+    def pixels(lines: list[Line2D]) -> np.ndarray:
+        renderer.clear()
+        for line in sorted(lines, key=Artist.get_zorder):
+            line.draw(renderer)
+        return np.asarray(renderer.buffer_rgba())[rows, columns].astype(np.int16)
+
+    for axis in figure.axes:
+        (left, low), (right, high) = np.clip(np.rint(axis.get_window_extent().get_points()), 0, None).astype(int)
+        rows, columns = (
+            slice(max(canvas.get_width_height()[1] - high, 0), canvas.get_width_height()[1] - low),
+            slice(left, right),
+        )
+        lines = [line for line in axis.lines if line.get_visible() and _placed(line, axis)]
+        curves: dict[tuple[str, object], list[Line2D]] = {}
+        for line in lines:
+            if line.get_gid() != QUIET and len(line.get_xydata()):
+                curves.setdefault((str(line.get_label()).lstrip("_"), line.get_color()), []).append(line)
+        whole = pixels(lines)
+        for (label, _), own in curves.items():
+            filled = pixels(own)[..., 3] > FILLED
+            rest = [line for line in lines if line not in own]
+            changed = np.abs(pixels(rest) - whole).max(-1) > CHANGED
+            if (changed & filled).sum() < SEEN * filled.sum():
+                found.append(f"{_named(axis)}: {label} is hidden under other curves")
+    return found
+
+
+def _legends(figure: Figure, axes: list[Axes]) -> Iterator[str]:
+    """Legends outside their axes or the page, too large, or upon curves."""
+    for axis in axes:
+        if (made := axis.get_legend()) and made.get_visible():
+            box, window = made.get_window_extent(), axis.get_window_extent()
+            if box.x0 < window.x0 - FRAME or box.x1 > window.x1 + FRAME or _outside(box, figure.bbox):
+                yield f"{_named(axis)}: the legend leaves its axes"
+            if any(Bbox.intersection(box, other.get_window_extent()) for other in axes if other is not axis):
+                yield f"{_named(axis)}: the legend is upon other axes"
+            if box.width * box.height > SHARE * window.width * window.height:
+                yield f"{_named(axis)}: the legend takes more than its share"
+            if any(_covered(line, box, window) > COVERED for line in axis.lines if _placed(line, axis)):
+                yield f"{_named(axis)}: the legend is upon a curve"
+    for made in figure.legends:
+        box = made.get_window_extent()
+        if _outside(box, figure.bbox):
+            yield "the legend of the figure leaves the page"
+        if box.width * box.height > SHARE * figure.bbox.width * figure.bbox.height:
+            yield "the legend of the figure takes more than its share"
+
+
+def _covered(line: Line2D, box: Bbox, window: Bbox) -> float:
+    """The part of a curve's points within its axes that is under a box."""
+    points = line.get_transform().transform(np.asarray(line.get_xydata(), dtype=float))
+    seen = points[np.isfinite(points).all(1)]
+    within, under = (((seen > one.min) & (seen < one.max)).all(1).sum() for one in (window, box))
+    return float(under / within) if line.get_visible() and within else 0.0
 
 
 # -------------------------------------------------------------------------------------------------------- words

@@ -131,7 +131,8 @@ class LivePage {
     if (what === "mode" || what === "state") table.show();
     if (what === "mode") {
       const row = player.rows[player.row];
-      this.say(`Mode ${player.row + 1} swings${row.multiplicity > 1 ? `, shape ${player.copy + 1} of ${row.multiplicity}` : ""}.`);
+      const verb = row.ratio >= 1 ? "creeps back without a swing" : "swings";
+      this.say(`Mode ${player.row + 1} ${verb}${row.multiplicity > 1 ? `, shape ${player.copy + 1} of ${row.multiplicity}` : ""}.`);
     }
     if (what === "state") {
       if (!player.playing || (player.motion && !player.motion.time)) this.clear();

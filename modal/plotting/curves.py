@@ -1,0 +1,195 @@
+"""Curves of one panel, so that each is seen: those that coincide are named together or alternate in dashes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from modal.plotting.layout import evenly
+from modal.plotting.style import colour, dash, thickness
+from modal.types import Booleans, Floats, Ints
+
+CLOSE = 0.004
+"""Largest distance of curves that coincide, as a fraction of the range of all: less than the width of a line."""
+INSTANTS = 400
+"""Points at which curves are compared."""
+CELLS = 300, 100
+"""Cells of a panel across and up, about a point each; curves in the same cells are upon each other."""
+MOST_POINTS = 60_000
+"""Most points at which the cells of a curve are looked up."""
+AWHILE = 15.0
+"""Length in cells from which curves are upon each other and do not just cross."""
+DASH = 3.5
+"""Length of such a dash in points."""
+SLOTS = {1: (1, 2), 2: (0, 4), 3: (1, 4), 4: (2, 8), 5: (3, 8)}
+"""By how many curves lie below: the place of a dash and the length of the pattern, in dashes; no pattern hides all of
+another."""
+SMALLER = 0.6
+"""Size of marks upon others, over theirs."""
+LONGEST = 30
+"""Most letters of the names of curves that coincide."""
+NUMBERS = re.compile(r"\d+")
+
+
+def coinciding(curves: Floats) -> list[list[int]]:
+    """Curves (K, T) in groups of those that coincide with the first of their group, in the order of the first."""
+    few = np.asarray(curves, dtype=np.float64)[:, :: max(1, curves.shape[1] // INSTANTS)]
+    known = few[np.isfinite(few)]
+    room = CLOSE * float(np.ptp(known)) if known.size else 0.0
+    few, left, groups = np.nan_to_num(few, nan=np.inf), np.arange(len(few)), []
+    while len(left):
+        with np.errstate(invalid="ignore"):
+            apart = np.where(few[left] == few[left[0]], 0.0, np.abs(few[left] - few[left[0]]))
+        alike = apart.max(axis=1, initial=0.0) <= room
+        groups.append(left[alike].tolist())
+        left = left[~alike]
+    return groups
+
+
+def together(names: Sequence[str]) -> str:
+    """One name for curves that coincide: "pendulum 1–3, 7 coincide"."""
+    if len(names) < 2:
+        return names[0]
+    joined = _runs(names)
+    listed = joined[0]
+    for k, word in enumerate(joined[1:], 1):
+        if len(listed) + len(word) > LONGEST:
+            return f"{listed}, … ({len(joined) - k} more) coincide"
+        listed += f", {word}"
+    return f"{listed} coincide"
+
+
+def _runs(names: Sequence[str]) -> list[str]:
+    """Names that differ in one number as ranges of it, what stands before the number said once."""
+    parts = [(NUMBERS.split(name), [int(found) for found in NUMBERS.findall(name)]) for name in names]
+    numbers = {len(found) for _, found in parts}
+    if len({tuple(words) for words, _ in parts}) > 1 or numbers == {0}:
+        return list(names)
+    table = np.array([found for _, found in parts])
+    varied = np.flatnonzero(np.ptp(table, axis=0) > 0)
+    if len(varied) != 1:
+        return list(names)
+    breaks = np.flatnonzero(np.diff(table[:, varied[0]]) != 1) + 1
+    place = [found.span() for found in NUMBERS.finditer(names[0])][varied[0]]
+    head = names[0][: place[0]]
+    said = head if head.endswith(" ") else ""
+    found = []
+    for run in np.split(np.arange(len(names)), breaks):
+        ends = [names[run[0]], names[run[-1]]][: len(run)]
+        found.append("–".join(end.removeprefix(said) for end in ends))
+    return [said + found[0], *found[1:]]
+
+
+def pick(curves: Floats, names: Sequence[str], most: int) -> tuple[Ints, list[str], int]:
+    """Which of the curves (K, T) to draw, their names, and how many curves these stand for.
+
+    One of each group that coincides, where there are at most `most` groups, else `most` curves evenly spaced.
+    """
+    groups = coinciding(curves)
+    if len(groups) > most:
+        some = evenly(len(curves), most)
+        groups = [[int(some[k]) for k in group] for group in coinciding(curves[some])]
+    labels = [together([names[k] for k in group]) for group in groups]
+    return np.array([group[0] for group in groups], dtype=np.int64), labels, sum(map(len, groups))
+
+
+def draw_curves(
+    axis: Axes,
+    curves: Sequence[tuple[Floats, Floats]],
+    *,
+    names: Sequence[str] = (),
+    numbers: Sequence[int] = (),
+    first: float = 2.0,
+    log: str = "",
+    **style: Any,
+) -> None:
+    """Curves (x, y) in the colours of their numbers, dashed where they are upon those drawn before.
+
+    Up to six curves on the same place all show.  `log` names the axes to be read as logarithmic, "x" or "y" or
+    "xy"; `style` goes to `Axes.plot`.
+    """
+    places = _places([(_read(x, log="x" in log), _read(y, log="y" in log)) for x, y in curves])
+    cells = [_cells(place) for place in places]
+    for k, (x, y) in enumerate(curves):
+        number = numbers[k] if numbers else k
+        upon = _upon(places[k], cells[:k])
+        own = _numbered(places[k][:, upon])
+        below = sum(2 * int(np.isin(own, other).sum()) >= len(own) for other in cells[:k]) if upon.any() else 0
+        width = thickness(number, first)
+        unit, (slot, period) = DASH / width, SLOTS.get(below, (0, 1))
+        broken = ((period - slot) * unit, (unit, (period - 1) * unit))
+        size = {"ms": style["ms"] * SMALLER**below} if "ms" in style else {}
+        look: dict[str, Any] = {"color": colour(number), "lw": width, **style, **size}
+        label = names[k] if names else f"_{k}"
+        if period == 1 or not upon.any():
+            axis.plot(x, y, label=label, ls=dash(number), **look)
+            continue
+        if not upon.all():
+            axis.plot(x, np.where(_widened(~upon), y, np.nan), label=label, ls=dash(number), **look)
+            label = f"_{label}"
+        axis.plot(x, np.where(upon, y, np.nan), label=label, ls=broken, dash_capstyle="butt", **look)
+
+
+def _read(values: Floats, *, log: bool) -> Floats:
+    return np.log(np.where(values > 0, values, np.nan)) if log else values
+
+
+def _places(curves: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
+    """The points of curves in cells of their panel, (2, T) each."""
+    both = [np.stack(np.broadcast_arrays(*curve)) for curve in curves]
+    known = [curve[:, np.isfinite(curve).all(0)] for curve in both]
+    whole = np.concatenate(known, axis=1) if known else np.zeros((2, 0))
+    if not whole.size:
+        return both
+    low, extent = whole.min(1, keepdims=True), np.maximum(np.ptp(whole, axis=1, keepdims=True), 1e-300)
+    return [(curve - low) / extent * (np.array([CELLS]).T - 1) for curve in both]
+
+
+def _numbered(place: Floats) -> Ints:
+    """The number of the cell of each point; −1 for what is not finite."""
+    known = np.isfinite(place).all(axis=0)
+    x, y = np.round(np.where(known, place, 0.0)).astype(np.int64)
+    return np.where(known, x * CELLS[1] + y, -1)
+
+
+def _cells(place: Floats) -> Ints:
+    """The cells through which a curve goes."""
+    points = place[:, np.isfinite(place).all(axis=0)]
+    if not points.size:
+        return np.zeros(0, dtype=np.int64)
+    along = _along(points)
+    fine = np.linspace(0.0, along[-1], int(min(2 * along[-1], MOST_POINTS)) + 2)
+    return np.unique(_numbered(np.stack([np.interp(fine, along, row) for row in points])))
+
+
+def _along(points: Floats) -> Floats:
+    """The way along a curve to each of its points, in cells."""
+    steps = np.nan_to_num(np.linalg.norm(np.diff(points, axis=1), axis=0))
+    return np.concatenate(([0.0], np.cumsum(steps)))
+
+
+def _upon(place: Floats, others: Sequence[Ints]) -> Booleans:
+    """Where a curve is upon others for a while, which excludes crossings."""
+    if not others or not place.shape[1]:
+        return np.zeros(place.shape[1], dtype=bool)
+    upon = np.isin(_numbered(place), np.concatenate(others))
+    along = _along(place)
+    for kind in (False, True):
+        breaks = np.flatnonzero(np.diff(upon)) + 1
+        for run in np.split(np.arange(len(upon)), breaks):
+            whole = along[min(run[-1] + 1, len(along) - 1)] - along[max(run[0] - 1, 0)]
+            if upon[run[0]] == kind and whole < AWHILE and len(run) < len(upon):
+                upon[run] = not kind
+    return upon
+
+
+def _widened(where: Booleans) -> Booleans:
+    """The same and the points beside, so that pieces of a curve meet."""
+    found = where.copy()
+    found[1:] |= where[:-1]
+    found[:-1] |= where[1:]
+    return found
