@@ -226,7 +226,8 @@ COMMANDS = (
         details=(
             "One panel per mode, drawn with the largest angle that you choose. A repeated frequency shows one shape of "
             "each sort. Of more than 12 pendula it draws angles over the number of the pendulum. In a film (GIF, "
-            "MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its period, and the loop has no seam."
+            "MP4 with the extra `video`, HTML) every mode swings once a loop, whatever its "
+            "period, and the loop has no seam."
         ),
         examples=(
             ("shapes paper-cart-2 -o shapes.png", "every mode"),

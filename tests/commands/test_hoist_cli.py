@@ -69,7 +69,7 @@ def test_pictures_are_written_in_both_themes(capsys: pytest.CaptureFixture[str],
     [
         (("hoist", "crane-hook"), "hoist: no link of this scene has one"),
         (("hoist", CRANE, "--over", "3"), "--over: needs --travel METRES"),
-        (("hoist", CRANE, "-o", "a.txt"), "the name must end in"),
+        (("hoist", CRANE, "-o", "a.doc"), "the name must end in"),
         (("export", CRANE, "--to", "json", "-o", "-"), "--to json: holds a constant model"),
         (("export", CRANE, "--to", "npz", "--minimal", "-o", "-"), "--minimal: needs constant lengths"),
         (("gains", CRANE), "varies in time"),
