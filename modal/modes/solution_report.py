@@ -16,7 +16,19 @@ from modal.assembly import Rig
 from modal.eigen import Rigid, Spectrum, counted
 from modal.modes.modes import Modes
 
-PACKAGES = ("numpy", "scipy", "sympy", "control", "matplotlib", "numba", "heyoka", "flint", "distributed", "pandas", "xarray")
+PACKAGES = (
+    "numpy",
+    "scipy",
+    "sympy",
+    "control",
+    "matplotlib",
+    "numba",
+    "heyoka",
+    "flint",
+    "distributed",
+    "pandas",
+    "xarray",
+)
 MOST_SHOWN = 6
 
 
