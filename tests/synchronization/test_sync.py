@@ -255,11 +255,11 @@ def test_the_command_writes_json(tmp_path: Path, capsys: pytest.CaptureFixture[s
 
 def test_every_mistake_of_a_call_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     bad = written(tmp_path, '{ kind = "escapement", impulse = -1.0 }')
-    code = main(["sync", bad, "-o", "sync.txt", "--film", str(tmp_path / "none" / "sync.avi")])
+    code = main(["sync", bad, "-o", "sync.doc", "--film", str(tmp_path / "none" / "sync.avi")])
     said = capsys.readouterr().err
     assert code == 2
     assert "pendulum[0].links[0].drive.impulse = -1.0: must be positive" in said
-    assert "sync.txt: the name must end in" in said
+    assert "sync.doc: the name must end in" in said
     assert "sync.avi: the name must end in" in said
     assert "there is no folder" in said
 
