@@ -14,7 +14,6 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import nbformat
-from jupyterlite_pyodide_kernel.constants import PYODIDE_CDN_URL, PYODIDE_MJS
 
 ROOT = Path(__file__).parent.parent
 LESSONS = ("01_first_table", "02_simple_chain", "04_the_cart")
@@ -70,11 +69,18 @@ def in_browser(lesson: str) -> str:
     return nbformat.writes(notebook) + "\n"
 
 
-def guarded(page: str, pyodide: str = f"{PYODIDE_CDN_URL}/{PYODIDE_MJS}") -> str:
+def guarded(page: str, pyodide: str) -> str:
     """A page that says so where `pyodide` cannot be reached."""
     words = {"PYODIDE": json.dumps(pyodide), "LESSONS": json.dumps(LESSONS), "PATIENCE": str(PATIENCE)}
     guard = re.sub("|".join(words), lambda found: words[found[0]], GUARD)
     return page.replace("</head>", f"{guard}</head>", 1)
+
+
+def pyodide_of_kernel() -> str:
+    """Where the kernel of the lessons gets Pyodide."""
+    from jupyterlite_pyodide_kernel.constants import PYODIDE_CDN_URL, PYODIDE_MJS
+
+    return f"{PYODIDE_CDN_URL}/{PYODIDE_MJS}"
 
 
 def build(folder: Path) -> None:
@@ -92,7 +98,7 @@ def build(folder: Path) -> None:
         (work / "jupyter_lite_config.json").write_text(json.dumps(settings), encoding="utf-8")
         run("jupyterlite_core", "build", cwd=work)
         for page in (work / "site").glob("*/index.html"):
-            page.write_text(guarded(page.read_text(encoding="utf-8")), encoding="utf-8")
+            page.write_text(guarded(page.read_text(encoding="utf-8"), pyodide_of_kernel()), encoding="utf-8")
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(work / "site", folder)
 
