@@ -41,10 +41,25 @@ def add_modes(page: Page, flag: str = "--modes", example: str = "1:10") -> None:
     page.rephrase(r"choose (fewer|at most \d+)( modes)?$", rf"choose \1 modes with {flag}")
 
 
+class Joined(argparse.Action):
+    """A list separated by commas, to which an option that is given again adds: no value is lost."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> None:
+        """Add to what was given before."""
+        before = getattr(namespace, self.dest)
+        if before != self.default:
+            values = f"{before},{values.removeprefix('+')}" if isinstance(values, str) else before + values
+        setattr(namespace, self.dest, values)
+
+
 def add_words(
     group: argparse._ArgumentGroup, flag: str, words: Sequence[str], *, comma: str = ",", **more: Any
 ) -> None:
     """An option with these values, several separated by commas unless `comma` is empty."""
+    if comma:
+        more.setdefault("action", Joined)
     offer(group.add_argument(flag, **more), completion.words(words, comma))
 
 

@@ -146,4 +146,6 @@ def polar(value: complex, slope: Complexes) -> tuple[Floats, Floats]:
     if omega == 0:
         return np.zeros(len(slope)), np.zeros(len(slope))
     rate = (np.conj(value) * slope).real / omega
+    if value.imag == 0:
+        return np.asarray(rate), np.zeros(len(slope))
     return np.asarray(rate), np.asarray(-slope.real / omega + value.real * rate / omega**2)

@@ -97,14 +97,18 @@ def stop_of(sliding: Sliding, amplitude: float) -> Stop:
 
 
 def stop_words(scene: Scene, amplitude_deg: float) -> list[str]:
-    """A sentence for every mode that friction stops, let go at a largest angle (deg)."""
+    """A sentence for every mode that friction stops, let go at a largest angle (deg).
+
+    Friction on the rail alone stops the cart: its work ends there.
+    """
+    what, after = ("the cart", "; the swing goes on as on a fixed support") if scene.is_gripped else ("it", "")
     found = []
     for one in sliding_modes(scene) if scene.has_friction else ():
         stop = stop_of(one, float(np.radians(amplitude_deg)))
         if np.isfinite(stop.time):
             found.append(
-                f"mode {one.mode}: dry friction stops it after {stop.time:.4g} s ({stop.half_swings} half swings) from "
-                f"{amplitude_deg:g} deg, within {np.degrees(stop.within):.3g} deg of rest."
+                f"mode {one.mode}: dry friction stops {what} after {stop.time:.4g} s ({stop.half_swings} half swings) "
+                f"from {amplitude_deg:g} deg, within {np.degrees(stop.within):.3g} deg of rest{after}."
             )
     return found
 

@@ -7,6 +7,10 @@ from modal.scene import Scene
 HOISTED = "Lengths change with the hoist: these are the modes at the lengths before it; hoist lists them along it."
 AT_REST = "The support's motion is left out: the modes are those about a support at rest."
 RUBBING = "Dry friction is left out: at an amplitude it acts as a damping ratio, and in the end it stops a swing."
+GRIPPED = (
+    "Dry friction on the rail is left out: at an amplitude it acts as a damping ratio, and in the end it holds the "
+    "cart, and what hangs there swings on as on a fixed support."
+)
 FAST_AIR = "Quadratic drag is left out: it dies out with the square of the speed."
 UNDRIVEN = "Drives are left out: they sustain small swings without changing the modes."
 
@@ -18,6 +22,6 @@ def omitted(scene: Scene) -> tuple[str, ...]:
         *[HOISTED] * scene.is_hoisted,
         *[UNDRIVEN] * scene.is_driven,
         *[AT_REST] * scene.is_moved,
-        *[RUBBING] * scene.has_friction,
+        *[GRIPPED if scene.is_gripped else RUBBING] * scene.has_friction,
         *[FAST_AIR] * quadratic,
     )

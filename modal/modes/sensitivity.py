@@ -1,15 +1,18 @@
 """The sensitivity of a natural frequency to each parameter of a scene, in closed form.
 
-With φᵀMφ = 1 the derivative of a simple frequency is that of its Rayleigh quotient at constant shape φ:
+The derivative of a simple eigenvalue λ, with ω = |λ|, is that of φᵀ(λ²M + λD + K)φ at constant shape φ, transposed and
+not conjugated where dampers make it complex:
 
-    2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ = ∂(2V − ω² 2T)/∂p
+    φᵀ(2λM + D)φ ∂λ/∂p = −∂(2V + λ 2R + λ² 2T)/∂p,      ∂ω/∂p = Re(λ̄ ∂λ/∂p)/ω
 
     2T = m_c φ_x² + Σ (m_i z_i² + I_i φ_i²),      z_i = φ_x + Σ_{k<i} l_k φ_k + c_i φ_i
     2V = k_c φ_x² + Σ (m_i g h_i + k_i (φ_i − φ_{i−1})²),      h_i = Σ_{k<i} l_k φ_k² + c_i φ_i²
+    2R = d_c φ_x² + Σ (d_i (φ_i − φ_{i−1})² + e_i z_i²)
 
-with −l and −c for inverted links; z_i is the horizontal displacement of the centre of link i and h_i/2 its rise:
-running sums along each chain, O(n) for all parameters together.  (Fox & Kapoor, AIAA J. 6, 2426 (1968): the derivative
-of a simple eigenvalue.)
+with −l and −c for inverted links, d of a damper and e of drag; z_i is the horizontal displacement of the centre of
+link i and h_i/2 its rise: running sums along each chain, O(n) for all parameters together.  Without dampers λ = iω, and
+with φᵀMφ = 1 this is 2ω ∂ω/∂p = φᵀ(∂K/∂p − ω² ∂M/∂p)φ.  (Fox & Kapoor, AIAA J. 6, 2426 (1968); with dampers Andrew,
+Chu & Lancaster, SIAM J. Matrix Anal. Appl. 14, 903 (1993).)
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
 from modal.report import Displayed
 from modal.scene import Pendulum
-from modal.types import Floats
+from modal.types import Complexes, Floats
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -42,6 +45,9 @@ class Sensitivities(Displayed):
     cart_mass       rad/s per kg, 0 on a fixed support
     cart_stiffness  rad/s per N/m, 0 on a fixed support
     gravity         rad/s per m/s²
+    damping         rad/s per N m s/rad, of the damper at a link's upper joint
+    drag            rad/s per N s/m, of a link's linear drag
+    cart_damping    rad/s per N s/m, 0 on a fixed support
     """
 
     mass: Floats
@@ -52,29 +58,47 @@ class Sensitivities(Displayed):
     cart_mass: float
     cart_stiffness: float
     gravity: float
+    damping: Floats
+    drag: Floats
+    cart_damping: float
 
 
 def sensitivities(modes: Modes, number: int) -> Sensitivities:
-    """The derivatives of the natural frequency of the mode with index `number`, from 0.
+    """The derivatives of the natural frequency ω = |λ| of the mode with index `number`, from 0.
 
-    All are 0 where ω = 0.  Raises ComputationError for a damped mode, for one beyond double precision and for a
-    frequency that several modes share: it splits into branches, along shapes that depend on the parameter changed.
-    Close to another frequency the derivative holds for changes much smaller than the gap.  Raises IndexError for a mode
-    that does not exist.
+    All are 0 where ω = 0.  Raises ComputationError for a mode that grows, for one that a `damping_ratio` of the scene
+    damps, for one beyond double precision and for a frequency that several modes share: it splits into branches, along
+    shapes that depend on the parameter changed.  Close to another frequency, or to critical damping, the derivative
+    holds for changes much smaller than the gap.  Raises IndexError for a mode that does not exist.
 
     Ordinary scenes keep 12 digits of the largest p ∂ω/∂p; z_i is a running sum, which cancels where a centre hardly
     moves in a very fast mode (almost no inertia, masses and lengths differing by 1e±16): up to 7 digits are lost there.
     """
     _refuse(modes, number)
-    omega, shape = float(modes.omega[number]), modes.shape(number, 0, "mass")
-    if omega == 0:
+    value, shape = complex(modes.eigenvalue[number]), modes.shape(number, 0, "mass")
+    if value == 0:
         return _nothing(modes.scene.n_links)
-    chains = [_of_chains(*found, omega, shape.cart.real, modes.scene.gravity) for found in _hung(modes, shape)]
+    chains = [_of_chains(*found, value, shape.cart, modes.scene.gravity) for found in _hung(modes, shape)]
     columns = [np.concatenate([np.ravel(values) for values in column]) for column in zip(*chains, strict=True)]
-    mass, length, centre, inertia, stiffness, gravity = (column / (2 * omega) for column in columns)
-    cart = shape.cart.real**2
+    cart, square, support = shape.cart**2, value**2, modes.rig.cart
+    pencil = 2 * value
+    if value.real:
+        own = cart * (2 * value * support.mass + support.damping) if support else 0.0
+        pencil = own + complex(columns.pop().sum())
+    factor = -value.conjugate() / abs(value) / pencil
+    mass, length, centre, inertia, stiffness, gravity, damping, drag = ((factor * one).real for one in columns[:8])
     return Sensitivities(
-        mass, length, centre, inertia, stiffness, -omega / 2 * cart, cart / (2 * omega), float(gravity.sum())
+        mass,
+        length,
+        centre,
+        inertia,
+        stiffness,
+        (factor * square * cart).real,
+        (factor * cart).real,
+        float(gravity.sum()),
+        damping,
+        drag,
+        (factor * value * cart).real,
     )
 
 
@@ -83,9 +107,12 @@ def _refuse(modes: Modes, number: int) -> None:
     name = f"mode index {number} ({modes.omega[number]:.6g} rad/s)"
     if not modes.error[number] < UNCERTAIN:
         raise ComputationError(f"{name} is beyond double precision: its derivative is not available")
-    if value.real:
-        ratio = -value.real / abs(value)
-        raise ComputationError(f"{name} has a damping ratio of {ratio:.3g}: sensitivities are for undamped modes")
+    if value.real > 0:
+        raise ComputationError(f"{name} grows: sensitivities are for modes that swing or decay")
+    if value.real and modes.scene.has_modal_damping:
+        raise ComputationError(
+            f"{name} has a damping_ratio of the scene, which follows every number through the modes: give dampers"
+        )
     if fold > 1:
         raise ComputationError(
             f"{name} is shared by {fold} modes: a repeated frequency splits when one link changes, so it has no "
@@ -106,17 +133,21 @@ class _Chain(NamedTuple):
     centre: Floats
     inertia: Floats
     sigma: Floats
+    damping: Floats
+    drag: Floats
     follows: Floats
 
 
-def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Floats]]:
+def _hung(modes: Modes, shape: Shape) -> Iterator[tuple[_Chain, Complexes]]:
     """Every pendulum as specified in the scene, with the angles (copies, n) of its copies."""
-    angles, at = shape.angles.real, 0
+    angles, at = shape.angles.astype(np.complex128), 0
     for pendulum, (block, column, copies) in zip(modes.scene.pendulum, modes.rig.members, strict=True):
         own = modes.rig.blocks[block]
-        m, l, c, I, sigma = (values[:, column] for values in (own.mass, own.length, own.centre, own.inertia, own.sigma))
+        m, l, c, I = (values[:, column] for values in (own.mass, own.length, own.centre, own.inertia))
+        sigma, damping, drag = (values[:, column] for values in (own.sigma, own.damping, own.drag))
         size = copies * own.n
-        yield _Chain(m, l, c, I, sigma, _follows(pendulum)), angles[at : at + size].reshape(copies, own.n)
+        chain = _Chain(m, l, c, I, sigma, damping, drag, _follows(pendulum))
+        yield chain, angles[at : at + size].reshape(copies, own.n)
         at += size
 
 
@@ -125,31 +156,38 @@ def _follows(pendulum: Pendulum) -> Floats:
     return np.repeat([float(link.is_uniform) for link in pendulum.links], [link.count for link in pendulum.links])
 
 
-def _of_chains(chain: _Chain, phi: Floats, omega: float, cart: float, g: float) -> tuple[Floats, ...]:
-    """∂(2V − ω² 2T)/∂p of the copies of a chain, each (copies, n), including dependent quantities by the chain rule."""
-    m, l, c, I, sigma, follows = chain
-    square, turn = omega**2, phi**2
+def _of_chains(chain: _Chain, phi: Complexes, value: complex, cart: complex, g: float) -> tuple[Complexes, ...]:
+    """∂(2V + λ 2R + λ² 2T)/∂p of the copies of a chain, each (copies, n), including dependent quantities.
+
+    The last is the part of φᵀ(2λM + D)φ that each link adds.
+    """
+    m, l, c, I, sigma, d, e, follows = chain
+    square, turn = value**2, phi**2
     z = cart + _above(sigma * l * phi) + sigma * c * phi
     h = _above(sigma * l * turn) + sigma * c * turn
-    inertia = -square * turn
-    centre = sigma * m * (g * turn - 2 * square * z * phi)
-    length = sigma * (g * turn * pair.masses_below(m) - 2 * square * phi * _below(m * z))
-    mass = g * h - square * z**2
+    pushed = (square * m + value * e) * z
+    inertia = square * turn
+    centre = sigma * (m * g * turn + 2 * pushed * phi)
+    length = sigma * (g * turn * pair.masses_below(m) + 2 * phi * _below(pushed))
+    bend = np.diff(phi, axis=1, prepend=0.0) ** 2
     return (
-        mass + follows * I / m * inertia,
+        g * h + square * z**2 + follows * I / m * inertia,
         length + follows * (c * centre + 2 * I * inertia) / l,
         centre,
         inertia,
-        np.diff(phi, axis=1, prepend=0.0) ** 2,
+        bend,
         m * h,
+        value * bend,
+        value * z**2,
+        2 * value * (m * z**2 + I * turn) + d * bend + e * z**2,
     )
 
 
-def _above(values: Floats) -> Floats:
+def _above(values: Complexes) -> Complexes:
     """Σ_{k<i} along the last axis."""
     return np.pad(np.cumsum(values[..., :-1], axis=-1), ((0, 0), (1, 0)))
 
 
-def _below(values: Floats) -> Floats:
+def _below(values: Complexes) -> Complexes:
     """Σ_{k>i} along the last axis."""
     return _above(values[..., ::-1])[..., ::-1]

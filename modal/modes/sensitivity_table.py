@@ -21,6 +21,8 @@ MOST_NUMBERS = 200_000
 """Derivatives beyond which a table is refused."""
 HEAD = "Sensitivities (p/ω) ∂ω/∂p: the percentage by which a frequency changes where a number p grows by 1 %."
 
+_WHY = "growing, damped by a damping_ratio, or shared by several modes"
+
 
 class Sensitivity(NamedTuple):
     """A number p of the scene, ∂ω/∂p in rad/s per unit of p, and (p/ω) ∂ω/∂p; None where it is undefined."""
@@ -37,7 +39,8 @@ class Sensitivity(NamedTuple):
 def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
     """The derivatives of one mode's frequency to every number above 0, by place; empty where it has none.
 
-    That is for damped modes, frequencies that several modes share, and those beyond double precision.
+    That is for frequencies that several modes share, modes that grow or that a `damping_ratio` damps, and those beyond
+    double precision.
 
     >>> from modal import load, natural_modes
     >>> modes = natural_modes(load("chain-1"))
@@ -54,6 +57,7 @@ def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[
     scene, at = modes.scene, 0
     if isinstance(scene.support, Cart):
         yield from _one("support.mass", scene.support.mass, found.cart_mass, omega)
+        yield from _one("support.damping", scene.support.damping, found.cart_damping, omega)
         yield from _one("support.stiffness", scene.support.stiffness, found.cart_stiffness, omega)
     for p, pendulum in enumerate(scene.pendulum):
         own = slice(at, at + pendulum.count * pendulum.n_links)
@@ -71,7 +75,9 @@ def _places(modes: Modes, omega: float, found: Sensitivities) -> Iterator[tuple[
             if isinstance(link, Body):
                 yield from _one(f"{name}.centre", link.centre, whole(found.centre), omega)
                 yield from _one(f"{name}.inertia", link.inertia, whole(found.inertia), omega)
+            yield from _one(f"{name}.damping", link.damping, whole(found.damping), omega)
             yield from _one(f"{name}.stiffness", link.stiffness, whole(found.stiffness), omega)
+            yield from _one(f"{name}.drag", link.drag, whole(found.drag), omega)
     yield from _one("gravity", scene.gravity, found.gravity, omega)
 
 
@@ -99,7 +105,7 @@ def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:
     ]
     headings = ["number", *(f"mode {row.number}" for row in rows)]
     lacking = [f"{row.number}" for row, one in zip(rows, each, strict=True) if not one]
-    why = f"No single derivative: mode {', '.join(lacking)} (damped, or shared by several modes)." if lacking else ""
+    why = f"No single derivative: mode {', '.join(lacking)} ({_WHY})." if lacking else ""
     if form == "text":
         return "\n" + "\n\n".join(part for part in (folded(HEAD), grid(cells, headings), folded(why)) if part) + "\n"
     from tabulate import tabulate

@@ -36,6 +36,8 @@ ROW = 0.12
 """Height in inches that a figure gains with each curve beyond six."""
 ROUNDING = 1e-9
 MOST_UNITS = 2
+LONGEST_LABEL = 34
+"""Letters of a label beside the upper panel."""
 
 
 def draw_bode(
@@ -80,7 +82,7 @@ def bode_figure(
     draw_curves(upper, heights, first=FIRST, log="x")
     draw_curves(lower, [(omega, _phase(response)) for response in G], first=FIRST, log="x")
     given = form.model.inputs[source]
-    upper.set(xscale="log", ylabel=f"magnitude (dB re 1 {_units(form, shown, source)})", ylim=(bottom, top))
+    upper.set(xscale="log", ylabel=_magnitude(_units(form, shown, source)), ylim=(bottom, top))
     if std is not None:
         _shade(upper, omega, size, std(omega)[shown, source])
     upper.yaxis.set_major_locator(MaxNLocator(8, steps=[1, 2, 4, 5, 10]))
@@ -267,6 +269,12 @@ def _finish(figure: Figure, form: ModalForm, names: Sequence[str], title: str, n
 
 def _named(signal: Signal) -> str:
     return f"{signal.name} ({signal.unit})"
+
+
+def _magnitude(units: str) -> str:
+    """The label of the axis, in two lines where one would be longer than the panel is high."""
+    words = f"magnitude (dB re 1 {units})"
+    return words if len(words) <= LONGEST_LABEL else words.replace(" (", "\n(", 1)
 
 
 def _units(form: ModalForm, shown: list[int], source: int) -> str:

@@ -344,6 +344,11 @@ class Scene(Displayed, Part):
         return on_rail or any(link.friction > 0 for link in self.links())
 
     @property
+    def is_gripped(self) -> bool:
+        """Whether the rail alone has dry friction, which holds the cart in the end while the pendula swing on."""
+        return self.has_friction and not any(link.friction for link in self.links())
+
+    @property
     def has_drag(self) -> bool:
         """Whether there is drag on any link, linear or quadratic."""
         return any(link.drag > 0 or link.quadratic_drag > 0 for link in self.links())

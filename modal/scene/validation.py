@@ -29,6 +29,8 @@ KINDS: dict[str, str] = {}
 """The kinds of the parts under a key, as a message lists them."""
 KEYS: set[str] = set()
 """The keys of all parts."""
+ALIKE = 0.85
+"""Similarity from which a key that belongs elsewhere is taken for a slip of another."""
 WORDS = {
     "finite_number": "must be finite",
     "float_type": "must be a number",
@@ -368,7 +370,7 @@ def _words(finding: Mapping[str, Any]) -> str:
     if kind == "extra_forbidden":
         key = str(finding["loc"][-1])
         if key in KEYS:
-            return "does not belong here"
+            return "does not belong here" + meant(key, KEYS - {key}, near=ALIKE)
         if key in TAGS:
             return f'is not a known key: write kind = "{key}"'
         return "is not a known key" + meant(key, KEYS)

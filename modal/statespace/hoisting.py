@@ -18,7 +18,7 @@ from scipy.linalg import eigh
 
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along, matrices_at
 from modal.errors import ComputationError, SceneError
-from modal.modes import labelled, natural_modes
+from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Scene
 from modal.statespace.model import fixed
@@ -38,9 +38,9 @@ class Along(Displayed):
     """Along a hoist at `times` (T,) in s: the changing `lengths` (T, H) in m, R frequencies and adiabatic amplitudes.
 
     `omega` (T, R) in rad/s, ascending, are those of the scene with the lengths of each time, each once for every mode
-    that oscillates along the rail; `swing` (T, R) is the largest angle of a mode over that at the first time, if E/ω is
-    conserved.  `names` (R,) are the numbers of the modes in the table at the first time, repeated ones lettered, and
-    `links` (H,) the places of the lengths, (pendulum, link) of the scene's entries, from 0.
+    that oscillates along the rail without dampers; `swing` (T, R) is the largest angle of a mode over that at the first
+    time, if E/ω is conserved.  `names` (R,) are the numbers of the modes in the table at the first time, repeated ones
+    lettered, and `links` (H,) the places of the lengths, (pendulum, link) of the scene's entries, from 0.
     """
 
     scene: Scene
@@ -74,9 +74,11 @@ def frequencies_along(scene: Scene, samples: int = 21, drive: Drive = "cart_forc
 
 
 def _names(scene: Scene, omega: Floats, held: bool) -> tuple[str, ...]:
-    """The numbers in the table of modes of these frequencies, of constant lengths."""
-    table = natural_modes((fixed(scene) if held else scene).conservative).omega
-    return labelled((1 + np.abs(np.subtract.outer(omega, table)).argmin(1)).tolist())
+    """The numbers in the table of modes, which has dampers, of these frequencies without, of constant lengths."""
+    own = fixed(scene) if held else scene
+    table = natural_modes(own.conservative)
+    nearest = np.abs(np.subtract.outer(omega, table.omega)).argmin(1)
+    return labelled(table_numbers(own, table)[nearest].tolist())
 
 
 def _is_held(scene: Scene, drive: Drive) -> bool:

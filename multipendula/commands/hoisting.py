@@ -27,7 +27,8 @@ def hoist(options: argparse.Namespace) -> None:
     alone = [name for name in TRAVEL if getattr(options, name) is not None and options.travel is None]
     if alone:
         raise SceneError([f"--{name}: needs --travel METRES" for name in alone])
-    scene = small_swings(load(options.scene))
+    scene = load(options.scene)
+    small_swings(scene.at(0.0))
     found = frequencies_along(scene, options.samples, options.drive)
     left = _left(scene, options) if options.travel else ()
     say(_written(found, left, options), options.format)
@@ -84,6 +85,7 @@ def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespa
     headings += [f"ω_{k} (rad/s)" for k in modes] + [f"swing_{k}" for k in modes]
     table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
     words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
+    words += "; both ω and swing without dampers" if found.scene.has_damping else ""
     lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
     return titled(title_of(found.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
 

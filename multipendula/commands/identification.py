@@ -10,6 +10,7 @@ from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output
 from multipendula.completion import files, places
 from multipendula.options import (
     PICTURES,
+    Joined,
     add_file,
     add_format,
     add_report,
@@ -117,7 +118,7 @@ def _fit_arguments(page: Page) -> None:
     )
     offer(page.asked.add_argument("data", metavar="DATA.csv", nargs="+", help=words), files((".csv",)))
     words = "numbers to fit, separated by commas, such as 'pendulum[0].links[*].damping', or none to judge the scene"
-    offer(page.asked.add_argument("--free", metavar="PLACES", required=True, help=words), places)
+    offer(page.asked.add_argument("--free", metavar="PLACES", action=Joined, required=True, help=words), places)
     words = "what is known of a free number beforehand, PLACE=VALUE±STD; repeat for several"
     page.asked.add_argument("--prior", metavar="PLACE=VALUE±STD", action="append", help=words)
     words = "use only rows with this value in a column, such as use=identify; repeat for several"

@@ -12,6 +12,7 @@ from multipendula.commands.shared import drawn, estimate_of, listed, output, pic
 from multipendula.completion import Completer, files
 from multipendula.options import (
     PICTURES,
+    Joined,
     add_covariance,
     add_format,
     add_scene,
@@ -41,12 +42,13 @@ def export(options: argparse.Namespace) -> None:
     """Write a state-space model for control software, a simulator or a controller."""
     from modal.errors import SceneError
     from modal.exports import format_named
-    from modal.scene import whole_file
+    from modal.scene import load, whole_file
 
     target = format_named(options.to)
     if options.file is None:
         raise SceneError(["-o FILE: is required"])
-    scene = _scene(options)
+    scene = load(options.scene)
+    small_swings(scene.at(0.0))
     if scene.is_hoisted:
         content = target.write_varying(_varying(scene, options))
         with whole_file(options.file) as stream:
@@ -165,10 +167,10 @@ def _response_arguments(page: Page) -> None:
     _add_file(page, "a .png, .svg or .pdf file, or - for standard output", files(endings(PICTURES)))
     add_theme(page)
     words = "print magnitude and phase at these frequencies in Hz, separated by commas"
-    page.asked.add_argument("--at", metavar="HERTZ", type=_frequencies, help=words)
+    page.asked.add_argument("--at", metavar="HERTZ", action=Joined, type=_frequencies, help=words)
     add_format(page, ("text", "csv", "json"), help="of what --at prints")
     page.asked.add_argument("--from", dest="source", metavar="NAME", help="one input (default: the first)")
-    page.asked.add_argument("--of", metavar="NAMES", help="outputs, one or more (default: all)")
+    page.asked.add_argument("--of", metavar="NAMES", action=Joined, help="outputs, one or more (default: all)")
     page.rephrase(r"choose at most \d+ outputs$", r"\g<0> with --of")
     words = "the impulse response instead of the Bode plot"
     page.asked.add_argument("--impulse", action="store_true", help=words)

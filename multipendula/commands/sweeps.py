@@ -42,6 +42,7 @@ def _sweep_arguments(page: Page) -> None:
     add_words(page.asked, "--measure", measures, comma="", metavar="NAME[:N]", action="append", help=words)
     words = "follow all frequencies along one --vary by their mode shapes"
     page.asked.add_argument("--loci", action="store_true", help=words)
+    page.rephrase(r"(loci need an undamped scene .*)$", r"\1; without --loci, --measure frequencies takes dampers")
     add_file(page, "--output", "-o", words="save the numbers in {} (loci: .csv)", kinds=RUNS)
     add_picture(page, "--picture")
     page.computed.add_argument("--workers", metavar="N", type=whole(1000), help="processes (default: one per core)")

@@ -36,7 +36,7 @@ from modal.report import (
     titled,
 )
 from modal.scene import Scene, describe, name_of, title_of
-from modal.scene.parameters import Variable, find_places, number_at
+from modal.scene.parameters import Variable, Variation, find_places, number_at
 from modal.types import Floats
 from nonlinear.ensembles.running import Ensemble, ensemble
 from nonlinear.system import State, system_of
@@ -63,6 +63,13 @@ class Tolerance:
     def text(self) -> str:
         """As it is written."""
         return f"{self.path}={self.sigma:g}" if self.sigma else f"{self.path}={self.low:g}:{self.high:g}"
+
+    def around(self, value: float) -> str:
+        """In words, with the number's own value and unit."""
+        unit = Variation(self.path, (value,)).unit
+        if self.sigma:
+            return f"{self.path} = {value:g} ± {self.sigma:g} {unit}".rstrip()
+        return f"{self.path} from {self.low:g} to {self.high:g} {unit}".rstrip()
 
     def drawn(self, value: float, count: int, rng: np.random.Generator) -> Floats:
         """So many values."""
@@ -164,8 +171,8 @@ class Spread(Displayed):
 
     @property
     def words(self) -> str:
-        """What the members were drawn from."""
-        texts = [one.text for one in self.tolerances]
+        """What the members were drawn from, numbers with their standard deviations."""
+        texts = [one.around(_value(self.scene, one.path)) for one in self.tolerances]
         if self.estimate is not None:
             texts.append(f"{counted(len(self.estimate.paths), 'fitted number', 'fitted numbers')} by their covariance")
         return ", ".join(texts)

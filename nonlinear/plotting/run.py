@@ -26,7 +26,7 @@ from modal.plotting import (
     save,
     sheet,
 )
-from modal.scene import title_of
+from modal.scene import Scene, title_of
 from modal.types import Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import WINDOW_NAME, power_spectrum, resample, resolution
@@ -216,10 +216,17 @@ def _spectrum(axis: Axes, trajectory: Trajectory, drawn: _Drawn) -> None:
         axis.axvspan(min(marks), max(marks), color=rest(), alpha=0.6, lw=0, zorder=0)
         words = f"; grey: range of the {len(marks)} modes"
     else:
-        words = "; dotted: modes" if marks else ""
+        words = f"; dotted: modes{_without(trajectory.scene)}" if marks else ""
         for mark in marks:
             axis.axvline(mark, color=ink(), ls=":", lw=1.0, zorder=1)
     axis.set_title(f"Spectrum{words}\n{WINDOW_NAME} window, resolution {resolution(times):.2g} rad/s", loc="left")
+
+
+def _without(scene: Scene) -> str:
+    """What the marked modes do not know of, where it moves the peaks beside them."""
+    if scene.is_hoisted:
+        return " before the hoist"
+    return " without dry friction" if scene.has_friction else ""
 
 
 def _reach(found: list[tuple[Floats, Floats]]) -> float:

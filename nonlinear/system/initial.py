@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modal.errors import SceneError
+from modal.report import counted
 from modal.scene import Pendulum, Scene
 from modal.types import Floats
 from nonlinear.system.directions import of_plane, unit_vectors, velocities
@@ -66,7 +67,8 @@ def state_at_rest(scene: Scene, angles_deg: Sequence[float]) -> State:
     if problems := [f"start: angle {float(a)!r}: must be finite" for a in given if not np.isfinite(a)]:
         raise SceneError(problems)
     if given.size not in accepted:
-        raise SceneError([f"start: has {given.size} angles: this scene needs {' or '.join(map(str, accepted))}"])
+        size = counted(given.size, "angle", "angles")
+        raise SceneError([f"start: has {size}: this scene needs {' or '.join(map(str, accepted))}"])
     angles = np.deg2rad(np.tile(given, total // given.size))
     state = State(angles, np.zeros(total))
     return state if scene.space == "plane" else of_plane(state)

@@ -576,3 +576,24 @@ def test_the_first_modes_of_a_very_long_chain(tmp_path: Path, capsys: pytest.Cap
     found = json.loads(printed(capsys, "table", str(path), "--modes", "2:3", "--format", "json"))
     assert [mode["mode"] for mode in found["modes"]] == [2, 3]
     assert "modes 1 to 5000" in refused(capsys, 2, "table", str(path), "--modes", "5001")
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        (["response", "crane-hook", "--at", "{}", "--of", "x"], ("0.1", "0.2")),
+        (["response", "crane-hook", "--at", "0.1", "--of", "{}"], ("x", "theta_1_1")),
+        (["gains", "crane-hook", "--signals", "{}"], ("angles", "tip_positions")),
+        (["table", "crane-hook", "--columns", "{}"], ("+participation", "cumulative")),
+        (["derive", "chain:1", "--show", "{}"], ("polynomial", "modes")),
+    ],
+)
+def test_an_option_given_again_adds_to_its_list(
+    words: list[str], options: tuple[str, str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    at = words.index("{}")
+    again = [*words[: at - 1], *(word for value in options for word in (words[at - 1], value)), *words[at + 1 :]]
+    texts = []
+    for given in ([",".join(options) if word == "{}" else word for word in words], again):
+        texts.append(printed(capsys, *given))
+    assert texts[0] == texts[1]

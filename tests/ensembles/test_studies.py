@@ -96,6 +96,8 @@ def test_the_spread_of_a_simple_pendulum_is_that_of_the_formula() -> None:
     scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=2.0)])])
     texts = ["gravity=1%", "pendulum[0].links[0].length=0.04", "pendulum[0].links[0].mass=0.9:1.1"]
     found = find_spread(scene, texts, members=20_000)
+    mass = "pendulum[0].links[0].mass from 0.9 to 1.1 kg"
+    assert found.words == f"gravity = 9.81 ± 0.0981 m/s², pendulum[0].links[0].length = 2 ± 0.04 m, {mass}"
     (record,) = found.frequencies
     expected = 0.5 * np.hypot(0.01, 0.02) * np.sqrt(9.81 / 2)
     assert record["standard_deviation_rad_per_s"] == pytest.approx(expected, rel=0.03)

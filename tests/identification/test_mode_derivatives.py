@@ -97,6 +97,23 @@ def test_a_frequency_shared_by_equal_pendula_has_a_derivative_by_all_of_them_and
         assert np.isnan(apart.eigenvalue(row)[1])
 
 
+def test_damped_sensitivities_in_closed_form_are_those_of_the_matrices() -> None:
+    cart = ("mass", "damping")
+    first, second = ("mass", "length", "damping"), ("mass", "length", "drag")
+    paths = [f"support.{name}" for name in cart] + [f"pendulum[0].links[0].{name}" for name in first]
+    paths += [f"pendulum[0].links[1].{name}" for name in second] + ["gravity"]
+    found = derived(damped(), paths)
+    assert np.count_nonzero(found.modes.eigenvalue.real) == 3
+    for row in range(1, 4):
+        own = sensitivities(found.modes, row)
+        closed = [own.cart_mass, own.cart_damping, *(getattr(own, name)[0] for name in first)]
+        closed += [*(getattr(own, name)[1] for name in second), own.gravity]
+        slope, ratio = polar(complex(found.modes.eigenvalue[row]), found.eigenvalue(row))
+        sizes = np.abs([number_at(damped(), find_places(damped(), path)[0]) for path in paths])
+        np.testing.assert_allclose(sizes * closed, sizes * slope, rtol=1e-9, atol=1e-11 * found.modes.omega[row])
+        assert np.any(ratio) == (found.modes.eigenvalue[row].imag != 0)
+
+
 def test_difference_quotients_of_squares_are_exact_at_zero_and_elsewhere() -> None:
     scene = load("crane-hook")
 

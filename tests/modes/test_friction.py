@@ -80,3 +80,31 @@ def test_the_column_of_the_table() -> None:
     assert "ζ(5°)" in table(modes, list(modes), "text", amplitude_deg=5.0)
     assert "ζ(" not in table(modes, list(modes), "text")
     assert "at_5_deg" not in table(modes, list(modes), "csv")
+
+
+@pytest.mark.slow
+def test_friction_on_the_rail_stops_the_cart_and_the_load_swings_on() -> None:
+    hook, load = bob(mass=650.0, length=12.5), bob(mass=21e3, length=4.5)
+    scene = scene_from(
+        {
+            "gravity": G,
+            "support": {"kind": "cart", "mass": 8400.0, "friction": 1500.0},
+            "pendulum": [{"links": [hook, load]}],
+        }
+    )
+    (words, *_), slow = stop_words(scene, 5.0), sliding_modes(scene)[0]
+    assert "stops the cart" in words
+    assert "swings on" in natural_modes(scene).notes[0]
+    angles = np.real(natural_modes(scene.frictionless).shape(slow.mode - 1).angles)
+    run = simulate(scene, 60.0, start=State(np.radians(5.0) * angles, np.zeros(2)))
+    assert run.friction.begin[0] == pytest.approx(stop_of(slow, np.radians(5.0)).time, rel=0.1)
+    late = run.times > 40.0
+    assert np.ptp(run.motion.cart[late]) < 1e-3
+    assert np.degrees(np.ptp(run.motion.links[late, 0])) > 0.3
+
+
+def test_friction_at_a_joint_too_stops_the_swing() -> None:
+    rail = {"kind": "cart", "mass": 2.0, "friction": 0.5}
+    scene = scene_from({"gravity": G, "support": rail, "pendulum": [{"links": [bob(friction=0.01)]}]})
+    assert "stops it" in stop_words(scene, 5.0)[0]
+    assert "stops a swing" in natural_modes(scene).notes[0]

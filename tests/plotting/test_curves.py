@@ -331,3 +331,15 @@ def test_an_output_that_the_input_does_not_reach_is_drawn_as_nothing(outputs: li
     upper = figure.axes[0]
     drawn = [np.isfinite(np.asarray(line.get_ydata(), dtype=float)).any() for line in upper.lines[: len(outputs)]]
     assert drawn == [output == 0 for output in outputs]
+
+
+def test_a_label_with_long_units_stays_beside_its_panel() -> None:
+    scene = Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0)])])
+    model = state_space(scene, ("cart_acceleration",), ("angles", "pivot_forces"))
+    with theme("light"):
+        figure = bode_figure(to_modal_form(natural_modes(scene), model))
+    figure.draw_without_rendering()
+    panel = figure.axes[0]
+    label, room = panel.yaxis.label.get_window_extent(), panel.get_window_extent()
+    assert label.y0 >= room.y0
+    assert label.y1 <= room.y1

@@ -72,6 +72,14 @@ def test_the_spectrum_marks_no_mode_that_does_not_swing() -> None:
     assert any(row.omega and not row.oscillates for row in rows)
 
 
+def test_the_spectrum_says_what_its_modes_do_not_know_of() -> None:
+    hoisted = run("hoisting-crane", 3.0)
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, friction=0.01)])])
+    rubbed = simulate(scene, 3.0, start=state_at_rest(scene, [5.0]))
+    for found, words in ((hoisted, "modes before the hoist"), (rubbed, "modes without dry friction")):
+        assert words in panel(run_figure(found), "Spectrum").get_title(loc="left")
+
+
 def test_the_power_spectrum_keeps_the_mean_square() -> None:
     times = np.linspace(0, 100, 5001)
     omega, power = power_spectrum(times, 3 * np.sin(7 * times))

@@ -97,6 +97,7 @@ links = [{ kind = "rod", mass = -1.0, length = nan }, { kind = "spring", mass = 
         ({"count": "20001"}, "pendulum[0].links: has 20001 links, counting repeats: at most 20000"),
         ({"damping": "-0.1"}, "pendulum[0].links[0].damping = -0.1: must not be negative"),
         ({"centre": "0.1"}, "pendulum[0].links[0].centre: does not belong here"),
+        ({"angle_deg": "3.0"}, "pendulum[0].links[0].angle_deg: does not belong here (did you mean angles_deg?)"),
     ],
 )
 def test_one_mistake_in_a_link(changes: dict, words: str) -> None:

@@ -46,6 +46,11 @@ def test_frequencies_are_those_of_the_table_at_each_length() -> None:
     assert found.names == ("2", "3")
     for time, omega in zip(found.times.tolist(), found.omega, strict=True):
         assert np.allclose(omega, natural_modes(scene.at(time)).omega[1:], rtol=1e-11)
+    rail = scene.replace(support=scene.support.replace(damping=40.0))
+    damped = frequencies_along(rail, 3)
+    assert np.array_equal(damped.omega, frequencies_along(scene, 3).omega)
+    assert damped.names == ("3", "4"), "the cart that creeps on its damper is mode 2 of the table"
+    assert np.allclose(damped.omega[0], natural_modes(rail.at(0.0)).omega[2:], rtol=1e-3)
     held = frequencies_along(scene, 3, "cart_acceleration")
     assert held.names == ("1", "2")
     assert np.allclose(held.omega[0], [swing.omega for swing in swings_of(scene.at(0.0))], rtol=1e-11)
