@@ -15,7 +15,7 @@ from multipendula.cli import main
 
 HERE = Path(__file__).parent
 TABLE = HERE / "pictures.toml"
-COLOURS = 192
+COLOURS = 256
 """Of a reduced PNG: enough that none is seen to be missing."""
 
 
@@ -51,7 +51,7 @@ def _do(command: str) -> None:
 def reduce(path: Path) -> None:
     """Fewer colours, where that makes a smaller file."""
     buffer, whole = BytesIO(), Image.open(path).convert("RGB")
-    fewer = whole.quantize(COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    fewer = whole.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
     fewer.save(buffer, "PNG", optimize=True)
     if buffer.tell() < path.stat().st_size:
         path.write_bytes(buffer.getvalue())
