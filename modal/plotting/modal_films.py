@@ -1,7 +1,7 @@
 """Films of modes: all of them side by side, each swinging once a loop, so that the film goes round without a seam.
 
 A mode moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth left out.  One that does
-not oscillate creeps: it decays from its shape (or grows to it) and is brought back in the last part of the loop.
+not oscillate decays from its shape, or grows to it, and is brought back in the last part of the loop.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ LINE, LETTER = 0.22, 0.09
 """Height of a line and width of a letter (inches)."""
 HIGHEST, LARGEST = 3.0, 11.0
 """Most height of a panel and most width of a film (inches)."""
-CREEPING, FOLDS = 0.8, 4.0
-"""The part of a loop in which a mode creeps, and by how many factors of e."""
+DECAYING, FOLDS = 0.8, 4.0
+"""The part of a loop in which a mode decays or grows, and by how many factors of e."""
 AMPLITUDE_DEG = 25.0
 MOST_LEVELS = 3
 """Links of every pendulum whose angles are drawn over the number of the pendulum."""
@@ -135,15 +135,15 @@ def motion(row: Mode, s: float) -> complex:
     """The factor of the shape at part `s` of the loop."""
     if row.oscillates:
         return complex(np.exp(-2j * np.pi * s))
-    return _creeping(s if row.damping_ratio >= 0 else 1 - s)
+    return _decay(1 - s if row.growth_rate else s)
 
 
-def _creeping(s: float) -> float:
+def _decay(s: float) -> float:
     """Decay from 1 by FOLDS factors of e, and the way back."""
     low = float(np.exp(-FOLDS))
-    if s <= CREEPING:
-        return float(low ** (s / CREEPING))
-    return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (s - CREEPING) / (1 - CREEPING))))
+    if s <= DECAYING:
+        return float(low ** (s / DECAYING))
+    return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (s - DECAYING) / (1 - DECAYING))))
 
 
 def _arrow(axis: Axes, layout: Layout) -> None:
@@ -185,7 +185,7 @@ def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
     if any(row.oscillates and row.damping_ratio for row in rows):
         words += ["the damping of swings is left out"]
     if any(not row.oscillates and row.omega > 0 for row in rows):
-        words += ["modes that do not swing creep, and are brought back at the end of the loop"]
+        words += ["modes that do not swing decay or grow, and are brought back at the end of the loop"]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
     if modes.scene.n_pendula > MOST_PENDULA:

@@ -133,7 +133,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float
         axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
         return
     amplitude = fitting_amplitude(layout, shape, amplitude)
-    if creeps(row):
+    if row.is_overdamped:
         for constants in (2, 1, 0):
             left = float(np.exp(-constants))
             look = {"color": mixed(colour(0), max(left, FAINTEST)), **({"gid": QUIET} if constants else {})}
@@ -152,18 +152,13 @@ def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
     draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
-def creeps(row: Mode) -> bool:
-    """Whether a mode returns to equilibrium without swinging."""
-    return row.omega > 0 and row.damping_ratio >= 1
-
-
 def panel_words(row: Mode, letters: int) -> str:
     """The title of a panel: number, frequencies or rates, and family."""
     decay = f",  ζ = {row.damping_ratio:.3g}" if row.damping_ratio > 0 else ""
     rate = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
     if row.growth_rate:
         rate = f"grows at {row.growth_rate:.5g} 1/s"
-    elif creeps(row) and not row.is_uncertain:
+    elif row.is_overdamped:
         rate = f"decays at {row.omega:.5g} 1/s without a swing"
     frequency = "" if row.frequency is None else f":  {row.frequency:.4g} Hz"
     return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
@@ -232,7 +227,7 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: 
         words += ["blue and orange: the two ends of the swing"]
     if any(row.growth_rate for row in rows):
         words += ["of growing modes: the two ways they leave it"]
-    if any(map(creeps, rows)):
+    if any(row.is_overdamped for row in rows):
         words += ["fading blue: an overdamped mode at the start, after one and after two time constants"]
     words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
     if any(row.multiplicity > 1 for row in rows):
