@@ -8,7 +8,7 @@ from typing import Any
 
 from modal.assembly import Matrices
 from modal.errors import ComputationError
-from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.columns import Column, Stds, added_by, columns_of, printed, that_fit
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -29,7 +29,7 @@ from modal.report import (
 from modal.scene import Scene, describe, title_of
 from modal.types import Floats
 
-__all__ = ["COLUMNS", "GUIDE", "matrices_table", "table"]
+__all__ = ["GUIDE", "matrices_table", "table"]
 
 MOST_SHAPE_NUMBERS = 5_000_000
 GUIDE = "the 1 % amplitude is a guide"
@@ -76,9 +76,11 @@ def table(
 
 
 def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str, asked: bool) -> str:
+    if not asked:
+        return ""
     from modal.modes.sensitivity_table import sensitivity_table
 
-    return sensitivity_table(modes, rows, form) if asked else ""
+    return sensitivity_table(modes, rows, form)
 
 
 def _records(rows: Sequence[Mode], columns: Sequence[Column]) -> list[dict[str, Any]]:
@@ -97,7 +99,7 @@ def _json(
         if numbers > MOST_SHAPE_NUMBERS:
             raise ComputationError(f"the requested shapes have {numbers} angles: choose fewer modes")
         for record, row in zip(found, rows, strict=True):
-            record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
+            record["shapes"] = [_shape_record(modes, row, k) for k in range(row.multiplicity)]
     if sensitive:
         from modal.modes.sensitivity_table import of_mode
 
@@ -107,8 +109,8 @@ def _json(
     return as_json(whole)
 
 
-def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
-    shape = modes.shape(number, copy)
+def _shape_record(modes: Modes, row: Mode, copy: int) -> dict[str, Any]:
+    shape = modes.shape(row.number - 1 - modes.first, copy)
     angles = [[z.real, z.imag] for z in shape.angles] if shape.angles.dtype.kind == "c" else shape.angles.tolist()
     cart = [shape.cart.real, shape.cart.imag] if isinstance(shape.cart, complex) else shape.cart
     return {

@@ -14,7 +14,7 @@ from modal.modes import Mode, Modes
 from modal.plotting.curves import draw_curves
 from modal.plotting.layout import NUMBER, caption, evenly, headline, key
 from modal.plotting.style import HUES, WIDE, WIDTH, colour, muted, sheet
-from modal.scene import Scene
+from modal.scene import Scene, title_of
 from modal.types import Floats, Ints
 
 COLUMNS, LETTERS = 3, 40
@@ -48,7 +48,7 @@ def profiles_figure(
     for axis in axes.flat[len(rows) :]:
         axis.remove()
     local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
-    headline(figure, modes.scene.title, "mode shapes")
+    headline(figure, title_of(modes.scene), "mode shapes")
     notes = _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
     if len(drawn) > 1:
         marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(drawn))]
