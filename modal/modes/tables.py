@@ -20,10 +20,10 @@ from modal.report import (
     csv_rows,
     finite,
     folded,
+    headed,
     html,
     markdown,
     one_line,
-    visible,
     widths_of,
 )
 from modal.scene import Scene, describe, title_of
@@ -171,8 +171,7 @@ def _text(
         words = f"left out to fit {columns()} columns: {', '.join(left)}"
         notes = [f"{words}; {elsewhere}" if elsewhere else words, *notes]
     grid = aligned(cells, headings, _align(shown))
-    head = folded(visible(title_of(modes.scene)))
-    return "\n".join([head, "", grid, "", *map(folded, notes)]).rstrip() + "\n"
+    return "\n".join([headed(title_of(modes.scene)), "", grid, "", *map(folded, notes)]).rstrip() + "\n"
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:

@@ -177,7 +177,7 @@ def test_titles_fit_too(title: str, columns: int, printed: Printed, folder: Path
     scene = UNTITLED.replace("gravity", f"title = {json.dumps(title, ensure_ascii=False)}\ngravity", 1)
     (folder / "titled.toml").write_text(scene, encoding="utf-8")
     for command in ("table", "explain", "gains"):
-        assert too_wide(printed(f"{command} titled.toml", columns), columns) == []
+        assert max(map(breadth, printed(f"{command} titled.toml", columns).splitlines())) <= columns
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="terminals of their own")
