@@ -6,8 +6,7 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
 Start with `model`; `motion` moves a support and `records` reads its records; `files` reads and writes scenes, `sealed`
 detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
-path, `titles` says what hangs in a scene without a title, `summary` what
-a scene shows of itself.
+path, `titles` says what hangs in a scene without a title, `summary` what a scene shows of itself.
 """
 
 from typing import TYPE_CHECKING
@@ -36,8 +35,7 @@ from modal.scene.model import (
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
 from modal.scene.parameters import parse_variations
 from modal.scene.records import Spectrum
-from modal.scene.summary import name_of, what_hangs
-from modal.scene.titles import title_of
+from modal.scene.titles import name_of, title_of, what_hangs
 
 __all__ = [
     "STANDARD",
