@@ -6,7 +6,8 @@ from collections.abc import Iterable
 from itertools import groupby
 
 from modal.report import capital, listed
-from modal.scene.model import AnyLink, Body, Cart, Pendulum, Scene
+from modal.scene.links import AnyLink, Body
+from modal.scene.model import Cart, Pendulum, Scene
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 SINGLE = {"bob": "simple ", "rod": "rod ", "rigid body": "compound "}
