@@ -48,9 +48,8 @@ class Column:
         """The same with the values of these rows."""
         if self.of_rows is None:
             return self
-        numbers = [row.number for row in rows]
-        values = self.of_rows(modes, [number - 1 - modes.first for number in numbers])
-        found: dict[int, float] = dict(zip(numbers, values.tolist(), strict=True))
+        values = self.of_rows(modes, [modes.index_of(row) for row in rows])
+        found: dict[int, float] = dict(zip([row.number for row in rows], values.tolist(), strict=True))
 
         def value(mode: Mode) -> float:
             return found[mode.number]

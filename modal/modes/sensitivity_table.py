@@ -45,7 +45,7 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
     {'pendulum[0].links[0].mass': 0.0, 'pendulum[0].links[0].length': 0.5, 'gravity': 0.5}
     """
     try:
-        return dict(_places(modes, row.omega, sensitivities(modes, row.number - 1 - modes.first)))
+        return dict(_places(modes, row.omega, sensitivities(modes, modes.index_of(row))))
     except ComputationError:
         return {}
 

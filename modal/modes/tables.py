@@ -110,7 +110,7 @@ def _json(
 
 
 def _shape_record(modes: Modes, row: Mode, copy: int) -> dict[str, Any]:
-    shape = modes.shape(row.number - 1 - modes.first, copy)
+    shape = modes.shape(modes.index_of(row), copy)
     angles = [[z.real, z.imag] for z in shape.angles] if shape.angles.dtype.kind == "c" else shape.angles.tolist()
     cart = [shape.cart.real, shape.cart.imag] if isinstance(shape.cart, complex) else shape.cart
     return {

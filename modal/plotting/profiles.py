@@ -37,7 +37,7 @@ def profiles_figure(
     columns = -(-len(rows) // lines)
     figure = sheet(WIDE if columns > 1 else WIDTH, 1.2 + 2.9 * lines)
     axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
-    levels = _levels(modes.scene)
+    levels = levels_of(modes.scene)
     drawn = evenly(levels.shape[1], HUES)
     for axis, row in zip(axes.flat, rows, strict=False):
         cart = _panel(axis, modes, row, levels[:, drawn], amplitude_deg)
@@ -58,7 +58,7 @@ def profiles_figure(
     return figure
 
 
-def _levels(scene: Scene) -> Ints:
+def levels_of(scene: Scene) -> Ints:
     """The index of the link of each pendulum (rows) at each level (columns), −1 where it has none."""
     counts = [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
     found = np.full((len(counts), max(counts)), -1, dtype=np.int64)
@@ -70,7 +70,7 @@ def _levels(scene: Scene) -> Ints:
 
 def _panel(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: float) -> str:
     """Draw a row; how far the cart goes, in words."""
-    shape = modes.shape(row.number - 1 - modes.first)
+    shape = modes.shape(modes.index_of(row))
     angles: Floats = amplitude_deg * np.real(shape.angles)
     numbers = np.arange(1.0, len(levels) + 1)
     curves = [(numbers, np.where(level < 0, np.nan, angles[level])) for level in levels.T]

@@ -79,9 +79,7 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
         return profiles_figure(modes, rows, panel_words, amplitude_deg)
     layout = layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
-    columns = min(len(rows), 4 if panel < WIDEST else 3)
-    lines = -(-len(rows) // columns)
-    columns = -(-len(rows) // lines)
+    columns, lines = arranged(len(rows), panel)
     width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
     words = [panel_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
     height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
@@ -96,6 +94,12 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
         axis.remove()
     caption(figure, _caption(modes, rows, layout, amplitude_deg))
     return figure
+
+
+def arranged(count: int, ratio: float) -> tuple[int, int]:
+    """Columns and lines of so many panels, of this width over height."""
+    lines = -(-count // min(count, 4 if ratio < WIDEST else 3))
+    return -(-count // lines), lines
 
 
 def layout_of(modes: Modes) -> Layout:
@@ -123,14 +127,12 @@ def _levels(links: tuple[AnyLink, ...], way: Floats) -> Floats:
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float) -> None:
-    shape = modes.shape(row.number - 1 - modes.first)
+    shape = modes.shape(modes.index_of(row))
     if np.iscomplexobj(shape.angles):
         shape = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
     draw_rest(axis, modes, layout, shape)
     if row.omega == 0:
-        reach, height = 0.3 * layout.depth, 0.13 * layout.depth
-        arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
-        axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
+        draw_translation(axis, layout)
         return
     amplitude = fitting_amplitude(layout, shape, amplitude)
     if row.is_overdamped:
@@ -150,6 +152,13 @@ def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
     axis.set_aspect("equal")
     axis.plot([-layout.half_width, layout.half_width], [0, 0], color=muted(), lw=1.0, zorder=0)
     draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
+
+
+def draw_translation(axis: Axes, layout: Layout) -> None:
+    """The sign of a rigid translation."""
+    reach, height = 0.3 * layout.depth, 0.13 * layout.depth
+    arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
+    axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
 
 
 def panel_words(row: Mode, letters: int) -> str:

@@ -18,7 +18,7 @@ HEADINGS = ["number", "ω (rad/s)", "description", "a long heading (kg m²)"]
 @given(text=WORDS, width=st.integers(NARROWEST, 90))
 def test_lines_are_folded_between_words(text: str, width: int) -> None:
     lines = folded(text, width).split("\n")
-    assert "".join("".join(lines).split()).replace("=", "") == "".join(text.split()).replace("=", "") or "==" in text
+    assert "".join("".join(lines).split()) == "".join(text.split())
     assert all(breadth(line) <= width for line in lines)
 
 
