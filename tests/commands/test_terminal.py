@@ -165,6 +165,8 @@ def test_a_wrong_ending_is_told_with_all_that_are_right(folder: Path, capsys: py
     assert "--format json: cannot be combined with -o r.md" in capsys.readouterr().err
     assert main(["explain", "crane-hook", "-o", "nowhere/r.md"]) == 2
     assert "there is no folder nowhere" in capsys.readouterr().err
+    assert main(["sync", "clock.toml", "-o", "r.csv"]) == 2
+    assert "-o r.csv: needs --vary" in capsys.readouterr().err
     assert not list(folder.glob("r.*"))
 
 

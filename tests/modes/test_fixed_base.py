@@ -9,6 +9,7 @@ from scipy.linalg import eigh
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
 from modal.assembly import matrices
 from modal.coupling import explain
+from modal.errors import SceneError
 from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed
 from modal.modes.fixed_base import fixed_base_masses
 from modal.modes.tables import table
@@ -146,6 +147,14 @@ def test_columns_are_chosen_by_name() -> None:
         ("chain-3", "cumulative_effective_mass_share"),
     ):
         assert set(keys(name, "+cumulative")) - set(keys(name)) == {own}
+
+
+@pytest.mark.parametrize(("chosen", "told"), [("+", "+"), (",", ","), ("omega,,nothing,nothing", "nothing")])
+def test_names_that_no_column_has_are_told_once(chosen: str, told: str) -> None:
+    with pytest.raises(SceneError) as refused:
+        keys("crane-hook", chosen)
+    assert [problem for problem in refused.value.problems if problem.startswith(f"columns {told}: must be all")]
+    assert len(refused.value.problems) == len(set(refused.value.problems))
 
 
 def test_every_column_but_two_may_go_and_the_order_is_documented() -> None:
