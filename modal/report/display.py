@@ -226,7 +226,7 @@ def first_line(value: Any) -> str:
 
 def _array(value: Any) -> str:
     if value.ndim == 1 and value.size <= MOST_NUMBERS:
-        return ", ".join(map(brief, value.tolist()))
+        return ", ".join(map(brief, value.tolist())) or "none"
     return f"{' × '.join(map(str, value.shape))} {'numbers' if value.ndim == 1 else 'array'}"
 
 
