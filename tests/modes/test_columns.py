@@ -217,7 +217,9 @@ def test_selected_modes_keep_their_numbers() -> None:
     assert chosen.number.tolist() == [4, 5, 6]
     (first, *_) = json.loads(chosen.table("json", shapes=True))["modes"]
     assert first["mode"] == 4
-    assert first["shapes"][0]["angles_rad"] == pytest.approx(natural_modes(modal.load("rope")).shape(3).angles)
+    assert first["shapes"][0]["angles_rad"] == pytest.approx(
+        natural_modes(modal.load("rope"), modes=slice(0, 4)).shape(3).angles
+    )
     assert chosen.to_dict()["mode"].tolist() == [4, 5, 6]
     assert len(chosen.plot([0, 2]).axes) == 2
 
