@@ -19,7 +19,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.films import FORMS, MovingFigure, Report, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.layout import caption, headline
-from modal.plotting.profiles import ROOM, levels_of
+from modal.plotting.profiles import levels_of, number_pendula
 from modal.plotting.shapes import (
     MOST_PANELS,
     MOST_PENDULA,
@@ -32,7 +32,7 @@ from modal.plotting.shapes import (
     layout_of,
     panel_words,
 )
-from modal.plotting.style import any_letters, colour, rest, sheet
+from modal.plotting.style import any_letters, colour, sheet
 from modal.scene import kind_of, title_of, whole_file
 
 LOOP = 2.4
@@ -151,9 +151,7 @@ def _decay(s: float) -> float:
 def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shape], None]:
     """An axis of angle over the number of the pendulum, and what draws a line on it for each link of the pendula."""
     levels = levels_of(modes.scene)[:, :MOST_LEVELS].T
-    most = ROOM * float(np.degrees(amplitude))
-    axis.set(xlim=(0.5, levels.shape[1] + 0.5), ylim=(-most, most), xlabel="pendulum", ylabel="angle (°)")
-    axis.axhline(0.0, color=rest(), lw=1.0, zorder=0)
+    number_pendula(axis, 1, levels.shape[1], float(np.degrees(amplitude)))
 
     def draw(axis: Axes, now: Shape) -> None:
         for k, level in enumerate(levels):

@@ -39,12 +39,11 @@ def profiles_figure(
     axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
     levels = levels_of(modes.scene)
     drawn = evenly(levels.shape[1], HUES)
-    for axis, row in zip(axes.flat, rows, strict=False):
+    for place, (axis, row) in enumerate(zip(axes.flat, rows, strict=False)):
         cart = _panel(axis, modes, row, levels[:, drawn], amplitude_deg)
         axis.set_title(words(row, LETTERS) + cart, linespacing=1.3)
-        axis.label_outer()
-        axis.set_xlabel(f"number of the pendulum ({NUMBER})")
-        axis.tick_params(labelbottom=True)
+        if place % columns:
+            axis.set_ylabel("")
     for axis in axes.flat[len(rows) :]:
         axis.remove()
     local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
@@ -74,17 +73,21 @@ def _panel(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: flo
     angles: Floats = amplitude_deg * np.real(shape.angles)
     numbers = np.arange(1.0, len(levels) + 1)
     curves = [(numbers, np.where(level < 0, np.nan, angles[level])) for level in levels.T]
-    axis.axhline(0.0, color=muted(), lw=0.8, zorder=0)
     draw_curves(axis, curves, first=1.1, marker="o", ms=3.5 if len(numbers) <= DOTS else 1.8, mew=0)
-    first, last = _part(np.array([y for _, y in curves]))
-    side = 0.02 * (last - first) + 0.5
-    axis.set(xlim=(first - side, last + side), ylim=(-ROOM * amplitude_deg, ROOM * amplitude_deg))
-    axis.set_ylabel("angle (°)")
-    axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    number_pendula(axis, *_part(np.array([y for _, y in curves])), amplitude_deg)
     if modes.rig.cart is None or row.omega == 0:
         return ""
     cart = float(np.radians(amplitude_deg) * complex(shape.cart).real)
     return f"\ncart at {cart:.3g} m".replace("-", "−") if cart else "\ncart at rest"
+
+
+def number_pendula(axis: Axes, first: int, last: int, amplitude_deg: float) -> None:
+    """Make an axis of angles (°), up to the largest, over the numbers of these pendula."""
+    side = 0.02 * (last - first) + 0.5
+    axis.set(xlim=(first - side, last + side), ylim=(-ROOM * amplitude_deg, ROOM * amplitude_deg))
+    axis.set(xlabel=f"number of the pendulum ({NUMBER})", ylabel="angle (°)")
+    axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axis.axhline(0.0, color=muted(), lw=0.8, zorder=0)
 
 
 def _part(angles: Floats) -> tuple[int, int]:
