@@ -19,6 +19,7 @@ from modal.report import (
     columns,
     csv_rows,
     finite,
+    fits,
     folded,
     headed,
     html,
@@ -222,7 +223,7 @@ def _grid(matrix: Floats, labels: Sequence[str]) -> str:
     cells = [[f"{value:.10g}" for value in row] for row in matrix]
     width = max(len(cell) for row in cells for cell in row)
     rows = ["  " + "  ".join(cell.rjust(width) for cell in row) for row in cells]
-    if columns() is None or breadth(rows[0]) <= (columns() or 0):
+    if fits(breadth(rows[0])):
         return "\n".join(rows)
     return aligned(
         [[name, *row] for name, row in zip(labels, cells, strict=True)], ["", *labels], ["right"] * (1 + len(labels))

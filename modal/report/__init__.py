@@ -35,7 +35,7 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.fitting import breadth, broken, columns, fitted, folded, padded
+from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, with_unit
 from modal.report.tables import NOTHING, aligned, as_csv, as_json, digits, finite, full, grid, headed, titled, widths_of
 
@@ -65,6 +65,7 @@ __all__ = [
     "digits",
     "finite",
     "first_line",
+    "fits",
     "fitted",
     "folded",
     "full",

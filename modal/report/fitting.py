@@ -25,6 +25,12 @@ def columns() -> int | None:
     return _COLUMNS.get()
 
 
+def fits(width: int) -> bool:
+    """Whether so many columns are no more than those in force."""
+    most = columns()
+    return most is None or width <= most
+
+
 @contextmanager
 def fitted(to: int | None) -> Iterator[None]:
     """Make text inside this block fit into so many columns, any number for None.
