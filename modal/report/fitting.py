@@ -102,10 +102,11 @@ def broken(text: str, most: int | None) -> list[str]:
     """
     if most is None or breadth(text) <= most:
         return [text]
-    return [piece for line in filled(text, most) for piece in _cut(line, most)]
+    return [piece for line in filled(text, most) for piece in cut(line, most)]
 
 
-def _cut(line: str, most: int) -> Iterator[str]:
+def cut(line: str, most: int) -> Iterator[str]:
+    """A line in pieces of at most so many columns, between any letters."""
     start = used = 0
     for at, letter in enumerate(line):
         wide = breadth(letter)
