@@ -45,6 +45,7 @@ nitpick_ignore_regex = [("py:class", ".*")]  # types in signatures: others' (no 
 
 html_theme = "furo"
 html_title = "multipendula"
+templates_path = ["_templates"]
 html_static_path = ["_static"]
 html_css_files = ["manual.css"]
 html_js_files = [("manual.js", {"defer": "defer"})]

@@ -57,7 +57,7 @@ MOVED = {
         "mass_figures=coupling palette=style pictures=style response_figures=response sliders"
     ),
     "modal.report": "escaping prose",
-    "modal.scene": "drives=model files messages=validation places=parameters sealed validation variations=parameters",
+    "modal.scene": "drives=links files messages=validation places=parameters sealed validation variations=parameters",
     "modal.statespace": "balancing exports.discrete=sampling gains modal_form reduction response shapers signals",
     "modal.symbolic": (
         "derivation displayed=line_breaks eigen_polynomials=eigen eigen_sections=eigen kinetic lagrange lagrangian "

@@ -208,6 +208,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
         raise SceneError([f"--format {options.format}: cannot be combined with -o {name}"])
     options.format = form
     setattr(options, place, None)
+    options.page.rephrase(f"^--format {form}(?=:)", f"-o {name}".replace("\\", r"\\"))
     with whole_file(name) as stream, fitted(None), redirect_stdout(StringIO()) as text:
         yield
         stream.write(text.getvalue().encode())

@@ -28,8 +28,8 @@ from modal.coupling.fixed_base import FixedBaseModes, fixed_base_modes
 from modal.eigen import at_infinity, degenerate_modes
 from modal.errors import ComputationError
 from modal.modes import MOST_COMPARED, lettered, natural_modes, table_numbers
-from modal.report import Displayed
-from modal.scene import Scene
+from modal.report import NOTHING, Displayed, Summary, brief, counted
+from modal.scene import Scene, name_of
 from modal.types import Floats, Ints
 
 MOST_POLES = 10_000
@@ -118,6 +118,27 @@ class Coupling(Displayed):
     own: FixedBaseModes
     pole: Ints
     dynamic: DynamicMass
+
+    def _summary(self) -> Summary:
+        where = "" if self.on_cart else ", without a cart"
+        title = (
+            f"Coupling of {name_of(self.scene)}: {counted(len(self.families), 'family', 'families')} of modes{where}"
+        )
+        facts = [("mass felt by a slow push", f"{self.dynamic.at_rest:.6g} kg")]
+        facts += [("by a fast one", f"{self.dynamic.at_infinity:.6g} kg")] if self.on_cart else []
+        headings = ("family", "ω (rad/s)", "modes", "μ (kg)", "coupling ε", "splitting (rad/s)")
+        rows = (
+            (
+                family_name(k),
+                brief(one.omega),
+                str(one.fold),
+                brief(one.mass),
+                brief(one.strength),
+                NOTHING if one.splitting is None else brief(one.splitting),
+            )
+            for k, one in enumerate(self.families)
+        )
+        return Summary(title, facts, headings, rows, len(self.families), words=frozenset({0}))
 
     @property
     def on_cart(self) -> bool:

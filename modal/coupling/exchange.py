@@ -163,7 +163,7 @@ def _exchange(own: FixedBaseModes, a: int, b: int, m: float, damping: float, *, 
     coupling, yielding = sqrt(ma * mb * wa * wb), 1 / (2 * m - 2j * damping / sqrt(wa * wb)) if isfinite(m) else 0.0
     first, second = (w * (1 + mu * yielding) + 1j * float(own.rate[k]) for w, mu, k in ((wa, ma, a), (wb, mb, b)))
     passed = transfer(first, second, coupling * yielding)
-    creeps = float(own.rate[a]) >= wa or float(own.rate[b]) >= wb
+    overdamped = float(own.rate[a]) >= wa or float(own.rate[b]) >= wb
     return EnergyExchange(
-        a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not creeps)
+        a, b, detuning, coupling / (2 * abs(m)), m, alone, replace(passed, beats=passed.beats and not overdamped)
     )

@@ -45,9 +45,9 @@ def _pair(coupling: Coupling, pair: EnergyExchange) -> str:
             f"{capital(a)} and {b} are not alone: other modes, or the cart's spring, make the dynamic mass m of all "
             "else change between their frequencies [m(ω_a) ≠ m(ω_b)]; their energy goes where the modes above carry it."
         )
-    creeping = [capital(member(coupling, k)) for k in (pair.first, pair.second) if own.rate[k] >= own.omega[k]]
-    if creeping:
-        return f"{listed(creeping, len(creeping))}: overdamped by its joints [σ ≥ ω], no beats."
+    overdamped = [capital(member(coupling, k)) for k in (pair.first, pair.second) if own.rate[k] >= own.omega[k]]
+    if overdamped:
+        return f"{listed(overdamped, len(overdamped))}: overdamped by its joints [σ ≥ ω], no beats."
     return (
         f"{capital(a)} and {b}: detuning {short(abs(pair.detuning))} rad/s [|δ|, δ = ω_a(1 + μ_a/2m) − "
         f"ω_b(1 + μ_b/2m)] against coupling {short(pair.coupling)} rad/s [g = √(μ_aμ_bω_aω_b)/2|m|, m = "

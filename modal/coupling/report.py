@@ -13,7 +13,7 @@ from modal.coupling.exchange import STRONG, Transfer
 from modal.coupling.exchange_words import exchanges
 from modal.coupling.records import coupling_record
 from modal.coupling.wording import ELSEWHERE, GUIDE, MOST_LISTED, ROUGH, left, member, numbered, shown
-from modal.report import as_json, counted, line_width, listed, markdown, percent, rad, short, visible
+from modal.report import as_json, counted, headed, line_width, listed, markdown, percent, rad, short, visible
 from modal.scene import title_of
 
 FORMS = ("text", "markdown", "json")
@@ -58,7 +58,7 @@ def sections(coupling: Coupling) -> tuple[Section, ...]:
 
 def _text(title: str, parts: tuple[Section, ...]) -> str:
     wrapper = TextWrapper(line_width(), "- ", "  ", break_long_words=False, break_on_hyphens=False)
-    lines = [visible(title), "=" * len(visible(title))]
+    lines = [headed(title), "=" * len(visible(title))]
     for part in parts:
         lines += ["", part.title, "-" * len(part.title), *map(wrapper.fill, part.sentences)]
     return "\n".join(lines) + "\n"

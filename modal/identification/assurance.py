@@ -86,13 +86,12 @@ def compare_modes(modes: Modes, measured: MeasuredModes) -> Assurance:
         raise ComputationError("no mode of this scene oscillates")
     places = component_rows(modes.scene, measured.components)
     mac = np.full((len(measured.modes), len(rows)), np.nan)
-    first = modes.first
     for r, one in enumerate(measured.modes):
         if one.shape is None:
             continue
         there = np.isfinite(one.shape)
         for s, mode in enumerate(rows):
-            own = modes.matrix.row == mode.number - 1 - first
+            own = modes.matrix.row == modes.index_of(mode)
             mac[r, s] = _nearest(one.shape[there], modes.matrix.shapes[:, own & ~modes.matrix.across][places][there])
     return Assurance(modes, measured, rows, mac, tuple(_pairs(measured, rows, mac)))
 

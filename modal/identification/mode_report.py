@@ -8,6 +8,7 @@ import numpy as np
 
 from modal.identification.mode_fit import ModeFit
 from modal.report import NOTHING, as_json, capital, grid, short, titled
+from modal.scene import title_of
 from modal.scene.parameters import Variation
 
 
@@ -84,7 +85,7 @@ def mode_fit_text(found: ModeFit) -> str:
         grid(modes, ["mode", "f (Hz)", "±", "fitted (Hz)", "off by (±)", "ζ", "fitted ζ", "MAC"]),
         "\n".join(capital(line) + "." for line in found.verdict),
     ]
-    return titled(found.given.title, "fit to measured modes", parts, "text")
+    return titled(title_of(found.given), "fit to measured modes", parts, "text")
 
 
 def with_error(value: float, std: float) -> str:

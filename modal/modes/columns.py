@@ -48,9 +48,8 @@ class Column:
         """The same with the values of these rows."""
         if self.of_rows is None:
             return self
-        numbers = [row.number for row in rows]
-        values = self.of_rows(modes, [number - 1 - modes.first for number in numbers])
-        found: dict[int, float] = dict(zip(numbers, values.tolist(), strict=True))
+        values = self.of_rows(modes, [modes.index_of(row) for row in rows])
+        found: dict[int, float] = dict(zip([row.number for row in rows], values.tolist(), strict=True))
 
         def value(mode: Mode) -> float:
             return found[mode.number]
@@ -248,14 +247,15 @@ def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
     if chosen == EVERY:
         return {column.key for column in there}
     found, problems = set[str](), []
-    for name in (word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
+    for name in dict.fromkeys(word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
         own = {column.key for column in there if name in {column.key, column.heading}}
         begun = [column for column in there if name and column.key.startswith(name)]
         own = own or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}
         found |= own
         if not own:
             names = [column.key for column in there]
-            problems.append(f"columns {name}: must be {EVERY}, or some of {', '.join(names)}{meant(name, names)}")
+            right = f"must be {EVERY}, or some of {', '.join(names)}{meant(name, names)}"
+            problems.append(f"columns {name or chosen}: {right}")
     if problems:
         raise SceneError(problems)
     return found

@@ -90,6 +90,11 @@ class Mode(Displayed):
         return bool(oscillating(self.omega, self.damping_ratio))
 
     @property
+    def is_overdamped(self) -> bool:
+        """Whether the mode returns to equilibrium without oscillating: its eigenvalue is real and negative."""
+        return self.omega > 0 and self.damping_ratio >= 1
+
+    @property
     def growth_rate(self) -> float | None:
         """Re λ (1/s) of an unstable mode, which grows like exp(Re λ t); None for all others."""
         return -self.damping_ratio * self.omega if self.damping_ratio < 0 else None
@@ -110,7 +115,9 @@ class Mode(Displayed):
         return self.family
 
     def to_dict(self) -> dict[str, Any]:
-        """Every column of the table by its key in CSV and JSON, with its unit; None where there is no value.
+        """The row by the keys of CSV and JSON, with their units; None where there is no value.
+
+        Only `fixed_base_effective_mass_kg` is missing, which takes the other modes too: `Modes.to_dict` has it.
 
         >>> from modal import load, natural_modes
         >>> natural_modes(load("paper-cart-2"))[2].to_dict()["omega_rad_per_s"]

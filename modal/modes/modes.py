@@ -63,6 +63,16 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
         of_number = f"; mode {index} of the table is modes[{index - 1}]" if index == len(self) else ""
         return f"there is no mode of index {index}: {len(self)} modes have indices 0 to {len(self) - 1}{of_number}"
 
+    def index_of(self, row: Mode) -> int:
+        """The index of a row, from 0: its number counts all modes of the scene from 1, also where some were selected.
+
+        >>> from modal import load, natural_modes
+        >>> some = natural_modes(load("rope"), modes=slice(3, 6))
+        >>> some[1].number, some.index_of(some[1])
+        (5, 1)
+        """
+        return row.number - 1 - self.first
+
     def __iter__(self) -> Iterator[Mode]:
         return self.rows(range(len(self)))
 

@@ -28,7 +28,7 @@ from modal.errors import ComputationError
 from modal.modes.mode import UNCERTAIN
 from modal.modes.modes import Modes
 from modal.modes.shapes import Shape
-from modal.report import Displayed
+from modal.report import Displayed, Summary, brief, tabulated
 from modal.scene import Pendulum
 from modal.types import Complexes, Floats
 
@@ -61,6 +61,22 @@ class Sensitivities(Displayed):
     damping: Floats
     drag: Floats
     cart_damping: float
+
+    def _summary(self) -> Summary:
+        facts = [
+            ("cart mass (kg)", brief(self.cart_mass)),
+            ("cart stiffness (N/m)", brief(self.cart_stiffness)),
+            ("gravity (m/s²)", brief(self.gravity)),
+        ]
+        columns = {
+            "link": np.arange(1, len(self.mass) + 1),
+            "mass (kg)": self.mass,
+            "length (m)": self.length,
+            "centre (m)": self.centre,
+            "inertia (kg m²)": self.inertia,
+            "stiffness (N m/rad)": self.stiffness,
+        }
+        return tabulated("Sensitivities of a frequency, in rad/s per unit of each number", facts, columns)
 
 
 def sensitivities(modes: Modes, number: int) -> Sensitivities:

@@ -13,7 +13,7 @@ from modal.errors import ComputationError
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.modes.sensitivity import Sensitivities, sensitivities
-from modal.report import NOTHING, folded, grid
+from modal.report import NOTHING, folded, grid, listed
 from modal.scene import Body, Cart
 from modal.types import Floats
 
@@ -48,7 +48,7 @@ def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
     {'pendulum[0].links[0].mass': 0.0, 'pendulum[0].links[0].length': 0.5, 'gravity': 0.5}
     """
     try:
-        return dict(_places(modes, row.omega, sensitivities(modes, row.number - 1 - modes.first)))
+        return dict(_places(modes, row.omega, sensitivities(modes, modes.index_of(row))))
     except ComputationError:
         return {}
 
@@ -105,7 +105,8 @@ def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:
     ]
     headings = ["number", *(f"mode {row.number}" for row in rows)]
     lacking = [f"{row.number}" for row, one in zip(rows, each, strict=True) if not one]
-    why = f"No single derivative: mode {', '.join(lacking)} ({_WHY})." if lacking else ""
+    which = f"mode{'s' * (len(lacking) > 1)} {listed(lacking, len(lacking))}"
+    why = f"No single derivative: {which} ({_WHY})." if lacking else ""
     if form == "text":
         return "\n" + "\n\n".join(part for part in (folded(HEAD), grid(cells, headings), folded(why)) if part) + "\n"
     from tabulate import tabulate
@@ -113,8 +114,9 @@ def sensitivity_table(modes: Modes, rows: Sequence[Mode], form: str) -> str:
     align = ["left", *["right"] * len(rows)]
     names = {"markdown": "github", "latex": "latex", "html": "html"}
     body = tabulate(cells, headings, tablefmt=names[form], colalign=align, disable_numparse=True) if cells else ""
-    before = {"markdown": f"\n{HEAD}\n\n", "latex": "% " + HEAD + "\n", "html": f"<p>{HEAD}</p>\n"}[form]
-    return before + body + "\n"
+    line, between = {"markdown": ("{}", "\n\n"), "latex": ("% {}", "\n"), "html": ("<p>{}</p>", "\n")}[form]
+    parts = [line.format(HEAD), body, line.format(why) if why else ""]
+    return between[1:] + between.join(filter(None, parts)) + "\n"
 
 
 def _short(value: float) -> str:

@@ -8,12 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from modal.modes.columns import columns_of
+from modal.modes.columns import COLUMNS, columns_of
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
-from modal.modes.tables import COLUMNS
-from modal.report import NOTHING, Summary, counted
+from modal.report import NOTHING, Summary, counted, finite
 from modal.scene import name_of
 from modal.types import Floats
 
@@ -23,8 +22,8 @@ TOLD = {"period_s", "effective_mass_kg", "linear_to_1_percent_deg", "relative_er
 
 
 def record_of(mode: Mode) -> dict[str, Any]:
-    """The row of a mode by the keys of the table."""
-    return {column.key: column.value(mode) for column in COLUMNS if column.of_rows is None}
+    """The row of a mode by the keys of the table, but for columns that take more than the row; None for no value."""
+    return {column.key: finite(column.value(mode)) for column in COLUMNS if column.of_rows is None}
 
 
 def table_of(modes: Modes) -> dict[str, NDArray[Any]]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from modal.assembly import Matrices
 from modal.errors import ComputationError
-from modal.modes.columns import COLUMNS, Column, Stds, added_by, columns_of, printed, that_fit
+from modal.modes.columns import Column, Stds, added_by, columns_of, printed, that_fit
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
 from modal.report import (
@@ -19,17 +19,18 @@ from modal.report import (
     columns,
     csv_rows,
     finite,
+    fits,
     folded,
+    headed,
     html,
     markdown,
     one_line,
-    visible,
     widths_of,
 )
 from modal.scene import Scene, describe, title_of
 from modal.types import Floats
 
-__all__ = ["COLUMNS", "GUIDE", "matrices_table", "table"]
+__all__ = ["GUIDE", "matrices_table", "table"]
 
 MOST_SHAPE_NUMBERS = 5_000_000
 GUIDE = "the 1 % amplitude is a guide"
@@ -76,9 +77,11 @@ def table(
 
 
 def _sensitivities(modes: Modes, rows: Sequence[Mode], form: str, asked: bool) -> str:
+    if not asked:
+        return ""
     from modal.modes.sensitivity_table import sensitivity_table
 
-    return sensitivity_table(modes, rows, form) if asked else ""
+    return sensitivity_table(modes, rows, form)
 
 
 def _records(rows: Sequence[Mode], columns: Sequence[Column]) -> list[dict[str, Any]]:
@@ -97,7 +100,7 @@ def _json(
         if numbers > MOST_SHAPE_NUMBERS:
             raise ComputationError(f"the requested shapes have {numbers} angles: choose fewer modes")
         for record, row in zip(found, rows, strict=True):
-            record["shapes"] = [_shape_record(modes, row.number - 1, k) for k in range(row.multiplicity)]
+            record["shapes"] = [_shape_record(modes, row, k) for k in range(row.multiplicity)]
     if sensitive:
         from modal.modes.sensitivity_table import of_mode
 
@@ -107,8 +110,8 @@ def _json(
     return as_json(whole)
 
 
-def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
-    shape = modes.shape(number, copy)
+def _shape_record(modes: Modes, row: Mode, copy: int) -> dict[str, Any]:
+    shape = modes.shape(modes.index_of(row), copy)
     angles = [[z.real, z.imag] for z in shape.angles] if shape.angles.dtype.kind == "c" else shape.angles.tolist()
     cart = [shape.cart.real, shape.cart.imag] if isinstance(shape.cart, complex) else shape.cart
     return {
@@ -169,8 +172,7 @@ def _text(
         words = f"left out to fit {columns()} columns: {', '.join(left)}"
         notes = [f"{words}; {elsewhere}" if elsewhere else words, *notes]
     grid = aligned(cells, headings, _align(shown))
-    head = folded(visible(title_of(modes.scene)))
-    return "\n".join([head, "", grid, "", *map(folded, notes)]).rstrip() + "\n"
+    return "\n".join([headed(title_of(modes.scene)), "", grid, "", *map(folded, notes)]).rstrip() + "\n"
 
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
@@ -221,7 +223,7 @@ def _grid(matrix: Floats, labels: Sequence[str]) -> str:
     cells = [[f"{value:.10g}" for value in row] for row in matrix]
     width = max(len(cell) for row in cells for cell in row)
     rows = ["  " + "  ".join(cell.rjust(width) for cell in row) for row in cells]
-    if columns() is None or breadth(rows[0]) <= (columns() or 0):
+    if fits(breadth(rows[0])):
         return "\n".join(rows)
     return aligned(
         [[name, *row] for name, row in zip(labels, cells, strict=True)], ["", *labels], ["right"] * (1 + len(labels))

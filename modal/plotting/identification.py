@@ -148,5 +148,5 @@ def mode_fit_figure(found: ModeFit) -> Figure:
     axis.set(ylabel="fitted − measured (standard deviations)", ylim=(-most, most), xlim=(-0.5, len(at) - 0.5))
     axis.legend(loc="upper right", ncols=2)
     words = f"fit to measured modes, chi-square {found.chi_square:.3g} with {found.freedom} degrees of freedom"
-    headline(figure, found.given.title, words)
+    headline(figure, title_of(found.given), words)
     return figure

@@ -1,7 +1,7 @@
 """Films of modes: all of them side by side, each swinging once a loop, so that the film goes round without a seam.
 
 A mode moves by q(s) = a Re(φ e^{−2πis}), s from 0 to 1 over the loop, its damping or growth left out.  One that does
-not oscillate creeps: it decays from its shape (or grows to it) and is brought back in the last part of the loop.
+not oscillate decays from its shape, or grows to it, and is brought back in the last part of the loop.
 """
 
 from __future__ import annotations
@@ -19,17 +19,20 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, Shape
 from modal.plotting.films import FORMS, MovingFigure, Report, form_problems, frame_rate, require_writer, write_film
 from modal.plotting.layout import caption, headline
+from modal.plotting.profiles import levels_of, number_pendula
 from modal.plotting.shapes import (
     MOST_PANELS,
     MOST_PENDULA,
     Layout,
+    arranged,
     draw_rest,
     draw_swing,
+    draw_translation,
     fitting_amplitude,
     layout_of,
     panel_words,
 )
-from modal.plotting.style import any_letters, colour, rest, sheet
+from modal.plotting.style import any_letters, colour, sheet
 from modal.scene import kind_of, title_of, whole_file
 
 LOOP = 2.4
@@ -39,11 +42,11 @@ LINE, LETTER = 0.22, 0.09
 """Height of a line and width of a letter (inches)."""
 HIGHEST, LARGEST = 3.0, 11.0
 """Most height of a panel and most width of a film (inches)."""
-CREEPING, FOLDS = 0.8, 4.0
-"""The part of a loop in which a mode creeps, and by how many factors of e."""
+DECAYING, FOLDS = 0.8, 4.0
+"""The part of a loop in which a mode decays or grows, and by how many factors of e."""
 AMPLITUDE_DEG = 25.0
 MOST_LEVELS = 3
-"""Links of every pendulum whose angles are drawn over the number of the pendulum."""
+"""Links of every pendulum, from the top, whose angles are drawn over the number of the pendulum."""
 
 
 class ModalFilm(MovingFigure):
@@ -52,8 +55,7 @@ class ModalFilm(MovingFigure):
     def __init__(self, modes: Modes, numbers: Sequence[int], rate: float, amplitude_deg: float = AMPLITUDE_DEG) -> None:
         rows, many = list(modes.rows(numbers)), modes.scene.n_pendula > MOST_PENDULA
         layout = None if many else layout_of(modes)
-        columns, width, height = _sizes(len(rows), layout)
-        lines = -(-len(rows) // columns)
+        (columns, lines), width, height = _sizes(len(rows), layout)
         words = [panel_words(row, max(18, int(width / LETTER))) for row in rows]
         high = height + LINE * max(text.count("\n") + 1 for text in words) + 0.15
         figure = sheet(max(columns * width, 4.6), lines * high + 0.8)
@@ -109,7 +111,7 @@ class _Panel:
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout | None, amplitude: float) -> _Panel:
     """The panel of a mode, with what stands still in it; layout is None where angles are drawn over pendula."""
-    shape = modes.shape(row.number - 1 - modes.first)
+    shape = modes.shape(modes.index_of(row))
     real = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
 
     def moved(s: float) -> Shape:
@@ -122,7 +124,7 @@ def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout | None, amplitude
     draw_rest(axis, modes, layout, real)
     axis.set_axis_off()
     if row.omega == 0:
-        _arrow(axis, layout)
+        draw_translation(axis, layout)
     largest = fitting_amplitude(layout, replace(real, cart=abs(shape.cart)), amplitude)
 
     def hang(axis: Axes, now: Shape) -> None:
@@ -135,49 +137,36 @@ def motion(row: Mode, s: float) -> complex:
     """The factor of the shape at part `s` of the loop."""
     if row.oscillates:
         return complex(np.exp(-2j * np.pi * s))
-    return _creeping(s if row.damping_ratio >= 0 else 1 - s)
+    return _decay(1 - s if row.growth_rate else s)
 
 
-def _creeping(s: float) -> float:
+def _decay(s: float) -> float:
     """Decay from 1 by FOLDS factors of e, and the way back."""
     low = float(np.exp(-FOLDS))
-    if s <= CREEPING:
-        return float(low ** (s / CREEPING))
-    return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (s - CREEPING) / (1 - CREEPING))))
-
-
-def _arrow(axis: Axes, layout: Layout) -> None:
-    """The sign of a rigid translation."""
-    reach, height = 0.3 * layout.depth, 0.13 * layout.depth
-    axis.annotate(
-        "", (reach, height), (-reach, height), arrowprops={"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
-    )
+    if s <= DECAYING:
+        return float(low ** (s / DECAYING))
+    return float(low + (1 - low) * (0.5 - 0.5 * np.cos(np.pi * (s - DECAYING) / (1 - DECAYING))))
 
 
 def _profile(axis: Axes, modes: Modes, amplitude: float) -> Callable[[Axes, Shape], None]:
     """An axis of angle over the number of the pendulum, and what draws a line on it for each link of the pendula."""
-    lengths = np.array([one.n_links for one in modes.scene.pendulum for _ in range(one.count)])
-    first = np.concatenate(([0], np.cumsum(lengths)[:-1]))
-    levels = [np.flatnonzero(lengths > level) for level in range(min(int(lengths.max()), MOST_LEVELS))]
-    most = 1.15 * float(np.degrees(amplitude))
-    axis.set(xlim=(0.5, len(lengths) + 0.5), ylim=(-most, most), xlabel="pendulum", ylabel="angle (°)")
-    axis.axhline(0.0, color=rest(), lw=1.0, zorder=0)
+    levels = levels_of(modes.scene)[:, :MOST_LEVELS].T
+    number_pendula(axis, 1, levels.shape[1], float(np.degrees(amplitude)))
 
     def draw(axis: Axes, now: Shape) -> None:
-        for level, pendula in enumerate(levels):
-            angles = np.degrees(amplitude * now.angles[first[pendula] + level])
-            axis.plot(pendula + 1, angles, color=colour(level), lw=1.2, zorder=3)
+        for k, level in enumerate(levels):
+            angles = np.degrees(amplitude * now.angles[level[level >= 0]])
+            axis.plot(np.flatnonzero(level >= 0) + 1, angles, color=colour(k), lw=1.2, zorder=3)
 
     return draw
 
 
-def _sizes(count: int, layout: Layout | None) -> tuple[int, float, float]:
-    """The number of columns, and the width and height of a panel (inches)."""
+def _sizes(count: int, layout: Layout | None) -> tuple[tuple[int, int], float, float]:
+    """The columns and lines of panels, and the width and height of one (inches)."""
     ratio = 1.5 if layout is None else 2 * layout.half_width / (layout.top - layout.bottom)
-    columns = min(count, 4 if ratio < 1.4 else 3)
-    columns = -(-count // -(-count // columns))
+    columns, lines = arranged(count, ratio)
     width = float(np.clip(HIGHEST * ratio, 2.4, LARGEST / columns))
-    return columns, width, width / ratio
+    return (columns, lines), width, width / ratio
 
 
 def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
@@ -185,11 +174,13 @@ def _caption(modes: Modes, rows: Sequence[Mode]) -> str:
     if any(row.oscillates and row.damping_ratio for row in rows):
         words += ["the damping of swings is left out"]
     if any(not row.oscillates and row.omega > 0 for row in rows):
-        words += ["modes that do not swing creep, and are brought back at the end of the loop"]
+        words += ["modes that do not swing decay or grow, and are brought back at the end of the loop"]
     if any(row.multiplicity > 1 for row in rows):
         words += ["one shape of each repeated mode"]
     if modes.scene.n_pendula > MOST_PENDULA:
         words += ["angle over the number of the pendulum"]
+        deepest = max(pendulum.n_links for pendulum in modes.scene.pendulum)
+        words += [f"the upper {MOST_LEVELS} of {deepest} links"] if deepest > MOST_LEVELS else []
     return "; ".join(words)
 
 

@@ -14,7 +14,7 @@ from modal.modes import Mode, Modes
 from modal.plotting.curves import draw_curves
 from modal.plotting.layout import NUMBER, caption, evenly, headline, key
 from modal.plotting.style import HUES, WIDE, WIDTH, colour, muted, sheet
-from modal.scene import Scene
+from modal.scene import Scene, title_of
 from modal.types import Floats, Ints
 
 COLUMNS, LETTERS = 3, 40
@@ -37,18 +37,17 @@ def profiles_figure(
     columns = -(-len(rows) // lines)
     figure = sheet(WIDE if columns > 1 else WIDTH, 1.2 + 2.9 * lines)
     axes = figure.subplots(lines, columns, squeeze=False, sharey=True)
-    levels = _levels(modes.scene)
+    levels = levels_of(modes.scene)
     drawn = evenly(levels.shape[1], HUES)
-    for axis, row in zip(axes.flat, rows, strict=False):
+    for place, (axis, row) in enumerate(zip(axes.flat, rows, strict=False)):
         cart = _panel(axis, modes, row, levels[:, drawn], amplitude_deg)
         axis.set_title(words(row, LETTERS) + cart, linespacing=1.3)
-        axis.label_outer()
-        axis.set_xlabel(f"number of the pendulum ({NUMBER})")
-        axis.tick_params(labelbottom=True)
+        if place % columns:
+            axis.set_ylabel("")
     for axis in axes.flat[len(rows) :]:
         axis.remove()
     local = any(np.ptp(axis.get_xlim()) < len(levels) - 1 for axis in axes.flat[: len(rows)])
-    headline(figure, modes.scene.title, "mode shapes")
+    headline(figure, title_of(modes.scene), "mode shapes")
     notes = _notes(modes, rows, levels, drawn, amplitude_deg, local=local)
     if len(drawn) > 1:
         marks = [Line2D([], [], color=colour(k), marker="o", ms=3) for k in range(len(drawn))]
@@ -58,7 +57,7 @@ def profiles_figure(
     return figure
 
 
-def _levels(scene: Scene) -> Ints:
+def levels_of(scene: Scene) -> Ints:
     """The index of the link of each pendulum (rows) at each level (columns), −1 where it has none."""
     counts = [sum(link.count for link in pendulum.links) for pendulum in scene.pendulum for _ in range(pendulum.count)]
     found = np.full((len(counts), max(counts)), -1, dtype=np.int64)
@@ -70,21 +69,25 @@ def _levels(scene: Scene) -> Ints:
 
 def _panel(axis: Axes, modes: Modes, row: Mode, levels: Ints, amplitude_deg: float) -> str:
     """Draw a row; how far the cart goes, in words."""
-    shape = modes.shape(row.number - 1 - modes.first)
+    shape = modes.shape(modes.index_of(row))
     angles: Floats = amplitude_deg * np.real(shape.angles)
     numbers = np.arange(1.0, len(levels) + 1)
     curves = [(numbers, np.where(level < 0, np.nan, angles[level])) for level in levels.T]
-    axis.axhline(0.0, color=muted(), lw=0.8, zorder=0)
     draw_curves(axis, curves, first=1.1, marker="o", ms=3.5 if len(numbers) <= DOTS else 1.8, mew=0)
-    first, last = _part(np.array([y for _, y in curves]))
-    side = 0.02 * (last - first) + 0.5
-    axis.set(xlim=(first - side, last + side), ylim=(-ROOM * amplitude_deg, ROOM * amplitude_deg))
-    axis.set_ylabel("angle (°)")
-    axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    number_pendula(axis, *_part(np.array([y for _, y in curves])), amplitude_deg)
     if modes.rig.cart is None or row.omega == 0:
         return ""
     cart = float(np.radians(amplitude_deg) * complex(shape.cart).real)
     return f"\ncart at {cart:.3g} m".replace("-", "−") if cart else "\ncart at rest"
+
+
+def number_pendula(axis: Axes, first: int, last: int, amplitude_deg: float) -> None:
+    """Make an axis of angles (°), up to the largest, over the numbers of these pendula."""
+    side = 0.02 * (last - first) + 0.5
+    axis.set(xlim=(first - side, last + side), ylim=(-ROOM * amplitude_deg, ROOM * amplitude_deg))
+    axis.set(xlabel=f"number of the pendulum ({NUMBER})", ylabel="angle (°)")
+    axis.xaxis.set_major_locator(MaxNLocator(6, integer=True))
+    axis.axhline(0.0, color=muted(), lw=0.8, zorder=0)
 
 
 def _part(angles: Floats) -> tuple[int, int]:

@@ -79,9 +79,7 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
         return profiles_figure(modes, rows, panel_words, amplitude_deg)
     layout = layout_of(modes)
     panel = 2 * layout.half_width / (0.955 * (layout.top - layout.bottom))
-    columns = min(len(rows), 4 if panel < WIDEST else 3)
-    lines = -(-len(rows) // columns)
-    columns = -(-len(rows) // lines)
+    columns, lines = arranged(len(rows), panel)
     width = float(np.clip(2.6 * panel, 2.6, WIDE / columns))
     words = [panel_words(row, int(max(width, LEAST / columns) / LETTER)) for row in rows]
     height = width / panel + LINE * max(text.count("\n") + 1 for text in words) + 0.15
@@ -96,6 +94,12 @@ def shapes_figure(modes: Modes, numbers: Sequence[int] | None = None, *, amplitu
         axis.remove()
     caption(figure, _caption(modes, rows, layout, amplitude_deg))
     return figure
+
+
+def arranged(count: int, ratio: float) -> tuple[int, int]:
+    """Columns and lines of so many panels, of this width over height."""
+    lines = -(-count // min(count, 4 if ratio < WIDEST else 3))
+    return -(-count // lines), lines
 
 
 def layout_of(modes: Modes) -> Layout:
@@ -123,17 +127,15 @@ def _levels(links: tuple[AnyLink, ...], way: Floats) -> Floats:
 
 
 def _panel(axis: Axes, modes: Modes, row: Mode, layout: Layout, amplitude: float) -> None:
-    shape = modes.shape(row.number - 1 - modes.first)
+    shape = modes.shape(modes.index_of(row))
     if np.iscomplexobj(shape.angles):
         shape = replace(shape, cart=complex(shape.cart).real, angles=shape.angles.real)
     draw_rest(axis, modes, layout, shape)
     if row.omega == 0:
-        reach, height = 0.3 * layout.depth, 0.13 * layout.depth
-        arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
-        axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
+        draw_translation(axis, layout)
         return
     amplitude = fitting_amplitude(layout, shape, amplitude)
-    if creeps(row):
+    if row.is_overdamped:
         for constants in (2, 1, 0):
             left = float(np.exp(-constants))
             look = {"color": mixed(colour(0), max(left, FAINTEST)), **({"gid": QUIET} if constants else {})}
@@ -152,9 +154,11 @@ def draw_rest(axis: Axes, modes: Modes, layout: Layout, shape: Shape) -> None:
     draw_swing(axis, modes, layout, shape, 0.0, {"color": rest(), "gid": QUIET})
 
 
-def creeps(row: Mode) -> bool:
-    """Whether a mode returns to equilibrium without swinging."""
-    return row.omega > 0 and row.damping_ratio >= 1
+def draw_translation(axis: Axes, layout: Layout) -> None:
+    """The sign of a rigid translation."""
+    reach, height = 0.3 * layout.depth, 0.13 * layout.depth
+    arrow = {"arrowstyle": "<->", "color": colour(0), "lw": 1.6}
+    axis.annotate("", (reach, height), (-reach, height), arrowprops=arrow)
 
 
 def panel_words(row: Mode, letters: int) -> str:
@@ -163,7 +167,7 @@ def panel_words(row: Mode, letters: int) -> str:
     rate = "no digit certain" if row.is_uncertain else f"ω = {row.omega:.5g} rad/s{decay}"
     if row.growth_rate:
         rate = f"grows at {row.growth_rate:.5g} 1/s"
-    elif creeps(row) and not row.is_uncertain:
+    elif row.is_overdamped:
         rate = f"decays at {row.omega:.5g} 1/s without a swing"
     frequency = "" if row.frequency is None else f":  {row.frequency:.4g} Hz"
     return f"mode {row.number}{frequency}\n{fill(rate, letters)}\n{fill(row.family, letters)}"
@@ -232,7 +236,7 @@ def _caption(modes: Modes, rows: Sequence[Mode], layout: Layout, amplitude_deg: 
         words += ["blue and orange: the two ends of the swing"]
     if any(row.growth_rate for row in rows):
         words += ["of growing modes: the two ways they leave it"]
-    if any(map(creeps, rows)):
+    if any(row.is_overdamped for row in rows):
         words += ["fading blue: an overdamped mode at the start, after one and after two time constants"]
     words += ["sideways motion exaggerated" if linear else f"drawn with angles up to {amplitude_deg:g}°"]
     if any(row.multiplicity > 1 for row in rows):

@@ -35,9 +35,9 @@ from modal.report.escaping import (
     python_text,
     visible,
 )
-from modal.report.fitting import breadth, columns, filled, fitted, folded, padded
+from modal.report.fitting import breadth, broken, columns, fits, fitted, folded, padded
 from modal.report.prose import WIDTH, capital, counted, line_width, listed, percent, rad, short, with_unit
-from modal.report.tables import NOTHING, aligned, as_csv, as_json, digits, finite, full, grid, titled, widths_of
+from modal.report.tables import NOTHING, aligned, as_csv, as_json, digits, finite, full, grid, headed, titled, widths_of
 
 __all__ = [
     "HTML_ROWS",
@@ -52,6 +52,7 @@ __all__ = [
     "as_json",
     "breadth",
     "brief",
+    "broken",
     "by_column",
     "c_comment",
     "capital",
@@ -62,13 +63,14 @@ __all__ = [
     "csv_rows",
     "deferred",
     "digits",
-    "filled",
     "finite",
     "first_line",
+    "fits",
     "fitted",
     "folded",
     "full",
     "grid",
+    "headed",
     "html",
     "json_text",
     "latex",

@@ -18,8 +18,9 @@ from textwrap import wrap
 from typing import Any
 
 from modal.report.escaping import html, visible
+from modal.report.fitting import breadth, cut, padded
 from modal.report.prose import WIDTH, short
-from modal.report.tables import NOTHING
+from modal.report.tables import NOTHING, widths_of
 
 MOST_LINES = 10
 """Lines that a result takes at the prompt."""
@@ -51,7 +52,7 @@ class Summary:
     words: frozenset[int] = frozenset()
 
     def text(self) -> str:
-        """At most MOST_LINES lines of at most WIDTH letters.
+        """At most MOST_LINES lines of at most WIDTH columns.
 
         >>> rows = [("1", "0.5"), ("2", "1.2")]
         >>> print(Summary("2 modes", [("gravity", "9.81 m/s²")], ["mode", "f (Hz)"], rows, 2).text())
@@ -64,7 +65,9 @@ class Summary:
         facts = "; ".join(f"{visible(name)} {visible(value)}".strip() for name, value in self.facts)
         told = wrap(facts, WIDTH - 2, max_lines=FACT_LINES, placeholder=" …", break_on_hyphens=False)
         lines = [visible(self.title), *(f"  {line}" for line in [*told, *self._grid()])]
-        return "\n".join(line if len(line) <= WIDTH else line[: WIDTH - 1] + "…" for line in lines[:MOST_LINES])
+        return "\n".join(
+            line if breadth(line) <= WIDTH else f"{next(cut(line, WIDTH - 1))}…" for line in lines[:MOST_LINES]
+        )
 
     def html(self) -> str:
         """For a notebook: escaped, without colours, wide tables in a box that scrolls."""
@@ -87,18 +90,15 @@ class Summary:
         headings, rows, left = self._cells(TEXT_ROWS)
         if not rows:
             return []
-        widths = [max(map(len, column)) for column in zip(headings, *rows, strict=True)]
+        widths = widths_of(rows, headings)
         fits = _fitting(widths)
         if fits < len(widths):
             widths = [*widths[:fits], 1]
             headings, *rows = ([*line[:fits], "…"] for line in (headings, *rows))
 
         def line(cells: list[str]) -> str:
-            padded = (
-                cell.ljust(width) if k in self.words else cell.rjust(width)
-                for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
-            )
-            return "  ".join(padded).rstrip()
+            sides = ("left" if k in self.words else "right" for k in range(len(cells)))
+            return "  ".join(map(padded, cells, widths, sides)).rstrip()
 
         return [*map(line, [headings, *rows]), *[f"… {left} more"] * bool(left)]
 
@@ -226,7 +226,7 @@ def first_line(value: Any) -> str:
 
 def _array(value: Any) -> str:
     if value.ndim == 1 and value.size <= MOST_NUMBERS:
-        return ", ".join(map(brief, value.tolist()))
+        return ", ".join(map(brief, value.tolist())) or "none"
     return f"{' × '.join(map(str, value.shape))} {'numbers' if value.ndim == 1 else 'array'}"
 
 

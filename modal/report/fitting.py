@@ -25,6 +25,12 @@ def columns() -> int | None:
     return _COLUMNS.get()
 
 
+def fits(width: int) -> bool:
+    """Whether so many columns are no more than those in force."""
+    most = columns()
+    return most is None or width <= most
+
+
 @contextmanager
 def fitted(to: int | None) -> Iterator[None]:
     """Make text inside this block fit into so many columns, any number for None.
@@ -66,8 +72,8 @@ def folded(text: str, within: int | None = None, mark: str = "") -> str:
     """The text with every longer line folded between words, what follows under the text of the line.
 
     `within` columns, by default those in force.  A word is broken only between wide letters, which need no blanks; any
-    other stays whole, however long.  A rule of equal signs is cut.  Lines that follow begin with the comment's `mark`,
-    if there is one.
+    other stays whole, however long, so that it can be copied (`broken` breaks it).  A rule of equal signs is cut.
+    Lines that follow begin with the comment's `mark`, if there is one.
     """
     most = within or columns()
     return text if most is None else "\n".join(part for line in text.split("\n") for part in _fold(line, most, mark))
@@ -86,6 +92,29 @@ def _fold(line: str, most: int, mark: str) -> Iterator[str]:
     indent = mark + " " * (hanging if hanging <= most // 2 else 2)
     at = len(mark) + hanging if hanging <= most // 2 else 0
     yield from filled(line[at:], most, line[:at], indent)
+
+
+def broken(text: str, most: int | None) -> list[str]:
+    """The lines of a text of at most so many columns, None for any number: a word longer than a line is broken.
+
+    >>> broken("a longest word", 5)
+    ['a', 'longe', 'st', 'word']
+    """
+    if most is None or breadth(text) <= most:
+        return [text]
+    return [piece for line in filled(text, most) for piece in cut(line, most)]
+
+
+def cut(line: str, most: int) -> Iterator[str]:
+    """A line in pieces of at most so many columns, between any letters."""
+    start = used = 0
+    for at, letter in enumerate(line):
+        wide = breadth(letter)
+        if used + wide > most and at > start:
+            yield line[start:at]
+            start, used = at, 0
+        used += wide
+    yield line[start:]
 
 
 def filled(text: str, most: int, first: str = "", then: str = "") -> Iterator[str]:

@@ -7,7 +7,7 @@ from math import isfinite, log10
 from typing import Any, TypeVar
 
 from modal.report.escaping import csv_rows, json_text, markdown, visible
-from modal.report.fitting import breadth, columns, filled, folded, padded
+from modal.report.fitting import breadth, broken, columns, folded, padded
 
 T = TypeVar("T")
 
@@ -26,7 +26,12 @@ def titled(scene: str, what: str, parts: Sequence[str], form: str) -> str:
     title = f"{scene or 'Modes'}: {what}"
     if form == "markdown":
         return "\n\n".join([f"**{markdown(title)}**", *(part for part in parts if part)]) + "\n"
-    return folded("\n\n".join([visible(title), *(part for part in parts if part)])) + "\n"
+    return folded("\n\n".join([headed(title), *(part for part in parts if part)])) + "\n"
+
+
+def headed(title: str) -> str:
+    """A title of text, within the columns in force, where even a single word is broken that is longer than these."""
+    return "\n".join(broken(visible(title), columns()))
 
 
 def grid(cells: Sequence[Sequence[str]], headings: Sequence[str], form: str = "text") -> str:
@@ -110,29 +115,11 @@ def _lines(
 ) -> Iterator[str]:
     """Headings, rules and rows, every one of as many lines as its highest cell."""
     for row in (headings, ["-" * width for width in widths], *cells):
-        pieces = [_pieces(cell, width) for cell, width in zip(row, widths, strict=True)]
+        pieces = [broken(cell, width) for cell, width in zip(row, widths, strict=True)]
         for number in range(max(map(len, pieces))):
             line = (own[number] if number < len(own) else "" for own in pieces)
             whole = (padded(cell, width, side) for cell, width, side in zip(line, widths, align, strict=True))
             yield (" " * GAP).join(whole).rstrip()
-
-
-def _pieces(cell: str, width: int) -> list[str]:
-    """The lines of a cell, a word longer than its column being broken."""
-    if breadth(cell) <= width:
-        return [cell]
-    return [piece for line in filled(cell, width) for piece in _cut(line, width)]
-
-
-def _cut(line: str, width: int) -> Iterator[str]:
-    start = used = 0
-    for at, letter in enumerate(line):
-        wide = breadth(letter)
-        if used + wide > width and at > start:
-            yield line[start:at]
-            start, used = at, 0
-        used += wide
-    yield line[start:]
 
 
 def as_csv(records: Sequence[dict[str, Any]]) -> str:

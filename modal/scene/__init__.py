@@ -4,10 +4,10 @@ In: TOML, or the same objects from Python.  Out: an immutable `Scene`, checked c
 
     pendulum[2].links[0].mass = -1.0: must be positive
 
-Start with `model`; `motion` moves a support and `records` reads its records; `files` reads and writes scenes, `sealed`
-detects damaged files, `validation` checks every part and words the messages, `parameters` finds and varies numbers by
-path, `titles` says what hangs in a scene without a title, `summary` what
-a scene shows of itself.
+Start with `model`, whose pendula are chains of `links`; `motion` moves a support and `records` reads its records,
+`hoist` changes a length; `files` reads and writes scenes, `sealed` detects damaged files, `validation` checks every
+part and words the messages, `parameters` finds and varies numbers by path, `titles` says what hangs in a scene without
+a title, `summary` what a scene shows of itself.
 """
 
 from typing import TYPE_CHECKING
@@ -15,18 +15,13 @@ from typing import TYPE_CHECKING
 from modal._compatibility import renamed
 from modal.scene.files import STANDARD, dump, dumps, example_names, kind_of, load, parse, whole_file
 from modal.scene.hoist import Hoist, LengthLaw
+from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod, VanDerPol
 from modal.scene.model import (
-    AnyLink,
-    Bob,
-    Body,
     Cart,
-    Escapement,
     Fixed,
     InitialCondition,
     Pendulum,
-    Rod,
     Scene,
-    VanDerPol,
     describe,
     refuse_motion,
     scene_from,
@@ -36,8 +31,7 @@ from modal.scene.model import (
 from modal.scene.motion import Moved, RandomMotion, RecordMotion, SineMotion, SupportMotion, SweepMotion
 from modal.scene.parameters import parse_variations
 from modal.scene.records import Spectrum
-from modal.scene.summary import name_of, what_hangs
-from modal.scene.titles import title_of
+from modal.scene.titles import name_of, title_of, what_hangs
 
 __all__ = [
     "STANDARD",

@@ -14,7 +14,8 @@ from threading import Timer
 from typing import IO, Any
 
 from modal.errors import SceneError, meant
-from modal.scene.model import AnyLink, Scene, describe, scene_from
+from modal.scene.links import AnyLink
+from modal.scene.model import Scene, describe, scene_from
 
 LARGEST_FILE = 256_000_000
 STANDARD = "-"

@@ -1,26 +1,21 @@
 """A scene: a support and its pendula, checked when made and immutable.
 
-    gravity g;  a fixed support or a cart on a straight horizontal rail;  pendula, each a chain of links.
+    gravity g;  a fixed support or a cart on a straight horizontal rail;  pendula, each a chain of links (`links`).
 
-Link i has mass m_i, length l_i (pivot to next joint), centre of mass at c_i along it and moment of inertia I_i
-about that centre.  All numbers are SI; angles in a scene file are degrees from the downward vertical.
-A drive sustains the swing of a clock or a metronome: it acts on the angle γ between a link and the one above, measured
-from equilibrium (at a top joint: from the vertical), and with opposite sign on the link above.
-Dry friction at a joint or on the rail opposes sliding with a constant torque or force, and holds what is at rest up to
-that limit.  Drag, −(drag + quadratic_drag |v|) v, acts at the centre of mass of a link against still air.
+All numbers are SI; angles in a scene file are degrees from the downward vertical.  Dry friction on the rail opposes
+sliding with a constant force, and holds what is at rest up to that limit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from os import PathLike, fspath
-from typing import Any, ClassVar, Literal, Self
+from typing import Any, Literal
 from unicodedata import category
 
-from modal import pair
 from modal.errors import SceneError
 from modal.report import Displayed, Summary, deferred
-from modal.scene.hoist import Hoist
+from modal.scene.links import AnyLink, Bob, Body, Escapement, Rod
 from modal.scene.motion import Moved
 from modal.scene.validation import (
     COUNT,
@@ -42,146 +37,7 @@ from modal.scene.validation import (
 MAX_CHAIN = 20_000
 MAX_LINKS = 10_000_000
 Way = Literal["down", "up"]
-Scalar = Callable[[float], Any]
 RATIO = number(ge=0, lt=1)
-
-
-class VanDerPol(Part):
-    """The torque e (1 − (γ/γ₀)²) γ': supplies energy within γ₀ and dissipates it beyond.
-
-    `strength` e (N m s/rad), `angle_deg` γ₀ (Pantaleone, Am. J. Phys. 70, 992 (2002), equation (1)).  Alone on a
-    lightly driven pendulum it keeps the amplitude 2 γ₀, with a damper d at the same joint 2 γ₀ √(1 − d/e).
-    """
-
-    kind: Literal["van-der-pol"] = field(one_of("van-der-pol"), default="van-der-pol")
-    strength: float = field(POSITIVE)
-    angle_deg: float = field(number(ge=1e-6, le=180))
-
-
-class Escapement(Part):
-    """A kick `impulse` (N m s) in the direction of motion each time that |γ| passes `angle_deg` outwards.
-
-    Kicks alternate between the two sides, as the pallets of an anchor do; a swing that stays within the angle gets
-    none (Bennett, Schatz, Rockwood & Wiesenfeld, Proc. R. Soc. A 458, 563 (2002), §4).
-    """
-
-    kind: Literal["escapement"] = field(one_of("escapement"), default="escapement")
-    impulse: float = field(POSITIVE)
-    angle_deg: float = field(number(ge=0, lt=180), default=0.0)
-
-
-Drive = VanDerPol | Escapement
-
-
-class Link(Part):
-    """Mass (kg) and length (m) of a link, and what acts on it besides gravity.
-
-    At its upper joint a damper (N m s/rad), a spring (N m/rad), dry `friction` (N m) and a drive; at its centre the
-    `drag` (N s/m) and `quadratic_drag` (N s²/m²) of still air.  `hoist` prescribes the length of a bob's rope from a
-    time on, `length` being that before.
-    """
-
-    mass: float = field(POSITIVE)
-    length: float = field(POSITIVE)
-    damping: float = field(NON_NEGATIVE, default=0.0)
-    stiffness: float = field(NON_NEGATIVE, default=0.0)
-    friction: float = field(NON_NEGATIVE, default=0.0)
-    drag: float = field(NON_NEGATIVE, default=0.0)
-    quadratic_drag: float = field(NON_NEGATIVE, default=0.0)
-    drive: Drive | None = field(optional(any_kind(VanDerPol, Escapement)), default=None)
-    hoist: Hoist | None = field(optional(Hoist.schema()), default=None)
-    count: int = field(COUNT, default=1)
-
-    is_uniform: ClassVar[bool] = True
-    """Whether the centre scales with the length and the inertia with mass times length²."""
-    extensive: ClassVar[tuple[str, ...]] = ("mass", "damping", "stiffness", "friction", "drag", "quadratic_drag")
-
-    def heavier(self, factor: int) -> Self:
-        """That many copies as one."""
-        return self.replace(**{name: getattr(self, name) * factor for name in self.extensive})
-
-    def problems(self) -> Iterator[str]:
-        """A hoist of anything but a bob."""
-        if self.hoist and getattr(self, "kind", "") != "bob":
-            yield '.hoist: only the massless rope of a bob can change its length: write kind = "bob"'
-
-    def length_at(self, time: float) -> float:
-        """The length (m) at a time (s)."""
-        return float(self.hoist.law(self.length)(time)[0]) if self.hoist else self.length
-
-
-class _Simple(Link):
-    """A link whose centre and inertia follow from its kind, mass and length."""
-
-    kind: str
-
-    def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Centre and inertia for a mass and a length in numbers of any type, made from floats by `scalar`."""
-        return pair.proportions(self.kind, m, l)
-
-    @property
-    def centre(self) -> float:
-        """Distance (m) from the upper joint to the centre of mass."""
-        return float(self.proportions(self.mass, self.length)[0])
-
-    @property
-    def inertia(self) -> float:
-        """Moment of inertia (kg m²) about the centre of mass."""
-        return float(self.proportions(self.mass, self.length)[1])
-
-
-class Bob(_Simple):
-    """A point mass at the end of a massless rod: c = l, I = 0.
-
-    >>> from modal import Bob
-    >>> bob = Bob(mass=2.0, length=1.5, damping=0.1)
-    >>> bob.centre, bob.inertia
-    (1.5, 0.0)
-    """
-
-    kind: Literal["bob"] = field(one_of("bob"), default="bob")
-
-
-class Rod(_Simple):
-    """A uniform rod: c = l/2, I = m l²/12.
-
-    >>> from modal import Rod
-    >>> rod = Rod(mass=3.0, length=2.0)
-    >>> rod.centre, rod.inertia
-    (1.0, 1.0)
-    """
-
-    kind: Literal["rod"] = field(one_of("rod"), default="rod")
-
-
-class Body(Link):
-    """A rigid body: any centre of mass c ≥ 0 (m), on the link or beyond it, and any inertia I ≥ 0 (kg m²).
-
-    >>> from modal import Body
-    >>> body = Body(mass=2.0, length=1.0, centre=0.4, inertia=0.05)
-    >>> body.centre, body.inertia
-    (0.4, 0.05)
-    """
-
-    kind: Literal["body"] = field(one_of("body"), default="body")
-    centre: float = field(NON_NEGATIVE)
-    inertia: float = field(NON_NEGATIVE)
-
-    is_uniform: ClassVar[bool] = False
-    extensive: ClassVar[tuple[str, ...]] = (*Link.extensive, "inertia")
-
-    def proportions(self, m: Any, l: Any, scalar: Scalar = float) -> tuple[Any, Any]:
-        """Its own centre and inertia, converted by `scalar` to the type of mass and length."""
-        return scalar(self.centre), scalar(self.inertia)
-
-    def problems(self) -> Iterator[str]:
-        """A body without moment of inertia about its pivot, or with a hoist."""
-        yield from super().problems()
-        if self.centre == 0 and self.inertia == 0:
-            yield ".inertia = 0.0: must be positive if the centre is at the pivot"
-
-
-AnyLink = Bob | Rod | Body
 
 
 class InitialCondition(Part):
@@ -426,7 +282,7 @@ class Scene(Displayed, Part):
         """Whether any link is inverted at equilibrium."""
         return any("up" in pendulum.ways for pendulum in self.pendulum)
 
-    def links(self) -> Iterator[Bob | Rod | Body]:
+    def links(self) -> Iterator[AnyLink]:
         """Every link as specified: copies and runs of equal links once each."""
         return (link for pendulum in self.pendulum for link in pendulum.links)
 

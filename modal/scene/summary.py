@@ -3,33 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from itertools import accumulate, groupby, islice
+from itertools import accumulate, islice
 
-from modal.report import Summary, brief, counted
-from modal.scene.model import AnyLink, Cart, Pendulum, Scene
+from modal.report import Summary, brief
+from modal.scene.model import Cart, Pendulum, Scene
 from modal.scene.motion import Moved
-from modal.scene.titles import title_of
+from modal.scene.titles import plural, runs_of, what_hangs
 
 MOST_RUNS = 4
 HEADINGS = ("pendulum", "links", "mass (kg)", "length (m)", "besides")
 BESIDES = ("damping", "stiffness", "friction", "drag", "quadratic_drag", "drive", "hoist")
 CART = (("mass", "kg"), ("damping", "N s/m"), ("stiffness", "N/m"), ("friction", "N"), ("friction_coefficient", ""))
-
-
-def what_hangs(scene: Scene) -> str:
-    """The pendula and their support in words, whatever the title.
-
-    >>> from modal import load
-    >>> what_hangs(load("paper-cart-2"))
-    'two double pendula of rods on a cart'
-    """
-    words = title_of(scene.replace(title=""))
-    return words[:1].lower() + words[1:]
-
-
-def name_of(scene: Scene) -> str:
-    """Its title in quotation marks, else what hangs there."""
-    return f'"{scene.title}"' if scene.title else what_hangs(scene)
 
 
 def summarize(scene: Scene) -> Summary:
@@ -57,20 +41,14 @@ def _rows(pendula: Sequence[Pendulum]) -> Iterator[tuple[str, ...]]:
     last = accumulate(pendulum.count for pendulum in pendula)
     for pendulum, end in zip(pendula, last, strict=True):
         first = end - pendulum.count + 1
-        runs = _runs(pendulum.links)
         besides = [name.replace("_", " ") for name in BESIDES if any(getattr(link, name) for link in pendulum.links)]
         yield (
             str(first) if first == end else f"{first}–{end}",
-            _cut(counted(count, kind, "bodies" if kind == "body" else f"{kind}s") for kind, count in runs),
+            _cut(f"{count} {plural(kind, count)}" for kind, count in runs_of(pendulum.links)),
             _cut(_times(link.count, link.mass) for link in pendulum.links),
             _cut(_times(link.count, link.length) for link in pendulum.links),
             ", ".join([*besides, *["start"] * (pendulum.start is not None)]),
         )
-
-
-def _runs(links: Iterable[AnyLink]) -> list[tuple[str, int]]:
-    """Links of one kind after each other, as one."""
-    return [(kind, sum(link.count for link in own)) for kind, own in groupby(links, lambda link: link.kind)]
 
 
 def _times(count: int, value: float) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable
 from itertools import groupby
 
-from modal.scene.model import Body, Cart, Link, Pendulum, Scene
+from modal.report import capital, listed
+from modal.scene.links import AnyLink, Body
+from modal.scene.model import Cart, Pendulum, Scene
 
 NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve")
 SINGLE = {"bob": "simple ", "rod": "rod ", "rigid body": "compound "}
@@ -26,8 +28,22 @@ def title_of(scene: Scene) -> str:
     """
     if scene.title:
         return scene.title
-    words = f"{_pendula(scene)} on {_support(scene)}{', in space' if scene.space == 'space' else ''}"
-    return words[:1].upper() + words[1:]
+    return capital(what_hangs(scene))
+
+
+def what_hangs(scene: Scene) -> str:
+    """The pendula and their support in words, whatever the title.
+
+    >>> from modal import load
+    >>> what_hangs(load("paper-cart-2"))
+    'two double pendula of rods on a cart'
+    """
+    return f"{_pendula(scene)} on {_support(scene)}{', in space' if scene.space == 'space' else ''}"
+
+
+def name_of(scene: Scene) -> str:
+    """Its title in quotation marks, else what hangs there."""
+    return f'"{scene.title}"' if scene.title else what_hangs(scene)
 
 
 def _support(scene: Scene) -> str:
@@ -47,7 +63,7 @@ def _pendula(scene: Scene) -> str:
     if len(counts) > MOST_SORTS:
         return f"{_number(scene.n_pendula)} pendula of {_number(scene.n_links)} links in all"
     every = [one if count == 1 else f"{_number(count)} {many}" for one, (many, count) in counts.items()]
-    return " and ".join(part for part in (", ".join(every[:-1]), every[-1]) if part)
+    return listed(every, len(every))
 
 
 def _sort(pendulum: Pendulum) -> tuple[str, str]:
@@ -59,34 +75,34 @@ def _sort(pendulum: Pendulum) -> tuple[str, str]:
     article = "an" if adjective[:1] == "i" else "a"
     if n in NAMES:
         which = f" of {links}" if n > 1 else ""
-        name = f"{adjective}{NAMES[n] or SINGLE[_kind(pendulum.links[0])]}"
+        name = f"{adjective}{NAMES[n] or SINGLE[_kind_of(pendulum.links[0])]}"
         return f"{article} {name}pendulum{which}{springs}", f"{name}pendula{which}{springs}"
     return f"{article} {adjective}chain of {links}{springs}", f"{adjective}chains of {links}{springs}"
 
 
 def _links(pendulum: Pendulum) -> str:
     """The links from top to bottom by their kinds, with their numbers unless the name of the pendulum has them."""
-    runs = list(_runs(pendulum))
+    runs = runs_of(pendulum.links)
     if len(runs) == 1:
         (kind, count), n = runs[0], pendulum.n_links
-        return _plural(kind, count) if n in NAMES and n > 1 else f"{_number(count)} {_plural(kind, count)}"
+        return plural(kind, count) if n in NAMES and n > 1 else f"{_number(count)} {plural(kind, count)}"
     if len(runs) > MOST_SORTS:
         return f"{_number(pendulum.n_links)} links"
-    every = [f"{_number(count)} {_plural(kind, count)}" for kind, count in runs]
-    return f"{', '.join(every[:-1])} and {every[-1]}"
+    every = [f"{_number(count)} {plural(kind, count)}" for kind, count in runs]
+    return listed(every, len(every))
 
 
-def _runs(pendulum: Pendulum) -> Iterator[tuple[str, int]]:
-    kinds = ((_kind(link), link.count) for link in pendulum.links)
-    for kind, run in groupby(kinds, key=lambda one: one[0]):
-        yield kind, sum(count for _, count in run)
+def runs_of(links: Iterable[AnyLink]) -> list[tuple[str, int]]:
+    """Links of one kind below each other as one: the kind in words, and their number."""
+    return [(kind, sum(link.count for link in own)) for kind, own in groupby(links, _kind_of)]
 
 
-def _kind(link: Link) -> str:
-    return "rigid body" if isinstance(link, Body) else str(getattr(link, "kind", "link"))
+def _kind_of(link: AnyLink) -> str:
+    return "rigid body" if isinstance(link, Body) else link.kind
 
 
-def _plural(kind: str, count: int) -> str:
+def plural(kind: str, count: int) -> str:
+    """So many links of a kind, without their number."""
     if count == 1:
         return kind
     return "rigid bodies" if kind == "rigid body" else f"{kind}s"

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modal.errors import ComputationError
-from modal.report import Displayed
+from modal.report import Displayed, Summary, brief, counted, first_line
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats
@@ -39,6 +39,10 @@ class Balanced(Displayed):
     model: StateSpace
     hankel: Floats
     error_bound: float
+
+    def _summary(self) -> Summary:
+        title = f"Balanced model of {len(self.model.A)} of {counted(len(self.hankel), 'state', 'states')}"
+        return Summary(title, [("error bound", brief(self.error_bound)), ("model", first_line(self.model))])
 
 
 def balance(model: StateSpace, count: int) -> Balanced:

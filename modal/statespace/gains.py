@@ -20,7 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from modal.modes import UNCERTAIN, Modes
-from modal.report import Displayed, aligned
+from modal.report import Displayed, Summary, aligned, counted
+from modal.scene import name_of
 from modal.statespace.modal_form import ModalForm, to_modal_form
 from modal.statespace.model import StateSpace
 from modal.statespace.signals import Signal
@@ -117,6 +118,18 @@ class Gains(Displayed):
         `fold` counts the copies in the model: in space those along the rail.
         """
         return f"{self._grid(self.inputs)}\n\n{self._grid(self.outputs)}\n"
+
+    def _summary(self) -> Summary:
+        inputs, outputs = self.inputs.signals, self.outputs.signals
+        sizes = ((self.modes, "mode"), (inputs, "input"), (outputs, "output"))
+        what = ", ".join(counted(len(every), one, f"{one}s") for every, one in sizes)
+        rows = (
+            (str(k + 1), self._rate(k), *words, *seen)
+            for k, (words, seen) in enumerate(zip(self.inputs.words, self.outputs.words, strict=True))
+        )
+        headings = ("mode", "ω (rad/s)", *(signal.name for signal in (*inputs, *outputs)))
+        title = f"Modal gains of {name_of(self.modes.scene)}: {what}"
+        return Summary(title, (), headings, rows, len(self.modes), words=frozenset(range(2, len(headings))))
 
     def _rate(self, number: int) -> str:
         """ω, or the growth or decay rate (1/s) of a mode that does not oscillate; empty where no digit is certain."""

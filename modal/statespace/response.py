@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modal.report import as_csv, as_json, finite, grid, titled
+from modal.scene import title_of
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
 
@@ -121,7 +122,8 @@ def response_table(
         return as_csv(records)
     headings = ("f (Hz)", "output", "unit", "magnitude", *["±"] * (spread is not None), "dB", "phase (°)")
     cells = [[_shown(value) for value in record.values()] for record in records]
-    return titled(form.model.title, f"response to {given.name} ({given.unit})", [grid(cells, headings)], "text")
+    what = f"response to {given.name} ({given.unit})"
+    return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 
 def _shown(value: str | float) -> str:

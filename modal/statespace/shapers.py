@@ -39,7 +39,7 @@ from numpy.typing import ArrayLike
 from modal.eigen import smallest_where
 from modal.errors import ComputationError, SceneError, meant
 from modal.modes import MOST_COMPARED, Modes, counterparts, natural_modes
-from modal.report import Displayed
+from modal.report import Displayed, Summary, counted, tabulated
 from modal.scene import Scene
 from modal.statespace.model import fixed
 from modal.types import Booleans, Complexes, Floats
@@ -80,6 +80,11 @@ class Shaper(Displayed):
     times: Floats
     amplitudes: Floats
     step: float = 0.0
+
+    def _summary(self) -> Summary:
+        facts = [("at multiples of", f"{self.step:g} s")] if self.step else []
+        title = f"Input shaper of {counted(len(self.times), 'impulse', 'impulses')}, {self.duration:.4g} s long"
+        return tabulated(title, facts, {"time (s)": self.times, "amplitude": self.amplitudes})
 
     @property
     def duration(self) -> float:

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg import eigvals
 
 from modal.errors import ComputationError
-from modal.report import Displayed
+from modal.report import Displayed, Summary, brief, counted
 from modal.statespace.modal_form import ModalForm, block_diagonal
 from modal.statespace.response import terms
 from modal.statespace.signals import Signal
@@ -46,6 +46,12 @@ class TransferFunction(Displayed):
     zeros: Complexes
     poles: Complexes
     gain: float
+
+    def _summary(self) -> Summary:
+        zeros, poles = (counted(len(own), one, one + "s") for own, one in ((self.zeros, "zero"), (self.poles, "pole")))
+        title = f"Transfer function from {self.input.name} to {self.output.name}: {zeros}, {poles}"
+        facts = [("gain", brief(self.gain)), ("zeros (1/s)", brief(self.zeros)), ("poles (1/s)", brief(self.poles))]
+        return Summary(title, facts)
 
     @property
     def numerator(self) -> Floats:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import sympy as sp
 
-from modal.report import LETTERS, columns, latex, markdown, visible
+from modal.report import LETTERS, breadth, fits, latex, markdown, visible
 from modal.symbolic import line_breaks
 
 GREEK = {"theta": "θ", "phi": "φ", "lambda": "λ", "omega": "ω", "sigma": "σ"}
@@ -56,7 +56,7 @@ def _grid(matrix: Any) -> str:
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
     rows = ["  ".join(cell.rjust(width) for cell, width in zip(row, widths, strict=True)) for row in cells]
     lines = [f"      [ {row} ]" for row in rows]
-    if columns() is None or max(map(len, lines), default=0) <= (columns() or 0):
+    if fits(max(map(breadth, lines), default=0)):
         return "\n" + "\n".join(lines)
     entries = (f"      [{i + 1},{j + 1}]  {cell}" for i, row in enumerate(cells) for j, cell in enumerate(row))
     return "\n" + "\n".join(entries)

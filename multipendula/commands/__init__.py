@@ -1,7 +1,8 @@
 """The commands: one module for each group, with what they do, their arguments and their help.
 
 A command is a `Command` in the `COMMANDS` of its module.  `GROUPS` has them in the order of `multipendula --help`.
-`shared` has helpers for output, `runs` the arguments of the commands that simulate.
+`shared` has helpers for output, `runs` the arguments of the commands that simulate, `models` those of the commands
+about state-space models.
 """
 
 from multipendula.commands import (

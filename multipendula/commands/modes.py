@@ -35,7 +35,7 @@ COLUMN_NAMES = (
     *("effective_mass_across_kg", "linear_to_1_percent_deg", "relative_error_bound", "participation_factor_per_m"),
     *("cumulative_effective_mass_share", "cumulative_fixed_base_mass_share"),
 )
-"""The columns that can be printed, `printable` of `modal.modes.columns`, which the help page must not load."""
+"""The columns of `modal.modes.columns` that are printed; the help page must not load that module."""
 LONG_TABLE = 2000
 LONG_CHAIN = 2000
 """Links of a scene of which only the modes that are shown are looked for."""
@@ -157,13 +157,10 @@ def _shapes_arguments(page: Page) -> None:
 def matrices(options: argparse.Namespace) -> None:
     """Print M, K and D."""
     from modal.assembly import matrices as matrices_of
-    from modal.modes import HOISTED
     from modal.modes.tables import matrices_table
     from modal.scene import load
 
     scene = small_swings(load(options.scene))
-    if scene.is_hoisted:
-        print(f"multipendula: {HOISTED}", file=sys.stderr)
     with output(options.output) as write:
         write(matrices_table(scene, matrices_of(scene), options.format))
 

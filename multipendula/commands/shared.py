@@ -119,7 +119,7 @@ def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
 
 
 def small_swings(scene: Scene) -> Scene:
-    """The scene itself, with a note to standard error on drives, friction and quadratic drag, omitted if linear."""
+    """The scene itself; what its linear model leaves out is told on standard error."""
     from modal.modes import omitted
 
     for words in omitted(scene):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from modal.exports import FORMATS
 from multipendula.command import Command
+from multipendula.commands.models import add_model_file, add_signals, model_of, scene_of
 from multipendula.commands.shared import drawn, estimate_of, listed, output, picture, say, small_swings
-from multipendula.completion import Completer, files
+from multipendula.completion import files
 from multipendula.options import (
     PICTURES,
     Joined,
@@ -21,21 +22,13 @@ from multipendula.options import (
     add_words,
     endings,
     number,
-    offer,
     whole,
 )
 from multipendula.parser import Page
 
 if TYPE_CHECKING:
     from modal.scene import Scene
-    from modal.statespace import StateSpace
     from modal.statespace.varying import VaryingModel
-
-OUTPUTS = (
-    *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
-    *("joint_positions", "tip_positions", "tip_accelerations", "pivot_forces"),
-)
-"""The groups of outputs of a model."""
 
 
 def export(options: argparse.Namespace) -> None:
@@ -54,7 +47,7 @@ def export(options: argparse.Namespace) -> None:
         with whole_file(options.file) as stream:
             stream.write(content)
         return
-    model = _model(scene, options)
+    model = model_of(scene, options)
     if options.discrete:
         from modal.statespace.sampling import sample
 
@@ -79,14 +72,14 @@ def _varying(scene: Scene, options: argparse.Namespace) -> VaryingModel:
 
 def _export_arguments(page: Page) -> None:
     add_scene(page)
-    _add_signals(page)
+    add_signals(page)
     *most, last = FORMATS
     words = f"{', '.join(most)} or {last}"
     add_words(page.written, "--to", (*most, last), comma="", metavar="FORMAT", required=True, help=words)
     words = "the file to write, or - for standard output"
     page.rephrase(r"^format (\S+):", r"--to \1:")
     page.rephrase(r"a C header needs a sampled model", "--to c needs --discrete SECONDS")
-    _add_file(page, words, files(()), required=True)
+    add_model_file(page, words, files(()), required=True)
     seconds = number("seconds above 0")
     words = "discretize with this time step, inputs held (zero-order hold)"
     page.asked.add_argument("--discrete", metavar="SECONDS", type=seconds, help=words)
@@ -102,16 +95,16 @@ def gains(options: argparse.Namespace) -> None:
     from modal.modes import natural_modes
     from modal.statespace import modal_gains
 
-    scene = _scene(options)
-    gains = modal_gains(natural_modes(scene), _model(scene, options))
+    scene = scene_of(options)
+    gains = modal_gains(natural_modes(scene), model_of(scene, options))
     with output(options.file) as write:
         write(gains.text() + "\n")
 
 
 def _gains_arguments(page: Page) -> None:
     add_scene(page)
-    _add_signals(page)
-    _add_file(page, "write to this file instead of standard output (-)", files(()))
+    add_signals(page)
+    add_model_file(page, "write to this file instead of standard output (-)", files(()))
 
 
 def response(options: argparse.Namespace) -> None:
@@ -126,8 +119,8 @@ def response(options: argparse.Namespace) -> None:
 
     if not (options.file or options.at):
         raise SceneError(["give a picture to write, -o FILE, or frequencies to print, --at HERTZ"])
-    kind, scene = picture(options.file) if options.file else "", _scene(options)
-    model = _model(scene, options)
+    kind, scene = picture(options.file) if options.file else "", scene_of(options)
+    model = model_of(scene, options)
     inputs, outputs = ([signal.name for signal in signals] for signals in (model.inputs, model.outputs))
     source, shown = options.source or inputs[0], listed(options.of)
     problems = [f"--from {source}: must be one of {', '.join(inputs)}"] if source not in inputs else []
@@ -163,8 +156,8 @@ def response(options: argparse.Namespace) -> None:
 def _response_arguments(page: Page) -> None:
     add_scene(page)
     add_covariance(page, "adds standard deviations of magnitudes, in the picture a band of two to either side")
-    _add_signals(page)
-    _add_file(page, "a .png, .svg or .pdf file, or - for standard output", files(endings(PICTURES)))
+    add_signals(page)
+    add_model_file(page, "a .png, .svg or .pdf file, or - for standard output", files(endings(PICTURES)))
     add_theme(page)
     words = "print magnitude and phase at these frequencies in Hz, separated by commas"
     page.asked.add_argument("--at", metavar="HERTZ", action=Joined, type=_frequencies, help=words)
@@ -223,71 +216,6 @@ def _shaper_arguments(page: Page) -> None:
     words = "what moves the cart: cart_acceleration (default), cart_velocity or cart_force"
     page.asked.add_argument("--drive", metavar="NAME", choices=drives, default=drives[0], help=words)
     add_text(page)
-
-
-class _Output(argparse.Action):
-    """The file to write; --output with names of signals, its former meaning, still chooses these."""
-
-    def __call__(
-        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
-    ) -> None:
-        """Keep the file or the signals."""
-        if option_string == "-o" or not set(listed(values)) & set(OUTPUTS):
-            namespace.file = values
-            return
-        namespace.signals = values
-        note = "--output WORDS is deprecated: it is now --signals WORDS, and --output is the file to write"
-        namespace.former = [*getattr(namespace, "former", ()), note]
-
-
-def _add_file(page: Page, words: str, completer: Completer, **more: Any) -> None:
-    """The main file of these commands, whose --output once was what --signals is."""
-    action = page.written.add_argument(
-        "--output", "-o", dest="file", action=_Output, metavar="FILE", help=words, **more
-    )
-    offer(action, completer)
-
-
-def _add_signals(page: Page) -> None:
-    """The groups of inputs and outputs of a model."""
-    page.rephrase(r"^input(?=[ :])", "--input")
-    page.rephrase(r"^output(?=[ :])", "--signals")
-    inputs = (
-        *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
-        *("support_displacement", "support_velocity", "support_acceleration"),
-    )
-    words = (
-        "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
-        "support), link_forces; support_displacement, support_velocity or support_acceleration"
-    )
-    add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
-    words = (
-        "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
-        "tip_positions, tip_accelerations, pivot_forces"
-    )
-    add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
-
-
-def _scene(options: argparse.Namespace) -> Scene:
-    from modal.scene import load
-
-    return small_swings(load(options.scene))
-
-
-def _model(scene: Scene, options: argparse.Namespace) -> StateSpace:
-    """The model with the inputs and outputs, and the reduction, given by the options."""
-    from modal.statespace import state_space
-
-    inputs, outputs = listed(options.input), listed(options.signals)
-    count = getattr(options, "modes", None)
-    if not getattr(options, "minimal", False) and count is None:
-        return state_space(scene, inputs, outputs)
-    from modal.modes import natural_modes
-    from modal.statespace import minimal, truncate
-
-    if count is None:
-        return minimal(scene, inputs, outputs)
-    return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)
 
 
 COMMANDS = (

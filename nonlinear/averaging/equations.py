@@ -34,15 +34,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
-from itertools import count as counted
+from itertools import count as whole_numbers
 from itertools import product
 
 import numpy as np
 
 from modal.errors import ComputationError
 from modal.modes import Modes, natural_modes
-from modal.report import Displayed
-from modal.scene import Cart, Scene, refuse_motion, unsupported
+from modal.report import Displayed, Summary, brief, counted
+from modal.scene import Cart, Scene, name_of, refuse_motion, unsupported
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.describing import mixed, pulls, rubbed
 from nonlinear.dynamics import Contacts, contacts_of
@@ -77,6 +77,12 @@ class AveragedEquations(Displayed):
     omega: Floats
     row: Ints
     band: Ints
+
+    def _summary(self) -> Summary:
+        shapes, bands = len(self.omega), len(self.centre)
+        several = f"{counted(shapes, 'shape', 'shapes')} in {counted(bands, 'band', 'bands')} of frequencies"
+        facts = [("ω (rad/s)", brief(self.omega)), ("band", brief(self.band + 1))]
+        return Summary(f"Averaged equations of {name_of(self.scene)}: {several}", facts)
 
     @property
     def link_shapes(self) -> Floats:
@@ -272,7 +278,7 @@ def lattice(count: int) -> tuple[int, tuple[int, ...]]:
     """
     words = [word for word in product(range(-ORDER, ORDER + 1), repeat=count) if 0 < sum(map(abs, word)) <= ORDER]
     even = np.array([word for word in words if sum(word) % 2 == 0])
-    for points in counted(2):
+    for points in whole_numbers(2):
         for base in range(1, points):
             steps = tuple(pow(base, power, points) for power in range(count))
             if np.all(even @ steps % points):

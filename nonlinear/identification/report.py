@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from modal.report import NOTHING, as_json, grid, short, titled
+from modal.scene import title_of
 from modal.scene.parameters import Variation
 from nonlinear.identification.comparison import Candidate
 from nonlinear.identification.result import Fit
@@ -145,7 +146,7 @@ def fit_text(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -
             line[0].upper() + line[1:] + "." if not line.startswith("theta") else line + "." for line in found.verdict
         ),
     ]
-    return titled(found.given.title, "fit to measured motions", parts, "text")
+    return titled(title_of(found.given), "fit to measured motions", parts, "text")
 
 
 def _figure(sensor: dict[str, Any], name: str) -> str:

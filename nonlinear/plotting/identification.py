@@ -9,6 +9,7 @@ from matplotlib import rcParams
 from matplotlib.figure import Figure
 
 from modal.plotting import WIDTH, colour, headline, legend, rest, save, sheet
+from modal.scene import title_of
 from nonlinear.identification import Fit
 
 MOST_SEGMENTS = 4
@@ -58,7 +59,7 @@ def fit_figure(found: Fit) -> Figure:
     words = f"fit to measured motions, rms residual {found.rms_all:.3g} rad"
     headline(
         figure,
-        found.given.title,
+        title_of(found.given),
         words + (f" (first {len(segments)} segments of {len(recording.segments)})" if many else ""),
     )
     return figure

@@ -7,6 +7,7 @@ from typing import Any
 
 from modal.plotting import Pair, theme
 from modal.report import visible
+from modal.scene import title_of
 from nonlinear.integration import Trajectory
 from nonlinear.plotting.animation import animate
 
@@ -28,4 +29,4 @@ def show_film(trajectory: Trajectory, words: str = "", **options: Any) -> Pair:
         with theme(name):
             animate(trajectory, buffer, "gif", **options)
         films.append(buffer.getvalue())
-    return Pair(films[0], films[1], words or visible(trajectory.scene.title) or "pendula in motion", "gif")
+    return Pair(films[0], films[1], words or visible(title_of(trajectory.scene)), "gif")

@@ -22,7 +22,7 @@ import numpy as np
 
 from modal import pair
 from modal.errors import ComputationError
-from modal.report import Displayed
+from modal.report import Displayed, Summary, counted, first_line
 from modal.types import Complexes, Floats
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import last
@@ -57,6 +57,12 @@ class Phases(Displayed):
     z: Complexes
     omega: Floats
     mass: Floats
+
+    def _summary(self) -> Summary:
+        count, modes = self.omega.shape
+        pendula, each = counted(count, "pendulum", "pendula"), counted(modes, "mode", "modes")
+        title = f"Phases of {pendula} in {each} at {counted(len(self.times), 'time', 'times')}"
+        return Summary(title, [("of", first_line(self.trajectory))])
 
     @property
     def times(self) -> Floats:

@@ -20,12 +20,12 @@ from modal.report import (
     csv_rows,
     finite,
     grid,
+    headed,
     line_width,
     listed,
     percent,
     rad,
     short,
-    visible,
     with_unit,
 )
 from modal.scene import describe, title_of
@@ -60,7 +60,7 @@ MOST_FREQUENCIES = 6
 
 def sync_text(found: SynchronizationStudy) -> str:
     """The report for a terminal."""
-    parts = [visible(title_of(found.scene)), *_sections(found)]
+    parts = [headed(title_of(found.scene)), *_sections(found)]
     return "\n\n".join(part for part in parts if part) + "\n"
 
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
-from modal.report import Displayed
-from modal.scene import Scene, refuse_motion
+from modal.report import Displayed, Summary, brief, counted
+from modal.scene import Scene, name_of, refuse_motion
 from modal.types import Floats
 from nonlinear.orbits import Branch, at_amplitude, nonlinear_mode
 from nonlinear.postprocessing import LEAST_PERIODS
@@ -74,6 +74,20 @@ class Check(Displayed):
     scene: Scene
     rows: tuple[ModeCheck, ...]
     skipped: tuple[tuple[int, str], ...]
+
+    def _summary(self) -> Summary:
+        left = f", {len(self.skipped)} not" if self.skipped else ""
+        title = f"Check of {name_of(self.scene)}: {counted(len(self.rows), 'mode', 'modes')} checked{left}"
+        rows = (
+            (
+                str(one.mode.number),
+                brief(one.mode.omega),
+                brief(one.mode.linear_to_1_percent_deg),
+                brief(one.one_percent_deg),
+            )
+            for one in self.rows
+        )
+        return Summary(title, (), ("mode", "ω (rad/s)", "1 % at (°)", "measured (°)"), rows, len(self.rows))
 
     @property
     def interrupted(self) -> bool:

@@ -17,7 +17,7 @@ from modal.assembly import matrices
 from modal.coupling import explain
 from modal.errors import ComputationError
 from modal.scene import Escapement, InitialCondition, VanDerPol
-from modal.scene.model import Drive
+from modal.scene.links import Drive
 from modal.scene.parameters import vary
 from nonlinear.averaging import average, predict, relative_equilibria, relative_equilibrium, settle
 from nonlinear.averaging.equations import MOST_BANDS, ORDER, derivative, lattice

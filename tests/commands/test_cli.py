@@ -274,6 +274,13 @@ def test_pictures_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) ->
     assert list(tmp_path.iterdir()) == []
 
 
+def test_matrices_say_once_what_they_leave_out(capsys: pytest.CaptureFixture[str]) -> None:
+    from multipendula.cli import main
+
+    assert main(["matrices", "hoisting-crane"]) == 0
+    assert capsys.readouterr().err.count("Lengths change") == 1
+
+
 def test_matrices(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     found = strict(printed(capsys, "matrices", "metronomes", "--format", "json"))
     exact = matrices(load("metronomes"))

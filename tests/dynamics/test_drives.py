@@ -31,7 +31,7 @@ from modal.scene import (
     describe,
     scene_from,
 )
-from modal.scene.model import Drive
+from modal.scene.links import Drive
 from modal.types import Floats
 from nonlinear import files as recordings
 from nonlinear.accuracy import measure_work_precision

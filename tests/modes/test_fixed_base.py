@@ -9,6 +9,7 @@ from scipy.linalg import eigh
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
 from modal.assembly import matrices
 from modal.coupling import explain
+from modal.errors import SceneError
 from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed
 from modal.modes.fixed_base import fixed_base_masses
 from modal.modes.tables import table
@@ -148,6 +149,14 @@ def test_columns_are_chosen_by_name() -> None:
         assert set(keys(name, "+cumulative")) - set(keys(name)) == {own}
 
 
+@pytest.mark.parametrize(("chosen", "told"), [("+", "+"), (",", ","), ("omega,,nothing,nothing", "nothing")])
+def test_names_that_no_column_has_are_told_once(chosen: str, told: str) -> None:
+    with pytest.raises(SceneError) as refused:
+        keys("crane-hook", chosen)
+    assert [problem for problem in refused.value.problems if problem.startswith(f"columns {told}: must be all")]
+    assert len(refused.value.problems) == len(set(refused.value.problems))
+
+
 def test_every_column_but_two_may_go_and_the_order_is_documented() -> None:
     from pathlib import Path
 
@@ -204,7 +213,13 @@ def test_sensitivities_in_every_format() -> None:
     assert "d_omega_d_gravity" in table(modes, rows, "csv", sensitive=True).splitlines()[0]
     for form in ("text", "markdown", "latex", "html"):
         text = table(modes, rows, form, sensitive=True)
-        assert "links[0].length" in text or "links[0].length" in text.replace("\\", "")
+        assert "links[0].length" in text.replace("\\", "")
+        assert (
+            text.count(
+                "No single derivative: modes 2 and 4 (growing, damped by a damping_ratio, or shared by several modes)."
+            )
+            == 1
+        )
     with fitted(50):
         narrow = table(modes, rows, "text", sensitive=True)
     assert max(map(len, narrow.splitlines())) <= 50

@@ -12,7 +12,7 @@ from amounts import usually
 from chromium import Chromium
 from live import BROWSER, axe, written
 
-from modal import natural_modes
+from modal import Bob, Pendulum, Scene, natural_modes
 from modal.scene import load, parse
 from multipendula.page import recording_of
 from nonlinear import simulate
@@ -99,6 +99,41 @@ def test_a_row_sets_its_mode_swinging(shown: Chromium) -> None:
     shape = natural_modes(load("paper-cart-2")).shape(2).angles
     across = state.links - shape * (state.links @ shape) / (shape @ shape)
     assert np.abs(across).max() < 0.02 * np.radians(10)
+
+
+@pytest.mark.parametrize(
+    ("scene", "number", "frequency", "said"),
+    [
+        (load("paper-cart-2"), 1, "0", "Mode 1 shifts everything alike."),
+        (load("cart-upright"), None, "grows", "grows."),
+        (
+            Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=10.0)])]),
+            1,
+            "decays",
+            "Mode 1 decays without a swing.",
+        ),
+        (
+            Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=1.0, length=1.0, damping=1.0)])]),
+            1,
+            f"{np.sqrt(9.81) / (2 * np.pi):.5g}",
+            "Mode 1 swings.",
+        ),
+    ],
+    ids=["translation", "unstable", "overdamped", "damped"],
+)
+def test_a_mode_that_does_not_swing_is_not_said_to(
+    browser: Chromium, tmp_path: Path, scene: Scene, number: int | None, frequency: str, said: str
+) -> None:
+    """Overdamped from d = 2 m l² √(g/l) on: 6.26 N m s for 1 kg at 1 m."""
+    browser.size(1280, 900)
+    browser.open(written(scene, tmp_path))
+    rows = cells(browser)
+    row = next(k for k, one in enumerate(rows) if one[1] == frequency) if number is None else number - 1
+    assert rows[row][1] == frequency
+    browser.run(f"document.querySelectorAll('#rows tr')[{row}].click()")
+    browser.frames(2)
+    assert text(browser, "status").endswith(said)
+    assert browser.errors == []
 
 
 def centre(browser: Chromium) -> tuple[float, float]:

@@ -85,13 +85,14 @@ def test_a_clipped_formula_would_be_seen(offline: Chromium, built: Path) -> None
 
 
 @pytest.mark.parametrize(("width", "dark"), LOOKS)
-@pytest.mark.parametrize("page", usually(["index", LESSON], PART))
+@pytest.mark.parametrize("page", usually(["index", "search", LESSON], [*PART, "search", "genindex"]))
 def test_a_page_of_the_manual_can_be_used_by_everyone(
     offline: Chromium, built: Path, page: str, width: int, dark: bool
 ) -> None:
     """axe-core's rules: contrast, names, order of headings, what scrolls can be reached by keys."""
     show(offline, built / f"{page}.html", width, dark)
     assert offline.run("document.documentElement.scrollWidth") == width
+    assert offline.run("document.querySelectorAll('h1').length") == 1
     if (script := axe()) is None:
         pytest.skip("axe-core is not installed: npm install axe-core, and its folder in AXE_CORE")
     offline.run(script + "\n;0")

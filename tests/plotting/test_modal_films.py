@@ -15,7 +15,7 @@ import modal
 from modal.errors import ComputationError, SceneError
 from modal.modes import Modes, natural_modes
 from modal.plotting import film_modes
-from modal.plotting.modal_films import CREEPING, FOLDS, LOOP, ModalFilm, motion
+from modal.plotting.modal_films import DECAYING, FOLDS, LOOP, ModalFilm, motion
 from modal.plotting.shapes import layout_of
 from modal.plotting.style import theme
 from modal.scene import Bob, Pendulum, Scene
@@ -90,13 +90,15 @@ def test_the_loop_has_no_seam(name: str) -> None:
 
 
 def test_an_overdamped_mode_decays_and_a_growing_one_grows() -> None:
-    creeping = modes_of("huygens")[1]
-    s = np.linspace(0, CREEPING, 9)
-    decay = np.array([motion(creeping, one) for one in s])
-    assert not creeping.oscillates
-    np.testing.assert_allclose(np.log(decay), -FOLDS * s / CREEPING, atol=1e-12)
+    overdamped = modes_of("huygens")[1]
+    s = np.linspace(0, DECAYING, 9)
+    decay = np.array([motion(overdamped, one) for one in s])
+    assert overdamped.is_overdamped
+    assert not overdamped.oscillates
+    np.testing.assert_allclose(np.log(decay), -FOLDS * s / DECAYING, atol=1e-12)
     growing = modes_of("cart-upright")[3]
     assert growing.growth_rate
+    assert not growing.is_overdamped
     grown = np.array([motion(growing, one) for one in 1 - s])
     np.testing.assert_allclose(grown, decay, rtol=1e-12)
 
@@ -141,11 +143,12 @@ def written(form: str, **options: object) -> bytes:
 
 
 def test_a_gif_goes_round_for_ever() -> None:
-    picture = Image.open(BytesIO(written("gif")))
+    film = written("gif")
+    picture = Image.open(BytesIO(film))
     assert picture.info["loop"] == 0
     assert picture.n_frames == round(LOOP * 25)
     assert picture.info["duration"] == 40
-    assert len(written("gif")) < 200_000
+    assert len(film) < 200_000
 
 
 def test_a_page_holds_every_frame() -> None:

@@ -75,12 +75,7 @@ def test_greys_keep_their_order_and_other_colours_stay() -> None:
     greys = [dark_twin(str(part))[:3] for part in np.linspace(0, 1, 11)]
     assert np.all(np.diff(np.array(greys), axis=0) <= 0)
     assert to_hex(dark_twin("black")) == "#dfe5ea"
-    assert (
-        dark_twin(
-            "0.5",
-        )[3]
-        == 1
-    )
+    assert dark_twin("0.5")[3] == 1
     assert dark_twin((0, 0, 0, 0.25))[3] == 0.25
     assert to_hex(dark_twin("#fde725")) == "#fde725"
 

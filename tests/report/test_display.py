@@ -15,7 +15,7 @@ from shown import assert_shown, parsed
 import modal
 import nonlinear
 from modal.modes import natural_modes
-from modal.report import HTML_ROWS, Displayed, Summary, brief, by_column, summary_of
+from modal.report import HTML_ROWS, WIDTH, Displayed, Summary, breadth, brief, by_column, summary_of
 from modal.report.display import MOST_LINES
 from modal.scene import Bob, Cart, Pendulum, Scene
 from nonlinear.system import AppliedForces, Kicks
@@ -148,6 +148,13 @@ def test_a_wide_table_leaves_out_columns_and_says_so() -> None:
     shown = Summary("wide", (), [f"column {k}" for k in range(40)], rows, 3)
     assert all(line.endswith("…") for line in shown.text().splitlines()[1:])
     assert "29 more" in parsed(shown.html()).text
+
+
+def test_wide_letters_take_two_columns() -> None:
+    shown = Summary("振" * 100, [], ["名", "f (Hz)"], [["振り子", "1"], ["a", "2.5"]], 2, words=frozenset({0})).text()
+    title, *lines = shown.splitlines()
+    assert breadth(title) in (WIDTH - 1, WIDTH)
+    assert {breadth(line) for line in lines} == {2 + 6 + 2 + 6}
 
 
 def test_long_facts_are_cut() -> None:

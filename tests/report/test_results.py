@@ -104,6 +104,8 @@ RESULTS: dict[str, Callable[[], Any]] = {
 
 
 SLOW = {"branch"}
+PLAIN = {"mechanics"}
+"""Results that are shown by their fields alone."""
 
 
 @pytest.mark.parametrize(
@@ -112,6 +114,7 @@ SLOW = {"branch"}
 def test_a_result_shows_itself(name: str) -> None:
     found = RESULTS[name]()
     assert_shown(found)
+    assert not repr(found).startswith(f"{type(found).__name__}\n") or name in PLAIN
     if hasattr(found, "to_dict") and name != "state space":
         columns = found.to_dict()
         assert len(columns) > 0

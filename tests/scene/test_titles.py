@@ -85,6 +85,19 @@ def test_figures_reports_and_pages_have_it(tmp_path: object) -> None:
     assert '"title"' not in whole.partition('id="data"')[2].partition("</script>")[0]
 
 
+def test_so_have_responses_and_figures_of_many() -> None:
+    from modal.plotting import bode_figure, shapes_figure
+    from modal.statespace import response_table, state_space, to_modal_form
+
+    crane = load("crane-hook").replace(title="")
+    form = to_modal_form(natural_modes(crane), state_space(crane))
+    assert response_table(form, [0.1], 0, [0], "text").startswith(title_of(crane))
+    assert title_of(crane) in " ".join(bode_figure(form).get_suptitle().split())
+    many = Scene(gravity=9.81, support=CART, pendulum=[bobs(1, 20)])
+    figure = shapes_figure(natural_modes(many), [1])
+    assert "20 simple pendula on a cart" in " ".join(figure.get_suptitle().split())
+
+
 def test_space_is_named() -> None:
     scene = Scene(gravity=9.81, space="space", pendulum=[bobs(2)])
     assert title_of(scene) == "A double pendulum of bobs on a fixed support, in space"

@@ -168,6 +168,8 @@ class Page:
         finally:
             sys.stdin = before
         self.errors += err.getvalue()
+        if "is deprecated" in err.getvalue():
+            raise WrongPageError(f"`multipendula {' '.join(words)}` has a former name: {err.getvalue()}")
         if refused is not None and bool(code) != refused:
             raise WrongPageError(f"`multipendula {' '.join(words)}` leaves with {code}: {err.getvalue()}")
         return out.getvalue()

@@ -1,6 +1,7 @@
 // The page: its parts joined, and a frame after the other.
 
 import { Controls } from "./controls.js";
+import { mannerOf } from "./modes.js";
 import { degrees, digits, scientific } from "./numbers.js";
 import { drawScene, drawStrip, hueOf, paint } from "./picture.js";
 import { Player } from "./player.js";
@@ -13,6 +14,7 @@ import { energiesOf } from "./recursion.js";
 
 const SPAN = 12; // s of the strip
 const TRAIL = 70; // frames
+const MANNERS = { swings: "swings", grows: "grows", decays: "decays without a swing", shifts: "shifts everything alike" };
 const element = (id) => document.getElementById(id);
 
 function begin() {
@@ -131,8 +133,7 @@ class LivePage {
     if (what === "mode" || what === "state") table.show();
     if (what === "mode") {
       const row = player.rows[player.row];
-      const verb = row.ratio >= 1 ? "creeps back without a swing" : "swings";
-      this.say(`Mode ${player.row + 1} ${verb}${row.multiplicity > 1 ? `, shape ${player.copy + 1} of ${row.multiplicity}` : ""}.`);
+      this.say(`Mode ${player.row + 1} ${MANNERS[mannerOf(row)]}${row.multiplicity > 1 ? `, shape ${player.copy + 1} of ${row.multiplicity}` : ""}.`);
     }
     if (what === "state") {
       if (!player.playing || (player.motion && !player.motion.time)) this.clear();

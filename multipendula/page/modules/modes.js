@@ -21,6 +21,13 @@ export function modesOf(system) {
   return rows;
 }
 
+// What a row does when it is let go: "swings", "grows", "decays" (overdamped to first order), or "shifts" everything.
+export function mannerOf({ omega, growing, ratio }) {
+  if (!omega) return "shifts";
+  if (growing) return "grows";
+  return ratio >= 1 ? "decays" : "swings";
+}
+
 function kindsOf(chains) {
   const kinds = new Map();
   for (const chain of chains) {
@@ -119,7 +126,7 @@ function describe(system, rows, row, i) {
   row.kappa = row.omega && !row.growing ? kappaOf(system, row) : NaN;
   row.onePercent = Number.isNaN(row.kappa) ? NaN : (Math.sqrt(0.01 / Math.abs(row.kappa)) * 180) / Math.PI;
   const next = rows[i + 1];
-  const beats = next && row.omega && !row.growing && !next.growing;
+  const beats = next && [row, next].every((one) => mannerOf(one) === "swings");
   row.beat = beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
   row.resonant = row.omega > 0 && (row.multiplicity > 1 && system.cart !== null ? true : rows.some((other) => other !== row && meets(row.omega, other.omega)));
   const where = row.multiplicity > 1 ? `${row.where}, ${row.multiplicity}-fold` : row.where;

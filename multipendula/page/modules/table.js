@@ -1,5 +1,6 @@
 // The table of modes: what screen readers read, and what sets a mode swinging.
 
+import { mannerOf } from "./modes.js";
 import { digits } from "./numbers.js";
 
 export class ModeTable {
@@ -41,18 +42,18 @@ export class ModeTable {
 
   fill({ line, button, name, words, cells }, row, number) {
     const chosen = this.player.row === number;
-    const creeps = row.ratio >= 1;
-    const swings = row.omega && !row.growing && !creeps;
+    const manner = mannerOf(row);
+    const swings = manner === "swings";
     name.textContent = number + 1;
     words.textContent = row.words;
     button.setAttribute("aria-pressed", String(chosen));
     line.classList.toggle("chosen", chosen);
     const values = [
-      swings ? digits(row.omega / (2 * Math.PI), 5) : row.growing ? "grows" : creeps ? "creeps" : "0",
-      swings ? digits((2 * Math.PI) / row.omega, 5) : row.growing ? `×e in ${digits(1 / row.omega, 3)}` : "–",
+      swings ? digits(row.omega / (2 * Math.PI), 5) : manner === "shifts" ? "0" : manner,
+      swings ? digits((2 * Math.PI) / row.omega, 5) : manner === "grows" ? `×e in ${digits(1 / row.omega, 3)}` : "–",
       digits(row.beat, 4),
       Number.isNaN(row.onePercent) ? "–" : `${digits(row.onePercent, 3)}${row.resonant ? "*" : ""}`,
-      swings || creeps ? share(row.ratio) : "–",
+      swings || manner === "decays" ? share(row.ratio) : "–",
     ];
     cells.forEach((cell, i) => (cell.textContent = values[i]));
   }

@@ -1,0 +1,87 @@
+"""Arguments shared by the commands about state-space models: the model, its signals, and the file that is written."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from multipendula.commands.shared import listed, small_swings
+from multipendula.completion import Completer
+from multipendula.options import add_words, offer
+from multipendula.parser import Page
+
+if TYPE_CHECKING:
+    from modal.scene import Scene
+    from modal.statespace import StateSpace
+
+OUTPUTS = (
+    *("cart_position", "cart_velocity", "angles", "rates", "relative_angles", "relative_rates"),
+    *("joint_positions", "tip_positions", "tip_accelerations", "pivot_forces"),
+)
+"""The groups of outputs of a model."""
+
+
+class FileOrSignals(argparse.Action):
+    """The file to write; --output with names of signals, its former meaning, still chooses these."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> None:
+        """Keep the file or the signals."""
+        if option_string == "-o" or not set(listed(values)) & set(OUTPUTS):
+            namespace.file = values
+            return
+        namespace.signals = values
+        note = "--output WORDS is deprecated: it is now --signals WORDS, and --output is the file to write"
+        namespace.former = [*getattr(namespace, "former", ()), note]
+
+
+def add_model_file(page: Page, words: str, completer: Completer, **more: Any) -> None:
+    """The main file of these commands, whose --output once was what --signals is."""
+    action = page.written.add_argument(
+        "--output", "-o", dest="file", action=FileOrSignals, metavar="FILE", help=words, **more
+    )
+    offer(action, completer)
+
+
+def add_signals(page: Page) -> None:
+    """The groups of inputs and outputs of a model."""
+    page.rephrase(r"^input(?=[ :])", "--input")
+    page.rephrase(r"^output(?=[ :])", "--signals")
+    inputs = (
+        *("cart_force", "cart_acceleration", "cart_velocity", "joint_torques", "link_forces"),
+        *("support_displacement", "support_velocity", "support_acceleration"),
+    )
+    words = (
+        "cart_force (default on a cart), cart_acceleration or cart_velocity; joint_torques (default on a fixed "
+        "support), link_forces; support_displacement, support_velocity or support_acceleration"
+    )
+    add_words(page.asked, "--input", inputs, metavar="WORDS", help=words)
+    words = (
+        "cart_position,angles (default), cart_velocity, rates, relative_angles, relative_rates, joint_positions, "
+        "tip_positions, tip_accelerations, pivot_forces"
+    )
+    add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
+
+
+def scene_of(options: argparse.Namespace) -> Scene:
+    """The scene, with a note on what its linear model leaves out."""
+    from modal.scene import load
+
+    return small_swings(load(options.scene))
+
+
+def model_of(scene: Scene, options: argparse.Namespace) -> StateSpace:
+    """The model with the inputs and outputs, and the reduction, given by the options."""
+    from modal.statespace import state_space
+
+    inputs, outputs = listed(options.input), listed(options.signals)
+    count = getattr(options, "modes", None)
+    if not getattr(options, "minimal", False) and count is None:
+        return state_space(scene, inputs, outputs)
+    from modal.modes import natural_modes
+    from modal.statespace import minimal, truncate
+
+    if count is None:
+        return minimal(scene, inputs, outputs)
+    return truncate(natural_modes(scene), state_space(scene, inputs, outputs), count)
