@@ -9,6 +9,7 @@ from scipy.linalg import eigh
 from modal import Bob, Body, Cart, Fixed, Pendulum, Rod, Scene, load, natural_modes
 from modal.assembly import matrices
 from modal.coupling import explain
+from modal.errors import SceneError
 from modal.modes.columns import COLUMNS, DROPPED, columns_of, printed
 from modal.modes.fixed_base import fixed_base_masses
 from modal.modes.tables import table
@@ -146,6 +147,19 @@ def test_columns_are_chosen_by_name() -> None:
         ("chain-3", "cumulative_effective_mass_share"),
     ):
         assert set(keys(name, "+cumulative")) - set(keys(name)) == {own}
+
+
+def test_an_unknown_column_has_a_short_message() -> None:
+    """One line for each name; the names there are, folded, where none of them is near."""
+    with pytest.raises(SceneError) as caught:
+        keys("chain-2", "omega_rad_per_sec")
+    assert list(caught.value.problems) == ["columns omega_rad_per_sec: no such column (did you mean omega_rad_per_s?)"]
+    with pytest.raises(SceneError) as caught:
+        keys("chain-2", "zeta,foo")
+    first, second, *names = caught.value.problems
+    assert (first, second) == ("columns zeta: no such column", "columns foo: no such column")
+    assert " ".join(names).startswith("columns are all, mode, omega_rad_per_s, ")
+    assert max(map(len, names)) < 110
 
 
 def test_every_column_but_two_may_go_and_the_order_is_documented() -> None:
