@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, log10, nan, pi, radians
+from textwrap import wrap
 
 import numpy as np
 
@@ -12,13 +13,15 @@ from modal.errors import SceneError, meant
 from modal.modes.fixed_base import fixed_base_masses, on_free_cart
 from modal.modes.mode import Mode
 from modal.modes.modes import Modes
-from modal.report import NOTHING, full
+from modal.report import NOTHING, full, line_width
 from modal.types import Floats
 
 Stds = Mapping[int, tuple[float, float]]
 """Standard deviations of ω (rad/s) and of the damping ratio by the number of the mode."""
 Value = float | int | str | bool | None
 EVERY = "all"
+INDENT = 14
+"""Characters before a line of an error message."""
 
 
 @dataclass(frozen=True)
@@ -246,18 +249,20 @@ def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
     there = [column for column in every if column.shown]
     if chosen == EVERY:
         return {column.key for column in there}
-    found, problems = set[str](), []
+    found, problems, hinted = set[str](), [], True
     for name in dict.fromkeys(word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
         own = {column.key for column in there if name in {column.key, column.heading}}
         begun = [column for column in there if name and column.key.startswith(name)]
         own = own or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}
         found |= own
         if not own:
-            names = [column.key for column in there]
-            right = f"must be {EVERY}, or some of {', '.join(names)}{meant(name, names)}"
-            problems.append(f"columns {name or chosen}: {right}")
+            hint = meant(name, [column.key for column in there])
+            hinted = hinted and bool(hint)
+            problems.append(f"columns {name or chosen}: no such column{hint}")
     if problems:
-        raise SceneError(problems)
+        names = ", ".join(column.key for column in there)
+        known = [] if hinted else wrap(f"columns are {EVERY}, {names}", line_width() - INDENT)
+        raise SceneError([*problems, *known])
     return found
 
 

@@ -132,7 +132,10 @@ def _is_number(found: object) -> bool:
 
 
 def _unknown(scene: Scene, name: str, path: str) -> str:
-    hint = meant(name, sorted(map(with_numbers, _numbers(scene))), near=NEAR)
+    numbers = sorted(map(with_numbers, _numbers(scene)))
+    hint = meant(name, numbers, near=NEAR)
+    if ".start." in name and not any(".start." in own for own in numbers):
+        hint = ": its file gives no pendulum a `start`"
     return f"{path}: " + ("" if name == path else f"{name} ") + "is not a number of this scene" + hint
 
 

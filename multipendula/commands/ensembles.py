@@ -9,7 +9,7 @@ from math import prod
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.runs import start_of
+from multipendula.commands.runs import start_of, tell_of_start
 from multipendula.commands.shared import bar, draw_in, estimate_of, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
@@ -35,10 +35,12 @@ RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
 
 def basins(options: argparse.Namespace) -> None:
     """Map which motion each start of a grid ends in: a rhythm, the first turn over the top, or an exponent."""
-    from nonlinear.ensembles import basins_table, find_basins, grid_of
+    from nonlinear.ensembles import basins_table, begins_in_mode, find_basins, grid_of
 
     scene = _scene(options)
     axes = grid_of(scene, options.vary or ())
+    if begins_in_mode(scene, axes):
+        tell_of_start("every member begins in the shape of the first mode that swings")
     with _engine(options, prod(len(axis.values) for axis in axes)) as more:
         found = find_basins(scene, options.duration, vary=axes, measure=options.measure, folder=options.folder, **more)
     say(basins_table(found, options.format), options.format)
@@ -62,18 +64,21 @@ def _basins_arguments(page: Page) -> None:
 def section(options: argparse.Namespace) -> None:
     """Compute the Poincaré section of a scene at an energy, from many motions."""
     from nonlinear.ensembles import find_section, section_table
+    from nonlinear.system import has_start
 
     scene = _scene(options)
     orbits = options.orbits or 24
     with _engine(options, orbits) as more:
         found = find_section(scene, options.duration, energy=options.energy, at=options.at, orbits=orbits, **more)
+    if options.energy is None and not has_start(scene):
+        tell_of_start("its energy is that of the first mode that swings", " (--energy chooses another)")
     say(section_table(found, options.format), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "draw_section", found)
 
 
 def _section_arguments(page: Page) -> None:
     add_scene(page)
-    words = "energy above the scene's rest in joules (default: that of its own start)"
+    words = "energy above the scene's rest in joules (default: that of its start)"
     page.asked.add_argument("--energy", metavar="JOULES", type=_joules, help=words)
     words = "what is passed, upwards (>), downwards (<) or both (=): theta[1,1]>0 (default), degrees, or x=0, metres"
     page.asked.add_argument("--at", metavar="COORDINATE", help=words)
@@ -82,7 +87,7 @@ def _section_arguments(page: Page) -> None:
     _add_engine(page)
     add_format(page, FORMATS)
     add_report(page, FORMATS)
-    page.rephrase(r"no pendulum has a start: .*", "this scene has no start: give --energy")
+    page.rephrase(r"(?<=no mode swings)$", ": give --energy")
 
 
 def spread(options: argparse.Namespace) -> None:

@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from nonlinear.integration import Trajectory
     from nonlinear.system import State
 
-USUAL_DEG = 5.0
 """Largest angle of a scene without a start."""
 START = (
     "scene (default; without one mode:R:5, R the first that swings), mode:R:DEG, orbit:R:DEG (a periodic orbit) or "
@@ -136,14 +135,14 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: b
     then.
     """
     from modal.errors import SceneError
+    from nonlinear.system import has_start
     from nonlinear.system import initial as starts
 
-    if words is None and not scene.is_moved and not any(pendulum.start for pendulum in scene.pendulum):
+    if words is None and not has_start(scene):
         words = _usual_start(scene, undamped=undamped)
-        number, _, degrees = words.removeprefix("mode:").partition(":")
-        note = f"the scene has no start: it begins in the shape of mode {number}, its largest angle {degrees}°"
+        number, _, _ = words.removeprefix("mode:").partition(":")
         if not told:
-            print(f"multipendula: {note} (--start {words})", file=sys.stderr)
+            tell_of_start(f"it begins in the shape of mode {number}", f" (--start {words})")
     if words is None or words == "scene":
         return None
     kind, _, rest = words.partition(":")
@@ -162,20 +161,24 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: b
     raise SceneError([f"--start {words}: must be {forms}"])
 
 
+def tell_of_start(where: str, how: str = "") -> None:
+    """A note to standard error on where a scene begins that has no start of its own."""
+    from nonlinear.reduction import USUAL_DEG
+
+    note = f"the scene has no start: {where}, its largest angle {USUAL_DEG:g}°"
+    print(f"multipendula: {note}{how}", file=sys.stderr)
+
+
 def _usual_start(scene: Scene, *, undamped: bool) -> str:
-    """The first mode that swings, at a small angle; SceneError if there is none."""
-    import numpy as np
-
+    """The words for the first mode that swings, at a small angle; SceneError if there is none."""
     from modal.errors import SceneError
-    from modal.modes import UNCERTAIN, table_numbers
-    from nonlinear.integration import modes_of
+    from nonlinear.reduction import USUAL_DEG, first_that_swings
 
-    modes = modes_of(scene.conservative if undamped else scene)
-    swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN)
-    numbers = table_numbers(scene)[swings] if undamped else 1 + np.flatnonzero(swings)
-    if not numbers.size:
-        raise SceneError(["no pendulum has a start, and no mode swings: give --start angles:10,20,... in degrees"])
-    return f"mode:{numbers.min()}:{USUAL_DEG:g}"
+    try:
+        number = first_that_swings(scene, undamped=undamped)
+    except SceneError as error:
+        raise SceneError([f"{error}: give --start angles:10,20,... in degrees"]) from None
+    return f"mode:{number}:{USUAL_DEG:g}"
 
 
 def _on_orbit(scene: Scene, number: int, degrees: float) -> State:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from multipendula.command import Command
+from multipendula.commands.runs import tell_of_start
 from multipendula.commands.shared import bar, drawn, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import RUNS, add_file, add_picture, add_scene, add_words, offer, whole
@@ -61,6 +62,7 @@ def _map(options: argparse.Namespace, kind: str) -> None:
     from nonlinear.integration import validate
     from nonlinear.sweeps import Study, parse_measures, reasons, save, sweep_text
     from nonlinear.sweeps import sweep as swept
+    from nonlinear.system import has_start
 
     _, scene, axes, measures = validate(
         lambda: checked_kind(options.output) if options.output else "",
@@ -73,6 +75,8 @@ def _map(options: argparse.Namespace, kind: str) -> None:
         from nonlinear.plotting import draw_sweep, validate_axes
 
         validate_axes(axes)
+    if any(one.measure.runs for one in measures) and not has_start(scene):
+        tell_of_start("every point begins in the shape of its first mode that swings")
     with _journal(options, study) as kept:
         with _crew(options) as crew, bar(study.size, "point") as report:
             found = swept(study, journal=kept, workers=options.workers, crew=crew, report=report)

@@ -10,7 +10,7 @@ Start with `running`; `measures` says what can be measured, `lanes`, `compiled` 
 `executors` and `cluster` share the work among processes.
 """
 
-from nonlinear.ensembles.basins import Basins, basins_table, find_basins, grid_of
+from nonlinear.ensembles.basins import Basins, basins_table, begins_in_mode, find_basins, grid_of
 from nonlinear.ensembles.costs import ENGINES
 from nonlinear.ensembles.measures import MEASURES
 from nonlinear.ensembles.members import Members, members_of
@@ -28,6 +28,7 @@ __all__ = [
     "PoincareSection",
     "Spread",
     "basins_table",
+    "begins_in_mode",
     "ensemble",
     "find_basins",
     "find_section",

@@ -10,6 +10,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -21,14 +22,19 @@ from modal.scene.parameters import Variation, parse_variations
 from modal.types import Floats
 from nonlinear.ensembles.measures import configurations
 from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.ensembles.runs import form_of
+from nonlinear.reduction import usual_start
 from nonlinear.synchronization import agreement
 from nonlinear.synchronization.study import theory_of_scene
 from nonlinear.synchronization.study import usual_duration as sync_duration
+from nonlinear.system import has_start
 
 RHYTHMS = ("configuration", "first_turn", "lyapunov", "order", "largest_angle")
 """Measures with one number a member, or one a link, of which the earliest is taken."""
 SIZE, WIDEST = 64, 170.0  # places along each angle, and how far from hanging (deg), where nobody says
+SIZE_ONE_BY_ONE = 12  # where each takes as long as a run of its own
 EARLIEST = "first_turn_s"
+NONE = "none of these"
 SLOW = ("configuration", "order")
 PERIODS = 30.0  # of sqrt(l/g), where nobody says how long
 
@@ -114,16 +120,21 @@ def find_basins(
 ) -> Basins:
     """The measure over two numbers of a scene, by default the first angles of its first two pendula or links.
 
-    `measure` is one of RHYTHMS, `options` are those of `ensemble`.  SceneError for anything else.
+    Where no start is given or varied, all begin in the usual one of the scene.  `measure` is one of RHYTHMS, `options`
+    are those of `ensemble`.  SceneError for anything else.
     """
-    own, axes = with_starts(scene), grid_of(scene, vary)
+    axes = grid_of(scene, vary)
     refuse_motion(scene, "a map of basins")
     measure = measure or ("configuration" if scene.is_driven else "first_turn")
     if measure not in RHYTHMS:
         raise SceneError([f"measure {measure}: must be one of {', '.join(RHYTHMS)}"])
+    own, starts = with_starts(scene), None
+    if begins_in_mode(scene, axes):
+        own, starts = scene, [usual_start(scene)] * prod(len(axis.values) for axis in axes)
     found = ensemble(
         own,
-        usual_duration(own, measure) if duration is None else duration,
+        usual_duration(scene, measure) if duration is None else duration,
+        starts=starts,
         vary=axes,
         measures=[measure],
         report=report,
@@ -140,7 +151,7 @@ def find_basins(
 
 def _names(scene: Scene) -> tuple[str, ...]:
     """What a configuration is called, by its number."""
-    return ("none of these", *(f"{agreement(one)}, mode {one.number}" for one in configurations(scene)))
+    return (NONE, *(f"{agreement(one)}, mode {one.number}" for one in configurations(scene)))
 
 
 def grid_of(scene: Scene, vary: Sequence[str] | Sequence[Variation] = ()) -> tuple[Variation, ...]:
@@ -157,8 +168,13 @@ def usual_duration(scene: Scene, measure: str) -> float:
     """So many times sqrt(l/g) of the longest link (s); for a rhythm as long as `sync` runs until one has won."""
     if measure in SLOW and scene.is_driven:
         with suppress(ComputationError):
-            return sync_duration(scene, theory_of_scene(scene))
+            return sync_duration(scene, theory_of_scene(scene, usual_start(scene)))
     return float(PERIODS * np.sqrt(max(link.length for link in scene.links()) / scene.gravity))
+
+
+def begins_in_mode(scene: Scene, axes: Sequence[Variation]) -> bool:
+    """Whether a scene without a start is varied in other numbers than a start."""
+    return not has_start(scene) and not any(".start." in axis.path for axis in axes)
 
 
 def with_starts(scene: Scene) -> Scene:
@@ -180,7 +196,8 @@ def usual_axes(scene: Scene) -> list[str]:
         places = [f"pendulum[0].start.angles_deg[{link}]" for link in range(2)]
     else:
         raise SceneError(["this scene has one starting angle: choose two numbers to vary"])
-    return [f"{place}={-WIDEST:g}:{WIDEST:g}:{SIZE}" for place in places]
+    size = SIZE if form_of(scene) is not None else SIZE_ONE_BY_ONE
+    return [f"{place}={-WIDEST:g}:{WIDEST:g}:{size}" for place in places]
 
 
 def basins_table(found: Basins, form: str) -> str:
@@ -191,8 +208,16 @@ def basins_table(found: Basins, form: str) -> str:
         return as_csv(_records(found))
     scene = found.ensemble.question.scene
     rows = [(f"{100 * share:.3g}", name) for name, share in found.shares().items()]
-    parts = [grid(rows, ("starts (%)", "description")), _ends(found), found.ensemble.words()]
+    parts = [grid(rows, ("starts (%)", "description")), _ends(found), _none(found), found.ensemble.words()]
     return titled(title_of(scene), "where starts end", parts, "text")
+
+
+def _none(found: Basins) -> str:
+    """How long each ran, and what those do that have not reached a configuration."""
+    words = f"each simulated for {found.ensemble.question.duration:.4g} s"
+    if not found.names or not found.shares()[NONE]:
+        return words
+    return f"{words}; {NONE}: at rest, still on the way, or in another motion"
 
 
 def _ends(found: Basins) -> str:

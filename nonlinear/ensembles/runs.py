@@ -20,7 +20,8 @@ from nonlinear.ensembles.question import ROOM
 from nonlinear.integration import SolverInfo, Trajectory, choose, sample_times
 from nonlinear.integration.lanes import integrate
 from nonlinear.integration.watches import Samples
-from nonlinear.system import initial_state, numbers_of_all, system_of
+from nonlinear.reduction import usual_start
+from nonlinear.system import numbers_of_all, system_of
 
 TOLERANCE = 1e-9
 FEWEST = 4  # scenes for which the equations are written out
@@ -49,7 +50,7 @@ def form_of(scene: Scene) -> Hashable:
 
 
 def run_together(scenes: Iterable[Scene], duration: float) -> dict[Scene, Trajectory]:
-    """The runs of those scenes that can go together, from their own starts; the others are left out."""
+    """The runs of those scenes that can go together, from their usual starts; the others are left out."""
     forms: dict[Hashable, list[Scene]] = {}
     for scene in dict.fromkeys(scenes):
         if (form := form_of(scene)) is not None:
@@ -68,7 +69,7 @@ def _together(scenes: Sequence[Scene], duration: float) -> dict[Scene, Trajector
         try:
             if scene.has_damping and choose(scene, duration, TOLERANCE).method == "Radau":
                 continue
-            initial_state(scene)
+            usual_start(scene)
             times.append(sample_times(scene, duration, 0.0, None))
         except MultipendulaError:
             continue
@@ -86,7 +87,7 @@ def _together(scenes: Sequence[Scene], duration: float) -> dict[Scene, Trajector
 def _integrated(scenes: Sequence[Scene], times: Sequence[Floats], duration: float) -> dict[Scene, Trajectory]:
     numbers = numbers_of_all(scenes)
     lanes = Lanes(numbers)
-    y = np.stack([lanes.layout.begin(initial_state(scene)) for scene in scenes], axis=1)
+    y = np.stack([lanes.layout.begin(usual_start(scene)) for scene in scenes], axis=1)
     task, _, _ = task_of(lanes, numbers, y, Wanted(duration, TOLERANCE))
     padded = np.full((len(scenes), max(map(len, times))), np.inf)
     for row, own in zip(padded, times, strict=True):

@@ -22,7 +22,8 @@ from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.running import Ensemble, ensemble
-from nonlinear.system import State, System, initial_state, numbers_of, require_constant_lengths, system_of
+from nonlinear.reduction import usual_start
+from nonlinear.system import State, System, numbers_of, require_constant_lengths, system_of
 
 ORBITS, PERIODS = 24, 200.0  # motions, and how long each goes on in sqrt(l/g), where nobody says
 TRIES = 20_000  # starts drawn for each one that has the energy
@@ -88,7 +89,7 @@ def find_section(
     report: Callable[[float], object] = lambda done: None,
     **options: Any,
 ) -> PoincareSection:
-    """The section of a conservative plane scene at an energy (J), by default that of its own start.
+    """The section of a conservative plane scene at an energy (J), by default that of its usual start.
 
     `at` is a coordinate with what it passes, such as "theta[1,1]>0" (deg, or m of the cart), by default the first
     angle upwards through 0.  SceneError for a scene that does not keep its energy, and where no start has it.
@@ -103,7 +104,7 @@ def find_section(
             ["a section needs motion in the plane without dampers, friction, drag and drives, which keeps its energy"]
         )
     if energy is None:
-        energy = energy_of(scene, initial_state(scene))
+        energy = energy_of(scene, usual_start(scene))
     starts = starts_at(scene, section, energy, orbits)
     length = PERIODS * sqrt(max(link.length for link in scene.links()) / scene.gravity)
     found = ensemble(scene, duration or length, starts=starts, measures=[f"section:{text}"], report=report, **options)

@@ -33,7 +33,7 @@ from nonlinear.postprocessing import WINDOW_NAME, power_spectrum, resample, reso
 
 MOST_LINES, MOST_MARKS, FEWEST = 6, 24, 32
 MOST_MODES = 480  # links of a scene whose natural frequencies are computed for the spectrum
-MOST_SMOOTHED, POINTS = 20_000, 6000  # size of a run up to which it is interpolated, and points drawn
+POINTS, MOST_SMOOTHED = 6000, 200  # points drawn, and links of a scene up to which a run is interpolated
 FAINT = 1e-6  # power of note over the strongest line, where no frequency says how far a spectrum goes
 DEEPEST = 1e-10  # smallest power shown in a spectrum over the strongest line
 
@@ -87,7 +87,7 @@ def run_figure(trajectory: Trajectory) -> Figure:
 def _smooth(trajectory: Trajectory) -> Trajectory:
     """The run with points between its samples, where these are so few that corners would show."""
     times = trajectory.times
-    if len(times) * trajectory.system.n_links > MOST_SMOOTHED:
+    if len(times) >= POINTS or trajectory.system.n_links > MOST_SMOOTHED:
         return trajectory
     fine = np.linspace(times[0], times[-1], POINTS)
     try:
@@ -232,7 +232,7 @@ def _without(scene: Scene) -> str:
 def _reach(found: list[tuple[Floats, Floats]]) -> float:
     """The angular frequency (rad/s) above which no power of note is seen."""
     highest = max(float(power.max()) for _, power in found)
-    return max(float(omega[np.flatnonzero(power >= FAINT * highest)[-1]]) for omega, power in found)
+    return max(float(omega[power >= FAINT * highest].max(initial=0.0)) for omega, power in found)
 
 
 def _power(trajectory: Trajectory, link: int) -> tuple[Floats, Floats]:

@@ -36,6 +36,8 @@ MOST_MAPS = 6
 MOST_TICKS = 12  # most colour bar ticks of a map with integer values
 DECADES = 30.0
 """The ratio of largest to smallest from which scales are logarithmic."""
+FRACTIONS = {"order", "survivor_share"}
+"""Quantities from 0 to 1, whose scales are linear however small they get."""
 STILL, WINDOW = 1e-6, 0.01
 """A relative change too small to be drawn, and the margin of an axis on either side then."""
 UNITS = (
@@ -112,7 +114,7 @@ def _curves(sweep: Sweep, known: list[str]) -> Figure:
     axes = np.atleast_1d(figure.subplots(len(panels), 1, sharex=True))
     for axis, (kind, names) in zip(axes, panels.items(), strict=True):
         curves = [(np.array(variation.values), _finite(sweep, name)) for name in names]
-        _range(axis, np.array([y for _, y in curves]))
+        _range(axis, np.array([y for _, y in curves]), kind)
         log = ("x" if variation.log else "") + ("y" if axis.get_yscale() == "log" else "")
         draw_curves(axis, curves, names=[label(name) for name in names], log=log, marker=".", ms=4.0)
         if len(names) > 1:
@@ -128,10 +130,12 @@ def _finite(sweep: Sweep, name: str) -> Floats:
     return np.where(np.isfinite(values), values, np.nan)
 
 
-def _range(axis: Axes, values: Floats) -> None:
+def _range(axis: Axes, values: Floats, kind: str) -> None:
     """A logarithmic scale where values range widely; rounding of constant values is not magnified."""
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    if low > 0 and high > DECADES * low:
+    if kind in FRACTIONS:
+        axis.set_ylim(-0.03, 1.03)
+    elif low > 0 and high > DECADES * low:
         axis.set_yscale("log")
     elif high - low < STILL * max(abs(low), abs(high)):
         middle, half = (low + high) / 2, WINDOW * max(abs(low), abs(high))
@@ -163,7 +167,7 @@ def _map(figure: Figure, axis: Axes, sweep: Sweep, name: str) -> None:
     y, x = sweep.study.variations
     values = sweep.values(name)
     known = values[np.isfinite(values)]
-    by_ratio = known.min() > 0 and known.max() > DECADES * known.min()
+    by_ratio = known.min() > 0 and known.max() > DECADES * known.min() and name not in FRACTIONS
     norm = (LogNorm if by_ratio else Normalize)(known.min(), known.max())
     axis.patch.set(edgecolor=rest(), hatch="////", lw=0)
     shown = np.ma.masked_invalid(values)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import pi
 from typing import IO, Any
 
@@ -12,7 +13,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from modal.errors import ComputationError
-from modal.modes import Mode
+from modal.modes import Mode, table_numbers
 from modal.plotting import (
     HUES,
     QUIET,
@@ -138,9 +139,8 @@ def _shares(axis: Axes, trajectory: Trajectory) -> None:
         axis.text(0.5, 0.5, str(error), transform=axis.transAxes, **style)
         return
     rows, rest = _largest(found)
-    modes = found.modes.rows([int(found.row[row]) - 1 for row in rows])
     curves = [(found.times, found.share[:, row]) for row in rows]
-    draw_curves(axis, curves, names=[mode_words(mode) for mode in modes], first=FIRST)
+    draw_curves(axis, curves, names=_names(found, rows), first=FIRST)
     if rest.size:
         words = counted(rest.size, "other", "others")
         axis.plot(found.times, found.share[:, rest].sum(1), "--", color=muted(), lw=1.2, label=words)
@@ -156,10 +156,25 @@ def _largest(found: Survival) -> tuple[list[int], Ints]:
     return rows, np.setdiff1d(np.arange(peaks.size), rows)
 
 
+def _names(found: Survival, rows: Sequence[int]) -> list[str]:
+    """Each row in words, or by its number in the table where the words are the same for two."""
+    at = [int(found.row[row]) - 1 for row in rows]
+    modes = list(found.modes.rows(at))
+    names = [mode_words(mode) for mode in modes]
+    if len(set(names)) == len(names):
+        return names
+    numbers = table_numbers(found.scene, found.modes)[at]
+    return [f"mode {number}, {_frequency(mode)}" for number, mode in zip(numbers, modes, strict=True)]
+
+
 def mode_words(mode: Mode) -> str:
     """A short description of a row: cart still 2.680 rad/s."""
     support = mode.family.partition(":")[0].partition(",")[0]
-    return f"{support} {mode.omega:#.4g}".rstrip(".") + " rad/s"
+    return f"{support} {_frequency(mode)}"
+
+
+def _frequency(mode: Mode) -> str:
+    return f"{mode.omega:#.4g}".rstrip(".") + " rad/s"
 
 
 # -------------------------------------------------------------------------------------------- energies, phases

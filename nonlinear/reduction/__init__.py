@@ -18,6 +18,7 @@ from nonlinear.reduction.modal_coordinates import (
     start_in_mode,
 )
 from nonlinear.reduction.residual import residual_forces
+from nonlinear.reduction.starting import USUAL_DEG, first_that_swings, usual_start
 from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superpose
 from nonlinear.reduction.truncation import in_modes, simulate_truncated, survey_modes
 
@@ -25,11 +26,13 @@ __all__ = [
     "CORRECTED",
     "LARGEST",
     "LINEAR",
+    "USUAL_DEG",
     "ModalMotion",
     "Superposition",
     "along_rail",
     "defect_error",
     "deflection",
+    "first_that_swings",
     "in_modes",
     "modal_motion",
     "residual_forces",
@@ -38,4 +41,5 @@ __all__ = [
     "start_in_mode",
     "superpose",
     "survey_modes",
+    "usual_start",
 ]

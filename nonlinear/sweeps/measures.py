@@ -1,7 +1,8 @@
 """Measures: named quantities that a sweep computes at every point.
 
 The name of a quantity ends in its unit, `omega_1_rad_per_s`, unless it is dimensionless, `damping_ratio_1`.  Some are
-computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start.
+computed from the oscillating modes, Im λ ≠ 0, others from a run of some seconds from the scene's own start, or else,
+at every point, that of `nonlinear.reduction.usual_start`.
 
 All points of a sweep number their modes as in the table of the original scene, so that curves continue smoothly where
 dampers appear and where frequencies become equal: the k-th oscillating mode, counting copies, is the k-th there, and
@@ -29,6 +30,7 @@ from modal.types import Floats
 from nonlinear.ensembles import run_together
 from nonlinear.integration import Trajectory
 from nonlinear.postprocessing import extremes, last
+from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import ENDING, Phases, Survival, find_survival, phases_of
 
@@ -193,7 +195,7 @@ def run_of(scene: Scene, seconds: float) -> Trajectory:
 
 @lru_cache(maxsize=1)
 def _run_of(scene: Scene, seconds: float) -> Trajectory:
-    trajectory = simulate(scene, seconds)
+    trajectory = simulate(scene, seconds, start=usual_start(scene))
     if trajectory.run.interrupted:
         raise KeyboardInterrupt
     return trajectory

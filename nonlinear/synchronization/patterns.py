@@ -47,9 +47,14 @@ def agreement(state: RelativeEquilibrium) -> str:
 
 def _phases(eta: Complexes) -> str:
     phases = np.abs(apart(eta))
-    ahead = int(np.count_nonzero(phases <= NEAR))
     if len(phases) == 1:
         return "swings" if len(eta) == 1 else f"pendulum {int(np.abs(eta).argmax()) + 1} alone"
+    return _agreement(phases) + (f", {len(phases)} of {len(eta)} swing" if len(phases) < len(eta) else "")
+
+
+def _agreement(phases: Floats) -> str:
+    """Of two or more phases, rad from 0 to π."""
+    ahead = int(np.count_nonzero(phases <= NEAR))
     if ahead == len(phases):
         return "in phase"
     if np.all((phases <= NEAR) | (phases >= np.pi - NEAR)):

@@ -56,6 +56,7 @@ LOCATED = (
 )
 NUMBERED = "Modes have their numbers in the table; frequencies here are those without dampers."
 MOST_FREQUENCIES = 6
+MOST_LINES, MOST_UNSTABLE = 16, 8  # configurations in the table, and unstable ones where there are more
 
 
 def sync_text(found: SynchronizationStudy) -> str:
@@ -86,10 +87,25 @@ def _paragraph(title: str, sentences: Iterator[str]) -> str:
 def _table(theory: Theory) -> str:
     if not theory.configurations:
         return "none was found"
-    each = list(zip(theory.configurations, theory.orbits, strict=True))
-    rows = grid([_cells(one, orbit) for one, orbit in each], HEAD, "text")
+    each = _each(theory)
+    shown = _shown(theory)
+    rows = grid([_cells(*each[k]) for k in shown], HEAD, "text")
     notes = [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
+    if more := len(each) - len(shown):
+        notes.insert(0, f"{more} more, all unstable, are in the JSON form.")
     return "\n\n".join([rows, *(fill(note, line_width()) for note in notes)])
+
+
+def _each(theory: Theory) -> list[tuple[RelativeEquilibrium, Orbit | None]]:
+    return list(zip(theory.configurations, theory.orbits, strict=True))
+
+
+def _shown(theory: Theory) -> list[int]:
+    """The places of the configurations with a line: of many all that may last and the first of the others."""
+    lasting = [orbit.is_stable if orbit else one.is_stable for one, orbit in _each(theory)]
+    unstable = [k for k, lasts in enumerate(lasting) if lasts is False]
+    dropped = set(unstable[MOST_UNSTABLE:]) if len(lasting) > MOST_LINES else set()
+    return [k for k in range(len(lasting)) if k not in dropped]
 
 
 def _cells(one: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
@@ -153,6 +169,8 @@ def _simulation(found: SynchronizationStudy) -> Iterator[str]:
     yield from _survivor(found.survival) if found.survival else [f"No energies by modes: {found.unmeasured}."]
     if found.agrees is not None:
         yield "As predicted." if found.agrees else "This is not what was predicted."
+    elif found.survival and found.too_short:
+        yield "The run ends before the predicted time: it cannot tell whether the prediction is right."
     yield from _phases(found)
     yield from _energies(found)
 

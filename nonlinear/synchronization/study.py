@@ -64,10 +64,20 @@ class SynchronizationStudy(Displayed):
 
     @property
     def agrees(self) -> bool | None:
-        """Whether the predicted survivor is the simulated one; None where one of them is missing."""
+        """Whether the predicted survivor is the simulated one; None where one of them is missing, or the run too short.
+
+        It is too short where another mode leads and the predicted one has not locked by its end.
+        """
         if self.theory is None or self.survival is None or self.theory.prediction.motion.dies:
             return None
-        return self.theory.prediction.row + 1 == self.survival.survivor
+        same = self.theory.prediction.row + 1 == self.survival.survivor
+        return None if self.too_short and not same else same
+
+    @property
+    def too_short(self) -> bool:
+        """Whether the run ends before the predicted survivor has locked."""
+        locking = self.theory.prediction.locking_time() if self.theory else None
+        return locking is not None and float(self.trajectory.times[-1]) < locking
 
 
 def theory_of_scene(scene: Scene, start: State | None = None) -> Theory:

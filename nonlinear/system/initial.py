@@ -20,6 +20,11 @@ NO_START = (
 )
 
 
+def has_start(scene: Scene) -> bool:
+    """Whether a simulation knows where to begin: a pendulum has a start, or the support moves."""
+    return scene.is_moved or any(pendulum.start for pendulum in scene.pendulum)
+
+
 def initial_state(scene: Scene) -> State:
     """The initial state given in the scene file; pendula without a start are at rest in their equilibrium position.
 
@@ -32,7 +37,7 @@ def initial_state(scene: Scene) -> State:
     >>> state.links.shape, state.link_rates.tolist()
     ((2,), [0.0, 0.0])
     """
-    if not scene.is_moved and not any(pendulum.start for pendulum in scene.pendulum):
+    if not has_start(scene):
         raise SceneError([NO_START])
     rows = np.concatenate([np.tile(_of(pendulum), (pendulum.count, 1)) for pendulum in scene.pendulum])
     angles, rates, azimuths = np.deg2rad(rows).T

@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 import sweep_measures as own
 
-from modal import ComputationError, SceneError
+from modal import ComputationError, SceneError, load
+from modal.scene.parameters import vary
 from multipendula.commands.sweeps import sweep
+from nonlinear.reduction import usual_start
+from nonlinear.simulation import simulate
 from nonlinear.sweeps import MEASURES
 from nonlinear.sweeps import files as sweep_files
 
@@ -93,3 +96,32 @@ def test_a_sweep_without_a_number_says_why(tmp_path: Path, capsys: pytest.Captur
         sweep(options("support.mass=1:2:3", measure=["beat:9"], output=str(kept)))
     assert not capsys.readouterr().out
     assert not list(tmp_path.iterdir())
+
+
+def unstarted(folder: Path) -> str:
+    """A file of two unequal pendula on a cart, without a start."""
+    link = 'links = [{{ kind = "bob", mass = 0.15, length = {} }}]'
+    pendula = "".join(f"[[pendulum]]\n{link.format(length)}\n" for length in (0.25, 0.26))
+    path = folder / "scene.toml"
+    path.write_text(f'gravity = 9.81\nsupport = {{ kind = "cart", mass = 1.2 }}\n{pendula}', encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("count", [2, 5])
+def test_points_without_a_start_begin_in_their_first_mode_that_swings(
+    count: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One by one and side by side, as `simulate` does with the scene of each point; and a note says so."""
+    scene, kept = unstarted(tmp_path), tmp_path / "m.npz"
+    sweep(options(f"support.mass=1:9:{count}", scene=scene, measure=["amplitude:2"], output=str(kept)))
+    assert "begins in the shape of its first mode that swings, its largest angle 5°" in capsys.readouterr().err
+    found = sweep_files.load(kept)
+    for mass, travel in zip(found.study.variations[0].values, found.values("cart_travel_m"), strict=True):
+        point = vary(load(scene), {"support.mass": mass})
+        cart = simulate(point, 2.0, start=usual_start(point), output=2001).motion.cart
+        assert travel == pytest.approx(np.ptp(cart), rel=1e-4)
+
+
+def test_modes_need_no_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sweep(options("gravity=9,10", scene=unstarted(tmp_path), measure=["frequencies:1"]))
+    assert capsys.readouterr().err == ""

@@ -13,16 +13,20 @@ from seen import flaws
 from modal import load
 from modal.errors import SceneError
 from modal.scene import Bob, Cart, Pendulum, Scene, VanDerPol
+from modal.scene.parameters import vary
 from nonlinear import State, simulate
 from nonlinear.ensembles import (
     basins_table,
     find_basins,
     find_section,
     find_spread,
+    grid_of,
     section_table,
     spread_table,
 )
+from nonlinear.reduction import usual_start
 from nonlinear.synchronization import study_synchronization
+from nonlinear.synchronization.study import theory_of_scene, usual_duration
 
 CLOCKS = [f"pendulum[{p}].start.angles_deg[0]=-30:30:3" for p in range(2)]
 GRID = ["pendulum[0].start.angles_deg[0]=-170:170:8", "pendulum[0].start.angles_deg[1]=-170:170:8"]
@@ -176,3 +180,41 @@ def test_bands_in_space_are_of_angles_from_the_vertical() -> None:
     own = [find_spread(one, ["gravity=1%"], 0.5, members=6) for one in (flat, flat.replace(space="space"))]
     assert own[1].bands[1] == pytest.approx(np.abs(own[0].bands[1]), abs=1e-4)
     assert "widest" in spread_table(own[1], "text")
+
+
+METRONOMES = vary(load("metronomes"), {"support.mass": 0.12})
+UNSTARTED = METRONOMES.replace(pendulum=tuple(one.replace(start=None) for one in METRONOMES.pendulum))
+
+
+@pytest.mark.slow
+def test_starts_of_a_scene_without_one_run_as_long_as_sync_needs() -> None:
+    """Not as long as at rest, where nothing begins."""
+    grid = ["pendulum[0].start.angles_deg[0]=5,20", "pendulum[1].start.angles_deg[0]=10,15"]
+    found = find_basins(UNSTARTED, vary=grid, workers=1)
+    theory = theory_of_scene(UNSTARTED, usual_start(UNSTARTED))
+    assert found.ensemble.question.duration == usual_duration(UNSTARTED, theory)
+    assert np.all(found.values == 1)
+    assert f"each simulated for {found.ensemble.question.duration:.4g} s\n" in basins_table(found, "text")
+
+
+def test_members_without_a_start_begin_in_a_mode() -> None:
+    """Where no start is varied either: at rest nothing would move."""
+    grid = ["support.mass=0.1,0.2", "gravity=9.8,9.9"]
+    found = find_basins(UNSTARTED, 1.0, vary=grid, measure="largest_angle", workers=1)
+    begun = found.ensemble.question.members.states
+    assert begun is not None
+    assert np.degrees(np.abs(begun.links)).max(axis=1) == pytest.approx(5.0)
+    assert np.all(found.values > 4.9)
+    short = find_basins(UNSTARTED, 0.5, vary=grid, workers=1)
+    assert "none of these: at rest, still on the way" in basins_table(short, "text")
+
+
+def test_the_usual_grid_is_coarse_where_members_go_one_by_one() -> None:
+    assert [len(axis.values) for axis in grid_of(load("metronomes"))] == [64, 64]
+    assert [len(axis.values) for axis in grid_of(load("huygens"))] == [12, 12]
+
+
+def test_the_usual_energy_of_a_section_is_that_of_the_usual_start() -> None:
+    scene = Scene(gravity=9.81, pendulum=[Pendulum(links=[Bob(mass=0.15, length=0.25)] * 2)])
+    found = find_section(scene, 2.0, orbits=2, workers=1)
+    assert found.energy == pytest.approx(simulate(scene, 0.1, start=usual_start(scene)).mechanics.energy[0])

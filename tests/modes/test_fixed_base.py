@@ -153,8 +153,21 @@ def test_columns_are_chosen_by_name() -> None:
 def test_names_that_no_column_has_are_told_once(chosen: str, told: str) -> None:
     with pytest.raises(SceneError) as refused:
         keys("crane-hook", chosen)
-    assert [problem for problem in refused.value.problems if problem.startswith(f"columns {told}: must be all")]
+    assert [problem for problem in refused.value.problems if problem.startswith(f"columns {told}: no such column")]
     assert len(refused.value.problems) == len(set(refused.value.problems))
+
+
+def test_an_unknown_column_has_a_short_message() -> None:
+    """One line for each name; the names there are, folded, where none of them is near."""
+    with pytest.raises(SceneError) as caught:
+        keys("chain-2", "omega_rad_per_sec")
+    assert list(caught.value.problems) == ["columns omega_rad_per_sec: no such column (did you mean omega_rad_per_s?)"]
+    with pytest.raises(SceneError) as caught:
+        keys("chain-2", "zeta,foo")
+    first, second, *names = caught.value.problems
+    assert (first, second) == ("columns zeta: no such column", "columns foo: no such column")
+    assert " ".join(names).startswith("columns are all, mode, omega_rad_per_s, ")
+    assert max(map(len, names)) < 110
 
 
 def test_every_column_but_two_may_go_and_the_order_is_documented() -> None:

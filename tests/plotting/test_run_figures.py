@@ -17,7 +17,7 @@ from modal.errors import ComputationError
 from modal.plotting import headline
 from nonlinear.integration import Trajectory
 from nonlinear.plotting import draw_run
-from nonlinear.plotting.run import run_figure
+from nonlinear.plotting.run import POINTS, run_figure
 from nonlinear.postprocessing import power_spectrum
 from nonlinear.simulation import simulate
 from nonlinear.system import state_at_rest
@@ -109,6 +109,26 @@ def test_crowds_standstill_and_few_samples_can_be_drawn() -> None:
         stream = BytesIO()
         draw_run(run("chain-2", **options), stream, kind="svg")
         assert b"<svg" in stream.getvalue()
+
+
+@pytest.mark.slow
+def test_of_a_large_crowd_one_may_swing_almost_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where no modes are marked, the spectrum reaches as far as those that swing."""
+    monkeypatch.setattr("nonlinear.plotting.run.MOST_MODES", 1)
+    one, other = (Pendulum(links=(Bob(mass=1e-6, length=length),)) for length in (1.0, 1.3))
+    pair = Scene(gravity=9.81, support=Cart(mass=1e6), pendulum=(one, other))
+    figure = run_figure(simulate(pair, 8.0, start=state_at_rest(pair, [0, 10]), method="DOP853"))
+    assert 2.7 < panel(figure, "Spectrum").get_xlim()[1] < 20
+
+
+@pytest.mark.slow
+def test_a_hundred_swings_have_no_corners() -> None:
+    """The portrait has points between the samples, however many pendula there are."""
+    crowd = Scene(gravity=9.81, pendulum=(Pendulum(links=(Bob(mass=1, length=0.1),), count=100),))
+    run = simulate(crowd, 20.0, start=state_at_rest(crowd, [30]), method="DOP853")
+    assert len(run.times) * 100 > 20_000
+    (line,) = panel(run_figure(run), "Phase portraits").lines
+    assert len(line.get_xdata()) == POINTS
 
 
 def test_a_single_instant_is_refused() -> None:

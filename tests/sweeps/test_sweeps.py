@@ -117,6 +117,13 @@ def test_bad_variations_are_refused(text: str, words: str) -> None:
         validate_variations(PAPER, parse_variations([text]))
 
 
+def test_a_start_that_no_pendulum_has_cannot_be_varied() -> None:
+    with pytest.raises(SceneError, match=r"is not a number of this scene: its file gives no pendulum a `start`"):
+        validate_variations(load("rope"), parse_variations(["pendulum[0].start.angles_deg[0]=1:2:3"]))
+    with pytest.raises(SceneError, match="did you mean"):
+        validate_variations(PAPER, parse_variations(["pendulum[0].start.angle_deg[0]=1:2:3"]))
+
+
 def test_all_mistakes_are_named_at_once() -> None:
     with pytest.raises(SceneError) as caught:
         parse_variations(["support.mass=1:2:0", "gravity=x", "gravity=1"])

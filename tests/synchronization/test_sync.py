@@ -149,6 +149,37 @@ def test_a_start_that_leaves_by_itself_is_its_own_judge() -> None:
     np.testing.assert_array_equal(said.start.links, start.links)
 
 
+@pytest.mark.slow
+def test_a_run_that_ends_before_the_predicted_time_proves_nothing() -> None:
+    """Metronomes nearly in antiphase, which they leave later."""
+    scene = floquet.metronomes(11.0).scene
+    found = study_synchronization(scene, 2.0, start=state_at_rest(scene, (21.0, -19.0)), tolerance=1e-7)
+    assert found.theory
+    assert found.survival
+    assert (found.theory.prediction.row, found.survival.survivor) == (2, 2)
+    assert found.agrees is None
+    text = " ".join(sync_text(found).split())
+    assert "it cannot tell whether the prediction is right" in text
+    assert "not what was predicted" not in text
+
+
+def test_of_many_steady_motions_all_that_last_have_a_line() -> None:
+    """And the first of the others; the JSON form has all."""
+    theory = pair().theory
+    assert theory
+    unstable = next(one for one in relative_equilibria(average(floquet.metronomes(11.0).scene)) if not one.is_stable)
+    few, many = ((unstable,) * count + theory.configurations for count in (5, 40))
+    for given, shown in ((few, 7), (many, 10)):
+        found = replace(pair(), theory=replace(theory, configurations=given))
+        assert found.theory
+        found.theory.__dict__["orbits"] = (None,) * len(given)
+        table = sync_text(found).partition("\n\n")[2].partition("\n\n")[0].splitlines()
+        assert len(table) == 3 + shown
+        assert sum(", e-folding" in line and " stable" in line for line in table) == 2
+        assert ("32 more, all unstable, are in the JSON form." in sync_text(found)) == (given is many)
+        assert len(sync_record(found)["configurations"]) == len(given)
+
+
 def test_what_does_not_excite_itself_has_no_prediction() -> None:
     found = study_synchronization(clocks(10.0, 4.0, drive=None), 60.0)
     assert found.theory is None

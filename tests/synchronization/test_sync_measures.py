@@ -332,7 +332,7 @@ def test_what_survives_between_two_clocks_is_what_their_angles_show(start: tuple
 @pytest.mark.slow
 def test_measures_of_a_sweep(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, runs = bobs(1.0, 1.0, angles=(5.0, -3.0), drive=DRIVE), []
-    monkeypatch.setattr(measures, "simulate", lambda *given: runs.append(given) or simulate(*given))
+    monkeypatch.setattr(measures, "simulate", lambda *given, **more: runs.append(given) or simulate(*given, **more))
     run = simulate(scene, 90.0)
     numbers: dict[str, float] = {}
     for measure in SYNC:

@@ -1,0 +1,45 @@
+"""The start of a scene that has none of its own: the first mode that swings, at a small angle."""
+
+from __future__ import annotations
+
+from math import radians
+
+import numpy as np
+
+from modal.errors import SceneError
+from modal.modes import UNCERTAIN, table_numbers
+from modal.scene import Scene
+from nonlinear.integration import modes_of
+from nonlinear.reduction.modal_coordinates import start_in_mode
+from nonlinear.system import State, has_start, initial_state, of_plane
+
+USUAL_DEG = 5.0
+"""The largest angle of any link."""
+
+
+def first_that_swings(scene: Scene, *, undamped: bool = False) -> int:
+    """The number in the table of the first mode that swings; SceneError if there is none.
+
+    `undamped` asks for one that swings without the dampers.
+    """
+    modes = modes_of(scene.conservative if undamped else scene)
+    swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN)
+    numbers = table_numbers(scene)[swings] if undamped else 1 + np.flatnonzero(swings)
+    if not numbers.size:
+        raise SceneError(["no pendulum has a start, and no mode swings"])
+    return int(numbers.min())
+
+
+def usual_start(scene: Scene) -> State:
+    """The start given in the scene file, or else the first mode that swings with a largest angle of USUAL_DEG.
+
+    >>> from math import degrees
+    >>> from modal import load
+    >>> from nonlinear.reduction import usual_start
+    >>> float(round(degrees(abs(usual_start(load("rope")).links).max()), 9))
+    5.0
+    """
+    if has_start(scene):
+        return initial_state(scene)
+    state = start_in_mode(scene, modes_of(scene), first_that_swings(scene) - 1, 0, radians(USUAL_DEG))
+    return state if scene.space == "plane" else of_plane(state)
