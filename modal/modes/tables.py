@@ -175,7 +175,8 @@ def _text(
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
     body = _formatted("github", columns, cells, [column.heading for column in columns])
-    return "\n".join([f"**{markdown(title_of(modes.scene))}**", "", body, *(f"\n{note}" for note in notes)]) + "\n"
+    below = (f"\n{markdown(note)}" for note in notes)
+    return "\n".join([f"**{markdown(title_of(modes.scene))}**", "", body, *below]) + "\n"
 
 
 def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:

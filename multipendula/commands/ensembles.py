@@ -9,7 +9,7 @@ from math import prod
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.runs import start_of
+from multipendula.commands.runs import ELSEWHERE, start_of
 from multipendula.commands.shared import bar, draw_in, estimate_of, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
@@ -96,7 +96,7 @@ def spread(options: argparse.Namespace) -> None:
         more["estimate"] = estimate_of(scene, options.covariance)
         if more["estimate"] is None and not options.tolerance:
             raise SceneError(["spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"])
-        start = start_of(scene, None) if options.duration else None
+        start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
         found = find_spread(
             scene, options.tolerance or (), options.duration, members=members, seed=seed, start=start, **more
         )

@@ -128,12 +128,18 @@ def _unstarted(options: argparse.Namespace) -> None:
         raise SceneError(["--start: a saved run continues from its last state"])
 
 
-def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False) -> State | None:
+ELSEWHERE = "another one: start = { angles_deg = [...] } in an entry of the file"
+"""How a scene gets a start where a command has no --start."""
+
+
+def start_of(
+    scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False, elsewhere: str = ""
+) -> State | None:
     """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
 
     Without words a scene that has no start gets the first mode that swings; a note to standard error says so, unless
-    that has been `told`.  `undamped` selects the shape without dampers; R is the number in the table of the scene even
-    then.
+    that has been `told`, and what to do `elsewhere` where a command has no --start.  `undamped` selects the shape
+    without dampers; R is the number in the table of the scene even then.
     """
     from modal.errors import SceneError
     from nonlinear.system import initial as starts
@@ -143,7 +149,7 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: b
         number, _, degrees = words.removeprefix("mode:").partition(":")
         note = f"the scene has no start: it begins in the shape of mode {number}, its largest angle {degrees}°"
         if not told:
-            print(f"multipendula: {note} (--start {words})", file=sys.stderr)
+            print(f"multipendula: {note} ({elsewhere or f'--start {words}'})", file=sys.stderr)
     if words is None or words == "scene":
         return None
     kind, _, rest = words.partition(":")

@@ -109,6 +109,8 @@ def test_other_formats(capsys: pytest.CaptureFixture[str]) -> None:
     assert r"$\omega$ (rad/s)" in latex
     markdown = printed(capsys, "table", "chain-3", "--format", "markdown").splitlines()
     assert [line.count("|") for line in markdown if line.startswith("|")] == [10] * 5
+    notes = printed(capsys, "table", "paper-cart-2", "--format", "markdown").splitlines()
+    assert any(line.startswith(r"\* near a 1:1") for line in notes)
     assert "ω (rad/s)" in printed(capsys, "table", "chain-3")
 
 
