@@ -114,6 +114,19 @@ def test_other_formats(capsys: pytest.CaptureFixture[str]) -> None:
     assert "ω (rad/s)" in printed(capsys, "table", "chain-3")
 
 
+def test_the_name_of_a_file_chooses_the_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for ending, form in {"tex": "latex", "md": "markdown", "html": "html", "csv": "csv", "json": "json"}.items():
+        path = tmp_path / f"table.{ending}"
+        assert printed(capsys, "table", "chain-3", "-o", str(path)) == ""
+        assert path.read_text() == printed(capsys, "table", "chain-3", "--format", form)
+    path = tmp_path / "table.txt"
+    printed(capsys, "table", "chain-3", "-o", str(path), "--format", "csv")
+    assert path.read_text().startswith("mode,omega_rad_per_s")
+    printed(capsys, "derive", "chain:1", "-o", str(tmp_path / "chain.tex"))
+    assert (tmp_path / "chain.tex").read_text().startswith(r"\section*{")
+    assert "the name must end in .html\n" in refused(capsys, 2, "play", "chain-3", "-o", str(tmp_path / "page.htm"))
+
+
 @pytest.mark.parametrize(
     ("modes", "numbers"), [("2", [2]), ("2:3", [2, 3]), (":2", [1, 2]), ("4:", [4, 5]), ("4:99", [4, 5])]
 )
