@@ -113,7 +113,7 @@ def _shape_record(modes: Modes, number: int, copy: int) -> dict[str, Any]:
     cart = [shape.cart.real, shape.cart.imag] if isinstance(shape.cart, complex) else shape.cart
     return {
         "direction": "across the rail" if shape.across else "along the rail",
-        "cart_m": cart,
+        "cart_m": cart if isinstance(cart, list) else cart + 0.0,  # no −0
         "angles_rad": angles,
         "modal_mass_kg_m2": shape.modal_mass,
         "participation_factor_per_m": finite(shape.participation_factor),
