@@ -119,6 +119,7 @@ def test_the_name_of_a_file_chooses_the_format(capsys: pytest.CaptureFixture[str
         path = tmp_path / f"table.{ending}"
         assert printed(capsys, "table", "chain-3", "-o", str(path)) == ""
         assert path.read_text() == printed(capsys, "table", "chain-3", "--format", form)
+    assert "-0.0," not in printed(capsys, "table", "chain-unequal", "--format", "json", "--shapes")
     path = tmp_path / "table.txt"
     printed(capsys, "table", "chain-3", "-o", str(path), "--format", "csv")
     assert path.read_text().startswith("mode,omega_rad_per_s")
