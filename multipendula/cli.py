@@ -191,10 +191,17 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
 
 @contextmanager
 def _reported(options: argparse.Namespace) -> Iterator[None]:
-    """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text."""
+    """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text.
+
+    Of a command that writes text alone, the name sets the format, unless --format does.
+    """
     place = next((action.dest for action in options.page._actions if "-o" in action.option_strings), "")
     name = getattr(options, place, None) or ""
-    form = options.page.reports.get(os.path.splitext(name)[1].lower())
+    ending = os.path.splitext(name)[1].lower()
+    form = options.page.reports.get(ending)
+    asked = any(word[:3] == "--f" and "--format".startswith(word.partition("=")[0]) for word in options.page.given)
+    if ending in options.page.texts and not asked:
+        options.format = options.page.texts[ending]
     if form is None:
         yield
         return

@@ -15,7 +15,7 @@ PICTURES = ("png", "svg", "pdf")
 FILMS = ("gif", "mp4", "html")
 RUNS = ("npz", "csv")
 REPORTS = ("text", "markdown", "csv", "json")
-TEXTS = {"text": "txt", "markdown": "md", "csv": "csv", "json": "json"}
+TEXTS = {"text": "txt", "markdown": "md", "latex": "tex", "csv": "csv", "html": "html", "json": "json"}
 """The ending of a file for each format of text."""
 
 # ----------------------------------------------------------------------------------------------- arguments
@@ -91,6 +91,7 @@ def add_accuracy(page: Page, words: str, **more: Any) -> None:
 def add_format(page: Page, formats: Sequence[str], **more: Any) -> None:
     """The format of the output."""
     page.written.add_argument("--format", choices=formats, default=formats[0], **more)
+    page.formats = tuple(formats)
 
 
 def add_covariance(page: Page, words: str) -> None:
@@ -115,8 +116,10 @@ def add_file(page: Page, *flags: str, words: str = "{}", kinds: Sequence[str] = 
 
 
 def add_text(page: Page) -> None:
-    """A file for the text output."""
+    """A file for the text output, in the format that its name ends in."""
+    page.texts = {f".{TEXTS[form]}": form for form in page.formats}
     words = "write to this file instead of standard output (-)"
+    words += ", in the format that its name ends in" if page.texts else ""
     offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), completion.files(()))
 
 

@@ -57,6 +57,9 @@ class Modes(Displayed, Eigenvalues, Sequence[Mode]):
             chosen = range(len(self))[index]
         except IndexError:
             raise IndexError(self._no_index(index)) from None
+        except TypeError:
+            words = f"modes[{index!r}]: modes have indices from 0; columns are attributes, such as modes.omega"
+            raise TypeError(words) from None
         return list(self.rows(chosen)) if isinstance(chosen, range) else next(self.rows([chosen]))
 
     def _no_index(self, index: object) -> str:

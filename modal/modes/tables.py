@@ -116,7 +116,7 @@ def _shape_record(modes: Modes, row: Mode, copy: int) -> dict[str, Any]:
     cart = [shape.cart.real, shape.cart.imag] if isinstance(shape.cart, complex) else shape.cart
     return {
         "direction": "across the rail" if shape.across else "along the rail",
-        "cart_m": cart,
+        "cart_m": cart if isinstance(cart, list) else cart + 0.0,  # no −0
         "angles_rad": angles,
         "modal_mass_kg_m2": shape.modal_mass,
         "participation_factor_per_m": finite(shape.participation_factor),
@@ -177,7 +177,8 @@ def _text(
 
 def _markdown(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:
     body = _formatted("github", columns, cells, [column.heading for column in columns])
-    return "\n".join([f"**{markdown(title_of(modes.scene))}**", "", body, *(f"\n{note}" for note in notes)]) + "\n"
+    below = (f"\n{markdown(note)}" for note in notes)
+    return "\n".join([f"**{markdown(title_of(modes.scene))}**", "", body, *below]) + "\n"
 
 
 def _latex(modes: Modes, columns: Sequence[Column], cells: list[list[str]], notes: list[str]) -> str:

@@ -21,7 +21,7 @@ from modal.plotting.style import any_letters
 from modal.report import html
 
 CHOICE = """<style>
-.in-dark { display: none; }
+body img.in-dark { display: none; }
 @media not print {
   body:is([data-theme="dark"], [data-jp-theme-light="false"], .vscode-dark) .in-light { display: none; }
   body:is([data-theme="dark"], [data-jp-theme-light="false"], .vscode-dark) .in-dark { display: block; }
@@ -31,7 +31,11 @@ CHOICE = """<style>
   }
 }
 </style>"""
-"""Which of two pictures is seen: as the page says (the manual, JupyterLab, VS Code), else the light one."""
+"""Which of two pictures is seen: as the page says (the manual, JupyterLab, VS Code), else the light one.
+
+JupyterLab, and pages made from its notebooks, have the rule `.jp-RenderedHTMLCommon > img { display: block; }`, which a
+class alone does not override.
+"""
 SHOWN = '<img class="{where}" src="data:image/{form};base64,{data}" alt="{words}" style="max-width:100%">'
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import sympy as sp
 
@@ -60,7 +61,7 @@ def _lagrangian(system: SymbolicSystem) -> Section:
     lines = [Line("kinetic energy in θ and φ" if system.spatial else "kinetic energy", equal(sp.Symbol("T"), T))]
     if system.spatial:
         lines.insert(0, Line("kinetic energy with unit vectors u_i", equal(sp.Symbol("T"), in_vectors(system))))
-    lines.append(Line("potential energy", equal(sp.Symbol("V"), sp.expand(found.V))))
+    lines.append(Line("potential energy", equal(sp.Symbol("V"), _gathered(found.V))))
     if found.R != 0:
         lines.append(Line("dissipation function", equal(sp.Symbol("R"), found.R)))
     lines.append(Line("Lagrangian", equal(sp.Symbol("L"), sp.Symbol("T") - sp.Symbol("V"))))
@@ -70,6 +71,12 @@ def _lagrangian(system: SymbolicSystem) -> Section:
             Line("T equals the kinetic energy from the Cartesian velocities of all masses: checked term by term")
         )
     return Section("Lagrangian", lines)
+
+
+def _gathered(V: Any) -> Any:
+    """A potential energy with one term for each cosine, its coefficient factored."""
+    expanded = sp.expand(V)
+    return sp.collect(expanded, sorted(expanded.atoms(sp.cos), key=str), sp.factor)
 
 
 def _has_joints(system: SymbolicSystem) -> bool:
@@ -143,7 +150,7 @@ def target(
     """
     unknown = [word for word in chosen if word not in SYMBOLIC]
     if unknown:
-        raise SceneError([f"{word}: must be one of {', '.join(SYMBOLIC)}" for word in unknown])
+        raise SceneError([f"symbolic {word}: must be one of {', '.join(SYMBOLIC)}" for word in unknown])
     found = _TARGET.fullmatch(name)
     if not found:
         if ways or kind != KINDS[0]:

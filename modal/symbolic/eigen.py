@@ -60,7 +60,10 @@ def eigen_polynomials(system: SymbolicSystem, scene: Scene | None) -> list[Eigen
     if links > (MOST_LINKS if len(_own_symbols(system)) <= 2 else MOST_SYMBOLIC_LINKS):
         return f"{links} links: too long to write out (modal.exact has no such limit for numbers)"
     if scene is not None and numbers and not scene.has_damping:
-        return [Eigen(factor.label, factor.multiplicity, factor.polynomial) for factor in of_scene(scene)]
+        alone = not system.cart and len(system.chains) == 1 and not system.spatial
+        return [
+            Eigen("" if alone else factor.label, factor.multiplicity, factor.polynomial) for factor in of_scene(scene)
+        ]
     if not _is_plain(system):
         return _determinant(system)
     if (
@@ -230,12 +233,23 @@ def _in_symbols(eigen: Eigen) -> Iterator[Line]:
         if polynomial.degree() >= CLOSED:
             yield Line(f"{_named(eigen)}degree {polynomial.degree()}: no useful closed form; use numbers")
             continue
-        for square in sp.roots(polynomial):
-            simple = sp.simplify(square)
+        for square in _roots(polynomial):
+            simple = min(sp.simplify(square), sp.factor_terms(square), key=sp.count_ops)
             if simple.is_negative:
                 yield Line(f"{_named(eigen)}{times}growth rate σ", equal(sp.Symbol("sigma") ** 2, -simple))
             else:
                 yield Line(f"{_named(eigen)}{times}natural frequency", equal(omega**2, simple))
+
+
+def _roots(polynomial: Any) -> list[Any]:
+    """Roots of degree 1 or 2, with the discriminant as a product where that is shorter than the sum it expands to."""
+    if polynomial.degree() < 2:
+        return list(sp.roots(polynomial))
+    a, b, c = map(sp.factor, polynomial.all_coeffs())
+    shared = sp.gcd(b**2, a * c)
+    short = sp.factor(sp.cancel(b**2 / shared)) - 4 * sp.factor(sp.cancel(a * c / shared))
+    root = min(sp.sqrt(sp.factor(b**2 - 4 * a * c)), sp.sqrt(sp.factor(shared)) * sp.sqrt(short), key=sp.count_ops)
+    return [(-b - root) / (2 * a), (-b + root) / (2 * a)]
 
 
 def _damped(eigen: Eigen) -> Iterator[Line]:

@@ -199,7 +199,8 @@ def _links(n: int, kind: str, symbolic: tuple[str, ...], sigma: tuple[int, ...])
 def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
     """A scene with its decimals as exact fractions, or as symbols for the quantities in `symbolic` (of SYMBOLIC).
 
-    Raises SceneError above MOST_LINKS links, and for dry friction and drag.
+    Copies of a pendulum share their symbols; those of several pendula begin with the number of the first copy.  Raises
+    SceneError above MOST_LINKS links, and for dry friction and drag.
     """
     refuse_motion(scene, "a derivation")
     if scene.n_links > MOST_LINKS:
@@ -210,15 +211,16 @@ def of_scene(scene: Scene, symbolic: tuple[str, ...] = ()) -> SymbolicSystem:
         raise SceneError(["damping_ratio: has no exact matrix; derivations take dampers of the cart and the joints"])
     if found := unsupported(scene, "is not derived in symbols", "friction", "drag", "quadratic_drag"):
         raise SceneError(found)
-    several = scene.n_pendula > 1
-    copies = [pendulum for pendulum in scene.pendulum for _ in range(pendulum.count)]
-    chains = tuple(_chain_of(pendulum, f"{p}_" if several else "", symbolic) for p, pendulum in enumerate(copies, 1))
+    chains: list[Chain] = []
+    for pendulum in scene.pendulum:
+        prefix = f"{len(chains) + 1}_" if len(scene.pendulum) > 1 else ""
+        chains += [_chain_of(pendulum, prefix, symbolic)] * pendulum.count
     support = None
     if isinstance(scene.support, Cart):
         mass = _symbol("m_c") if "cart" in symbolic else _rational(scene.support.mass)
         support = SymbolicCart(mass, _rational(scene.support.damping), _rational(scene.support.stiffness))
     gravity = _gravity() if "gravity" in symbolic else _rational(scene.gravity)
-    return SymbolicSystem(title_of(scene), gravity, chains, support, scene.space == "space")
+    return SymbolicSystem(title_of(scene), gravity, tuple(chains), support, scene.space == "space")
 
 
 def _chain_of(pendulum: Pendulum, prefix: str, symbolic: tuple[str, ...]) -> Chain:

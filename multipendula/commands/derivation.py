@@ -45,11 +45,12 @@ def _derive_arguments(page: Page) -> None:
     )
     offer(target, scenes((".toml",), TARGETS))
     symbols = ("masses", "lengths", "gravity", "cart")
-    words = f"quantities to keep as symbols, one for each link: {','.join(symbols)}"
+    words = f"quantities to keep as symbols, one for each link, shared by copies: {','.join(symbols)}"
     add_words(page.asked, "--symbolic", symbols, metavar="WORDS", help=words)
     sections = ("lagrangian", "equations", "matrices", "polynomial", "modes")
     add_words(page.written, "--show", sections, metavar="WORDS", help=f"only these sections: {','.join(sections)}")
     page.rephrase(r"choose polynomial and modes alone$", "choose --show polynomial,modes")
+    page.rephrase(r"^symbolic(?= )", "--symbolic")
     page.rephrase(r"a kind of link and an equilibrium are", "--links and --equilibrium are")
     page.asked.add_argument(
         "--links", choices=("bob", "rod"), default="bob", help="kind of the links of chain: and cart:"

@@ -9,7 +9,7 @@ from math import prod
 from typing import TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.runs import start_of, tell_of_start
+from multipendula.commands.runs import ELSEWHERE, start_of, tell_of_start
 from multipendula.commands.shared import bar, draw_in, estimate_of, in_a_folder, picture, say
 from multipendula.completion import places
 from multipendula.options import (
@@ -71,7 +71,7 @@ def section(options: argparse.Namespace) -> None:
     with _engine(options, orbits) as more:
         found = find_section(scene, options.duration, energy=options.energy, at=options.at, orbits=orbits, **more)
     if options.energy is None and not has_start(scene):
-        tell_of_start("its energy is that of the first mode that swings", " (--energy chooses another)")
+        tell_of_start("its energy is that of the first mode that swings", "--energy chooses another")
     say(section_table(found, options.format), options.format)
     draw_in(options, options.output, "nonlinear.plotting", "draw_section", found)
 
@@ -101,7 +101,7 @@ def spread(options: argparse.Namespace) -> None:
         more["estimate"] = estimate_of(scene, options.covariance)
         if more["estimate"] is None and not options.tolerance:
             raise SceneError(["spread needs --tolerance PLACE=WIDTH or --covariance FIT.json"])
-        start = start_of(scene, None) if options.duration else None
+        start = start_of(scene, None, elsewhere=ELSEWHERE) if options.duration else None
         found = find_spread(
             scene, options.tolerance or (), options.duration, members=members, seed=seed, start=start, **more
         )

@@ -127,12 +127,18 @@ def _unstarted(options: argparse.Namespace) -> None:
         raise SceneError(["--start: a saved run continues from its last state"])
 
 
-def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False) -> State | None:
+ELSEWHERE = "another one: start = { angles_deg = [...] } in an entry of the file"
+"""How a scene gets a start where a command has no --start."""
+
+
+def start_of(
+    scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False, elsewhere: str = ""
+) -> State | None:
     """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
 
     Without words a scene that has no start gets the first mode that swings; a note to standard error says so, unless
-    that has been `told`.  `undamped` selects the shape without dampers; R is the number in the table of the scene even
-    then.
+    that has been `told`, and what to do `elsewhere` where a command has no --start.  `undamped` selects the shape
+    without dampers; R is the number in the table of the scene even then.
     """
     from modal.errors import SceneError
     from nonlinear.system import has_start
@@ -142,7 +148,7 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: b
         words = _usual_start(scene, undamped=undamped)
         number, _, _ = words.removeprefix("mode:").partition(":")
         if not told:
-            tell_of_start(f"it begins in the shape of mode {number}", f" (--start {words})")
+            tell_of_start(f"it begins in the shape of mode {number}", elsewhere or f"--start {words}")
     if words is None or words == "scene":
         return None
     kind, _, rest = words.partition(":")
@@ -166,7 +172,7 @@ def tell_of_start(where: str, how: str = "") -> None:
     from nonlinear.reduction import USUAL_DEG
 
     note = f"the scene has no start: {where}, its largest angle {USUAL_DEG:g}°"
-    print(f"multipendula: {note}{how}", file=sys.stderr)
+    print(f"multipendula: {note}{f' ({how})' if how else ''}", file=sys.stderr)
 
 
 def _usual_start(scene: Scene, *, undamped: bool) -> str:

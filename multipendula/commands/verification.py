@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import IO, TYPE_CHECKING, Any
 
 from multipendula.command import Command
-from multipendula.commands.runs import recorded, start_of, whole
+from multipendula.commands.runs import ELSEWHERE, recorded, start_of, whole
 from multipendula.commands.shared import bar, chosen, drawn, in_a_folder, picture, say
 from multipendula.options import (
     REPORTS,
@@ -141,7 +141,7 @@ def _exponent(options: argparse.Namespace) -> Drawn:
     scene = load(_scene(options))
     duration = options.duration or usual_duration(scene)
     with bar((1 + TRANSIENT) * duration) as report:
-        members, start = options.ensemble or 16, start_of(scene, None)
+        members, start = options.ensemble or 16, start_of(scene, None, elsewhere=ELSEWHERE)
         found = lyapunov_exponent(scene, duration, ensemble=members, start=start, report=report)
 
     def draw(stream: IO[bytes], kind: str) -> None:
@@ -290,8 +290,9 @@ COMMANDS = (
         arguments=_chaos_arguments,
         details=(
             "The largest Lyapunov exponent with its uncertainty, from tangent vectors along an ensemble of starts, or "
-            "an upper bound if it is indistinguishable from zero. paper:000 and paper:001 test the claims of two "
-            "papers."
+            "an upper bound if it is indistinguishable from zero. The first start is the scene's own, the others are "
+            "within 0.1 degrees of it: for chaos give the scene large angles. paper:000 and paper:001 test the claims "
+            "of two papers."
         ),
         examples=(
             ("chaos chain-2 --duration 10 --ensemble 4", "a quick estimate for a double pendulum"),

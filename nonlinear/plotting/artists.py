@@ -73,14 +73,14 @@ class Scenery:
 
     @property
     def moving(self) -> list[Artist]:
-        """What a frame draws anew, and the axis' own lines over it."""
+        """What a frame draws anew, and over it the axis' own lines, if it shows any."""
         cart = [self.cart.box, *self.cart.circles] if self.cart else []
         beam = self.ceiling.moving if self.ceiling else []
         return [
             *cart,
             *beam,
             *chain.from_iterable(player.moving for player in self.players),
-            *self.axis.spines.values(),
+            *(self.axis.spines.values() if self.axis.axison else ()),
         ]
 
     def show(self, frame: int) -> None:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from modal.plotting import QUIET, WIDE, WIDTH, colour, headline, muted, save, sheet
+from modal.plotting import QUIET, WIDE, WIDTH, colour, headline, legend, muted, save, sheet
 from modal.scene import Scene, title_of
 from nonlinear.chaos import Case, Exponent, Finding
 
@@ -44,7 +44,7 @@ def exponent_figure(exponent: Exponent) -> Figure:
     low, high = float(min(late.min(), 0.0)), float(max(late.max(), 2 * exponent.floor))
     axis.set(xlim=(0, since[-1]), ylim=(low - 0.05 * (high - low), high * 1.08))
     axis.set(xlabel="averaging time T (s)", ylabel="growth of a small error, λ(T) (1/s)")
-    axis.legend(loc="upper right")
+    legend(axis, columns=2)
     headline(figure, title_of(exponent.scene), "the largest Lyapunov exponent")
     return figure
 

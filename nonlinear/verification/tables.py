@@ -6,7 +6,7 @@ from math import degrees, isfinite, isinf
 from typing import Any
 
 from modal.modes.friction import stop_words
-from modal.report import NOTHING, as_csv, as_json, digits, finite, grid, titled
+from modal.report import NOTHING, as_csv, as_json, digits, finite, grid, markdown, titled
 from modal.scene import describe, title_of
 from nonlinear.verification.measurement import Measurement
 from nonlinear.verification.modes import FARTHEST, Check, ModeCheck
@@ -32,7 +32,7 @@ def check_table(found: Check, form: str) -> str:
     parts = [
         grid([_mode_cells(row) for row in found.rows], MODES, form),
         grid([_run_cells(row, run) for row in found.rows for run in row.measurements], RUNS, form),
-        "\n".join(_notes(found)),
+        "\n\n".join(map(markdown, _notes(found))) if form == "markdown" else "\n".join(_notes(found)),
     ]
     return titled(title_of(found.scene), "the table of modes against the full motion", parts, form)
 

@@ -109,7 +109,27 @@ def test_other_formats(capsys: pytest.CaptureFixture[str]) -> None:
     assert r"$\omega$ (rad/s)" in latex
     markdown = printed(capsys, "table", "chain-3", "--format", "markdown").splitlines()
     assert [line.count("|") for line in markdown if line.startswith("|")] == [10] * 5
+    notes = printed(capsys, "table", "paper-cart-2", "--format", "markdown").splitlines()
+    assert any(line.startswith(r"\* near a 1:1") for line in notes)
     assert "ω (rad/s)" in printed(capsys, "table", "chain-3")
+
+
+def test_the_name_of_a_file_chooses_the_format(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    for ending, form in {"tex": "latex", "md": "markdown", "html": "html", "csv": "csv", "json": "json"}.items():
+        path = tmp_path / f"table.{ending}"
+        assert printed(capsys, "table", "chain-3", "-o", str(path)) == ""
+        assert path.read_text() == printed(capsys, "table", "chain-3", "--format", form)
+    assert "-0.0," not in printed(capsys, "table", "chain-unequal", "--format", "json", "--shapes")
+    path = tmp_path / "table.txt"
+    printed(capsys, "table", "chain-3", "-o", str(path), "--format", "csv")
+    assert path.read_text().startswith("mode,omega_rad_per_s")
+    path = tmp_path / "table.csv"
+    for words in (("--format", "text"), ("--format=text",)):
+        printed(capsys, "table", "chain-3", "-o", str(path), *words)
+        assert path.read_text().startswith("Chain of 3")
+    printed(capsys, "derive", "chain:1", "-o", str(tmp_path / "chain.tex"))
+    assert (tmp_path / "chain.tex").read_text().startswith(r"\section*{")
+    assert "the name must end in .html\n" in refused(capsys, 2, "play", "chain-3", "-o", str(tmp_path / "page.htm"))
 
 
 @pytest.mark.parametrize(

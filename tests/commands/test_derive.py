@@ -11,7 +11,7 @@ import pytest
 import sympy as sp
 from test_cli import printed, refused
 
-from modal import load, natural_modes
+from modal import Bob, Cart, Pendulum, Scene, dump, load, natural_modes
 from modal.symbolic import coordinate, line_breaks, plain, typeset
 from modal.symbolic.papers import CORRECTED, PRINTED, RIGHT, catalogue
 
@@ -185,6 +185,40 @@ def test_a_scene_in_symbols(capsys: pytest.CaptureFixture[str]) -> None:
     assert "m_1 + m_2 + m_c" in text
 
 
+def test_the_double_pendulum_in_symbols_is_short(capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(capsys, "derive", "chain:2", "--symbolic", "masses,lengths", "--show", "lagrangian,modes")
+    assert "V = -g l_1 (m_1 + m_2) cos(θ1) - g l_2 m_2 cos(θ2)" in text
+    numbers = {"g": 9.81, "m_1": 0.3, "m_2": 0.1, "l_1": 0.4, "l_2": 0.25}
+    squares = []
+    for line in text.splitlines():
+        if "ω^2 = " in line:
+            formula = re.sub(r"(?<=[\w)]) (?=[\w(])", "*", line.partition(" = ")[2]).replace("^", "**")
+            assert len(formula) < 130
+            squares.append(float(sp.sympify(formula, locals={name: sp.Symbol(name) for name in numbers}).subs(numbers)))
+    bobs = [Bob(mass=0.3, length=0.4), Bob(mass=0.1, length=0.25)]
+    assert squares == pytest.approx(natural_modes(Scene(gravity=9.81, pendulum=[Pendulum(links=bobs)])).omega ** 2)
+
+
+def test_copies_share_their_symbols(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path = tmp_path / "copies.toml"
+    twins = Pendulum(links=[Bob(mass=0.2, length=0.5)], count=2)
+    symbols = ("--symbolic", "masses,lengths,gravity,cart", "--show", "modes")
+    dump(Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[twins]), path)
+    text = printed(capsys, "derive", str(path), *symbols)
+    assert "the cart moves; natural frequency:  ω^2 = g (2 m_1 + m_c)/(l_1 m_c)" in text
+    assert "the cart stays still; natural frequency:  ω^2 = g/l_1" in text
+    other = Pendulum(links=[Bob(mass=0.2, length=0.6)])
+    dump(Scene(gravity=9.81, support=Cart(mass=2.0), pendulum=[twins, other]), path)
+    text = printed(capsys, "derive", str(path), *symbols[:2], "--show", "matrices")
+    assert "2 m_1_1 + m_3_1 + m_c" in text
+
+
+def test_a_single_pendulum_needs_no_number(capsys: pytest.CaptureFixture[str]) -> None:
+    text = printed(capsys, "derive", "chain-unequal", "--show", "polynomial,modes")
+    assert "in x = ω² (rad²/s²)" in text
+    assert "pendulum 1" not in text
+
+
 @pytest.mark.slow
 def test_a_thousand_bobs(capsys: pytest.CaptureFixture[str]) -> None:
     text = printed(capsys, "derive", "chain:1000", "--show", "polynomial,modes")
@@ -220,7 +254,7 @@ def test_the_papers_as_printed_and_as_corrected(capsys: pytest.CaptureFixture[st
         (("chain:50",), "for at most 40; choose --show polynomial,modes"),
         (("chain:2x2",), "chain:2x2: "),
         (("paper:003",), "must be one of paper:000, paper:001, paper:002"),
-        (("chain:2", "--symbolic", "colours"), "colours: must be one of masses, lengths, gravity, cart"),
+        (("chain:2", "--symbolic", "colours"), "--symbolic colours: must be one of masses, lengths, gravity, cart"),
         (("chain:2", "--show", "all"), "--show all: must be one of"),
         (("chain:2", "--equilibrium", "up"), "must be 2 of down and up"),
         (("no-such-scene",), "no such file"),

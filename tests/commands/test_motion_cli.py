@@ -142,6 +142,12 @@ def test_check_and_chaos_print_tables_and_draw(tmp_path: Path, capsys: pytest.Ca
     assert run("chaos", "paper-cart-1", "--duration", "8", "--ensemble", "4", "-o", str(tmp_path / "b.png")) == 0
     assert "4 starts over" in capsys.readouterr().out
     assert all((tmp_path / name).stat().st_size > 10_000 for name in ("a.png", "b.png"))
+    path = tmp_path / "still.toml"
+    path.write_text('gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "bob", mass = 1.0, length = 1.0, count = 2 }]\n')
+    assert run("chaos", str(path), "--duration", "8", "--ensemble", "4") == 0
+    note = capsys.readouterr().err
+    assert "start = { angles_deg = [...] }" in note
+    assert "--start" not in note
 
 
 @contextmanager

@@ -631,6 +631,8 @@ def test_an_index_that_is_not_there_says_which_are() -> None:
         modes[9]
     with pytest.raises(IndexError, match=r"mode 5 of the table is modes\[4\]"):
         modes[5]
+    with pytest.raises(TypeError, match=r"columns are attributes, such as modes\.omega"):
+        modes["omega"]  # type: ignore[call-overload]
     assert modes[-1].number == len(modes[:]) == 5
 
 

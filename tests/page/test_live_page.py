@@ -242,11 +242,16 @@ def test_full_screen_keeps_the_table(shown: Chromium) -> None:
     turned = (
         "once = () => new Promise((done) => addEventListener('fullscreenchange', done, { once: true, capture: true }))"
     )
+    small = shown.run("parseFloat(getComputedStyle(rows).fontSize)")
     shown.run(f"{turned}; window.entered = once(); 0")
     shown.call("Runtime.evaluate", expression="wide.click()", userGesture=True)
     shown.run("entered.then(() => 0)")
     assert shown.run("document.fullscreenElement.contains(rows) && document.fullscreenElement.contains(scene)")
     assert text(shown, "wide") == "Leave full screen"
+    shown.size(1920, 1080)
+    assert shown.run("parseFloat(getComputedStyle(rows).fontSize)") > 1.3 * small
+    assert shown.run("theatre.getBoundingClientRect().bottom") < 1080
+    shown.size(1280, 900)
     shown.run("window.left = once(); document.exitFullscreen().then(() => left).then(() => 0)")
     assert text(shown, "wide") == "Full screen"
 

@@ -177,6 +177,13 @@ def scenes() -> dict[str, Trajectory]:
     }
 
 
+@pytest.mark.parametrize("support", [{}, {"support": Cart(mass=1.0)}])
+def test_a_film_shows_the_lines_of_its_axis_with_a_rail_only(support: dict[str, Any]) -> None:
+    trajectory = simulate(single(**support), 0.5)
+    scenery = Film(trajectory, np.linspace(0, 0.5, 3), 10.0, 1.0).scenery
+    assert set(scenery.axis.spines.values()).isdisjoint(scenery.moving) == (not support)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "case", ["cart", "space", "crowd", "single", "standstill", "overhung", "drifting", "metronomes"]

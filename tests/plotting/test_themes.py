@@ -140,10 +140,11 @@ def test_a_page_shows_the_one_of_its_theme(tmp_path: Path) -> None:
         ('data-jp-theme-light="false"', False): "in-dark",
         ('class="vscode-dark"', False): "in-dark",
     }
+    jupyter = "<style>.cell > img { display: block; }</style>"
     with Chromium(clockwork=False) as browser:
         for (said, dark), expected in cases.items():
             page = tmp_path / "page.html"
-            page.write_text(f"<!doctype html><body {said}>{fragment}</body>", encoding="utf-8")
+            page.write_text(f"<!doctype html>{jupyter}<body {said}><div class=cell>{fragment}</div>", encoding="utf-8")
             browser.size(600, 400, dark=dark)
             browser.open(page)
             seen = "[...document.images].filter((one) => one.offsetWidth > 0).map((one) => one.className)"

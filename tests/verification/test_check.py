@@ -190,7 +190,10 @@ def test_tables(paper: Check) -> None:
     text = check_table(paper, "text")
     assert "7.20947810" in text
     assert "rigid translation" in text
-    assert check_table(paper, "markdown").startswith("**Two double pendula")
+    markdown = check_table(paper, "markdown")
+    assert markdown.startswith("**Two double pendula")
+    assert "\n\n\\* near a 1:1" in markdown
+    assert "\n\norbit: " in markdown
     rows = list(csv.DictReader(io.StringIO(check_table(paper, "csv"))))
     assert [row["mode"] for row in rows] == ["2"] * 3 + ["5"] * 3
     whole = json.loads(check_table(paper, "json"))

@@ -187,9 +187,10 @@ export function drawStrip(ink, width, height, { rows, now, span, rest, colours, 
   const shown = rows.filter(([time]) => time >= now - span);
   const values = shown.map(([, angle]) => degrees(angle - rest));
   const most = niceCeiling(Math.max(5, ...values.map(Math.abs)));
-  const [left, bottom] = [46, height - 20];
-  const at = (time, value) => [left + ((time - now + span) / span) * (width - left - 8), 8 + ((bottom - 8) * (1 - value / most)) / 2];
-  ink.font = "12px system-ui, sans-serif";
+  const size = 0.75 * parseFloat(getComputedStyle(document.documentElement).fontSize);
+  const [left, top, bottom] = [3.8 * size, 0.7 * size, height - 1.7 * size];
+  const at = (time, value) => [left + ((time - now + span) / span) * (width - left - 8), top + ((bottom - top) * (1 - value / most)) / 2];
+  ink.font = `${size}px system-ui, sans-serif`;
   ink.fillStyle = colours.muted;
   ink.strokeStyle = colours.grid;
   ink.lineWidth = 1;
@@ -206,11 +207,11 @@ export function drawStrip(ink, width, height, { rows, now, span, rest, colours, 
   ink.textAlign = "center";
   for (let time = Math.ceil(Math.max(0, now - span) / 2) * 2; time <= now; time += 2) {
     const [x] = at(time, 0);
-    if (x > left + 8 && x < width - 22) ink.fillText(`${time} s`, x, height - 8);
+    if (x > left + 8 && x < width - 2 * size) ink.fillText(`${time} s`, x, height - 0.7 * size);
   }
   ink.save();
   ink.beginPath();
-  ink.rect(left, 6, width - left - 8, bottom - 4);
+  ink.rect(left, top - 2, width - left - 8, bottom - top + 4);
   ink.clip();
   const curve = (column, dash, stroke, thick) => {
     ink.setLineDash(dash);
