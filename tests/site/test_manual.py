@@ -25,7 +25,7 @@ DOCS = ROOT / "docs"
 PICTURES = DOCS / "pictures"
 """A source distribution is without them."""
 BUILT = ("_build", "lessons")
-FENCE = re.compile(r"^(```+|:::+)(?!\{(?:include|image|figure|toctree|grid))\S*.*?^\1$", re.DOTALL | re.MULTILINE)
+FENCE = re.compile(r"^ *(`{3,})[^\n]*\n.*?^ *\1 *$", re.DOTALL | re.MULTILINE)
 
 
 def pages() -> list[Path]:
