@@ -323,4 +323,4 @@ def test_a_scene_in_which_nothing_swings_needs_a_start(folder: Path, capsys: pyt
 )
 def test_so_do_other_commands(call: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(call.split()) == 0
-    assert "--start mode:2:5" in capsys.readouterr().err
+    assert "mode 2, its largest angle 5°" in capsys.readouterr().err
