@@ -48,6 +48,7 @@ export class ModeTable {
     words.textContent = row.words;
     button.setAttribute("aria-pressed", String(chosen));
     line.classList.toggle("chosen", chosen);
+    line.classList.toggle("grows", manner === "grows");
     const values = [
       swings ? digits(row.omega / (2 * Math.PI), 5) : manner === "shifts" ? "0" : manner,
       swings ? digits((2 * Math.PI) / row.omega, 5) : manner === "grows" ? `×e in ${digits(1 / row.omega, 3)}` : "–",
