@@ -174,8 +174,11 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     from modal.report import fitted
     from modal.scene import STANDARD
 
-    files = [action for action in options.page._actions if action.metavar == "FILE"]
-    to_output = [max(action.option_strings, key=len) for action in files if vars(options)[action.dest] == STANDARD]
+    files = [action for action in options.page._actions if action.metavar == "FILE" and action.option_strings]
+    named = [(_long(action), vars(options)[action.dest]) for action in files]
+    if unnamed := [option for option, name in named if name == ""]:
+        raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
+    to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
         raise SceneError([f"{', '.join(to_output)}: at most one of them can be - (standard output)"])
     if options.quiet and getattr(options, "explain", False):
@@ -189,12 +192,23 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
         yield
 
 
+def _long(action: argparse.Action) -> str:
+    """The first long name of an option, the later ones being former names."""
+    return next(option for option in action.option_strings if option.startswith("--"))
+
+
 @contextmanager
 def _reported(options: argparse.Namespace) -> Iterator[None]:
-    """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text."""
+    """Write the text to the file of -o instead, where a name that could be a figure's ends in a format of text.
+
+    Where only text is written, the name chooses its format, unless --format does.
+    """
     place = next((action.dest for action in options.page._actions if "-o" in action.option_strings), "")
     name = getattr(options, place, None) or ""
-    form = options.page.reports.get(os.path.splitext(name)[1].lower())
+    ending = os.path.splitext(name)[1].lower()
+    if options.page.texts and options.format == "text":
+        options.format = options.page.texts.get(ending, "text")
+    form = options.page.reports.get(ending)
     if form is None:
         yield
         return

@@ -43,6 +43,7 @@ class Page(argparse.ArgumentParser):
         self.given: list[str] = []
         self.phrases: list[tuple[str, str]] = []
         self.reports: dict[str, str] = {}
+        self.texts: dict[str, str] = {}
         self.asked = self.add_argument_group("arguments")
         self.motion = self.add_argument_group("motion")
         self.computed = self.add_argument_group("computation")

@@ -248,7 +248,7 @@ def _asked(modes: Modes, chosen: str, every: Sequence[Column]) -> set[str]:
     if chosen == EVERY:
         return {column.key for column in there}
     found, problems = set[str](), []
-    for name in (word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
+    for name in dict.fromkeys(word.strip() for word in chosen.removeprefix("+").split(",") if chosen):
         own = {column.key for column in there if name in {column.key, column.heading}}
         begun = [column for column in there if name and column.key.startswith(name)]
         own = own or {column.key for column in begun if column.only_if(modes)} or {column.key for column in begun}

@@ -166,7 +166,7 @@ def kind_of(path: str | os.PathLike[str], kinds: Sequence[str], before: str = ""
     kind = kinds[0] if name == STANDARD else os.path.splitext(name)[1].removeprefix(".").lower()
     if kind not in kinds:
         endings = [f".{one}" for one in kinds]
-        words = f"the name must end in {', '.join(endings[:-1])} or {endings[-1]}"
+        words = f"the name must end in {' or '.join(filter(None, [', '.join(endings[:-1]), endings[-1]]))}"
         raise SceneError([f"{before}{name}: {words}"])
     return kind
 

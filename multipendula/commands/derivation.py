@@ -57,7 +57,7 @@ def _derive_arguments(page: Page) -> None:
     words = "equilibrium of the links of chain: and cart:"
     add_words(page.asked, "--equilibrium", ("down", "up"), metavar="down,up", help=words)
     add_format(page, ("text", "latex", "markdown"))
-    add_text(page)
+    add_text(page, ("text", "latex", "markdown"))
 
 
 def enclose(options: argparse.Namespace) -> None:

@@ -78,7 +78,7 @@ def _table_arguments(page: Page) -> None:
     add_scene(page)
     add_covariance(page, "adds standard deviations")
     add_format(page, ("text", "markdown", "latex", "csv", "html", "json"))
-    add_text(page)
+    add_text(page, ("text", "markdown", "latex", "csv", "html", "json"))
     add_modes(page)
     page.computed.add_argument(
         "--accuracy",
@@ -171,7 +171,7 @@ def matrices(options: argparse.Namespace) -> None:
 def _matrices_arguments(page: Page) -> None:
     add_scene(page)
     add_format(page, ("text", "json"))
-    add_text(page)
+    add_text(page, ("text", "json"))
 
 
 def _modes(options: argparse.Namespace, accuracy: float | None = None) -> tuple[Modes, Sequence[int]]:

@@ -131,9 +131,9 @@ def _unstarted(options: argparse.Namespace) -> None:
 def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: bool = False) -> State | None:
     """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
 
-    Without words a scene that has no start gets the first mode that swings; a note to standard error says so, unless
-    that has been `told`.  `undamped` selects the shape without dampers; R is the number in the table of the scene even
-    then.
+    Without words a scene that has no start gets the first mode that swings along the rail; a note to standard error
+    says so, unless that has been `told`.  `undamped` selects the shape without dampers; R is the number in the table of
+    the scene even then.
     """
     from modal.errors import SceneError
     from nonlinear.system import initial as starts
@@ -163,7 +163,7 @@ def start_of(scene: Scene, words: str | None, *, undamped: bool = False, told: b
 
 
 def _usual_start(scene: Scene, *, undamped: bool) -> str:
-    """The first mode that swings, at a small angle; SceneError if there is none."""
+    """The first mode that swings along the rail, at a small angle; SceneError if there is none."""
     import numpy as np
 
     from modal.errors import SceneError
@@ -171,7 +171,8 @@ def _usual_start(scene: Scene, *, undamped: bool) -> str:
     from nonlinear.integration import modes_of
 
     modes = modes_of(scene.conservative if undamped else scene)
-    swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN)
+    along = np.array([any(part.along for part in parts) for parts in modes.spectrum.groups])
+    swings = (modes.eigenvalue.imag > 0) & (modes.error < UNCERTAIN) & along
     numbers = table_numbers(scene)[swings] if undamped else 1 + np.flatnonzero(swings)
     if not numbers.size:
         raise SceneError(["no pendulum has a start, and no mode swings: give --start angles:10,20,... in degrees"])
@@ -218,7 +219,9 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
             raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, which does not oscillate"])
         scene, row = scene.conservative, int(found[0])
         modes = modes_of(scene)
-    state = start_in_mode(scene, modes, row, 0, radians(degrees))
+    copies = range(int(modes.multiplicity[row]))
+    copy = next((copy for copy in copies if not modes.shape(row, copy).across), 0)
+    state = start_in_mode(scene, modes, row, copy, radians(degrees))
     return state if scene.space == "plane" else of_plane(state)
 
 

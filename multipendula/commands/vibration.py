@@ -74,7 +74,7 @@ def _add_written(page: Page) -> None:
     words = f"angles,tip_accelerations (default), {', '.join(OUTPUTS[2:])}"
     add_words(page.asked, "--signals", OUTPUTS, metavar="WORDS", help=words)
     add_format(page, ("text", "csv", "json"))
-    add_text(page)
+    add_text(page, ("text", "csv", "json"))
     add_picture(page, "--picture")
 
 
