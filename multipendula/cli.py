@@ -174,8 +174,11 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
     from modal.report import fitted
     from modal.scene import STANDARD
 
-    files = [action for action in options.page._actions if action.metavar == "FILE"]
-    to_output = [max(action.option_strings, key=len) for action in files if vars(options)[action.dest] == STANDARD]
+    files = [action for action in options.page._actions if action.metavar == "FILE" and action.option_strings]
+    named = [(_long(action), vars(options)[action.dest]) for action in files]
+    if unnamed := [option for option, name in named if name == ""]:
+        raise SceneError([f"{option}: the name of the file is empty" for option in unnamed])
+    to_output = [option for option, name in named if name == STANDARD]
     if len(to_output) > 1:
         raise SceneError([f"{', '.join(to_output)}: at most one of them can be - (standard output)"])
     if options.quiet and getattr(options, "explain", False):
@@ -187,6 +190,11 @@ def _channels(options: argparse.Namespace) -> Iterator[None]:
         for note in getattr(options, "former", ()):
             print(f"multipendula: {note}", file=sys.stderr)
         yield
+
+
+def _long(action: argparse.Action) -> str:
+    """The first long name of an option, the later ones being former names."""
+    return next(option for option in action.option_strings if option.startswith("--"))
 
 
 @contextmanager

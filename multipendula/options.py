@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,7 +13,8 @@ from multipendula.completion import Completer
 from multipendula.parser import Page
 
 PICTURES = ("png", "svg", "pdf")
-FILMS = ("gif", "mp4", "html")
+MOVING = ("gif", "mp4")
+FILMS = (*MOVING, "html")
 RUNS = ("npz", "csv")
 REPORTS = ("text", "markdown", "csv", "json")
 TEXTS = {"text": "txt", "markdown": "md", "latex": "tex", "csv": "csv", "html": "html", "json": "json"}
@@ -116,11 +118,12 @@ def add_file(page: Page, *flags: str, words: str = "{}", kinds: Sequence[str] = 
 
 
 def add_text(page: Page) -> None:
-    """A file for the text output, in the format that its name ends in."""
+    """A file for the text output, in the format that its name ends in where --format does not choose."""
     page.texts = {f".{TEXTS[form]}": form for form in page.formats}
     words = "write to this file instead of standard output (-)"
-    words += ", in the format that its name ends in" if page.texts else ""
-    offer(page.written.add_argument("--output", "-o", metavar="FILE", help=words), completion.files(()))
+    told = f", by its ending ({', '.join(page.texts)}) in the format" if page.texts else ""
+    action = page.written.add_argument("--output", "-o", metavar="FILE", help=words + told, type=file_of_text)
+    offer(action, completion.files(tuple(page.texts)))
 
 
 def add_quiet(page: Page) -> None:
@@ -180,6 +183,13 @@ def endings(kinds: Sequence[str]) -> tuple[str, ...]:
 
 
 # ---------------------------------------------------------------------------------------------- converters
+
+
+def file_of_text(name: str) -> str:
+    """The name of a file of text; no picture's or film's, which would not show what its name says."""
+    if os.path.splitext(name)[1].lower() in endings((*PICTURES, *MOVING)):
+        raise argparse.ArgumentTypeError(f"{name}: this command writes text")
+    return name
 
 
 def number(words: str, most: float = sys.float_info.max, least: float = 0.0) -> Callable[[str], float]:

@@ -253,6 +253,22 @@ def _details(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Accelerance:
+    """Σ φ_x² over all finite modes (1/kg), `found` at its first use; unlike a closure it can be pickled."""
+
+    found: Callable[[], float]
+
+    @cached_property
+    def value(self) -> float:
+        """The number."""
+        return self.found()
+
+    def __call__(self) -> float:
+        """The number."""
+        return self.value
+
+
 def bare_accelerance(blocks: tuple[Block, ...], cart: CartNumbers) -> float:
     """Σ φ_x² over all finite modes (1/kg): (M⁻¹)_xx = 1/α, or γ/β² where M is singular (see `at_infinity`)."""
     alpha, beta, gamma = (float(sum(map(np.sum, parts))) for parts in zip(*map(at_infinity, blocks), strict=True))

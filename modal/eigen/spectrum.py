@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property, partial
 from itertools import pairwise, repeat
 
 import numpy as np
@@ -21,7 +21,7 @@ from modal.eigen.chains import EVERYTHING, SEEDS, CartProblem, Limits, is_singul
 from modal.eigen.coupled import Counted, CoupledPendula
 from modal.eigen.degenerate import Still, degenerate_modes
 from modal.eigen.matrix_source import FromMatrices
-from modal.eigen.sources import Alone, Details, Rigid, Source, Together, bare_accelerance
+from modal.eigen.sources import Accelerance, Alone, Details, Rigid, Source, Together, bare_accelerance
 from modal.eigen.sprung_chains import SprungProblem
 from modal.errors import ComputationError
 from modal.types import Booleans, Floats, Ints
@@ -135,7 +135,11 @@ def _sprung(matrices: FromMatrices) -> Source:
     many = cart is not None and sum(block.mass.size for block in blocks) > MOST_LINKS_TOGETHER
     if matrices.is_damped or matrices.is_singular or many:
         return matrices
-    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), lambda: matrices.bare_accelerance)
+    return Together(blocks, matrices.counts, SprungProblem(blocks, cart), partial(_accelerance_of, matrices))
+
+
+def _accelerance_of(matrices: FromMatrices) -> float:
+    return matrices.bare_accelerance
 
 
 def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], ratio: RatioAt | None, limits: Limits) -> Iterator[Batch]:
@@ -143,7 +147,7 @@ def _on_cart(rig: Rig, cart: CartNumbers, alone: list[Alone], ratio: RatioAt | N
     counts = tuple(block.count for block in rig.blocks)
     special = _needs_more(rig)
     matrices = FromMatrices(heavy, counts, cart, ratio)
-    accelerance = cache(lambda: matrices.bare_accelerance if special else bare_accelerance(heavy, cart))
+    accelerance = Accelerance(partial(_accelerance_of, matrices) if special else partial(bare_accelerance, heavy, cart))
     if cart.stiffness == 0:
         dragged = cart.damping > 0 or any(block.drag.any() for block in rig.blocks)
         yield _moving(Rigid(rig.blocks, rig.total_mass, accelerance, dragged))

@@ -136,9 +136,9 @@ def start_of(
 ) -> State | None:
     """None for the file's own start, else a mode's shape, a periodic orbit, or angles at rest, as these words say.
 
-    Without words a scene that has no start gets the first mode that swings; a note to standard error says so, unless
-    that has been `told`, and what to do `elsewhere` where a command has no --start.  `undamped` selects the shape
-    without dampers; R is the number in the table of the scene even then.
+    Without words a scene that has no start gets the first mode that swings along the rail; a note to standard error
+    says so, unless that has been `told`, and what to do `elsewhere` where a command has no --start.  `undamped` selects
+    the shape without dampers; R is the number in the table of the scene even then.
     """
     from modal.errors import SceneError
     from nonlinear.system import has_start
@@ -176,7 +176,7 @@ def tell_of_start(where: str, how: str = "") -> None:
 
 
 def _usual_start(scene: Scene, *, undamped: bool) -> str:
-    """The words for the first mode that swings, at a small angle; SceneError if there is none."""
+    """The words for the first mode that swings along the rail, at a small angle; SceneError if there is none."""
     from modal.errors import SceneError
     from nonlinear.reduction import USUAL_DEG, first_that_swings
 
@@ -210,7 +210,7 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
     from modal.errors import SceneError
     from modal.modes import table_numbers
     from nonlinear.integration import modes_of
-    from nonlinear.reduction import start_in_mode
+    from nonlinear.reduction import copy_along, start_in_mode
     from nonlinear.system import of_plane
 
     modes = modes_of(scene)
@@ -227,7 +227,7 @@ def _in_mode(scene: Scene, number: int, degrees: float, *, undamped: bool) -> St
             raise SceneError([f"--start mode:{number}: is a mode of the dampers alone, which does not oscillate"])
         scene, row = scene.conservative, int(found[0])
         modes = modes_of(scene)
-    state = start_in_mode(scene, modes, row, 0, radians(degrees))
+    state = start_in_mode(scene, modes, row, copy_along(modes, row), radians(degrees))
     return state if scene.space == "plane" else of_plane(state)
 
 

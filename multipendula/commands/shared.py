@@ -69,13 +69,15 @@ def film_form(name: str, option: str = "-o") -> str:
 
 
 def in_a_folder(path: str | None, option: str = "-o") -> None:
-    """SceneError if the folder of an output file does not exist, before anything is computed."""
+    """SceneError if the folder of an output file does not exist or it is one, before anything is computed."""
     from pathlib import Path
 
     from modal.errors import SceneError
 
     if path and not Path(path).absolute().parent.is_dir():
         raise SceneError([f"{option} {path}: there is no folder {Path(path).parent}"])
+    if path and Path(path).is_dir():
+        raise SceneError([f"{option} {path}: is a folder"])
 
 
 def validated(options: argparse.Namespace, image: str | None, fitting: Callable[[], None]) -> Scene:

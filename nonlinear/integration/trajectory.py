@@ -61,7 +61,7 @@ class Trajectory(Displayed):
     """A scene's motion at `times` (T,) in s, the events on the way, and how it was computed.
 
     `kicks` are those of escapements, `friction` tells what dry friction did; `driven` tells whether anything acted from
-    outside, `equations` holds the equations of a run made in this process.
+    outside, `equations` holds the equations of a run made in this process, which files and pickles leave out.
 
     >>> from modal import load
     >>> from nonlinear import simulate
@@ -82,6 +82,12 @@ class Trajectory(Displayed):
     equations: Equations | None = field(default=None, repr=False)
 
     plant = former("Trajectory", "plant", "system")
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "equations": None}
+
+    def __copy__(self) -> Trajectory:
+        return replace(self)
 
     @cached_property
     def mechanics(self) -> Mechanics:

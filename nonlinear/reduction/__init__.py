@@ -18,7 +18,7 @@ from nonlinear.reduction.modal_coordinates import (
     start_in_mode,
 )
 from nonlinear.reduction.residual import residual_forces
-from nonlinear.reduction.starting import USUAL_DEG, first_that_swings, usual_start
+from nonlinear.reduction.starting import USUAL_DEG, copy_along, first_that_swings, usual_start
 from nonlinear.reduction.superposition import CORRECTED, LINEAR, Superposition, superpose
 from nonlinear.reduction.truncation import in_modes, simulate_truncated, survey_modes
 
@@ -30,6 +30,7 @@ __all__ = [
     "ModalMotion",
     "Superposition",
     "along_rail",
+    "copy_along",
     "defect_error",
     "deflection",
     "first_that_swings",

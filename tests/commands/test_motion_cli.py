@@ -54,6 +54,22 @@ def test_starts(words: str, largest: float, tmp_path: Path) -> None:
     assert abs(first).max() == pytest.approx(largest, rel=1e-12)
 
 
+@pytest.mark.parametrize(("lengths", "mode"), [((1.0, 1.4), 3), ((1.0, 1.0), 2)])
+def test_a_scene_in_space_without_a_start_begins_along_the_rail(
+    lengths: tuple[float, float], mode: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first mode that swings, or the first shape of it, may move across the rail."""
+    pendula = [f'[[pendulum]]\nlinks = [{{ kind = "bob", mass = {1 + k}, length = {lengths[k]} }}]' for k in range(2)]
+    support = '[support]\nkind = "cart"\nmass = 2'
+    scene, kept = tmp_path / "scene.toml", tmp_path / "run.npz"
+    scene.write_text("\n".join(['gravity = 9.81\nspace = "space"', support, *pendula]), encoding="utf-8")
+    assert run("simulate", str(scene), "--duration", "0.1", "-o", str(kept)) == 0
+    assert f"begins in the shape of mode {mode}, its largest angle 5°" in capsys.readouterr().err
+    first = recordings.load(kept).motion.links[0]
+    assert np.degrees(np.arcsin(np.abs(first[:, 0]))).max() == pytest.approx(5.0)
+    assert np.abs(first[:, 1]).max() == 0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "message"),

@@ -147,6 +147,10 @@ def test_every_text_goes_to_a_file_or_to_standard_output(call: str, printed: Pri
         ("explain crane-hook", "json", "json"),
         ("mac chain-2 measured.csv", "csv", "csv"),
         ("hoist hoisting-crane --samples 3", "csv", "csv"),
+        ("table crane-hook", "csv", "csv"),
+        ("table crane-hook", "latex", "tex"),
+        ("matrices crane-hook", "json", "json"),
+        ("vibration small.toml --psd psd.csv", "csv", "csv"),
     ],
 )
 def test_the_ending_of_a_file_chooses_text_or_figure(
@@ -168,6 +172,36 @@ def test_a_wrong_ending_is_told_with_all_that_are_right(folder: Path, capsys: py
     assert main(["sync", "clock.toml", "-o", "r.csv"]) == 2
     assert "-o r.csv: needs --vary" in capsys.readouterr().err
     assert not list(folder.glob("r.*"))
+
+
+def test_a_format_wins_over_the_ending_of_a_file_of_text(printed: Printed, folder: Path) -> None:
+    printed("table crane-hook --format latex -o t.csv", None)
+    assert (folder / "t.csv").read_text(encoding="utf-8").startswith("%")
+
+
+@pytest.mark.parametrize("command", ["table", "scenes", "enclose"])
+def test_text_goes_in_no_picture(command: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main([command, "crane-hook", "-o", "t.png"])
+    assert "t.png: this command writes text" in capsys.readouterr().err
+    assert not list(folder.glob("t.png"))
+
+
+@pytest.mark.parametrize("command", BASES)
+def test_a_file_has_a_name(command: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    base = BASES[command].partition(" -o ")[0]
+    before = set(folder.iterdir())
+    assert main([command, *base.split(), "-o", ""]) == 2
+    assert "--output: the name of the file is empty" in capsys.readouterr().err
+    assert set(folder.iterdir()) == before
+
+
+def test_a_folder_is_no_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "run.npz").mkdir()
+    for call in ("simulate chain-2", "sweep chain-2 --vary gravity=1:2:2"):
+        assert main([*call.split(), "-o", "run.npz"]) == 2
+        assert "-o run.npz: is a folder" in capsys.readouterr().err
+    assert not list(folder.glob("*.journal"))
 
 
 # ------------------------------------------------------------------------------------------------ hostile titles

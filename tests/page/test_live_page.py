@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +70,52 @@ def test_the_table_shows_the_modes(shown: Chromium) -> None:
         assert float(row[4].rstrip("*")) == pytest.approx(mode.linear_to_1_percent_deg, rel=1e-2)
         assert row[4].endswith("*") == bool(mode.resonances)
     assert float(rows[1][3]) == pytest.approx(2 * np.pi / (modes.omega[2] - modes.omega[1]), rel=1e-3)
+    assert shown.errors == []
+
+
+LIGHT_CART = """gravity = 9.81
+[support]
+kind = "cart"
+mass = 2
+[[pendulum]]
+links = [{ kind = "bob", mass = 1, length = 1 }]
+[[pendulum]]
+links = [{ kind = "bob", mass = 1, length = 1.5 }]
+"""
+
+
+def test_a_motion_too_fast_to_follow_does_not_freeze_the_page(browser: Chromium, tmp_path: Path) -> None:
+    """A bob of 1e12 kg shakes its cart a million times a second: a frame ends with its milliseconds."""
+    browser.errors.clear()
+    browser.open(written(parse(LIGHT_CART.encode()), tmp_path))
+    browser.run("(() => { let asked = 0; performance.now = () => ++asked; })()")
+    enter(browser, "Mass", 1e12)
+    browser.click("kick")
+    browser.frames(10)
+    assert text(browser, "time") == "0.00 s"
+    assert not browser.run("document.getElementById('behind').hidden")
+    assert browser.errors == []
+
+
+def test_a_link_to_a_scene_beyond_double_precision_shows_the_page_s_own(shown: Chromium, tmp_path: Path) -> None:
+    scene = {"gravity": 9.81, "support": {"kind": "cart", "mass": 1e-300, "stiffness": 1e300}}
+    scene |= {"pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
+    state = b64encode(json.dumps({"scene": scene}).encode()).decode().rstrip("=")
+    shown.open(written(load("paper-cart-2"), tmp_path), f"#{state}")
+    assert len(cells(shown)) == 5
+    assert "holds no scene" in text(shown, "status")
+    assert shown.errors == []
+
+
+def test_a_drive_that_nothing_can_follow_stops_the_motion(shown: Chromium, tmp_path: Path) -> None:
+    scene = {"gravity": 9.81, "support": {"kind": "cart", "mass": 2.0}}
+    scene |= {"pendulum": [{"links": [{"kind": "bob", "mass": 1.0, "length": 1.0}]}]}
+    state = {"scene": scene, "drive": {"on": True, "amount": 1e300, "frequency": 1e300}}
+    packed = b64encode(json.dumps(state).encode()).decode().rstrip("=")
+    shown.open(written(load("paper-cart-2"), tmp_path), f"#{packed}")
+    shown.click("play")
+    shown.frames(20)
+    assert "too fast" in text(shown, "status")
     assert shown.errors == []
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
+from copy import copy, deepcopy
 from functools import cache
 from typing import Any
 
@@ -121,6 +123,33 @@ def test_a_result_shows_itself(name: str) -> None:
         assert len({len(values) for values in columns.values()}) == 1
     if hasattr(found, "plot"):
         assert isinstance(found.plot(), Figure)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in RESULTS]
+)
+def test_a_result_can_be_copied_and_pickled(name: str) -> None:
+    found = RESULTS[name]()
+    for other in (copy(found), deepcopy(found), pickle.loads(pickle.dumps(found))):
+        assert type(other) is type(found)
+        assert repr(other) == repr(found)
+
+
+@pytest.mark.parametrize(
+    "name", ["rope", "crane-hook", "paper-cart-2", "crane-two-loads", "cart-upright", "chain-spatial"]
+)
+def test_modes_can_be_pickled(name: str) -> None:
+    modes = natural_modes(modal.load(name), modes=slice(0, 4))
+    same = pickle.loads(pickle.dumps(modes))
+    assert same.table("csv") == modes.table("csv")
+
+
+def test_a_pickled_run_leaves_its_equations() -> None:
+    run = run_of()
+    assert copy(run).equations is run.equations is not None
+    same = pickle.loads(pickle.dumps(run))
+    assert same.equations is None
+    np.testing.assert_array_equal(same.motion.links, run.motion.links)
 
 
 def test_a_fit_shows_its_numbers() -> None:

@@ -20,9 +20,8 @@ const element = (id) => document.getElementById(id);
 function begin() {
   const given = JSON.parse(element("data").textContent);
   const word = location.hash.slice(1);
-  const held = word && word !== "swing" ? unpacked(word) : null;
-  const player = new Player(held?.scene ?? given.scene, !held && given.recording ? new Recording(given.recording) : null);
-  if (held) restore(player, held);
+  const held = word && word !== "swing" ? linked(word) : null;
+  const player = held ?? new Player(given.scene, given.recording ? new Recording(given.recording) : null);
   const stage = new Stage(element("scene"), player);
   const table = new ModeTable(element("rows"), player);
   const boxes = { chooser: element("chooser"), link: element("of-link"), cart: element("of-cart"), scene: element("of-scene"), drive: element("of-drive") };
@@ -31,6 +30,18 @@ function begin() {
   if (word && word !== "swing" && !held) page.say("The link holds no scene: this is the page's own.");
   page.start();
   if (word === "swing" && !matchMedia("(prefers-reduced-motion: reduce)").matches) element("play").click();
+}
+
+// What the link holds, null where it is no scene or one that cannot be computed.
+function linked(word) {
+  const held = unpacked(word);
+  try {
+    const player = held && new Player(held.scene, null);
+    if (player) restore(player, held);
+    return player;
+  } catch {
+    return null;
+  }
 }
 
 function restore(player, { y, drive, selected }) {
@@ -130,6 +141,7 @@ class LivePage {
       this.strip = [];
     }
     if (what === "drive") controls.show();
+    if (what === "lost") this.say("This motion is too fast to be computed: everything hangs still again.");
     if (what === "mode" || what === "state") table.show();
     if (what === "mode") {
       const row = player.rows[player.row];

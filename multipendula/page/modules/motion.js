@@ -30,14 +30,15 @@ export class Motion {
     return this.full.y;
   }
 
-  // To a time (s).
-  advance(end) {
+  // To a time (s), or as far as it comes until the clock says `until` (ms): one step at least.
+  advance(end, until = Infinity) {
     const { full, escapements } = this;
     while (full.time < end) {
       full.step(end, escapements && ((h) => escapements.watch(full, h)));
       escapements?.kick(full.y);
+      if (performance.now() >= until) break;
     }
-    this.linear?.advance(end);
+    this.linear?.advance(full.time);
     if (this.linear && !(this.apart < FAR)) this.linear = null;
     this.book();
   }

@@ -168,8 +168,14 @@ export class Player {
       return;
     }
     const [begun, end] = [performance.now(), this.motion.time + passed];
-    while (this.motion.time < end && performance.now() - begun < BUDGET) {
-      this.motion.advance(Math.min(end, this.motion.time + SLICE * Math.max(1, this.speed)));
+    try {
+      while (this.motion.time < end && performance.now() - begun < BUDGET) {
+        this.motion.advance(Math.min(end, this.motion.time + SLICE * Math.max(1, this.speed)), begun + BUDGET);
+      }
+    } catch {
+      this.hang();
+      this.tell("lost");
+      return;
     }
     this.behind = this.motion.time < end;
     this.y = this.motion.y;
