@@ -1,0 +1,6 @@
+"""One thread of linear algebra in each process: the workers of the tests share the cores already."""
+
+import os
+
+for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS"):
+    os.environ.setdefault(name, "1")
