@@ -64,7 +64,6 @@ def test_gradients_of_energy_and_momentum_are_carried_by_the_flow(seed: int) -> 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not available(), reason="needs numba")
-@pytest.mark.xdist_group("branches")  # compiled at first, before the long ones of this group use it
 @pytest.mark.parametrize("seed", range(8))
 def test_the_compiled_flow_agrees_with_the_plain_one(seed: int) -> None:
     system = system_of(motion_scene(seed, longest=2))
