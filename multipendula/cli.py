@@ -207,8 +207,7 @@ def _reported(options: argparse.Namespace) -> Iterator[None]:
     name = getattr(options, place, None) or ""
     ending = os.path.splitext(name)[1].lower()
     form = options.page.reports.get(ending)
-    asked = any(word[:3] == "--f" and "--format".startswith(word.partition("=")[0]) for word in options.page.given)
-    if ending in options.page.texts and not asked:
+    if ending in options.page.texts and not getattr(options, "format_asked", False):
         options.format = options.page.texts[ending]
     if form is None:
         yield

@@ -90,9 +90,19 @@ def add_accuracy(page: Page, words: str, **more: Any) -> None:
     page.computed.add_argument("--accuracy", metavar="RAD", type=radians, help=words, **more)
 
 
+class Asked(argparse.Action):
+    """A format, and that it was asked for: then the ending of a file does not choose it."""
+
+    def __call__(
+        self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any, option_string: Any = None
+    ) -> None:
+        """Keep both."""
+        namespace.format, namespace.format_asked = values, True
+
+
 def add_format(page: Page, formats: Sequence[str], **more: Any) -> None:
     """The format of the output."""
-    page.written.add_argument("--format", choices=formats, default=formats[0], **more)
+    page.written.add_argument("--format", action=Asked, choices=formats, default=formats[0], **more)
     page.formats = tuple(formats)
 
 

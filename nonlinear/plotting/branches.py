@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,26 +10,13 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
-from modal.plotting import (
-    HUES,
-    WIDTH,
-    axis_words,
-    colour,
-    headline,
-    ink,
-    key,
-    narrowing,
-    paper,
-    save,
-    scale,
-    sheet,
-)
+from modal.plotting import HUES, WIDTH, axis_words, headline, key, save, scale, sheet
 from modal.scene import title_of
 from modal.types import Floats
+from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 from nonlinear.synchronization import Branch, Branches
 
 MOST_CURVES = HUES
-STABLE, UNSTABLE = "-", (0, (3, 2))
 
 
 def draw_branches(found: Branches, stream: IO[bytes], form: str = "png") -> None:
@@ -61,36 +47,11 @@ def branches_figure(found: Branches) -> Figure:
 
 
 def _curve(axis: Axes, one: Branch, y: Floats, number: int) -> None:
-    """One branch, in pieces of equal stability."""
-    fates = np.array(one.is_stable)
-    breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
-    for start, stop in pairwise(breaks):
-        piece = slice(max(start - 1, 0), stop)
-        style = STABLE if fates[start] else UNSTABLE
-        axis.plot(
-            one.values[piece],
-            y[piece],
-            color=colour(number),
-            ls=style,
-            lw=narrowing(number),
-            zorder=3,
-            label=f"_{number}",
-        )
+    draw_branch(axis, one.values, y, one.is_stable, number)
     critical = [change.value for change in one.changes]
-    axis.plot(critical, np.interp(critical, one.values, y), **_ring())
-
-
-def _ring() -> dict[str, Any]:
-    return {"ls": "", "marker": "o", "mfc": paper(), "mec": ink(), "ms": 6.0, "mew": 1.2, "zorder": 5}
+    axis.plot(critical, np.interp(critical, one.values, y), **mark())
 
 
 def _handles(found: Branches) -> list[Line2D]:
-    lines = [
-        Line2D([], [], color=colour(number), lw=narrowing(number), label=f"{number + 1}: {one.words}")
-        for number, one in enumerate(found.branches)
-    ]
-    fates = [
-        Line2D([], [], color=ink(), ls=style, label=label)
-        for style, label in ((STABLE, "stable"), (UNSTABLE, "unstable"))
-    ]
-    return [*lines, *fates, Line2D([], [], label="critical value", **_ring())]
+    lines = branch_keys([one.words for one in found.branches])
+    return [*lines, *stability_keys(), Line2D([], [], label="critical value", **mark())]

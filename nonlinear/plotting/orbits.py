@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import IO, Any
+from typing import IO
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,26 +12,12 @@ from matplotlib.lines import Line2D
 
 from modal.errors import ComputationError
 from modal.modes import Mode
-from modal.plotting import (
-    HUES,
-    WIDTH,
-    axis_words,
-    colour,
-    headline,
-    ink,
-    key,
-    muted,
-    narrowing,
-    paper,
-    save,
-    scale,
-    sheet,
-)
+from modal.plotting import HUES, WIDTH, axis_words, headline, key, muted, save, scale, sheet
 from modal.scene import Scene, title_of
 from modal.types import Floats
 from nonlinear.orbits import Branch, Special
+from nonlinear.plotting.stability import branch_keys, draw_branch, mark, stability_keys
 
-STABLE, UNSTABLE = "-", (0, (3, 2))
 MARKS = {"fold": "o", "branch point": "D", "period doubling": "s", "torus": "^", "collision": "v"}
 NARROW = 0.05  # least width of the axis of frequencies over the linear frequency
 
@@ -53,7 +38,7 @@ def orbits_figure(scene: Scene, branches: Sequence[Branch], mode: Mode | None = 
         raise ComputationError(f"{len(branches)} branches do not fit in a figure: from 1 to {HUES}")
     figure = _backbones(branches, mode) if mode else _along(branches)
     headline(figure, title_of(scene), "periodic orbits")
-    key(figure, [*_lines(branches), *_drawn(branches, mode)], columns=2)
+    key(figure, [*branch_keys([f"from {branch.origin}" for branch in branches]), *_drawn(branches, mode)], columns=2)
     return figure
 
 
@@ -90,18 +75,11 @@ def _along(branches: Sequence[Branch]) -> Figure:
 
 
 def _curve(axis: Axes, branch: Branch, x: Floats, y: Floats, number: int) -> None:
-    """One branch in pieces of equal stability that meet halfway, with its special points."""
-    fates = np.array(branch.is_stable)
-    breaks = [0, *(np.flatnonzero(np.diff(fates)) + 1), len(fates)]
-    for start, stop in pairwise(breaks):
-        piece = slice(max(start - 1, 0), stop)
-        style = STABLE if fates[start] else UNSTABLE
-        axis.plot(
-            x[piece], y[piece], color=colour(number), ls=style, lw=narrowing(number), zorder=3, label=f"_{number}"
-        )
+    """One branch, with its special points."""
+    draw_branch(axis, x, y, branch.is_stable, number)
     for special in branch.special:
         place = [_read(special, branch, x), _read(special, branch, y)]
-        axis.plot(place[:1], place[1:], **_mark(special.kind))
+        axis.plot(place[:1], place[1:], **mark(MARKS[special.kind]))
 
 
 def _read(special: Special, branch: Branch, values: Floats) -> float:
@@ -112,23 +90,10 @@ def _read(special: Special, branch: Branch, values: Floats) -> float:
     return float(np.rad2deg(orbit.amplitude)) if values is not branch.value else float(orbit.value or 0.0)
 
 
-def _mark(kind: str) -> dict[str, Any]:
-    return {"ls": "", "marker": MARKS[kind], "mfc": paper(), "mec": ink(), "ms": 6.0, "mew": 1.2, "zorder": 5}
-
-
-def _lines(branches: Sequence[Branch]) -> list[Line2D]:
-    return [
-        Line2D([], [], color=colour(number), lw=narrowing(number), label=f"{number + 1}: from {branch.origin}")
-        for number, branch in enumerate(branches)
-    ]
-
-
 def _drawn(branches: Sequence[Branch], mode: Mode | None) -> list[Line2D]:
-    fates = {fate for branch in branches for fate in branch.is_stable}
-    looks = ((True, STABLE, "stable"), (False, UNSTABLE, "unstable"))
-    styles = [Line2D([], [], color=ink(), ls=style, label=label) for fate, style, label in looks if fate in fates]
+    styles = stability_keys({fate for branch in branches for fate in branch.is_stable})
     if mode:
         styles.append(Line2D([], [], color=muted(), ls=":", label=f"linear, {mode.omega:.5g} rad/s"))
         styles.append(Line2D([], [], color=muted(), ls="--", label=f"κ = {mode.kappa:.4g}".replace("-", "−")))
     kinds = dict.fromkeys(special.kind for branch in branches for special in branch.special)
-    return [*styles, *(Line2D([], [], label=kind, **_mark(kind)) for kind in kinds)]
+    return [*styles, *(Line2D([], [], label=kind, **mark(MARKS[kind])) for kind in kinds)]
