@@ -1,11 +1,13 @@
 """Prescribed lengths of the ropes of a scene as functions of time, and the linear equations along them.
 
-A bob at the end of a rope with length l(t) moves aside by l θ and down by l.  So the column of M of its angle, which is
-proportional to l, gives damping and stiffness
+A bob at the end of a rope with length l(t) moves aside by l θ and down by l.  So the displacements h q of all centres
+along the rail, rows h of lengths, have rows that change in time, (h q)'' = h q'' + 2 h' q' + h'' q, and every centre
+has the velocity w_k = Σ_{j≤k} σ_j l_j' downwards even at rest.  With the masses m and the coefficients d of drag
 
-    M_ij (l_j θ_j)''/l_j = M_ij θ_j'' + M_ij (2 l_j'/l_j) θ_j' + M_ij (l_j''/l_j) θ_j,
+    D += Σ m hᵀ 2h' + d hᵀh,    K += Σ m hᵀ h'' + d hᵀ h',
 
-and the weight of a mass k, which holds all links above upright, is m_k (g − Σ_{j≤k} σ_j l_j'') in place of m_k g.
+and what draws a mass k down, and holds all links above upright, is m_k (g − w_k') − d_k w_k in place of m_k g.
+Quadratic drag |v| v is linear in a small motion beside w: it adds `quadratic_drag` |w| to d.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly.arrays import Block, rig_of
-from modal.assembly.dense import assembled
+from modal.assembly.dense import assembled, dampers, displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
 from modal.errors import SceneError
 from modal.scene import Bob, Scene
@@ -156,6 +158,20 @@ def _validated(given: Any, link: Any, place: str) -> Spline:
     return law
 
 
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """The linear equations of L links at one time: M, K and D, and what else a changing length brings.
+
+    `rate` and `bend` (L, q) are the first and second derivatives in time of the displacements along the rail, per
+    coordinate, of every link's centre, which are those of its lower joint; `drag` (L,) in N s/m acts on the centre.
+    """
+
+    matrices: Matrices
+    rate: Floats
+    bend: Floats
+    drag: Floats
+
+
 def matrices_at(scene: Scene, time: float) -> Matrices:
     """M, K and D (SI) of M q'' + D q' + K q = 0 at a time (s), for lengths that change; M alone is symmetric then."""
     return matrices_along(scene)(time)
@@ -163,38 +179,57 @@ def matrices_at(scene: Scene, time: float) -> Matrices:
 
 def matrices_along(scene: Scene) -> Callable[[float], Matrices]:
     """`matrices_at` as a function of time, for many times."""
+    if not scene.is_hoisted:
+        constant = matrices_of(rig_of(scene))
+        return lambda time: constant
+    along = instants(scene)
+    return lambda time: along(time).matrices
+
+
+def instants(scene: Scene) -> Callable[[float], Instant]:
+    """The linear equations of a scene with a hoist as a function of time (s); SceneError for one without."""
     hoisting, rig = hoisting_of(scene), rig_of(scene)
     if hoisting is None:
-        constant = matrices_of(rig)
-        return lambda time: constant
+        raise SceneError(["hoist: no link of this scene has one"])
     hung = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
-    ends = np.cumsum([block.n for block, _ in hung])
-    own = [slice(end - block.n, end) for (block, _), end in zip(hung, ends.tolist(), strict=True)]
-    first, D, labels = int(rig.cart is not None), matrices_of(rig).D, coordinate_labels(rig)
-    index = np.arange(first, first + len(hoisting.base))
+    chains = [block.take(np.array([column])) for block, column in hung]
+    ends = np.cumsum([chain.n for chain in chains]).tolist()
+    own = [slice(end - chain.n, end) for chain, end in zip(chains, ends, strict=True)]
+    first, labels, mass = int(rig.cart is not None), coordinate_labels(rig), _stacked(chains, "mass")
+    metre = [(replace(chain, length=np.ones_like(chain.length)), 0) for chain in chains]
+    pattern = displacements(metre, rig.cart, joints)[:, first:]
+    index, still, quadratic = np.arange(first, first + len(mass)), np.zeros((len(mass), first)), _quadratic_drag(scene)
 
-    def at(time: float) -> Matrices:
+    def at(time: float) -> Instant:
         length, speed, acceleration = hoisting.at(time)
-        columns, lighter = [], np.empty_like(acceleration)
-        for (block, column), place in zip(hung, own, strict=True):
-            chain = block.take(np.array([column]))
-            centre = np.where(hoisting.moving[place], length[place], chain.centre[:, 0])
-            chain = replace(chain, length=length[place][:, None], centre=centre[:, None])
-            columns.append((chain, 0))
-            lighter[place] = _lighter(chain, acceleration[place])
+        rate, bend = (np.hstack((still, pattern * part)) for part in (speed, acceleration))
+        falling, fallen = rate.sum(1), bend.sum(1)
+        centre = np.where(hoisting.moving, length, _stacked(chains, "centre"))
+        drag = _stacked(chains, "drag") + quadratic * np.abs(falling)
+        now = {"length": length, "centre": centre, "drag": drag}
+        columns = [
+            (replace(chain, **{name: values[place][:, None] for name, values in now.items()}), 0)
+            for chain, place in zip(chains, own, strict=True)
+        ]
         M, K = assembled(columns, rig.cart, rig.gravity)
-        K[:, first:] += M[:, first:] * (acceleration / length)
-        K[index, index] -= lighter
-        spread = np.zeros_like(M)
-        spread[:, first:] = M[:, first:] * (2 * speed / length)
-        return Matrices(M, K, D + spread, labels)
+        rows = displacements(columns, rig.cart).T
+        K += (rows * mass) @ bend + (rows * drag) @ rate
+        K[index, index] -= (rows @ (mass * fallen + drag * falling))[first:]
+        D = dampers(columns, rig.cart) + 2 * (rows * mass) @ rate
+        return Instant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at
 
 
-def _lighter(chain: Block, acceleration: Floats) -> Floats:
-    """σ (m c s_i + l Σ_{k>i} m_k s_k) of every link (n,), s_k the downward acceleration of mass k by all hoists."""
-    m, l, c, sigma = (part[:, 0] for part in (chain.mass, chain.length, chain.centre, chain.sigma))
-    fallen = m * np.cumsum(sigma * acceleration)
-    below = np.append(np.cumsum(fallen[:0:-1])[::-1], 0.0)
-    return np.asarray(sigma * (c * fallen + l * below))
+def _stacked(chains: list[Block], name: str) -> Floats:
+    return np.concatenate([getattr(chain, name)[:, 0] for chain in chains])
+
+
+def _quadratic_drag(scene: Scene) -> Floats:
+    """That of every link (L,), in the order of the file."""
+    return np.concatenate(
+        [
+            np.tile([link.quadratic_drag for link in pendulum.links for _ in range(link.count)], pendulum.count)
+            for pendulum in scene.pendulum
+        ]
+    )

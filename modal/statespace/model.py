@@ -31,7 +31,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modal.assembly import Matrices, matrices
+from modal.assembly import Instant, Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
@@ -136,20 +136,22 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
 
 
 def assembled(
-    scene: Scene, given: Matrices | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
+    scene: Scene, given: Instant | None, inputs: tuple[str, ...] = (), outputs: tuple[str, ...] = ()
 ) -> StateSpace:
-    """The model of a scene of constant lengths as in `state_space`, with other matrices if `given`."""
+    """The model of a scene of constant lengths as in `state_space`, with those of a moment of a hoist if `given`."""
     if 2 * scene.n_links > LARGEST_STATE:
         raise ComputationError(f"the model would have over {2 * scene.n_links} states: at most {LARGEST_STATE}")
     geometry = geometry_of(scene)
+    if given:
+        geometry = replace(geometry, rate=given.rate, bend=given.bend, drag=given.drag)
     default = (("cart_force",), ("cart_position", "angles")) if geometry.on_cart else (("joint_torques",), ("angles",))
     wanted = validate_signals(inputs or default[0], INPUTS, "input", on_cart=geometry.on_cart)
     read = validate_signals(outputs or default[1], OUTPUTS, "output", on_cart=geometry.on_cart)
     drive, push = _drive(wanted), _pushes(geometry, wanted)
-    if drive in SUPPORT and any(link.drag for link in scene.links()):
+    if drive in SUPPORT and geometry.drag.any():
         raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]
-    found = given or (_held(scene) if drive in DRIVES and scene.has_modal_damping else matrices(scene))
+    found = given.matrices if given else (_held(scene) if drive in DRIVES and scene.has_modal_damping else matrices(scene))
     with np.errstate(all="ignore"):
         moved = motion(found, geometry, push.F)
         C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
@@ -217,7 +219,7 @@ def _pushes(geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
 
 def _free(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     n, m = F.shape
-    Ma = _solved(found.M, np.hstack([found.K, found.D, -F]))
+    Ma = solved_masses(found.M, np.hstack([found.K, found.D, -F]))
     eye, none = np.eye(2 * n), np.zeros((n, m))
     acceleration = -Ma[:, : 2 * n], -Ma[:, 2 * n :]
     A, B = np.vstack([eye[n:], acceleration[0]]) + 0.0, np.vstack([none, acceleration[1]]) + 0.0
@@ -229,7 +231,7 @@ def _accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The cart's acceleration is the first input."""
     n, m = F.shape
     load = np.hstack([found.K[1:, 1:], found.D[1:], found.M[1:, :1], -F[1:]])
-    Ma = -_solved(found.M[1:, 1:], load)
+    Ma = -solved_masses(found.M[1:, 1:], load)
     eye, none = np.eye(2 * n), np.zeros((n, m + 1))
     angular, forced = np.zeros((n, 2 * n)), np.zeros((n, m + 1))
     angular[1:, 1:n], angular[1:, n:] = Ma[:, : n - 1], Ma[:, n - 1 : 2 * n - 1]
@@ -243,16 +245,16 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The cart's velocity is the first input."""
     n, m = F.shape
     inertia = found.M[1:, 1:]
-    jump = _solved(inertia, found.M[1:, :1])
+    jump = solved_masses(inertia, found.M[1:, :1])
     K, D, pushed = np.split(
-        _solved(inertia, np.hstack([found.K[1:, 1:], found.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
+        solved_masses(inertia, np.hstack([found.K[1:, 1:], found.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
     )
     eye = np.eye(2 * n - 1)
     position = eye[:n], np.zeros((n, m + 1))
     rate = np.zeros((n, 2 * n - 1)), np.zeros((n, m + 1))
     rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n:], 1.0, -jump
     momentum = -K @ position[0][1:] - D @ rate[0][1:], -D @ rate[1][1:]
-    momentum[1][:, :1] -= _solved(inertia, found.D[1:, :1])
+    momentum[1][:, :1] -= solved_masses(inertia, found.D[1:, :1])
     momentum[1][:, 1:] += pushed
     A, B = np.vstack([rate[0], momentum[0]]), np.vstack([rate[1], momentum[1]])
     kept = [
@@ -266,7 +268,7 @@ def _inertial(found: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
     """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity; on a cart J is exact."""
     n = len(found.M)
     p = np.zeros((n, 1)) if geometry.on_cart else (geometry.centres.T @ geometry.mass)[:, None]
-    parts = np.split(_solved(found.M, np.hstack([found.K, found.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
+    parts = np.split(solved_masses(found.M, np.hstack([found.K, found.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
     if geometry.on_cart:
         parts[2] = np.eye(n, 1)
     return parts
@@ -348,7 +350,7 @@ MOTIONS: dict[str | None, Callable[[Matrices, Geometry, Floats], _Motion]] = {
 }
 
 
-def _solved(M: Floats, right: Floats) -> Floats:
+def solved_masses(M: Floats, right: Floats) -> Floats:
     """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
     if is_singular(M):
         raise ComputationError(
@@ -398,7 +400,7 @@ def _outputs(
                 raise SceneError([_impulsive(reading, moved)])
             if part is not None and maps is not None:
                 rows = rows[0] + part @ maps[0], rows[1] + part @ maps[1]
-            if part is not None and reading.translation is not None and moved.support:
+            if order == reading.order and reading.translation is not None and moved.support:
                 own = moved.support[order]
                 assert own is not None
                 rows = rows[0] + reading.translation[:, None] * own[0], rows[1] + reading.translation[:, None] * own[1]

@@ -41,10 +41,8 @@ def hoist(options: argparse.Namespace) -> None:
 
 def _left(scene: Scene, options: argparse.Namespace) -> tuple[Residual, ...]:
     from modal.statespace.hoisting import Travel, travel_residuals
-    from modal.statespace.varying import hoisting_times
 
-    times = hoisting_times(scene)
-    travel = Travel(options.travel, float(times[0]), options.over or float(times[-1] - times[0]))
+    travel = Travel.along(scene, options.travel, options.over)
     return travel_residuals(scene, travel, kind=options.kind or "zv", count=options.count or 1)
 
 
