@@ -191,38 +191,44 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
     hoisting, rig = hoisting_of(scene), rig_of(scene)
     if hoisting is None:
         raise SceneError(["hoist: no link of this scene has one"])
-    hung = [(rig.blocks[block], column) for block, column, copies in rig.members for _ in range(copies)]
-    chains = [block.take(np.array([column])) for block, column in hung]
-    ends = np.cumsum([chain.n for chain in chains]).tolist()
-    own = [slice(end - chain.n, end) for chain, end in zip(chains, ends, strict=True)]
-    first, labels, mass = int(rig.cart is not None), coordinate_labels(rig), _stacked(chains, "mass")
+    chains = [
+        rig.blocks[block].take(np.array([column])) for block, column, copies in rig.members for _ in range(copies)
+    ]
+    mass, inertia, linear, centre, sigma = (
+        np.concatenate([getattr(chain, name)[:, 0] for chain in chains])
+        for name in ("mass", "inertia", "drag", "centre", "sigma")
+    )
+    bare = [(replace(chain, drag=np.zeros_like(chain.drag)), 0) for chain in chains]
     metre = [(replace(chain, length=np.ones_like(chain.length)), 0) for chain in chains]
+    springs, joint_dampers = assembled(bare, rig.cart, 0.0)[1], dampers(bare, rig.cart)
+    first, labels, quadratic = int(rig.cart is not None), coordinate_labels(rig), _quadratic_drag(scene)
     pattern = displacements(metre, rig.cart, joints)[:, first:]
-    index, still, quadratic = np.arange(first, first + len(mass)), np.zeros((len(mass), first)), _quadratic_drag(scene)
+    above, own = np.where(hoisting.moving, pattern, np.tril(pattern, -1)), np.diag(~hoisting.moving * sigma * centre)
+    index, sides = np.arange(first, first + len(mass)), np.ones((len(mass), first))
+    resting: dict[bytes, Instant] = {}
+
+    def rest(time: float) -> Instant:
+        return Instant(matrices_of(rig_of(scene.at(time))), *np.zeros((2, len(mass), first + len(mass))), linear)
 
     def at(time: float) -> Instant:
         length, speed, acceleration = hoisting.at(time)
-        rate, bend = (np.hstack((still, pattern * part)) for part in (speed, acceleration))
+        if not (speed.any() or acceleration.any()):
+            key = length.tobytes()
+            return resting[key] if key in resting else resting.setdefault(key, rest(time))
+        rows = np.hstack((sides, above * length + own))
+        rate, bend = (np.hstack((0 * sides, pattern * part)) for part in (speed, acceleration))
         falling, fallen = rate.sum(1), bend.sum(1)
-        centre = np.where(hoisting.moving, length, _stacked(chains, "centre"))
-        drag = _stacked(chains, "drag") + quadratic * np.abs(falling)
-        now = {"length": length, "centre": centre, "drag": drag}
-        columns = [
-            (replace(chain, **{name: values[place][:, None] for name, values in now.items()}), 0)
-            for chain, place in zip(chains, own, strict=True)
-        ]
-        M, K = assembled(columns, rig.cart, rig.gravity)
-        rows = displacements(columns, rig.cart).T
-        K += (rows * mass) @ bend + (rows * drag) @ rate
-        K[index, index] -= (rows @ (mass * fallen + drag * falling))[first:]
-        D = dampers(columns, rig.cart) + 2 * (rows * mass) @ rate
+        drag = linear + quadratic * np.abs(falling)
+        massive, dragged = rows.T * mass, rows.T * drag
+        M = massive @ rows
+        M[index, index] += inertia
+        M[:first, :first] += rig.cart.mass if rig.cart else 0.0
+        K = springs + massive @ bend + dragged @ rate
+        K[index, index] += (rows.T @ (mass * (rig.gravity - fallen) - drag * falling))[first:]
+        D = joint_dampers + 2 * massive @ rate + dragged @ rows
         return Instant(Matrices(M, K, D, labels), rate, bend, drag)
 
     return at
-
-
-def _stacked(chains: list[Block], name: str) -> Floats:
-    return np.concatenate([getattr(chain, name)[:, 0] for chain in chains])
 
 
 def _quadratic_drag(scene: Scene) -> Floats:

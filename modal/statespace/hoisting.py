@@ -25,7 +25,7 @@ from modal.errors import ComputationError, SceneError
 from modal.modes import labelled, natural_modes, table_numbers
 from modal.report import Displayed
 from modal.scene import Body, Fixed, Pendulum, Scene
-from modal.statespace.model import fixed, solved_masses
+from modal.statespace.model import fixed, refuse_no_inertia
 from modal.statespace.shapers import Drive, Kind, Shaper, shaper_for
 from modal.statespace.varying import hoisting_times
 from modal.types import Floats, Ints
@@ -259,6 +259,8 @@ def shaper_residual(scene: Scene, shaper: Shaper, drive: Drive = "cart_accelerat
     if hoisting is None:
         raise SceneError(["hoist: no link of this scene has one"])
     begin, held = hoisting.breaks[0], _is_held(scene, drive)
+    if not held:
+        refuse_no_inertia(matrices_along(scene)(begin).M)
     last = max(hoisting.breaks[-1], begin + shaper.duration)
     found = [
         _amplitude(scene.at(last), _impelled(scene, begin + times, amplitudes, last, held), held=held)
@@ -312,15 +314,12 @@ def _integrated(
 
 
 def _pushed(found: Matrices, held: bool) -> tuple[Floats, Floats]:
-    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of the cart if it is held, else the force on it.
-
-    ComputationError where M is singular.
-    """
+    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else the force on it."""
     n, first = len(found.M), int(held)
     force = -found.M[:, 0] if held else np.eye(n)[0]
     right = np.hstack((-found.K, -found.D, force[:, None]))[first:]
     solved = np.eye(n, 2 * n + 1, 2 * n) if held else np.zeros((n, 2 * n + 1))
-    solved[first:] = solved_masses(found.M[first:, first:], right)
+    solved[first:] = np.linalg.solve(found.M[first:, first:], right)
     return solved[:, :-1], solved[:, -1]
 
 

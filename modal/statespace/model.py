@@ -219,7 +219,7 @@ def _pushes(geometry: Geometry, wanted: tuple[str, ...]) -> InputGroup:
 
 def _free(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     n, m = F.shape
-    Ma = solved_masses(found.M, np.hstack([found.K, found.D, -F]))
+    Ma = _solved(found.M, np.hstack([found.K, found.D, -F]))
     eye, none = np.eye(2 * n), np.zeros((n, m))
     acceleration = -Ma[:, : 2 * n], -Ma[:, 2 * n :]
     A, B = np.vstack([eye[n:], acceleration[0]]) + 0.0, np.vstack([none, acceleration[1]]) + 0.0
@@ -231,7 +231,7 @@ def _accelerated(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The cart's acceleration is the first input."""
     n, m = F.shape
     load = np.hstack([found.K[1:, 1:], found.D[1:], found.M[1:, :1], -F[1:]])
-    Ma = -solved_masses(found.M[1:, 1:], load)
+    Ma = -_solved(found.M[1:, 1:], load)
     eye, none = np.eye(2 * n), np.zeros((n, m + 1))
     angular, forced = np.zeros((n, 2 * n)), np.zeros((n, m + 1))
     angular[1:, 1:n], angular[1:, n:] = Ma[:, : n - 1], Ma[:, n - 1 : 2 * n - 1]
@@ -245,16 +245,16 @@ def _moved(found: Matrices, geometry: Geometry, F: Floats) -> _Motion:
     """The cart's velocity is the first input."""
     n, m = F.shape
     inertia = found.M[1:, 1:]
-    jump = solved_masses(inertia, found.M[1:, :1])
+    jump = _solved(inertia, found.M[1:, :1])
     K, D, pushed = np.split(
-        solved_masses(inertia, np.hstack([found.K[1:, 1:], found.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
+        _solved(inertia, np.hstack([found.K[1:, 1:], found.D[1:, 1:], F[1:]])), [n - 1, 2 * n - 2], axis=1
     )
     eye = np.eye(2 * n - 1)
     position = eye[:n], np.zeros((n, m + 1))
     rate = np.zeros((n, 2 * n - 1)), np.zeros((n, m + 1))
     rate[0][1:], rate[1][0, 0], rate[1][1:, :1] = eye[n:], 1.0, -jump
     momentum = -K @ position[0][1:] - D @ rate[0][1:], -D @ rate[1][1:]
-    momentum[1][:, :1] -= solved_masses(inertia, found.D[1:, :1])
+    momentum[1][:, :1] -= _solved(inertia, found.D[1:, :1])
     momentum[1][:, 1:] += pushed
     A, B = np.vstack([rate[0], momentum[0]]), np.vstack([rate[1], momentum[1]])
     kept = [
@@ -268,7 +268,7 @@ def _inertial(found: Matrices, geometry: Geometry, F: Floats) -> list[Floats]:
     """M⁻¹ K, M⁻¹ D, J = M⁻¹ p and M⁻¹ F, with p the momentum of everything at unit velocity; on a cart J is exact."""
     n = len(found.M)
     p = np.zeros((n, 1)) if geometry.on_cart else (geometry.centres.T @ geometry.mass)[:, None]
-    parts = np.split(solved_masses(found.M, np.hstack([found.K, found.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
+    parts = np.split(_solved(found.M, np.hstack([found.K, found.D, p, F])), [n, 2 * n, 2 * n + 1], axis=1)
     if geometry.on_cart:
         parts[2] = np.eye(n, 1)
     return parts
@@ -350,15 +350,20 @@ MOTIONS: dict[str | None, Callable[[Matrices, Geometry, Floats], _Motion]] = {
 }
 
 
-def solved_masses(M: Floats, right: Floats) -> Floats:
+def _solved(M: Floats, right: Floats) -> Floats:
     """M⁻¹ right, with M scaled to a diagonal near 1; ComputationError where it is singular."""
+    refuse_no_inertia(M)
+    scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
+    return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
+
+
+def refuse_no_inertia(M: Floats) -> None:
+    """ComputationError for a mass matrix that is singular, on which a force has no finite acceleration."""
     if is_singular(M):
         raise ComputationError(
             "the mass matrix is singular to double precision (as with a massless cart over bobs): a force gives no "
             "finite acceleration; give the cart or the links some inertia, or prescribe the cart's motion"
         )
-    scale = np.exp2(np.round(np.log2(np.diag(M)) / -2))[:, None]
-    return np.asarray(scale * np.linalg.solve(scale * M * scale.T, scale * right), dtype=np.float64)
 
 
 def _positions(geometry: Geometry) -> list[Signal]:

@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from modal.scene import Scene
     from modal.statespace.hoisting import Along, Residual
 
+NO_MODE = (
+    "no mode oscillates with the cart free: a cart without mass follows its rope, which hangs on straight down; "
+    "--drive cart_acceleration lists the swing beside a cart that moves as prescribed"
+)
 TRAVEL = ("over", "kind", "count")
 
 
@@ -84,6 +88,7 @@ def _written(found: Along, left: tuple[Residual, ...], options: argparse.Namespa
     table = grid([[f"{value:.6g}" for value in row] for row in rows], headings)
     words = "swing: the largest angle of each mode over that at the beginning, if E/ω is conserved (a slow hoist)"
     words += "; both ω and swing without dampers" if found.scene.has_damping else ""
+    words = words if modes else NO_MODE
     lines = [f"residual swing {short(angle)}°: {what}" for what, angle in residual]
     return titled(title_of(found.scene), "along the hoist", [table, words, "\n".join(lines)], "text")
 
