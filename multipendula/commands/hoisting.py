@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from modal.statespace.hoisting import Along, Residual
 
 NO_MODE = (
-    "no mode oscillates with the cart free: a cart without mass follows its rope, which hangs on straight down; "
-    "--drive cart_acceleration lists the swing beside a cart that moves as prescribed"
+    "with the cart free no mode oscillates: a massless cart stays above its load; --drive cart_acceleration lists the "
+    "modes beside a cart whose motion is prescribed"
 )
 TRAVEL = ("over", "kind", "count")
 
