@@ -51,7 +51,7 @@ class Rope:
     def __call__(self, time: float) -> tuple[float, float, float]:
         """Length, speed, acceleration; the smooth law where `ramp` is 0."""
         change, s = self.last - self.first, (time - self.begin) / self.duration
-        if s <= 0 or s >= 1 or not change:
+        if s < 0 or s >= 1 or not change:
             return (self.last if s >= 1 else self.first), 0.0, 0.0
         if not self.ramp:
             place, rate, bend = 10 * s**3 - 15 * s**4 + 6 * s**5, 30 * s**2 * (1 - s) ** 2, 60 * s * (1 - s) * (1 - 2 * s)
@@ -160,14 +160,14 @@ class Oracle:
         z = 1j * TINY * np.asarray(y)
         scale = TINY * max(1e-3, float(np.abs(y).max()))
         for begin, end in pairwise(cuts):
-            inside = np.nextafter(end, begin)
-            looks = np.linspace(begin, inside, 5)[1:-1].tolist()
+            inside = begin + 1e-14 * (end - begin), np.nextafter(end, begin)
+            looks = np.linspace(begin, end, 5)[1:-1].tolist()
             if not any(drive(time) for time in looks) and not self.changes(looks[0]):
                 z = expm(self.slopes(looks[0], held) * (end - begin)) @ z
                 continue
 
-            def slope(time: float, z: Any, inside: float = inside) -> Any:
-                now = min(time, inside)
+            def slope(time: float, z: Any, inside: Any = inside) -> Any:
+                now = min(max(time, inside[0]), inside[1])
                 second = self.second(now, z[:n], z[n:], 1j * TINY * drive(now), held)[0]
                 return np.concatenate((z[n:], 1j * second.imag))
 
@@ -201,7 +201,7 @@ class Oracle:
         first, n = int(held), self.size
         q, rate = y[first:n].copy(), y[n + first :]
         if held and y[n]:
-            q -= self.settled(time, y[n])
+            q -= self.settled(time + 1.0, y[n])  # when all ropes are at rest, whatever the rounding
         z = phi.T @ M @ q + 1j * (phi.T @ M @ rate) / omega
         each = (phi * z)[1 - first :]
         groups = np.cumsum(np.diff(omega, prepend=omega[0]) > 1e-9 * omega)

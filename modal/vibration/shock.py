@@ -18,7 +18,7 @@ from modal.modes import natural_modes
 from modal.scene import RecordMotion, Scene
 from modal.statespace import state_space, to_modal_form
 from modal.statespace.response import Term
-from modal.types import Booleans, Floats
+from modal.types import Booleans, Complexes, Floats
 from modal.vibration.combination import cqc, srss
 from modal.vibration.oscillators import Grid, driven, fine_times, peak
 from modal.vibration.prescribed import Record, prescribed_motion
@@ -28,6 +28,7 @@ from modal.vibration.response import ModalResponse
 ENOUGH = 0.9
 """Share of the mass that the modes considered must have."""
 AFTER = 2.0  # slowest periods by which a history exceeds the record
+DECAYS = 100
 DIRECT = 1e-9
 MOST = 5e7  # numbers of all histories
 
@@ -112,10 +113,7 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     record, modes = prescribed_motion(motion), natural_modes(scene)
     assert isinstance(record, Record)
     form = to_modal_form(modes, state_space(scene, (INPUT,), tuple(outputs)))
-    rates = [value.imag for value in modes.eigenvalue.tolist() if value.imag > 0] or [
-        2 * pi / (record.last - record.first)
-    ]
-    grid = fine_times(record, 2 * pi / max(rates), record.last + AFTER * 2 * pi / min(rates))
+    grid = fine_times(record, *_steps(modes.eigenvalue, record))
     size = len(modes) * len(form.model.outputs) * len(grid.times)
     if size > MOST:
         raise ComputationError(
@@ -132,6 +130,19 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     if not np.all(np.isfinite(history)):
         raise ComputationError("the response to this record overflows")
     return ShockResponse(form, record, grid, history, by_mode)
+
+
+def _steps(eigenvalues: Complexes, record: Record) -> tuple[float, float]:
+    """The period (s) to be resolved, and until when (s).
+
+    That of the fastest oscillation; of faster decays, too, as far as they cost no more than DECAYS periods.
+    """
+    rates = eigenvalues.imag[eigenvalues.imag > 0]
+    if not len(rates):
+        rates = np.array([2 * pi / (record.last - record.first)])
+    until = record.last + AFTER * 2 * pi / float(rates.min())
+    decay = min(float(np.abs(eigenvalues).max()), DECAYS * 2 * pi / (until - record.first))
+    return 2 * pi / max(float(rates.max()), decay), until
 
 
 def _history(term: Term, record: Record, grid: Grid) -> Floats:
