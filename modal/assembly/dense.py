@@ -71,9 +71,7 @@ def joints(block: Block, column: int) -> Floats:
     return np.tril(np.tile(block.sigma[:, column] * block.length[:, column], (block.n, 1)))
 
 
-def displacements(
-    columns: Columns, cart: CartNumbers | None, of: Callable[[Block, int], Floats] = centres
-) -> Floats:
+def displacements(columns: Columns, cart: CartNumbers | None, of: Callable[[Block, int], Floats] = centres) -> Floats:
     """The displacement along the rail of the centre of every link, or of its lower joint, rows (links, size)."""
     found = np.zeros((sum(block.n for block, _ in columns), len(_zeros(columns, cart))))
     first = int(cart is not None)

@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.assembly.arrays import Block, rig_of
+from modal.assembly.arrays import rig_of
 from modal.assembly.dense import assembled, dampers, displacements, joints
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices_of
 from modal.errors import SceneError
@@ -208,7 +208,8 @@ def instants(scene: Scene) -> Callable[[float], Instant]:
     resting: dict[bytes, Instant] = {}
 
     def rest(time: float) -> Instant:
-        return Instant(matrices_of(rig_of(scene.at(time))), *np.zeros((2, len(mass), first + len(mass))), linear)
+        none = np.zeros((len(mass), first + len(mass)))
+        return Instant(matrices_of(rig_of(scene.at(time))), none, none, linear)
 
     def at(time: float) -> Instant:
         length, speed, acceleration = hoisting.at(time)

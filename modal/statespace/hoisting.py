@@ -19,6 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from modal.assembly import Matrices, hoisting_of, matrices, matrices_along
 from modal.errors import ComputationError, SceneError
@@ -33,6 +34,8 @@ from modal.types import Floats, Ints
 TOLERANCE = 1e-10
 LOOKS = 200
 """Times at which the size of a command is looked up."""
+PUSHES = 4
+"""Times at which a command between two stops, a sum of cubic polynomials, is zero only if it is zero throughout."""
 MOST_LINKS = 100
 """Links of a scene whose swing is integrated in the time-varying model."""
 UNSTABLE = "the equilibrium is unstable along the hoist: no swing is left at rest"
@@ -288,9 +291,9 @@ def _integrated(
 
     `size` is that of the motion, in rad; `command` the acceleration of a cart whose motion is prescribed.
     """
-    along = matrices_along(scene)
-    constant = None if scene.is_hoisted else _pushed(along(0.0), held)
-    n = scene.n_links + 1
+    along, hoisting, n = matrices_along(scene), hoisting_of(scene), scene.n_links + 1
+    spans = [getattr(law, "breaks", (-np.inf, np.inf)) for _, law in hoisting.laws] if hoisting else []
+    constant = None if hoisting else _pushed(along(0.0), held)
 
     def slope(time: float, state: Floats) -> Floats:
         A, B = constant or _pushed(along(time), held)
@@ -298,6 +301,11 @@ def _integrated(
         return np.concatenate((state[n:], found + B * command(time) if command else found))
 
     for begin, end in pairwise(sorted(set(stops))):
+        looks = np.linspace(begin, end, PUSHES + 2)[1:-1].tolist()
+        if not (command and any(map(command, looks)) or any(own[0] < end and begin < own[-1] for own in spans)):
+            A = (constant or _pushed(along(looks[0]), held))[0]
+            y = np.asarray(expm(np.vstack((np.eye(n, 2 * n, n), A)) * (end - begin)) @ y, dtype=np.float64)
+            continue
         before = float(np.nextafter(end, begin))
         found = solve_ivp(
             lambda time, state, before=before: slope(min(time, before), state),
@@ -314,7 +322,7 @@ def _integrated(
 
 
 def _pushed(found: Matrices, held: bool) -> tuple[Floats, Floats]:
-    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else the force on it."""
+    """A (n, 2n) and B (n,) of q'' = A (q, q') + B u, u the acceleration of a cart that is held, else a force on it."""
     n, first = len(found.M), int(held)
     force = -found.M[:, 0] if held else np.eye(n)[0]
     right = np.hstack((-found.K, -found.D, force[:, None]))[first:]

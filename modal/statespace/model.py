@@ -151,13 +151,14 @@ def assembled(
     if drive in SUPPORT and geometry.drag.any():
         raise SceneError([f"input {drive}: drag acts against still air, and the support would move through it"])
     motion = MOTIONS[drive]
-    found = given.matrices if given else (_held(scene) if drive in DRIVES and scene.has_modal_damping else matrices(scene))
+    own = _held if drive in DRIVES and scene.has_modal_damping else matrices
+    found = given.matrices if given else own(scene)
     with np.errstate(all="ignore"):
         moved = motion(found, geometry, push.F)
         C, D, signals = _outputs(moved, geometry, push, [READINGS[name](geometry) for name in read])
     if not all(np.all(np.isfinite(part)) for part in (moved.A, moved.B, C, D)):
         raise ComputationError("the ratios in this scene are beyond double precision: its model overflows")
-    own = [(DRIVES | SUPPORT)[drive]] if drive else []
+    driven = [(DRIVES | SUPPORT)[drive]] if drive else []
     resting = (
         (f"theta_{label}", 0.0 if way > 0 else np.pi)
         for label, way in zip(geometry.labels, geometry.sigma, strict=True)
@@ -168,7 +169,7 @@ def assembled(
         C,
         D,
         tuple(moved.states),
-        tuple(own + push.signals),
+        tuple(driven + push.signals),
         tuple(signals),
         title=scene.title,
         operating_point=tuple(resting),

@@ -74,7 +74,8 @@ def geometry_of(scene: Scene) -> Geometry:
     hung = [(rig.blocks[block], column) for block, column, count in rig.members for _ in range(count)]
     total = sum(block.n for block, _ in hung)
     relative = np.zeros((total, total + on_cart))
-    mass, drag, sigma, pendulum, labels = [], [], [], [], []
+    mass, drag, sigma, pendulum = [], [], [], []
+    labels: list[str] = []
     for p, (block, column) in enumerate(hung):
         at = len(labels)
         own = slice(at + on_cart, at + on_cart + block.n)
@@ -182,7 +183,7 @@ def _tip_accelerations(geometry: Geometry) -> OutputGroup:
 def _accelerations(
     geometry: Geometry, rows: Floats, of: Callable[[Floats], Floats]
 ) -> tuple[Floats | None, Floats | None, Floats]:
-    """What multiplies q, q' and q'' in linear combinations of the accelerations of the links' points with these rows."""
+    """What multiplies q, q' and q'' in linear combinations of accelerations of the links' points with these rows."""
     if geometry.rate is None or geometry.bend is None:
         return None, None, of(rows)
     return of(geometry.bend), of(2 * geometry.rate), of(rows)

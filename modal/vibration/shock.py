@@ -117,8 +117,8 @@ def shock_response(scene: Scene, motion: RecordMotion, outputs: tuple[str, ...] 
     size = len(modes) * len(form.model.outputs) * len(grid.times)
     if size > MOST:
         raise ComputationError(
-            f"{len(modes)} modes, {len(form.model.outputs)} outputs and {len(grid.times)} times: their product may be at "
-            f"most {MOST:g}; choose fewer outputs"
+            f"{len(modes)} modes, {len(form.model.outputs)} outputs and {len(grid.times)} times: their product may be "
+            f"at most {MOST:g}; choose fewer outputs"
         )
     by_mode = np.zeros((len(modes), len(form.model.outputs), len(grid.times)))
     history = form.model.D[:, :1] * grid.derivatives[0]

@@ -203,7 +203,7 @@ def test_a_support_that_moves_is_seen_from_the_laboratory() -> None:
     bend = scene.pendulum[0].links[0].hoist.law(4.0)(1.2)[2]
     states = [signal.name for signal in found.states]
     expected = np.where(np.array(states) == "theta_1_1", -(G - bend), 0.0)
-    assert found.C == pytest.approx(np.array([expected, -expected]), abs=1e-13)
+    assert pytest.approx(np.array([expected, -expected]), abs=1e-13) == found.C
     assert pytest.approx(np.zeros((2, 1)), abs=1e-13) == found.D
     for jumping in ("support_velocity", "support_displacement"):
         with pytest.raises(SceneError, match="mass matrix; use support_acceleration"):
