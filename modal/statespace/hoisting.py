@@ -302,7 +302,7 @@ def _integrated(
 
     for begin, end in pairwise(sorted(set(stops))):
         looks = np.linspace(begin, end, PUSHES + 2)[1:-1].tolist()
-        if not (command and any(map(command, looks)) or any(own[0] < end and begin < own[-1] for own in spans)):
+        if not ((command and any(map(command, looks))) or any(own[0] < end and begin < own[-1] for own in spans)):
             A = (constant or _pushed(along(looks[0]), held))[0]
             y = np.asarray(expm(np.vstack((np.eye(n, 2 * n, n), A)) * (end - begin)) @ y, dtype=np.float64)
             continue

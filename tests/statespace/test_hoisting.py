@@ -179,6 +179,7 @@ def test_pendula_beside_a_cart_that_is_held_are_followed_apart() -> None:
     assert alone == pytest.approx(4.0**0.75, rel=1e-12), "two equal ropes against each other leave the cart still"
 
 
+@pytest.mark.slow
 def test_a_massless_cart_has_the_modes_that_it_has() -> None:
     """Its upper rope stays vertical: none of a single bob, g (m₁ + m₂)/(m₁ l₂) of two, whatever the upper length."""
     bob = Bob(mass=2.0, length=4.0, hoist=Hoist(to=2.0, duration=3.0))

@@ -132,7 +132,7 @@ def test_phi_functions() -> None:
 
 
 def test_a_peak_is_never_taken_across_a_jump() -> None:
-    """A rod under a ramp that ends at 120 m/s²: θ'' = −ω²θ − (3/2l) a in closed form, and a jump to what is without a."""
+    """A rod under a ramp that ends at 120 m/s²: θ'' = −ω²θ − (3/2l) a in closed form, with a jump at the end."""
     ramp = RecordMotion(time_s=(0.0, 0.04, 0.08, 0.12), acceleration_m_per_s2=(0.0, 40.0, 80.0, 120.0))
     one = Scene(gravity=9.81, pendulum=(Pendulum(links=(Rod(mass=1.0, length=1.0),)),))
     found = shock_response(one, ramp, ("tip_accelerations", "pivot_forces"))
