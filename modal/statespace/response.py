@@ -1,11 +1,12 @@
-"""Frequency and impulse responses in closed form, mode by mode.
+"""Frequency and impulse responses in closed form.
 
 A block of two states with matrix A has (s − A)⁻¹ = (s + A − tr A)/(s² − s tr A + det A), so that
 
     G(s) = D + Σ_k (s N1_k + N0_k)/(s² + 2ζ_kω_k s + ω_k²),      N1 = C B,   N0 = C (A − tr A) B,
 
-a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ).  In time, with
-a = tr A/2 and ν² = det A − a²,
+a rigid translation (ω = 0) among them; a non-oscillating mode, of one state, adds C B/(s − λ).  Far from the modes that
+sum cancels, so that the frequency response of a whole model comes from elimination (`modal.statespace.frequency`), and
+from the sum only where its poles lie.  In time, with a = tr A/2 and ν² = det A − a²,
 
     h(t) = D δ(t) + Σ_k e^{at} C [cos νt + (A − a) sin(νt)/ν] B,
 
@@ -22,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
+from modal.statespace.frequency import TOLERANCE, response_of
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
 
@@ -52,25 +54,28 @@ def terms(form: ModalForm) -> Iterator[Term]:
 
 
 def frequency_response(
-    form: ModalForm, omega: ArrayLike, *, outputs: Sequence[int] | None = None, inputs: Sequence[int] | None = None
+    form: ModalForm,
+    omega: ArrayLike,
+    *,
+    outputs: Sequence[int] | None = None,
+    inputs: Sequence[int] | None = None,
+    tolerance: float = TOLERANCE,
 ) -> Complexes:
     """G(iω) (p, m, W) at the angular frequencies ω (W,) in rad/s: output's unit over input's.
 
-    Of these outputs and inputs (indices; by default all).  Infinite exactly at an undamped mode that the input reaches
-    and the output sees, including ω = 0.
+    Of these outputs and inputs (indices; by default all), each entry to a relative error of `tolerance` for the numbers
+    of the scene as they are, however far ω is from the modes.  Infinite exactly at an undamped mode that the input
+    reaches and the output sees, including ω = 0.
     """
-    s = np.atleast_1d(1j * np.asarray(omega, dtype=np.complex128))
-    model = form.model
-    chosen = np.ix_(
-        np.arange(len(model.outputs)) if outputs is None else np.asarray(outputs),
-        np.arange(len(model.inputs)) if inputs is None else np.asarray(inputs),
-    )
-    response = np.repeat(model.D[chosen][..., None], len(s), axis=2).astype(np.complex128)
+    at, model = np.atleast_1d(np.asarray(omega, dtype=np.float64)), form.model
+    rows = range(len(model.outputs)) if outputs is None else outputs
+    columns = range(len(model.inputs)) if inputs is None else inputs
+    read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
+    response = response_of(form.modes.scene, given, read, at, tolerance)
+    chosen, s = np.ix_(rows, columns), 1j * at
     for term in terms(form):
         above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
-        pole = below == 0
-        response += above / np.where(pole, 1.0, below)
-        response[(above != 0) & pole] = np.inf
+        response[(above != 0) & (below == 0) & (at != 0)] = np.inf
     return response
 
 

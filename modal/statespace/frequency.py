@@ -1,0 +1,189 @@
+"""Frequency responses between named signals of a scene, from its arrays: every input to every output.
+
+Pendula are eliminated from their tips (`modal.statespace.elimination`), which leaves the cart's equation
+
+    (k_c + iωd_c − ω²(m_c + Σ μ)) x = F + Σ (e + ω²ε) + (k_c + iωd_c) s
+
+for a force F on it, the ground displaced by s and the loads e + ω²ε that pendula pass on.  A prescribed cart or support
+is a displacement x; velocities and accelerations are iω and −ω² times displacements.  A scene with damping ratios, whose
+D is full, is eliminated as a whole (`modal.statespace.full_damping`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from modal.assembly import Rig, rig_of
+from modal.scene import Scene
+from modal.statespace.arithmetic import REPLICAS, Arithmetic, evaluated
+from modal.statespace.elimination import FORCE, TORQUE, Hung, Load, cart_of, hung
+from modal.statespace.full_damping import full_response
+from modal.statespace.signals import Signal
+from modal.types import Complexes, Floats
+
+TOLERANCE = 1e-12
+"""Relative error of every entry."""
+NUMBERS = 2**21
+"""Floats at once."""
+LIMIT = 2.0**-200
+"""The frequency, over that of the fastest link alone, that stands for 0."""
+GROUND, BASE, PUSH = "ground", "base", "push"
+
+
+class Place(NamedTuple):
+    """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to."""
+
+    what: str
+    order: int
+    pendulum: int = -1
+    link: int = -1
+
+
+GIVEN = {
+    "cart_force": (PUSH, 0),
+    "torque": (TORQUE, 0),
+    "force": (FORCE, 0),
+    "cart_velocity": (BASE, 1),
+    "cart_acceleration": (BASE, 2),
+    "support_displacement": (GROUND, 0),
+    "support_velocity": (GROUND, 1),
+    "support_acceleration": (GROUND, 2),
+}
+READ = {
+    "x": ("x", 0),
+    "x_dot": ("x", 1),
+    "theta": ("theta", 0),
+    "theta_dot": ("theta", 1),
+    "rel": ("rel", 0),
+    "rel_dot": ("rel", 1),
+    "joint": ("joint", 0),
+    "tip": ("joint", 0),
+    "tip_ddot": ("joint", 2),
+    "pivot_force": ("pivot_force", 0),
+}
+NAME = re.compile(r"(\w+?)(?:_(\d+))?(?:_(\d+))?")
+Evaluate = Callable[[Arithmetic], Any]
+
+
+def response_of(
+    scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal], omega: Floats, tolerance: float = TOLERANCE
+) -> Complexes:
+    """G(iω) (p, m, W) of a scene of constant lengths at ω (W,) in rad/s, each entry to this relative error.
+
+    At ω = 0 the limit, infinite where there is none.  KeyError for signals that are not those of
+    `modal.statespace.signals`.
+    """
+    rig = rig_of(scene)
+    tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
+    given = [_place(GIVEN, signal.name, tips) for signal in inputs]
+    read = [_place(READ, signal.name, tips) for signal in outputs]
+    whole = scene.has_modal_damping
+    evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
+    unit = np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks))
+    still = omega == 0
+    at = np.where(still, LIMIT * unit, np.abs(omega))
+    width = sum(block.n * block.size for block in rig.blocks) * (1 + len(given)) + len(given) * len(read)
+    if whole:
+        width += sum(tip + 1 for tip in tips) ** 2
+    step = max(1, NUMBERS // width // (REPLICAS + 1))
+    is_real = not (rig.is_damped or whole)
+    found = np.empty((len(read), len(given), len(at)), dtype=np.complex128)
+    for first in range(0, len(at), step):
+        own = slice(first, first + step)
+        found[..., own] = evaluated(evaluate, at[own], is_real=is_real, tolerance=tolerance)
+    orders = np.array([[row.order - column.order for column in given] for row in read])[..., None]
+    with np.errstate(all="ignore"):
+        found *= np.array([1, 1j, -1, -1j])[orders % 4] * np.float_power(at, orders)
+    found = np.where(omega < 0, np.conj(found), found)
+    return _limits(found, still, at)
+
+
+def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:
+    """At ω = 0 powers of the frequency that stands for it become 0 and infinity."""
+    if still.any():
+        size, edge = np.abs(found), np.sqrt(at)
+        found = np.where(still & (size * edge > 1), np.inf, np.where(still & (size < edge), 0.0, found))
+    return found
+
+
+def _place(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) -> Place:
+    match = NAME.fullmatch(name)
+    if not match:
+        raise KeyError(name)
+    prefix, pendulum, link = match.groups()
+    own = int(pendulum) - 1 if pendulum else -1
+    return Place(*kinds[prefix], own, int(link) - 1 if link else tips[own] if pendulum else -1)
+
+
+def _from_tips(rig: Rig, given: Sequence[Place], read: Sequence[Place]) -> Evaluate:
+    """The evaluation (p, m, W) of displacements for displacements and forces."""
+    members = [(block, column) for block, column, copies in rig.members for _ in range(copies)]
+    loads: list[list[Load]] = [
+        sorted({(one.what, one.link) for one in given if one.pendulum >= 0 and members[one.pendulum][0] == number})
+        for number in range(len(rig.blocks))
+    ]
+
+    def evaluate(numbers: Arithmetic) -> Any:
+        every = [hung(block, own, rig.gravity, numbers) for block, own in zip(rig.blocks, loads, strict=True)]
+        nothing = 0 * numbers.omega
+        moved = np.array([nothing + one for one in _pivots(rig, every, given, members, loads, numbers)])
+        found = []
+        for row in read:
+            if row.pendulum < 0:
+                found.append(moved)
+                continue
+            block, column = members[row.pendulum]
+            values = _read(every[block], rig.blocks[block].n, column, row, numbers)
+            G = values[0] * moved
+            for k, one in enumerate(given):
+                if one.pendulum == row.pendulum:
+                    G[k] = G[k] + values[1 + loads[block].index((one.what, one.link))]
+            found.append(G)
+        return np.array(found)
+
+    return evaluate
+
+
+def _pivots(
+    rig: Rig,
+    every: Sequence[Hung],
+    given: Sequence[Place],
+    members: Sequence[tuple[int, int]],
+    loads: Sequence[Sequence[Load]],
+    numbers: Arithmetic,
+) -> list[Any]:
+    """The displacement of all pivots for every input."""
+    base = any(one.what == BASE for one in given)
+    direct: Any = 0
+    inertial: Any = 0
+    ground: Any = 1
+    if rig.cart and not base:
+        counts = (numbers.number(block.count[:, None]) for block in rig.blocks)
+        mass = np.sum([(count * one.mass).sum(0) for count, one in zip(counts, every, strict=True)], axis=0)
+        direct, inertial, ground = cart_of(rig.cart, mass, numbers)
+    found: list[Any] = []
+    for one in given:
+        if one.pendulum < 0:
+            found.append({BASE: 1, GROUND: ground, PUSH: direct}[one.what])
+            continue
+        block, column = members[one.pendulum]
+        load = loads[block].index((one.what, one.link))
+        pushed = inertial * every[block].inertial[column, load]
+        found.append(pushed + direct * every[block].direct[column, load] if one.what == FORCE else pushed)
+    return found
+
+
+def _read(own: Hung, links: int, column: int, row: Place, numbers: Arithmetic) -> Any:
+    """An output for a displaced pivot, then for each load, (1 + L, W)."""
+    if row.what == "pivot_force":
+        square = numbers.omega * numbers.omega
+        passed = own.direct[column] + square * own.inertial[column]
+        return numbers.felt(np.concatenate([(square * own.mass[column])[None], passed]))
+    if row.what == "joint":
+        return own.joints[row.link + 1, column]
+    above = own.angles[row.link - 1, column] if row.what == "rel" and row.link else 0
+    return own.angles[row.link, column] - above
