@@ -54,7 +54,7 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
                 F[k] = F[k] + square * momentum
             if one.what == "base" and first:
                 F[k] = F[k] - A[:, 0]
-        q = np.array(F.swapaxes(0, 1))
+        q = F.swapaxes(0, 1) + 0 * A[0, 0]
         held = int(base and first)
         q[held:] = solved(A[held:, held:], F.swapaxes(0, 1)[held:], numbers)
         if held:
@@ -172,7 +172,7 @@ def _output(
 
 def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
     """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first."""
-    A, F, size = np.array(A), np.array(F), len(A)
+    A, F, size = np.array(A), F + 0 * A[0, 0], len(A)
     rows, diagonal = [], [A[k, k] for k in range(size)]
     for k in range(size - 1, -1, -1):
         P = numbers.pivot(A[k, k], diagonal[k])
