@@ -36,6 +36,8 @@ NEAR = 1500
 ROW = 0.12
 """Height in inches that a figure gains with each curve beyond six."""
 ROUNDING = 1e-9
+DRAWN = 1e-6
+"""Relative error of what is drawn."""
 MOST_UNITS = 2
 LONGEST_LABEL = 34
 """Letters of a label beside the upper panel."""
@@ -179,7 +181,7 @@ def _band(form: ModalForm) -> tuple[float, float]:
 def _sampled(form: ModalForm, shown: list[int], source: int, low: float, high: float) -> tuple[Floats, Complexes]:
     """Angular frequencies (W,) and G (k, W), with points in between added about every peak and trough."""
     omega = _grid(form, low, high)
-    G = frequency_response(form, omega, outputs=shown, inputs=[source])[:, 0]
+    G = frequency_response(form, omega, outputs=shown, inputs=[source], tolerance=DRAWN)[:, 0]
     for _ in range(ROUNDS):
         size = np.abs(G)
         with np.errstate(invalid="ignore"):
@@ -193,7 +195,7 @@ def _sampled(form: ModalForm, shown: list[int], source: int, low: float, high: f
         more = np.setdiff1d(np.concatenate(inner).ravel(), omega)
         order = np.argsort(whole := np.concatenate((omega, more)), kind="stable")
         omega = whole[order]
-        added = frequency_response(form, more, outputs=shown, inputs=[source])[:, 0]
+        added = frequency_response(form, more, outputs=shown, inputs=[source], tolerance=DRAWN)[:, 0]
         G = np.concatenate((G, added), axis=1)[:, order]
     return omega, G
 

@@ -48,13 +48,14 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
         A = felt(K + numbers.imaginary(D) * omega - square * M)
         zero = 0 * omega
         momentum = (links.mass[:, None] * centres).sum(0) if not first else M[:, 0]
-        F = np.array([[zero + one for one in _load(links, one, first, len(M), centres)] for one in given])
+        loads = (_load(links, one, first, len(M), centres) for one in given)
+        F = np.array([[zero + value for value in load] for load in loads]) + 0 * A[0, 0]
         for k, one in enumerate(given):
             if one.what == "ground":
                 F[k] = F[k] + square * momentum
             if one.what == "base" and first:
                 F[k] = F[k] - A[:, 0]
-        q = F.swapaxes(0, 1) + 0 * A[0, 0]
+        q = np.array(F.swapaxes(0, 1))
         held = int(base and first)
         q[held:] = solved(A[held:, held:], F.swapaxes(0, 1)[held:], numbers)
         if held:
@@ -172,7 +173,7 @@ def _output(
 
 def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
     """A⁻¹ F (n, m, W) of a symmetric A (n, n, W), the last row first."""
-    A, F, size = np.array(A), F + 0 * A[0, 0], len(A)
+    A, F, size = np.array(A), np.array(F), len(A)
     rows, diagonal = [], [A[k, k] for k in range(size)]
     for k in range(size - 1, -1, -1):
         P = numbers.pivot(A[k, k], diagonal[k])
