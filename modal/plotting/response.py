@@ -18,10 +18,10 @@ from modal.plotting.curves import draw_curves
 from modal.plotting.layout import headline, key, log_ticks, mark_modes
 from modal.plotting.style import MOST_CURVES, WIDTH, colour, dash, muted, save, sheet, thickness
 from modal.scene import title_of
-from modal.statespace import ModalForm, Signal, frequency_response, impulse_response
+from modal.statespace import ModalForm, Signal, frequency_response, impulse_response, impulse_times
 from modal.types import Complexes, Floats
 
-POINTS, LONGEST = 2000, 20_000
+POINTS = 2000
 Spread = Callable[[Floats], Floats]
 DEEP, BEYOND = 240.0, 5.0
 """Most decibels that a picture goes down; decibels by which cut curves go on beyond it."""
@@ -136,10 +136,7 @@ def impulse_figure(
     than one picture holds.
     """
     shown = _shown(form, outputs)
-    swinging = [value.imag for value in form.modes.eigenvalue.tolist() if value.imag > 0] or [1.0]
-    end = duration or 8 * np.pi / min(swinging)
-    points = int(np.clip(40 * end * max(swinging) / (2 * np.pi), POINTS, LONGEST))
-    t = np.linspace(0.0, end, points)
+    t = impulse_times(form, duration)
     h = impulse_response(form, t)[shown, source]
     units = list(dict.fromkeys(form.model.outputs[output].unit for output in shown))
     figure = sheet(WIDTH, 1.4 + 2.2 * len(units))
@@ -150,7 +147,7 @@ def impulse_figure(
     for panel, unit in zip(panels, units, strict=True):
         panel.set_ylabel(f"response ({unit} per {form.model.inputs[source].unit} s)")
         panel.axhline(0.0, color=muted(), lw=0.8, zorder=0)
-    panels[-1].set(xlabel="time t (s)", xlim=(0.0, end))
+    panels[-1].set(xlabel="time t (s)", xlim=(0.0, t[-1]))
     names = [_named(form.model.outputs[output]) for output in shown]
     _finish(figure, form, names, f"impulse response to {_named(form.model.inputs[source])}")
     return figure

@@ -28,6 +28,10 @@ from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
 
 
+POINTS, LONGEST, ROWS = 2000, 20_000, 41
+"""Fewest and most times of an impulse response, and those that are printed as text."""
+
+
 class Term(NamedTuple):
     """The contribution of one mode to G: (N1 s + N0)/(c2 s² + c1 s + c0), N1 and N0 (p, m); `mode` as in `Block`."""
 
@@ -133,6 +137,33 @@ def response_table(
 
 def _shown(value: str | float) -> str:
     return value if isinstance(value, str) else f"{value:.6g}" if np.isfinite(value) else "–"
+
+
+def impulse_times(form: ModalForm, duration: float | None = None) -> Floats:
+    """Times (T,) in s that show every mode, from 0 to `duration` (default: four periods of the slowest oscillation)."""
+    swinging = [value.imag for value in form.modes.eigenvalue.tolist() if value.imag > 0] or [1.0]
+    end = duration or 8 * np.pi / min(swinging)
+    return np.linspace(0.0, end, int(np.clip(40 * end * max(swinging) / (2 * np.pi), POINTS, LONGEST)))
+
+
+def impulse_table(form: ModalForm, source: int, outputs: Sequence[int], to: str) -> str:
+    """h(t) of some outputs for one input as "text" (ROWS times), "csv" or "json" (`impulse_times`)."""
+    times = impulse_times(form)
+    if to == "text":
+        times = np.linspace(0.0, times[-1], ROWS)
+    h, signals, given = impulse_response(form, times)[:, source], form.model.outputs, form.model.inputs[source]
+    units = {signals[k].name: f"{signals[k].unit} per {given.unit} s" for k in outputs}
+    if to == "json":
+        values = {signals[k].name: list(map(finite, h[k].tolist())) for k in outputs}
+        return as_json({"input": given.name, "unit": units, "time_s": times.tolist(), "response": values})
+    if to == "csv":
+        names = ("time_s", "output", "unit", "response")
+        every = ((t, signals[k].name, h[k, at]) for k in outputs for at, t in enumerate(times.tolist()))
+        return as_csv([dict(zip(names, (t, name, units[name], value), strict=True)) for t, name, value in every])
+    headings = ("t (s)", *(f"{name} ({unit})" for name, unit in units.items()))
+    cells = [[f"{t:.6g}", *map(_shown, h[list(outputs), at].tolist())] for at, t in enumerate(times.tolist())]
+    what = f"impulse response to {given.name} ({given.unit})"
+    return titled(title_of(form.modes.scene), what, [grid(cells, headings)], "text")
 
 
 def impulse_response(form: ModalForm, times: ArrayLike) -> Floats:
