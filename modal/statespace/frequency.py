@@ -1,27 +1,26 @@
 """Frequency responses between named signals of a scene, from its arrays: every input to every output.
 
-Pendula are eliminated from their tips (`modal.statespace.elimination`), which leaves the cart's equation
+Pendula are eliminated from their tips (`modal.eigen.elimination`), which leaves the cart's equation
 
     (k_c + iωd_c − ω²(m_c + Σ μ)) x = F + Σ (e + ω²ε) + (k_c + iωd_c) s
 
 for a force F on it, the ground displaced by s and the loads e + ω²ε that pendula pass on.  A prescribed cart or support
-is a displacement x; velocities and accelerations are iω and −ω² times displacements.  A scene with damping ratios, whose
-D is full, is eliminated as a whole (`modal.statespace.full_damping`).
+is a displacement x; velocities and accelerations are iω and −ω² times displacements.  A scene with damping ratios,
+whose D is full, is eliminated as a whole (`modal.statespace.full_damping`).
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from modal.assembly import Rig, rig_of
+from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, cart_of, evaluated, hung
 from modal.scene import Scene
-from modal.statespace.arithmetic import REPLICAS, Arithmetic, evaluated
-from modal.statespace.elimination import FORCE, TORQUE, Hung, Load, cart_of, hung
 from modal.statespace.full_damping import full_response
+from modal.statespace.places import BASE, GIVEN, GROUND, PUSH, READ, Place, place_of
 from modal.statespace.signals import Signal
 from modal.types import Complexes, Floats
 
@@ -31,41 +30,6 @@ NUMBERS = 2**21
 """Floats at once."""
 LIMIT = 2.0**-200
 """The frequency, over that of the fastest link alone, that stands for 0."""
-GROUND, BASE, PUSH = "ground", "base", "push"
-
-
-class Place(NamedTuple):
-    """What a signal is, how often it is differentiated, and the pendulum and link, from 0, it belongs to."""
-
-    what: str
-    order: int
-    pendulum: int = -1
-    link: int = -1
-
-
-GIVEN = {
-    "cart_force": (PUSH, 0),
-    "torque": (TORQUE, 0),
-    "force": (FORCE, 0),
-    "cart_velocity": (BASE, 1),
-    "cart_acceleration": (BASE, 2),
-    "support_displacement": (GROUND, 0),
-    "support_velocity": (GROUND, 1),
-    "support_acceleration": (GROUND, 2),
-}
-READ = {
-    "x": ("x", 0),
-    "x_dot": ("x", 1),
-    "theta": ("theta", 0),
-    "theta_dot": ("theta", 1),
-    "rel": ("rel", 0),
-    "rel_dot": ("rel", 1),
-    "joint": ("joint", 0),
-    "tip": ("joint", 0),
-    "tip_ddot": ("joint", 2),
-    "pivot_force": ("pivot_force", 0),
-}
-NAME = re.compile(r"(\w+?)(?:_(\d+))?(?:_(\d+))?")
 Evaluate = Callable[[Arithmetic], Any]
 
 
@@ -79,8 +43,8 @@ def response_of(
     """
     rig = rig_of(scene)
     tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
-    given = [_place(GIVEN, signal.name, tips) for signal in inputs]
-    read = [_place(READ, signal.name, tips) for signal in outputs]
+    given = [place_of(GIVEN, signal.name, tips) for signal in inputs]
+    read = [place_of(READ, signal.name, tips) for signal in outputs]
     whole = scene.has_modal_damping
     evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
     unit = np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks))
@@ -108,15 +72,6 @@ def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:
         size, edge = np.abs(found), np.sqrt(at)
         found = np.where(still & (size * edge > 1), np.inf, np.where(still & (size < edge), 0.0, found))
     return found
-
-
-def _place(kinds: dict[str, tuple[str, int]], name: str, tips: Sequence[int]) -> Place:
-    match = NAME.fullmatch(name)
-    if not match:
-        raise KeyError(name)
-    prefix, pendulum, link = match.groups()
-    own = int(pendulum) - 1 if pendulum else -1
-    return Place(*kinds[prefix], own, int(link) - 1 if link else tips[own] if pendulum else -1)
 
 
 def _from_tips(rig: Rig, given: Sequence[Place], read: Sequence[Place]) -> Evaluate:

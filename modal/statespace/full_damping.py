@@ -13,19 +13,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from decimal import Context, Decimal, localcontext
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from modal import pair
 from modal.assembly import Rig, modal_dampers, ratio_at, rig_of
+from modal.eigen import FORCE, TORQUE, Arithmetic, Digits
 from modal.scene import Scene
-from modal.statespace.arithmetic import Arithmetic, Digits
-from modal.statespace.elimination import FORCE, TORQUE
 from modal.statespace.model import fixed
-
-if TYPE_CHECKING:
-    from modal.statespace.frequency import Place
+from modal.statespace.places import BASE, GROUND, PUSH, Place
 
 DIGITS, MOST = 80, 60
 """Digits of D_modal, and most coordinates for which they are computed; D_modal of more has those of floats."""
@@ -35,11 +32,11 @@ SWEEPS = 40
 def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -> Callable[[Arithmetic], Any]:
     """The evaluation (p, m, W) of displacements for displacements and forces."""
     rig = rig_of(scene)
-    base = any(one.what == "base" for one in given)
+    base = any(one.what == BASE for one in given)
     first = int(rig.cart is not None)
     dampers = in_digits(rig_of(fixed(scene)) if base else rig)
     if base and first:
-        dampers = np.pad(dampers, ((1, 0), (1, 0)), constant_values=Decimal(0))
+        dampers = _below(dampers, 1)
 
     def evaluate(numbers: Arithmetic) -> Any:
         links, M, K, D, joints, centres = assembled(rig, numbers)
@@ -51,16 +48,16 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
         loads = (_load(links, one, first, len(M), centres) for one in given)
         F = np.array([[zero + value for value in load] for load in loads]) + 0 * A[0, 0]
         for k, one in enumerate(given):
-            if one.what == "ground":
+            if one.what == GROUND:
                 F[k] = F[k] + square * momentum
-            if one.what == "base" and first:
+            if one.what == BASE and first:
                 F[k] = F[k] - A[:, 0]
         q = np.array(F.swapaxes(0, 1))
         held = int(base and first)
         q[held:] = solved(A[held:, held:], F.swapaxes(0, 1)[held:], numbers)
         if held:
-            q[0] = np.array([zero + int(one.what == "base") for one in given])
-        carried = np.array([zero + int(one.what == "ground") for one in given])
+            q[0] = np.array([zero + int(one.what == BASE) for one in given])
+        carried = np.array([zero + int(one.what == GROUND) for one in given])
         return np.array([_output(links, row, first, q, carried, joints, centres, given, numbers) for row in read])
 
     return evaluate
@@ -127,7 +124,7 @@ def assembled(rig: Rig, numbers: Arithmetic) -> tuple[Links, Any, Any, Any, Any,
 def _load(links: Links, one: Place, first: int, size: int, centres: Any) -> Any:
     """The generalized force of an input, (n, 1)."""
     found = 0 * centres[0]
-    if one.what == "push":
+    if one.what == PUSH:
         found[0] = found[0] + 1
     elif one.what == FORCE:
         return centres[links.firsts[one.pendulum] + one.link]
@@ -208,7 +205,14 @@ def in_digits(rig: Rig) -> Any:
         ratios = ratio_at(rig)(np.array(omega, dtype=np.float64))
         strength = [2 * Decimal(ratio) * value for ratio, value in zip(ratios.tolist(), omega, strict=True)]
         C = momentum[:, swings]
-        return np.pad((C * np.array(strength, dtype=object)) @ C.T, ((free, 0), (free, 0)), constant_values=Decimal(0))
+        return _below((C * np.array(strength, dtype=object)) @ C.T, free)
+
+
+def _below(D: Any, rows: int) -> Any:
+    """A square matrix with as many rows and columns of zeros before it."""
+    found = np.full((len(D) + rows,) * 2, Decimal(0), dtype=object)
+    found[rows:, rows:] = D
+    return found
 
 
 def _modes(M: Any, K: Any) -> tuple[list[Decimal], Any]:
@@ -253,7 +257,7 @@ def _forward(L: Any, S: Any) -> Any:
 def _jacobi(S: Any) -> tuple[list[Decimal], Any]:
     """Eigenvalues and eigenvectors of a symmetric S."""
     S, size = (S + S.T) / 2, len(S)
-    V = np.frompyfunc(Decimal, 1, 1)(np.eye(size))
+    V: Any = np.frompyfunc(Decimal, 1, 1)(np.eye(size))
     for _ in range(SWEEPS):
         turned = False
         for i in range(size):

@@ -27,7 +27,6 @@ from modal.statespace.frequency import TOLERANCE, response_of
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
 
-
 POINTS, LONGEST, ROWS = 2000, 20_000, 41
 """Fewest and most times of an impulse response, and those that are printed as text."""
 
@@ -76,7 +75,7 @@ def frequency_response(
     columns = range(len(model.inputs)) if inputs is None else inputs
     read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
     response = response_of(form.modes.scene, given, read, at, tolerance)
-    chosen, s = np.ix_(rows, columns), 1j * at
+    chosen, s = np.ix_(rows, columns), np.asarray(1j * at, dtype=np.complex128)
     for term in terms(form):
         above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
         response[(above != 0) & (below == 0) & (at != 0)] = np.inf

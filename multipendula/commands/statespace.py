@@ -273,8 +273,9 @@ COMMANDS = (
         run=response,
         arguments=_response_arguments,
         details=(
-            "Magnitude and phase of every output for one input, right however far from the modes, or the impulse response "
-            "in closed form. Peaks of damped modes have their true height; below the picture is where infinite ones are cut."
+            "Magnitude and phase of every output for one input, right however far from the modes, or the impulse "
+            "response in closed form. Peaks of damped modes have their true height; below the picture is where "
+            "infinite ones are cut."
         ),
         examples=(
             ("response crane-hook -o bode.png", "every output of the crane"),

@@ -1,8 +1,8 @@
 """Frequency responses in many digits, sharing no line with the package: Cartesian rows, whole matrices, mpmath.
 
-Coordinates are x (on a cart) and all angles; M = Σ m h hᵀ + I e eᵀ with the displacement h of a link's centre, V and the
-dissipation likewise; D of damping ratios from the eigenvectors of the pencil.  Every number of the scene is its float,
-and a rod's inertia m l²/12 exactly.
+Coordinates are x (on a cart) and all angles; M = Σ m h hᵀ + I e eᵀ with the displacement h of a link's centre, V and
+the dissipation likewise; D of damping ratios from the eigenvectors of the pencil.  Every number of the scene is its
+float, and a rod's inertia m l²/12 exactly.
 """
 
 from __future__ import annotations
@@ -46,7 +46,9 @@ class Oracle:
             joint, self.mass[p] = list(carried), []
             for i, (link, way) in enumerate(zip(links, ways, strict=True), 1):
                 m, l = mp.mpf(link.mass), mp.mpf(link.length)
-                c, inertia = (l / 2, m * l * l / 12) if isinstance(link, Rod) else map(mp.mpf, (link.centre, link.inertia))
+                c, inertia = (
+                    (l / 2, m * l * l / 12) if isinstance(link, Rod) else map(mp.mpf, (link.centre, link.inertia))
+                )
                 centre, angle, bend = list(joint), [mp.mpf(0)] * n, [mp.mpf(0)] * n
                 centre[at] += way * c
                 joint[at] += way * l
@@ -108,7 +110,9 @@ class Oracle:
                 ground[k] = 1 / (mp.mpc(0, 1) * w) ** order
                 for j in range(self.n):  # the momentum of everything at unit velocity
                     own = self.scene.support.mass if self.cart and j == 0 else 0
-                    F[j, k] = w * w * ground[k] * (own + sum(m * h[j] for links in self.mass.values() for m, _, h in links))
+                    F[j, k] = (
+                        w * w * ground[k] * (own + sum(m * h[j] for links in self.mass.values() for m, _, h in links))
+                    )
         q = mp.zeros(self.n, len(inputs))
         right = F[first:, :] - (A[first:, 0] * mp.matrix([q0]) if held else 0 * F[first:, :])
         solved = mp.lu_solve(A[first:, first:], right) if len(inputs) == 1 else A[first:, first:] ** -1 * right

@@ -24,7 +24,7 @@ import numpy as np
 
 from modal import pair
 from modal.assembly import Block, CartNumbers
-from modal.statespace.arithmetic import Arithmetic
+from modal.eigen.arithmetic import Arithmetic
 
 TORQUE, FORCE = "torque", "force"
 Load = tuple[str, int]
@@ -48,14 +48,14 @@ class Hung(NamedTuple):
 def hung(block: Block, loads: list[Load], gravity: float, numbers: Arithmetic) -> Hung:
     """Chains with unit loads at the frequencies of `numbers`."""
     square, felt = numbers.omega * numbers.omega, numbers.felt
-    data = {name: numbers.number(getattr(block, name)[..., None]) for name in ("mass", "length", "centre", "inertia")}
-    length, sigma = data["length"], numbers.number(block.sigma[..., None])
-    below = np.array(pair.masses_below(data["mass"]))
-    weight = pair.link_constants(*data.values(), below, numbers.number(gravity))
-    links, k = weight, sigma * weight.k
+    parts = (block.mass, block.length, block.centre, block.inertia, block.sigma)
+    m, length, c, I, sigma = (numbers.number(part[..., None]) for part in parts)
+    below = np.array(pair.masses_below(m))
+    links = pair.link_constants(m, length, c, I, below, numbers.number(gravity))
+    k = sigma * links.k
     if block.drag.any():
-        heavy = data["mass"] - numbers.imaginary(numbers.number(block.drag[..., None]) / numbers.omega)
-        links = pair.link_constants(heavy, *list(data.values())[1:], below)
+        heavy = m - numbers.imaginary(numbers.number(block.drag[..., None]) / numbers.omega)
+        links = pair.link_constants(heavy, length, c, I, below)
     joint = numbers.number(block.stiffness[..., None])
     if block.damping.any():
         joint = joint + numbers.imaginary(numbers.number(block.damping[..., None]) * numbers.omega)

@@ -37,7 +37,7 @@ class Arithmetic(Protocol):
         """Decimals as numbers."""
 
     def imaginary(self, values: Any) -> Any:
-        """i times these numbers."""
+        """I times these numbers."""
 
     def felt(self, values: Any) -> Any:
         """The numbers with their rounding."""
@@ -90,6 +90,8 @@ class Rounded:
 class Digits:
     """Decimals, real or in pairs for complex numbers, at the angular frequencies (W,), in arrays of objects."""
 
+    omega: Any
+
     def __init__(self, omega: Floats, precision: int, *, is_real: bool) -> None:
         self.precision, self.is_real = precision, is_real
         self.omega = self.number(omega)
@@ -103,7 +105,7 @@ class Digits:
         return values if self.is_real else np.frompyfunc(lambda value: Complex(value, Decimal(0)), 1, 1)(values)
 
     def imaginary(self, values: Any) -> Any:
-        """i times complex numbers."""
+        """I times complex numbers."""
         return np.frompyfunc(lambda value: Complex(-value.imag, value.real), 1, 1)(values)
 
     def felt(self, values: Any) -> Any:
@@ -131,10 +133,12 @@ class Complex:
         return Complex(self.real + other, self.imag) if isinstance(other, int) else NotImplemented
 
     def __sub__(self, other: Any) -> Complex:
-        return self + -other if other.__class__ is Complex or isinstance(other, int) else NotImplemented
+        if other.__class__ is Complex:
+            return Complex(self.real - other.real, self.imag - other.imag)
+        return Complex(self.real - other, self.imag) if isinstance(other, int) else NotImplemented
 
-    def __rsub__(self, other: Any) -> Complex:
-        return -self + other
+    def __rsub__(self, other: int) -> Complex:
+        return Complex(other - self.real, -self.imag)
 
     def __mul__(self, other: Any) -> Complex:
         if other.__class__ is not Complex:
@@ -176,7 +180,9 @@ def evaluated(evaluate: Callable[[Any], Any], omega: Floats, *, is_real: bool, t
     lost = ~(errors <= tolerance * np.abs(found))
     entries = tuple(range(lost.ndim - 1))
     if len(left := np.flatnonzero(lost.any(entries))):
-        found[..., left] = _in_digits(evaluate, omega[left], is_real, np.nan_to_num(errors[..., left], posinf=0.0) / ULP)
+        found[..., left] = _in_digits(
+            evaluate, omega[left], is_real, np.nan_to_num(errors[..., left], posinf=0.0) / ULP
+        )
     return found
 
 
