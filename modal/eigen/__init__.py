@@ -12,7 +12,7 @@ A chain uses the effective-mass recursion and bisection (`chains`), with joint s
 """
 
 from modal.eigen.amplitude import Swing, distortion, one_percent_amplitude
-from modal.eigen.arithmetic import REPLICAS, Arithmetic, Digits, evaluated
+from modal.eigen.arithmetic import REPLICAS, Arithmetic, Digits, Rounded, evaluated
 from modal.eigen.bisection import smallest_where
 from modal.eigen.chains import Limits, squares_of
 from modal.eigen.counts import counted
@@ -44,6 +44,7 @@ __all__ = [
     "Part",
     "Poles",
     "Rigid",
+    "Rounded",
     "Spectrum",
     "Suspension",
     "Swing",

@@ -49,7 +49,7 @@ class Arithmetic(Protocol):
 class Rounded:
     """Floats, real or complex, at the angular frequencies (W,) and again for every replica: (W (REPLICAS + 1),)."""
 
-    def __init__(self, omega: Floats) -> None:
+    def __init__(self, omega: Floats | Complexes) -> None:
         self.omega = np.tile(omega, REPLICAS + 1)
         self._first = len(omega)
         self._random = np.random.default_rng(0)
@@ -92,9 +92,11 @@ class Digits:
 
     omega: Any
 
-    def __init__(self, omega: Floats, precision: int, *, is_real: bool) -> None:
+    def __init__(self, omega: Floats | Complexes, precision: int, *, is_real: bool) -> None:
         self.precision, self.is_real = precision, is_real
-        self.omega = self.number(omega)
+        self.omega = self.number(np.real(omega))
+        if np.iscomplexobj(omega):
+            self.omega = self.omega + self.imaginary(self.number(np.imag(omega)))
 
     def number(self, values: ArrayLike) -> Any:
         """Every float in all its digits."""
@@ -170,7 +172,9 @@ class Complex:
     __radd__, __rmul__ = __add__, __mul__
 
 
-def evaluated(evaluate: Callable[[Any], Any], omega: Floats, *, is_real: bool, tolerance: float) -> Complexes:
+def evaluated(
+    evaluate: Callable[[Any], Any], omega: Floats | Complexes, *, is_real: bool, tolerance: float
+) -> Complexes:
     """What `evaluate` makes of an arithmetic, (…, W), to a relative error of `tolerance` in every entry.
 
     In floats first, then in digits where they have lost too many.
@@ -186,7 +190,7 @@ def evaluated(evaluate: Callable[[Any], Any], omega: Floats, *, is_real: bool, t
     return found
 
 
-def _in_digits(evaluate: Callable[[Any], Any], omega: Floats, is_real: bool, terms: Floats) -> Complexes:
+def _in_digits(evaluate: Callable[[Any], Any], omega: Floats | Complexes, is_real: bool, terms: Floats) -> Complexes:
     """The values (…, W) in as many digits as they need; `terms` (…, W) is the size of what adds up to each."""
     found = np.zeros(terms.shape, dtype=np.complex128)
     left, last = np.arange(len(omega)), None

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import Rig, rig_of
-from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, cart_of, evaluated, hung
+from modal.eigen import FORCE, REPLICAS, TORQUE, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
 from modal.statespace.full_damping import full_response
 from modal.statespace.places import BASE, GIVEN, GROUND, PUSH, READ, Place, place_of
@@ -33,37 +33,54 @@ LIMIT = 2.0**-200
 Evaluate = Callable[[Arithmetic], Any]
 
 
-def response_of(
-    scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal], omega: Floats, tolerance: float = TOLERANCE
-) -> Complexes:
-    """G(iω) (p, m, W) of a scene of constant lengths at ω (W,) in rad/s, each entry to this relative error.
+class Elimination:
+    """G between these signals of a scene of constant lengths, evaluated by elimination wherever it is asked for.
 
-    At ω = 0 the limit, infinite where there is none.  KeyError for signals that are not those of
-    `modal.statespace.signals`.
+    KeyError for signals that are not those of `modal.statespace.signals`.
     """
-    rig = rig_of(scene)
-    tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
-    given = [place_of(GIVEN, signal.name, tips) for signal in inputs]
-    read = [place_of(READ, signal.name, tips) for signal in outputs]
-    whole = scene.has_modal_damping
-    evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
-    unit = np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks))
-    still = omega == 0
-    at = np.where(still, LIMIT * unit, np.abs(omega))
-    width = sum(block.n * block.size for block in rig.blocks) * (1 + len(given)) + len(given) * len(read)
-    if whole:
-        width += sum(tip + 1 for tip in tips) ** 2
-    step = max(1, NUMBERS // width // (REPLICAS + 1))
-    is_real = not (rig.is_damped or whole)
-    found = np.empty((len(read), len(given), len(at)), dtype=np.complex128)
-    for first in range(0, len(at), step):
-        own = slice(first, first + step)
-        found[..., own] = evaluated(evaluate, at[own], is_real=is_real, tolerance=tolerance)
-    orders = np.array([[row.order - column.order for column in given] for row in read])[..., None]
-    with np.errstate(all="ignore"):
-        found *= np.array([1, 1j, -1, -1j])[orders % 4] * np.float_power(at, orders)
-    found = np.where(omega < 0, np.conj(found), found)
-    return _limits(found, still, at)
+
+    def __init__(self, scene: Scene, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> None:
+        rig, whole = rig_of(scene), scene.has_modal_damping
+        tips = [rig.blocks[block].n - 1 for block, _, copies in rig.members for _ in range(copies)]
+        given = [place_of(GIVEN, signal.name, tips) for signal in inputs]
+        read = [place_of(READ, signal.name, tips) for signal in outputs]
+        self.is_real = not (rig.is_damped or whole)
+        self.unit = float(np.sqrt(rig.gravity / min(float(block.length.min()) for block in rig.blocks)))
+        self._evaluate = full_response(scene, given, read) if whole else _from_tips(rig, given, read)
+        self._orders = np.array([[row.order - column.order for column in given] for row in read])[..., None]
+        width = sum(block.n * block.size for block in rig.blocks) * (1 + len(given)) + len(given) * len(read)
+        width += sum(tip + 1 for tip in tips) ** 2 if whole else 0
+        self._step = max(1, NUMBERS // width // (REPLICAS + 1))
+
+    def along(self, omega: Floats, tolerance: float = TOLERANCE) -> Complexes:
+        """G(iω) (p, m, W) at ω (W,) in rad/s, each entry to this relative error.
+
+        At ω = 0 the limit, infinite where there is none.
+        """
+        still = omega == 0
+        at = np.where(still, LIMIT * self.unit, np.abs(omega))
+        found = self._displacements(at, tolerance, is_real=self.is_real)
+        with np.errstate(all="ignore"):
+            found *= np.array([1, 1j, -1, -1j])[self._orders % 4] * np.float_power(at, self._orders)
+        return _limits(np.where(omega < 0, np.conj(found), found), still, at)
+
+    def at(self, s: Complexes, tolerance: float = TOLERANCE) -> Complexes:
+        """G(s) (p, m, W) at s (W,) in 1/s, each entry to this relative error."""
+        found = self._displacements(-1j * s, tolerance, is_real=False)
+        return found * np.power(s, self._orders)
+
+    def roughly_at(self, s: Complexes) -> tuple[Complexes, Floats]:
+        """G(s) (p, m, W) in floats, and its rounding error."""
+        with np.errstate(all="ignore"):
+            values, errors = (numbers := Rounded(-1j * s)).results(self._evaluate(numbers))
+            factor = np.power(s, self._orders)
+            return values * factor, errors * np.abs(factor)
+
+    def _displacements(self, omega: Floats | Complexes, tolerance: float, *, is_real: bool) -> Complexes:
+        """Displacements and forces for displacements and forces."""
+        parts = [omega[first : first + self._step] for first in range(0, len(omega), self._step)]
+        found = [evaluated(self._evaluate, own, is_real=is_real, tolerance=tolerance) for own in parts]
+        return np.concatenate(found, axis=-1) if found else np.zeros((*self._orders.shape[:2], 0), np.complex128)
 
 
 def _limits(found: Complexes, still: Any, at: Floats) -> Complexes:

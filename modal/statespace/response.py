@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike
 
 from modal.report import as_csv, as_json, finite, grid, titled
 from modal.scene import title_of
-from modal.statespace.frequency import TOLERANCE, response_of
+from modal.statespace.frequency import TOLERANCE, Elimination
 from modal.statespace.modal_form import Block, ModalForm
 from modal.types import Complexes, Floats
 
@@ -74,7 +74,7 @@ def frequency_response(
     rows = range(len(model.outputs)) if outputs is None else outputs
     columns = range(len(model.inputs)) if inputs is None else inputs
     read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
-    response = response_of(form.modes.scene, given, read, at, tolerance)
+    response = Elimination(form.modes.scene, given, read).along(at, tolerance)
     chosen, s = np.ix_(rows, columns), np.asarray(1j * at, dtype=np.complex128)
     for term in terms(form):
         above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
