@@ -39,8 +39,8 @@ class Sensitivity(NamedTuple):
 def of_mode(modes: Modes, row: Mode) -> dict[str, Sensitivity]:
     """The derivatives of one mode's frequency to a cart's mass and every number above 0, by place.
 
-    Empty where it has none, which is for frequencies that several modes share, modes that grow or that a `damping_ratio` damps, and those beyond
-    double precision.
+    Empty where it has none: for frequencies that several modes share, modes that grow or that a `damping_ratio` damps,
+    and those beyond double precision.
 
     >>> from modal import load, natural_modes
     >>> modes = natural_modes(load("chain-1"))

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from modal.assembly import Rig, rig_of
-from modal.eigen import FORCE, REPLICAS, TORQUE, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
+from modal.eigen import FORCE, REPLICAS, Arithmetic, Hung, Load, Rounded, cart_of, evaluated, hung
 from modal.scene import Scene
 from modal.statespace.full_damping import full_response
 from modal.statespace.places import BASE, GIVEN, GROUND, PUSH, READ, Place, place_of

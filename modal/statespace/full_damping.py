@@ -13,19 +13,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from decimal import Context, Decimal, localcontext
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from modal import pair
-from modal.assembly import Rig, modal_dampers, ratio_at, rig_of
+from modal.assembly import Rig, ratio_at, rig_of
 from modal.eigen import FORCE, TORQUE, Arithmetic, Digits
 from modal.scene import Scene
 from modal.statespace.model import fixed
 from modal.statespace.places import BASE, GROUND, PUSH, Place
 
-DIGITS, MOST = 80, 60
-"""Digits of D_modal, and most coordinates for which they are computed; D_modal of more has those of floats."""
+DIGITS, MOST = 80, 40
+"""Digits of D_modal, and most coordinates for which they are computed."""
 SWEEPS = 40
 
 
@@ -34,9 +35,11 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
     rig = rig_of(scene)
     base = any(one.what == BASE for one in given)
     first = int(rig.cart is not None)
-    dampers = in_digits(rig_of(fixed(scene)) if base else rig)
+    dampers = in_digits(fixed(scene) if base else scene)
     if base and first:
         dampers = _below(dampers, 1)
+    moved = [one.what == GROUND or (one.what == BASE and not first) for one in given]
+    prescribed = [one.what == BASE and first == 1 for one in given]
 
     def evaluate(numbers: Arithmetic) -> Any:
         links, M, K, D, joints, centres = assembled(rig, numbers)
@@ -47,20 +50,22 @@ def full_response(scene: Scene, given: Sequence[Place], read: Sequence[Place]) -
         momentum = (links.mass[:, None] * centres).sum(0) if not first else M[:, 0]
         loads = (_load(links, one, first, len(M), centres) for one in given)
         F = np.array([[zero + value for value in load] for load in loads]) + 0 * A[0, 0]
-        for k, one in enumerate(given):
-            if one.what == GROUND:
-                F[k] = F[k] + square * momentum
-            if one.what == BASE and first:
-                F[k] = F[k] - A[:, 0]
+        for k in range(len(given)):
+            F[k] = F[k] + square * momentum if moved[k] else F[k] - A[:, 0] if prescribed[k] else F[k]
         q = np.array(F.swapaxes(0, 1))
         held = int(base and first)
         q[held:] = solved(A[held:, held:], F.swapaxes(0, 1)[held:], numbers)
         if held:
-            q[0] = np.array([zero + int(one.what == BASE) for one in given])
-        carried = np.array([zero + int(one.what == GROUND) for one in given])
+            q[0] = np.array([zero + int(one) for one in prescribed])
+        carried = np.array([zero + int(one) for one in moved])
         return np.array([_output(links, row, first, q, carried, joints, centres, given, numbers) for row in read])
 
     return evaluate
+
+
+def is_small(scene: Scene) -> bool:
+    """Whether D_modal of this scene can be computed in decimals in seconds."""
+    return scene.n_links + (scene.support.kind == "cart") <= MOST
 
 
 class Links:
@@ -149,7 +154,7 @@ def _output(
 ) -> Any:
     """An output for every input, (m, W)."""
     if row.what == "x":
-        return q[0] + carried
+        return q[0] + carried if first else carried
     at = links.firsts[row.pendulum] + row.link
     if row.what == "joint":
         return (joints[at][:, None] * q).sum(0) + carried
@@ -188,11 +193,10 @@ def solved(A: Any, F: Any, numbers: Arithmetic) -> Any:
 # ------------------------------------------------------------------------------------------------------- D_modal
 
 
-def in_digits(rig: Rig) -> Any:
-    """D_modal (n, n) in decimals, those of floats for more than MOST coordinates."""
-    size = sum(rig.blocks[block].n * copies for block, _, copies in rig.members) + int(rig.cart is not None)
-    if size > MOST:
-        return np.frompyfunc(Decimal, 1, 1)(modal_dampers(rig))
+@lru_cache(maxsize=8)
+def in_digits(scene: Scene) -> Any:
+    """D_modal (n, n) in decimals."""
+    rig = rig_of(scene)
     with localcontext(Context(prec=DIGITS)):
         _, M, K, *_ = assembled(rig, Digits(np.ones(1), DIGITS, is_real=True))
         free = int(rig.cart is not None and rig.cart.stiffness == 0)

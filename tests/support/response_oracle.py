@@ -71,14 +71,19 @@ class Oracle:
         self.modal = scene.has_modal_damping
 
     def _ratio_dampers(self, first: int) -> mp.matrix:
-        """D_modal of the coordinates from `first` on: 2 ζ ω (Mφ)(Mφ)ᵀ of every undamped mode, of one ratio."""
+        """D_modal of the coordinates from `first` on: 2 ζ ω (Mφ)(Mφ)ᵀ of every undamped mode."""
         M, K = self.M[first:, first:], self.K[first:, first:]
         L = mp.cholesky(M)
         inverse = L**-1
         square, V = mp.eigsy(inverse * K * inverse.T)
-        found, ratio = mp.zeros(self.n), mp.mpf(self.scene.damping_ratio)
+        found, ratios, number = mp.zeros(self.n), self.scene.damping_ratio, -1
+        small, last = mp.mpf(10) ** (-self.digits // 2) * max(square), -max(square)
         for k in range(len(square)):
-            if square[k] > mp.mpf(10) ** (-self.digits // 2) * max(square):
+            number += square[k] - last > mp.mpf(10) ** -12 * max(abs(square[k]), small)
+            last = square[k]
+            each = (*ratios, *[0] * self.n) if isinstance(ratios, tuple) else [ratios] * (self.n + 1)
+            ratio = mp.mpf(each[number])
+            if square[k] > small:
                 momentum = L * V[:, k]
                 for a in range(len(momentum)):
                     for b in range(len(momentum)):
