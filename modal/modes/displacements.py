@@ -48,9 +48,9 @@ def centre_displacements(rig: Rig, value: complex, shape: Shape) -> list[Complex
 
 def _excited(rig: Rig, value: complex, kind: tuple[int, int], link: int, *, moved: bool) -> tuple[list[Any], list[Any]]:
     """Centres and angles (n, P) of every block where the torque of one link excites the mode alone."""
-    numbers = Digits(np.ones(1), DIGITS, is_real=not value.real)
+    numbers = Digits(np.ones(1), DIGITS, is_real=not rig.is_damped)
     omega = numbers.number(np.array([value.imag]))
-    if value.real:
+    if rig.is_damped:
         omega = omega - numbers.imaginary(numbers.number(np.array([value.real])))
     last: Any = None
     ahead = omega * (numbers.exact(np.array([1 + Decimal(1).scaleb(AWAY)])))

@@ -67,7 +67,7 @@ class Elimination:
     def at(self, s: Complexes, tolerance: float = TOLERANCE) -> Complexes:
         """G(s) (p, m, W) at s (W,) in 1/s, each entry to this relative error."""
         found = self._displacements(-1j * s, tolerance, is_real=False)
-        return found * np.power(s, self._orders)
+        return np.asarray(found * np.power(s, self._orders), dtype=np.complex128)
 
     def roughly_at(self, s: Complexes) -> tuple[Complexes, Floats]:
         """G(s) (p, m, W) in floats, and its rounding error."""

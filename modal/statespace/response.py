@@ -77,14 +77,13 @@ def frequency_response(
     columns = range(len(model.inputs)) if inputs is None else inputs
     read, given = [model.outputs[k] for k in rows], [model.inputs[k] for k in columns]
     scene, chosen = model.scene or form.modes.scene, np.ix_(rows, columns)
+    s = np.asarray(1j * at, dtype=np.complex128)
     eliminated = not scene.has_modal_damping or is_small(scene)
     response = np.repeat(model.D[chosen][..., None], len(at), axis=2).astype(np.complex128)
     if eliminated:
         response = Elimination(scene, given, read).along(at, tolerance)
     for term in terms(form):
-        above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(
-            np.asarray(1j * at, dtype=np.complex128)
-        )
+        above, below = term._replace(N1=term.N1[chosen], N0=term.N0[chosen]).at(s)
         pole = below == 0
         if not eliminated:
             response += above / np.where(pole, 1.0, below)
