@@ -1,4 +1,4 @@
-"""Two arithmetics for one elimination: floats whose rounding is felt, and as many decimal digits as it takes.
+"""Two kinds of arithmetic for one elimination: floats whose rounding is felt, and as many decimal digits as it takes.
 
 `Rounded` computes every frequency REPLICAS + 1 times in floats; in all but the first, `felt` changes each result by a
 random part in 2⁵², as rounding does, so that the spread of the results is their rounding error (Monte Carlo arithmetic:
