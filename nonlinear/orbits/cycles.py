@@ -181,12 +181,7 @@ def follow_cycles(
     SceneError for a variation of fewer than two values or of a count, ComputationError where nothing excites the scene
     or no limit cycle is found.
     """
-    validate_variations(scene, [variation])
-    if len(variation.values) < 2 or variation.path.endswith("count"):
-        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
-    refuse_motion(scene, "a limit cycle")
-    if not scene.is_driven:
-        raise ComputationError("nothing excites this scene: it has no limit cycles")
+    require_cycles(scene, variation)
     found: list[Branch] = []
     ends = (variation.values[0], variation.values[-1])
     for value in ends[: 1 if start else 2]:
@@ -201,6 +196,17 @@ def follow_cycles(
     if not found:
         raise ComputationError("no limit cycle was found at the ends of the range")
     return tuple(found)
+
+
+def require_cycles(scene: Scene, variation: Variation) -> None:
+    """Raise, without computing anything, what `follow_cycles` raises for this scene and variation."""
+    validate_variations(scene, [variation])
+    if len(variation.values) < 2 or variation.path.endswith("count"):
+        raise SceneError([f"{variation.path}: orbits need two or more values of a continuous parameter"])
+    refuse_motion(scene, "a limit cycle")
+    _ = shooting(scene).first
+    if not scene.is_driven:
+        raise ComputationError("nothing excites this scene: it has no limit cycles")
 
 
 def _beginnings(
