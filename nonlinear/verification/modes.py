@@ -16,6 +16,7 @@ from math import degrees, inf, isfinite, nan, pi, radians, sqrt
 
 import numpy as np
 
+from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.modes import Mode, Modes, natural_modes
 from modal.report import Displayed, Summary, brief, counted
@@ -145,8 +146,11 @@ def _reason(modes: Modes, mode: Mode) -> str:
         return "overdamped: it does not oscillate"
     if _periods_left(mode) < LEAST_SWINGS:
         return f"it dies out within {_periods_left(mode):.2g} periods"
-    if not along_rail(modes, mode.number - 1)[0]:
+    copies, shapes = along_rail(modes, mode.number - 1)
+    if not copies:
         return "it moves across the rail"
+    if modes.on_cart and shapes[0].any() and is_singular(modes.matrices.M):
+        return "the massless cart that it moves has no equation of motion where all bobs hang straight down"
     return ""
 
 
