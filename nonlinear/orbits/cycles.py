@@ -12,6 +12,7 @@ from modal.scene import Scene, refuse_motion
 from modal.scene.parameters import Variation, validate_variations, vary
 from modal.types import Floats
 from nonlinear.averaging import RelativeEquilibrium, average, relative_equilibria
+from nonlinear.orbits.between import resolved
 from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
 from nonlinear.orbits.flow import Force
@@ -190,6 +191,7 @@ def follow_cycles(
             if any(_known(orbit, branch) for branch in found):
                 continue
             points, complete = _walked(problem, u, orbit, longest, most)
+            points = resolved(problem, points)
             special = tuple(along_cycles(problem, points))
             found.append(Branch(words, tuple(points), special, problem, variation, complete))
             report(len(found))

@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
+import numpy as np
+
 from modal.errors import ComputationError
 from modal.report import Displayed, Summary
 from nonlinear.orbits.continuation import Point, Problem, between, located
@@ -64,8 +66,7 @@ def along_backbone(problem: Quarter, points: Sequence[Point]) -> Iterator[Specia
         for sign, taken in ((-1, turned), (1, False)):
             if not taken and at(sign)(one) * at(sign)(other) < 0:
                 found.append(_special(problem, one, other, at(sign), "branch point", after, breaks=sign > 0))
-        if one.orbit.floquet.apart != other.orbit.floquet.apart:
-            met = halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+        if met := collided(problem, one, other):
             found.append(Special("collision", met.orbit, after, met))
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
 
@@ -99,10 +100,25 @@ def along_cycles(problem: Shooting, points: Sequence[Point], accuracy: float = 1
         yield from sorted(found, key=lambda each: float((each.point.u - one.u) @ (other.u - one.u)))
 
 
+def collided(problem: Problem, one: Point, other: Point, accuracy: float = 1e-10) -> Point | None:
+    """Where two pairs of multipliers meet and leave the circle or the real axis, or return; None if none does.
+
+    There a factor of the discriminant passes 0; where that of equal pairs hides it, the number of pairs apart changes.
+    """
+    if one.orbit.floquet.apart == other.orbit.floquet.apart:
+        return None
+    before, after = (here.orbit.floquet.map.margins[2:] for here in (one, other))
+    passing = np.flatnonzero(before * after < 0)
+    if not len(passing):
+        return halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+    at = 2 + int(passing[np.abs(before - after)[passing].argmax()])
+    return located(problem, one, other, lambda here: float(here.orbit.floquet.map.margins[at]), accuracy)
+
+
 def _circled(problem: Shooting, one: Point, other: Point, accuracy: float) -> Point | None:
     """Where a complex pair of multipliers passes the unit circle; None where a pair grew apart beyond it instead."""
     if problem.conservative:
-        return halved(problem, one, other, lambda here: here.orbit.floquet.apart)
+        return collided(problem, one, other, accuracy)
     if one.orbit.floquet.closest_pair * other.orbit.floquet.closest_pair < 0:
         met = located(problem, one, other, lambda here: here.orbit.floquet.closest_pair, accuracy)
     else:
