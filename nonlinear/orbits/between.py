@@ -26,7 +26,8 @@ APART = 0.2  # of an interval: how near each other these may be
 LOOKS, ZOOMS = 24, 3  # places in an interval, and in turn about the lowest of them
 NEAR = 0.1  # of a value at such a place, below which the minimum beside it is looked at
 MOST = 12  # orbits computed between two of a branch
-SHORTEST = 1e-5  # of an interval of the branch
+SHORTEST = 1e-4  # of an interval
+FIRM = 1.0  # below −FIRM at both ends, a margin is taken to stay negative between them
 ALIKE = 1e-10  # squared distance below which two pairs are the same: those of equal pendula
 
 
@@ -70,13 +71,11 @@ def _arc(one: Point, other: Point) -> float:
 
 def _search(problem: Problem, nodes: list[Node], first: Node, last: Node) -> None:
     """Add to the nodes, in order, those between two of them that the search computes."""
-    left, whole = MOST, last.length - first.length
+    left = MOST
     waiting = [(first, last)]
     while waiting and left:
         one, other = waiting.pop()
-        if other.length - one.length < SHORTEST * whole:
-            continue
-        part = _lowest(nodes, one, other)
+        part = None if _stays(one.map, other.map) else _lowest(nodes, one, other)
         if part is None:
             continue
         left -= 1
@@ -116,9 +115,14 @@ def _lowest(nodes: Sequence[Node], one: Node, other: Node) -> float | None:
                 values, doubts = (each[:, which] for each in margins(closer))
                 here = int(values.argmin())
                 near, low, unsure, width = closer[here], values[here], doubts[here], 2 * width / LOOKS
-            if low - unsure < -one.map.doubt[which] and 0 < near < 1:
+            if low - unsure < -one.map.doubt[which] and SHORTEST < near < 1 - SHORTEST:
                 return float(near)
     return None
+
+
+def _stays(one: Map, other: Map) -> bool:
+    """Whether the orbits between are unstable for sure, or have no disturbances."""
+    return not len(one.margins) or bool(np.any((one.margins < -FIRM) & (other.margins < -FIRM)))
 
 
 def _alike(one: Map, other: Map) -> NDArray[np.bool_]:

@@ -23,7 +23,7 @@ from nonlinear.orbits.branch import Branch, Report
 from nonlinear.orbits.continuation import Point, corrected, follow, located, tangent_of
 from nonlinear.orbits.modes import TOLERANCE, nonlinear_mode, oscillating
 from nonlinear.orbits.orbit import Orbit
-from nonlinear.orbits.special import Special, collided
+from nonlinear.orbits.special import Special, collisions, passing
 from nonlinear.orbits.symmetric import Quarter, quarter_of
 
 NUDGE = 1e-6  # of the range, for derivatives by the number
@@ -139,20 +139,17 @@ def _specials(problem: Held, points: Sequence[Point]) -> Iterator[Special]:
     def turning(here: Point) -> float:
         return float(here.tangent[-1])
 
-    def meeting(which: int) -> Callable[[Point], float]:
-        return lambda here: here.orbit.floquet.meeting[which]
-
     for after, (one, other) in enumerate(pairwise(points)):
         if turning(one) * turning(other) < 0:
             found = located(problem, one, other, turning)
             yield Special("fold", found.orbit, after, found, problem.variation.path)
-        for which in (0, 1):
-            if meeting(which)(one) * meeting(which)(other) < 0:
-                found = located(problem, one, other, meeting(which))
-                turned = which == 1 and _energy_turns(problem, one, other)
+        for sign in (1, -1):
+            if test := passing(one, other, sign):
+                found = located(problem, one, other, test)
+                turned = sign < 0 and _energy_turns(problem, one, other)
                 kind, of = ("fold", "energy") if turned else ("branch point", "")
-                yield Special(kind, found.orbit, after, found, of, breaks=which == 0)
-        if met := collided(problem, one, other):
+                yield Special(kind, found.orbit, after, found, of, breaks=sign > 0)
+        for met in collisions(problem, one, other):
             yield Special("collision", met.orbit, after, met)
 
 
