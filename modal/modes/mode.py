@@ -1,8 +1,9 @@
 """One row of the table of modes, and its resonances.
 
 A small nonlinearity can move energy between modes whose frequencies are near 1:1 or 1:3.  Modes within WIDTH of the
-ratio are near, whatever the amplitude; others if their response at the angle of 1 % is so large that it changes this
-angle (`modal.eigen.amplitude.distortion`, which follows the drift of both frequencies).
+ratio are near, whatever the amplitude; others if their responses at the angle of 1 % together change this angle by more
+than 3 %, less a margin for what the estimate leaves out (`modal.eigen.amplitude.distortion`, which follows the drift of
+both frequencies).
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from modal.types import Floats, Ints
 UNCERTAIN = 0.1
 WIDTH = 0.02
 """Distance from the exact ratio, relative to the frequency."""
-WIDEST = 0.25
-"""Range in which the response of another mode is computed, for the nearest on either side of the ratio."""
-MOST_DISTORTED = 0.03
-"""Relative change of the angle of 1 % by that response above which the mode is named."""
+NEAREST = 3
+"""Modes on either side of the ratio whose responses are computed."""
+MOST_DISTORTED = 0.025
+"""Relative error of the angle of 1 %, estimated with these responses, above which it is a guide."""
 MOST_NAMED = 4
 RATIOS = (("1:1", 1.0), ("1:3", 3.0), ("3:1", 1 / 3))
 DRIVEN = (1, 3)
@@ -170,6 +171,5 @@ def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int
     found, others = [], partners[partners != number]
     for harmonic in DRIVEN if omega[number] else ():
         at = int(np.searchsorted(omega[others], harmonic * omega[number]))
-        sides = others[max(at - 1, 0) : at + 1].tolist()
-        found += [(harmonic, k) for k in sides if abs(omega[k] / omega[number] / harmonic - 1) < WIDEST]
+        found += [(harmonic, k) for k in others[max(at - NEAREST, 0) : at + NEAREST].tolist() if omega[k]]
     return found

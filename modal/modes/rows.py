@@ -53,11 +53,7 @@ def described(modes: Eigenvalues, numbers: Sequence[int]) -> Iterator[tuple[int,
     pieces = _pieces(modes, sorted({*numbers, *(k for found in asked.values() for _, k in found)}))
     for n in numbers:
         mode = _mode(modes, n, pieces[n])
-        answers = [
-            f"1:{harmonic} with mode {modes.first + k + 1}"
-            for harmonic, k in asked[n]
-            if mode.kappa and _distortion(modes, harmonic, (n, pieces[n]), (k, pieces[k])) > MOST_DISTORTED
-        ]
+        answers = _answers(modes, n, asked[n], pieces) if mode.kappa and not near[n] else []
         yield n, replace(mode, resonances=(*near[n], *answers) if isfinite(mode.kappa) else ())
 
 
@@ -151,25 +147,31 @@ def _partners(modes: Eigenvalues, number: int) -> Ints:
     return np.asarray(partners[modes.lightly_damped[partners]])
 
 
-def _distortion(
-    modes: Eigenvalues, harmonic: int, own: tuple[int, list[_Piece]], other: tuple[int, list[_Piece]]
-) -> float:
-    """The relative change of a mode's angle of 1 % by another mode's response: between shapes that move alike.
+def _answers(modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_Piece]]) -> list[str]:
+    """The modes whose responses make a mode's angle of 1 % a guide, in words: those that change it most.
 
-    Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move
-    alike.
+    Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move alike.
     """
-    (number, pieces), (partner, others) = own, other
-    head = _head(pieces)
-    kappa = np.array([head.details.kappa[head.at]])
-    found = [
+    head = _head(pieces[number])
+    alike = [(k, n, piece) for k, n in asked for piece in pieces[n] if piece.part.kind == head.part.kind]
+    if not alike:
+        return []
+    error, *changes = np.abs(
         distortion(
-            _blocks(modes, head.part), _swing(modes, number, head), _swing(modes, partner, piece), harmonic, kappa
+            _blocks(modes, head.part),
+            _swing(modes, number, head),
+            [(harmonic, _swing(modes, partner, piece)) for harmonic, partner, piece in alike],
+            float(head.details.kappa[head.at]),
         )
-        for piece in others
-        if piece.part.kind == head.part.kind
+    ).tolist()
+    if error <= MOST_DISTORTED:
+        return []
+    named = [
+        f"1:{harmonic} with mode {modes.first + partner + 1}"
+        for (harmonic, partner, _), change in zip(alike, changes, strict=True)
+        if change >= min(max(changes), MOST_DISTORTED)
     ]
-    return float(np.abs(found).max(initial=0.0))
+    return list(dict.fromkeys(named))
 
 
 def _swing(modes: Eigenvalues, number: int, piece: _Piece) -> Swing:
