@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import groupby
-from math import isfinite
+from math import isfinite, radians
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +14,7 @@ from modal.assembly import Block
 from modal.eigen import Details, Part, Swing, distortion, largest_angle, one_percent_amplitude
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
-from modal.modes.mode import MOST_DISTORTED, UNCERTAIN, Mode, answering, resonances
+from modal.modes.mode import PROMISED, UNCERTAIN, Mode, answering, is_guide, resonances
 from modal.types import Ints
 
 LIGHTLY = 0.1
@@ -153,23 +153,19 @@ def _answers(modes: Eigenvalues, number: int, asked: list[tuple[int, int]], piec
     Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move alike.
     """
     head = _head(pieces[number])
+    kappa = float(head.details.kappa[head.at])
     alike = [(k, n, piece) for k, n in asked for piece in pieces[n] if piece.part.kind == head.part.kind]
     if not alike:
         return []
-    error, *changes = np.abs(
-        distortion(
-            _blocks(modes, head.part),
-            _swing(modes, number, head),
-            [(harmonic, _swing(modes, partner, piece)) for harmonic, partner, piece in alike],
-            float(head.details.kappa[head.at]),
-        )
-    ).tolist()
-    if error <= MOST_DISTORTED:
+    swings = [(harmonic, _swing(modes, partner, piece)) for harmonic, partner, piece in alike]
+    error, *changes = distortion(_blocks(modes, head.part), _swing(modes, number, head), swings, kappa).tolist()
+    if not is_guide(radians(one_percent_amplitude(kappa)), error):
         return []
+    most = max(map(abs, changes))
     named = [
         f"1:{harmonic} with mode {modes.first + partner + 1}"
         for (harmonic, partner, _), change in zip(alike, changes, strict=True)
-        if change >= min(max(changes), MOST_DISTORTED)
+        if abs(change) >= min(most, PROMISED)
     ]
     return list(dict.fromkeys(named))
 
