@@ -91,9 +91,12 @@ def _misfits(options: argparse.Namespace) -> Iterator[str]:
 def _mode(scene: Scene, options: argparse.Namespace) -> tuple[Branch, ...]:
     from math import radians
 
+    from modal.modes import unconserved
     from modal.scene.parameters import parse_variations
     from nonlinear.orbits import mode_along, nonlinear_mode
 
+    for words in unconserved(scene):
+        print(f"multipendula: {words}", file=sys.stderr)
     to = options.to or TO
     if options.vary:
         (variation,) = parse_variations([options.vary])
