@@ -21,7 +21,10 @@ def link(rng: np.random.Generator) -> Bob | Rod | Body:
     spring = {"stiffness": float(rng.uniform(0.1, 5))} if rng.random() < 0.25 else {}
     kind = rng.integers(3)
     if kind == 2:
-        size = {"centre": float(rng.uniform(0.2, 0.9)) * length, "inertia": mass * (float(rng.uniform(0.1, 0.5)) * length) ** 2}
+        size = {
+            "centre": float(rng.uniform(0.2, 0.9)) * length,
+            "inertia": mass * (float(rng.uniform(0.1, 0.5)) * length) ** 2,
+        }
         return Body(mass=mass, length=length, **size, **spring)
     return (Bob, Rod)[kind](mass=mass, length=length, **spring)
 

@@ -39,4 +39,6 @@ def unconserved(scene: Scene) -> tuple[str, ...]:
         "Dry friction is": scene.has_friction,
         "Quadratic drag is": any(link.quadratic_drag for link in links),
     }
-    return tuple(f"{words} left out: the orbits of a mode conserve energy." for words, there in left_out.items() if there)
+    return tuple(
+        f"{words} left out: the orbits of a mode conserve energy." for words, there in left_out.items() if there
+    )

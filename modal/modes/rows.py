@@ -147,7 +147,9 @@ def _partners(modes: Eigenvalues, number: int) -> Ints:
     return np.asarray(partners[modes.lightly_damped[partners]])
 
 
-def _answers(modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_Piece]]) -> list[str]:
+def _answers(
+    modes: Eigenvalues, number: int, asked: list[tuple[int, int]], pieces: dict[int, list[_Piece]]
+) -> list[str]:
     """The modes whose responses make a mode's angle of 1 % a guide, in words: those that change it most.
 
     Shapes of other symmetry are not driven: equal pendula in antiphase do not drive shapes in which they move alike.

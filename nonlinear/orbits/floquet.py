@@ -18,7 +18,7 @@ ascending order these are
 
     1 + t_1,   1 − t_k,   (t_{i+1} − t_i)²,
 
-the last being the factors of the discriminant: analytic through a collision of two pairs, behind which they are negative.
+the last being the factors of the discriminant: analytic through a collision of two pairs, and negative behind it.
 Where energy is lost there is one, 1 − max |μ|.
 """
 

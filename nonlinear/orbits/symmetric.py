@@ -27,8 +27,8 @@ from nonlinear.orbits.orbit import Orbit
 from nonlinear.system import system_of
 
 UNMOVED = (
-    "a massless cart over bobs has no equation of motion where all of them hang straight down, and the orbits of a mode "
-    "pass there: give it a mass"
+    "a massless cart over bobs has no equation of motion where all of them hang straight down, and the orbits of a "
+    "mode pass there: give it a mass"
 )
 
 

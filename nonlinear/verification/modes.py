@@ -212,8 +212,8 @@ def limit(
 ) -> tuple[float, float]:
     """(ω(a)/ω − 1)/a² at a → 0 and a bound on its error, from the neighbouring amplitudes that minimize that bound.
 
-    Where periodic orbits are known, `exact` their shift at the angle of a run and `at_rest` their κ with its uncertainty,
-    the bound is what the same extrapolation of the orbits misses, and of the runs' distances from them.  Elsewhere higher
+    Where periodic orbits are known, `exact` their shift at the angle of a run and `at_rest` their κ with its
+    uncertainty, the bound is what the same extrapolation of the orbits misses, and of the runs' distances from them.  Elsewhere higher
     orders are taken to be at most MARGINS times the shift of a single run, or the last difference of the extrapolation, to
     which come the effects of the errors of the frequencies and of companions: other modes in the motion shift a frequency
     by about their share of the energy, which is no longer proportional to a² alone.
