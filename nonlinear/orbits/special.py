@@ -119,9 +119,8 @@ def collisions(problem: Problem, one: Point, other: Point, accuracy: float = 1e-
         return lambda here: float(here.orbit.floquet.map.margins[which])
 
     seen = 0
-    for which in 2 + np.flatnonzero(
-        np.diff([here.orbit.floquet.map.is_within[2:] for here in (one, other)], axis=0)[0]
-    ):
+    before, after = (here.orbit.floquet.map.is_within[2:] for here in (one, other))
+    for which in (2 + np.flatnonzero(before != after)).tolist():
         ends = [factor(which)(here) for here in (one, other)]
         if ends[0] * ends[1] < 0:
             met = located(problem, one, other, factor(which), accuracy)

@@ -213,10 +213,10 @@ def limit(
     """(ω(a)/ω − 1)/a² at a → 0 and a bound on its error, from the neighbouring amplitudes that minimize that bound.
 
     Where periodic orbits are known, `exact` their shift at the angle of a run and `at_rest` their κ with its
-    uncertainty, the bound is what the same extrapolation of the orbits misses, and of the runs' distances from them.  Elsewhere higher
-    orders are taken to be at most MARGINS times the shift of a single run, or the last difference of the extrapolation, to
-    which come the effects of the errors of the frequencies and of companions: other modes in the motion shift a frequency
-    by about their share of the energy, which is no longer proportional to a² alone.
+    uncertainty, the bound is what the same extrapolation of the orbits misses, and of the runs' distances from them.
+    Elsewhere higher orders are taken to be at most MARGINS times the shift of a single run, or the last difference of
+    the extrapolation, to which come the effects of the errors of the frequencies and of companions: other modes in
+    the motion shift a frequency by about their share of the energy, which is no longer proportional to a² alone.
     """
     certain = sorted((run for run in runs if run.error < CERTAIN * abs(run.shift)), key=lambda run: run.effective)
     pieces = [certain[at : at + POINTS] for at in range(max(1, len(certain) - POINTS + 1))]

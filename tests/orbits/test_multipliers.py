@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 from math import radians
 
 import numpy as np
@@ -140,5 +141,5 @@ def test_equal_pendula_that_lose_stability_together_do_so_at_a_branch_point() ->
     scene = Scene(gravity=9.81, support=Cart(mass=10.0), pendulum=(Pendulum(links=links, count=3),))
     found = nonlinear_mode(scene, 2, radians(40), longest=0.3)
     stable = found.is_stable
-    changes = sum(one is not other for one, other in zip(stable, stable[1:], strict=False))
+    changes = sum(one is not other for one, other in pairwise(stable))
     assert changes == len({one.after for one in found.special})
