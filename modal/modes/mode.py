@@ -24,6 +24,8 @@ NEAREST = 3
 """Modes on either side of the ratio whose responses are computed."""
 PROMISED, UNSEEN, LEFT_OUT = 0.03, 0.002, 0.03
 """Relative error of an angle of 1 % without a star; how far its estimate may be too small, and too large over a²."""
+BESIDE, SURE = 0.1, 0.05
+"""Distance from a ratio within which a response may be wrong by all of itself; share by which it may be elsewhere."""
 MOST_NAMED = 4
 RATIOS = (("1:1", 1.0), ("1:3", 3.0), ("3:1", 1 / 3))
 DRIVEN = (1, 3)
@@ -166,13 +168,13 @@ def resonances(omega: Floats, number: int, partners: Ints, first: int = 0) -> tu
     return tuple(found)
 
 
-def is_guide(angle: float, error: float) -> bool:
-    """Whether an angle of 1 % (rad) is a guide by the estimate of its relative error.
+def is_guide(angle: float, error: float, doubt: float) -> bool:
+    """Whether an angle of 1 % (rad) is a guide by the estimate of its relative error, uncertain by a doubt.
 
     The estimate leaves out terms of the next order, which make the angle larger, by up to LEFT_OUT a² in 400 modes of
     random scenes.
     """
-    return not UNSEEN - PROMISED <= error <= PROMISED - LEFT_OUT * angle**2
+    return not UNSEEN - PROMISED + doubt <= error <= PROMISED - LEFT_OUT * angle**2 - doubt
 
 
 def answering(omega: Floats, number: int, partners: Ints) -> list[tuple[int, int]]:

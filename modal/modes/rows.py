@@ -14,7 +14,7 @@ from modal.assembly import Block
 from modal.eigen import Details, Part, Swing, distortion, largest_angle, one_percent_amplitude
 from modal.modes.eigenvalues import Eigenvalues
 from modal.modes.labels import CART_MOVES, CART_STILL, FIXED, agreement, family, motion_words
-from modal.modes.mode import PROMISED, UNCERTAIN, Mode, answering, is_guide, resonances
+from modal.modes.mode import BESIDE, PROMISED, SURE, UNCERTAIN, Mode, answering, is_guide, resonances
 from modal.types import Ints
 
 LIGHTLY = 0.1
@@ -161,7 +161,10 @@ def _answers(
         return []
     swings = [(harmonic, _swing(modes, partner, piece)) for harmonic, partner, piece in alike]
     error, *changes = distortion(_blocks(modes, head.part), _swing(modes, number, head), swings, kappa).tolist()
-    if not is_guide(radians(one_percent_amplitude(kappa)), error):
+    ratios = (modes.omega[partner] / modes.omega[number] / harmonic for harmonic, partner, _ in alike)
+    shares = [1.0 if abs(ratio - 1) < BESIDE else SURE for ratio in ratios]
+    doubt = sum(share * abs(change) for share, change in zip(shares, changes, strict=True) if change)
+    if not is_guide(radians(one_percent_amplitude(kappa)), error, doubt):
         return []
     most = max(map(abs, changes))
     named = [
