@@ -19,7 +19,7 @@ from modal.modes.modal_matrix import ModalMatrix, all_shapes
 from modal.modes.mode import UNCERTAIN, Mode
 from modal.modes.modes import Modes, natural_modes
 from modal.modes.numbering import MOST_COMPARED, counterparts, labelled, lettered, paired, table_numbers
-from modal.modes.omissions import HOISTED, UNDRIVEN, omitted
+from modal.modes.omissions import HOISTED, UNDRIVEN, omitted, unconserved
 from modal.modes.sensitivity import sensitivities
 from modal.modes.shapes import Shape
 from modal.modes.tables import table
@@ -49,6 +49,7 @@ __all__ = [
     "stop_of",
     "table",
     "table_numbers",
+    "unconserved",
 ]
 
 if not TYPE_CHECKING:
