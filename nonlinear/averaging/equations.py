@@ -131,7 +131,7 @@ class AveragedEquations(Displayed):
 
     def _by_band(self, values: Floats) -> Floats:
         """Sums (B, ...) over the modes of each band of values (C, ...)."""
-        return np.asarray((self._member @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:]))
+        return np.asarray((self.member @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:]))
 
     def detuning(self, turning: Floats) -> Floats:
         """(ω_r² − Ω_b²)/2Ω_b (C, ...): the rate (rad/s) at which a free amplitude rotates in its band."""
@@ -193,7 +193,7 @@ class AveragedEquations(Displayed):
 
     def _split(self, z: Complexes) -> Complexes:
         """Amplitudes (C, S) by bands, (B, C, S)."""
-        return np.where(self._member[..., None], z, 0j)
+        return np.where(self.member[..., None], z, 0j)
 
     def _waves(self, amplitudes: Complexes, turning: Floats, harmonic: int) -> Floats:
         """q, q' and q'' (3, half, S K) of amplitudes (B, C, S) in this harmonic of every band."""
@@ -267,7 +267,7 @@ class AveragedEquations(Displayed):
         return {harmonic: self._phases**harmonic for harmonic in (1, 3)}
 
     @cached_property
-    def _member(self) -> Booleans:
+    def member(self) -> Booleans:
         """Which modes belong to each band, (B, C)."""
         return np.asarray(self.band == np.arange(len(self.centre))[:, None])
 

@@ -52,6 +52,7 @@ EXACT = (
     "Stability and e-folding time are those of the periodic orbit beside each: of its Floquet multipliers in the full "
     "equations."
 )
+COPIED = "Copies are the same motion with the parts of equal pendula exchanged."
 LEFT = "(averaged): no such orbit was found."
 LOCATED = (
     "exact: where periodic orbits of the full equations turn or change their stability, by their Floquet multipliers."
@@ -94,6 +95,8 @@ def _table(theory: Theory) -> str:
     rows = grid([_cells(*each[k]) for k in shown], HEAD, "text")
     notes = [f"Averaged alone: {theory.uncertified}."] * bool(theory.uncertified)
     notes += [EXACT] * any(theory.orbits) + [LEFT] * (None in theory.orbits and any(theory.orbits))
+    if any(one.copies > 1 for one, _ in each):
+        notes.insert(0, COPIED)
     if more := len(each) - len(shown):
         notes.insert(0, f"{more} more, all unstable, are in the JSON form.")
     return "\n\n".join([rows, *(fill(note, line_width()) for note in notes)])
@@ -118,7 +121,7 @@ def _cells(one: RelativeEquilibrium, orbit: Orbit | None) -> list[str]:
     return [
         str(one.number),
         mode.family,
-        agreement(one),
+        agreement(one) + (f" ({one.copies} copies)" if one.copies > 1 else ""),
         f"{angle:.4g}",
         f"{one.omega:.6g}",
         _fate(one, orbit),
@@ -282,6 +285,7 @@ def _configuration_record(one: RelativeEquilibrium, orbit: Orbit | None = None) 
         "mode": one.number,
         "family": one.averaged.modes[one.row].family,
         "pendula": agreement(one),
+        "copies": one.copies,
         "amplitudes_deg": np.rad2deg(np.abs(eta)).tolist(),
         "phases_deg": (np.rad2deg(np.angle(eta / eta[np.abs(eta).argmax()])) % 360).tolist(),
         "omega_rad_per_s": one.omega,
@@ -350,7 +354,7 @@ def _survival_record(survival: Survival) -> dict[str, Any]:
 
 
 def _beating_record(survival: Survival) -> list[dict[str, float]]:
-    """The modes that share the energy with frequencies of their own, strongest first; [] where one frequency is left."""
+    """The modes that share the energy with frequencies of their own, strongest first; [] where only one is left."""
     numbers = table_numbers(survival.scene, survival.modes)
     return [
         {
