@@ -24,7 +24,7 @@ from modal.report import Displayed
 from modal.types import Booleans, Complexes, Floats, Ints
 from nonlinear.averaging.equations import STEP, AveragedEquations
 from nonlinear.averaging.slow_flow import settle_apart
-from nonlinear.averaging.symmetry import count_copies, exchanged, kinds, order_of, overlap
+from nonlinear.averaging.symmetry import count_copies, exchanged, kinds, order_of, overlap, spread_evenly
 
 FAINT = 1e-3  # fraction of the largest amplitude below which a band counts as at rest
 LEAP = 0.1  # largest Newton step over the largest amplitude: nearly neutral families would cause long ones
@@ -121,10 +121,10 @@ class RelativeEquilibrium(Displayed):
 def relative_equilibria(averaged: AveragedEquations) -> tuple[RelativeEquilibrium, ...]:
     """The relative equilibria reached from each row of the mode table alone and from patterns of pendula.
 
-    The patterns are pendula in phase, in antiphase, and with their phases spread evenly.  Copies by exchange of equal
-    pendula are one state (`RelativeEquilibrium.copies`); of stable ones, the phases reversed and the parts of unequal
-    pendula exchanged are starts too.  Not necessarily all: any wider than HANGING, or missed by Newton's method, are
-    not found.
+    The patterns are pendula in phase and in antiphase.  Copies by exchange of equal pendula are one state
+    (`RelativeEquilibrium.copies`).  The stable ones with their phases reversed, or spread evenly, or with the parts of
+    unequal pendula exchanged, are starts too.  Not necessarily all: any wider than HANGING, or missed by Newton's
+    method, are not found.
     """
     found: list[RelativeEquilibrium] = []
 
@@ -175,12 +175,14 @@ def _starts(averaged: AveragedEquations) -> Iterator[Complexes]:
 
 
 def _nearly_copies(one: RelativeEquilibrium) -> Iterator[Complexes]:
-    """Its phases reversed, and the parts of two unequal pendula of as many links exchanged."""
+    """Its phases reversed, or spread evenly, or the parts of two unequal pendula of as many links exchanged."""
     if not one.is_stable or one.is_family:
         return
     averaged = one.averaged
     kind, links = kinds(averaged.scene), np.bincount(averaged.system.pendulum)
     yield one.z.conj()
+    if len(links) > 2:
+        yield spread_evenly(averaged, one.z)
     for p, q in combinations(range(len(links)), 2):
         if kind[p] != kind[q] and links[p] == links[q]:
             order = np.arange(len(links))
@@ -197,15 +199,14 @@ def _rows(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
 
 
 def _patterns(averaged: AveragedEquations) -> Iterator[tuple[Complexes, Booleans]]:
-    """All pendula nearly in phase, alternate ones nearly in antiphase, and all spread, in every band, and all modes."""
+    """All pendula nearly in phase, and alternate ones nearly in antiphase, in every band separately, and all modes."""
     random = np.random.default_rng(SEED)
     pendulum = averaged.system.pendulum
     first = int(averaged.system.cart is not None)
     for band in range(len(averaged.centre)):
         own = averaged.band == band
         busiest = np.abs(averaged.link_shapes[:, own]).max(axis=1)
-        spread = np.exp(2j * np.pi * pendulum / averaged.system.n_pendula)
-        for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum, *[spread] * (averaged.system.n_pendula > 2)):
+        for sign in (np.ones(len(pendulum)), (-1.0) ** pendulum):
             z = np.where(own, (sign * busiest) @ averaged.dual[first:], 0.0).astype(complex)
             if np.any(z):
                 beside = random.standard_normal(len(own)) + 1j * random.standard_normal(len(own))

@@ -48,6 +48,16 @@ def exchanged(averaged: AveragedEquations, z: Complexes, order: Ints) -> Complex
     return np.asarray(averaged.dual.T @ moved)
 
 
+def spread_evenly(averaged: AveragedEquations, z: Complexes) -> Complexes:
+    """Amplitudes (C,) of pendula that swing as wide as in z (C,), one after the other in time."""
+    first, places = int(averaged.system.cart is not None), _places(averaged)
+    links = averaged.link_shapes @ z
+    for p, place in enumerate(places):
+        lead = links[place][np.abs(links[place]).argmax()]
+        links[place] *= np.exp(2j * np.pi * p / len(places) - 1j * np.angle(lead))
+    return np.asarray(links @ averaged.dual[first:])
+
+
 def overlap(averaged: AveragedEquations, one: Complexes, z: Complexes) -> Floats:
     """How alike amplitudes z (C, S) are to `one` (C,), but for size and the phase of each band: from 0 to 1, (S,)."""
     weights = averaged.omega**2
