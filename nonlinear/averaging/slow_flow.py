@@ -21,6 +21,7 @@ MOST_STEPS = 6000
 PER_PART = 50
 TOGETHER = 16  # motions followed at once, each with its own steps
 ALIKE, HASTE = 0.1, 1.5  # change of amplitudes that keeps the pace, and of the pace that keeps the step size
+STOPPED = 0.01  # fall of amplitudes within an interval that dry friction alone causes: it stops them there
 FAR = 20.0  # rad, an amplitude beyond which the steps were too long
 CALM = 1e-3  # fraction of the energy that may change rows in half of the time of a settled motion
 ALONE = 3e-4  # fraction of the energy in all other rows once one has won
@@ -170,7 +171,7 @@ def _part(
     while len(found) <= PER_PART:
         steps = max(1, ceil(span * pace))
         yield (stretch := _Stretch(found[-1], turning, span / steps, steps, reach))
-        z, turned = stretch.z, stretch.turning
+        z, turned = _stopped(averaged, found[-1], stretch.z), stretch.turning
         if _alike(found[-1], z):
             found, turning, reach = [*found, z], turned, stretch.reach
             continue
@@ -182,6 +183,13 @@ def _part(
         elif span * pace > MOST_STEPS:
             raise ComputationError(f"averaged equations need more than {MOST_STEPS} steps for {span:.3g} s")
     return begin + np.linspace(0.0, duration, PER_PART + 1), np.moveaxis(np.array(found), 0, -1), reach
+
+
+def _stopped(averaged: AveragedEquations, before: Complexes, z: Complexes) -> Complexes:
+    """Amplitudes (C, S) at the end of an interval, 0 where dry friction has brought the motion to rest within it."""
+    if not averaged.system.rubs:
+        return z
+    return np.where(np.abs(z).max(axis=0) <= STOPPED * np.abs(before).max(axis=0), 0.0, z)
 
 
 def _alike(one: Complexes, other: Complexes) -> bool:
@@ -224,8 +232,10 @@ def _least_reach(averaged: AveragedEquations, z: Complexes, turns: Complexes) ->
 def _pace(averaged: AveragedEquations, z: Complexes) -> float:
     """Steps per second from these amplitudes (C, S) on."""
     turning = averaged.turning(z)
-    slopes = (derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True))
-    fast = max(np.linalg.norm(slope, 2) for slope in slopes)
+    slopes = (
+        derivative(averaged.smooth, start, pace) for start, pace in zip(z.T, turning.T, strict=True) if start.any()
+    )
+    fast = max((np.linalg.norm(slope, 2) for slope in slopes), default=0.0)
     return max(float(fast) / GAIN, float(np.abs(averaged.detuning(turning)).max()) / TURN)
 
 
