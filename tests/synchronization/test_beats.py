@@ -158,6 +158,18 @@ def test_a_study_takes_every_force(force: dict[str, float]) -> None:
     assert sync_record(found)["simulation"]["duration_s"] == 3.0
 
 
+def test_a_swing_that_friction_stops_dies_out() -> None:
+    """A drive too weak for the friction at any amplitude; the swing ends after a finite time, not exponentially."""
+    scene = rubbing(friction=0.001)
+    link = scene.pendulum[0].links[0]
+    weak = scene.replace(
+        pendulum=(scene.pendulum[0].replace(links=[link.replace(drive=link.drive.replace(strength=0.008))]),)
+    )
+    assert predict(weak).motion.dies
+    assert not relative_equilibria(average(weak))
+
+
+@pytest.mark.slow
 def test_branches_with_friction_have_no_exact_values() -> None:
     """The swing dies out where the drive is too weak for the friction, and no orbit tells where."""
     variation = parse_variations(["pendulum[0].links[0].drive.strength=0.008:0.02:3"])[0]
