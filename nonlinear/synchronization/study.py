@@ -83,8 +83,9 @@ class SynchronizationStudy(Displayed):
     @property
     def leads(self) -> bool:
         """Whether the predicted survivor holds most of the energy at the end of the run."""
-        known = self.theory is not None and self.survival is not None
-        return known and self.theory.prediction.row + 1 == self.survival.survivor
+        if self.theory is None or self.survival is None:
+            return False
+        return self.theory.prediction.row + 1 == self.survival.survivor
 
     @property
     def too_short(self) -> bool:
