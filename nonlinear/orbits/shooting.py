@@ -217,8 +217,13 @@ def shooting(
 
 
 def _refuse(scene: Scene) -> None:
-    if found := unsupported(scene, "limit cycles are computed without it", "friction", "drag", "quadratic_drag"):
+    if found := refusals(scene):
         raise SceneError(found)
+
+
+def refusals(scene: Scene) -> list[str]:
+    """One problem for each force of a scene that orbits are computed without."""
+    return unsupported(scene, "limit cycles are computed without it", "friction", "drag", "quadratic_drag")
 
 
 def spread(problem: Shooting, flow: Flow, y: Floats, period: float) -> Floats:
