@@ -17,6 +17,7 @@ from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from tempfile import mkdtemp
+from threading import Lock
 from types import ModuleType
 from typing import Any
 
@@ -27,6 +28,7 @@ from nonlinear.dynamics import Lanes, undisturbed
 from nonlinear.integration.watches import ASIDE, UNKNOWN
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
+MAKING = Lock()
 WIDTH, ROWS = 16, 8  # lanes; numbers of each beside those of its links
 HEAD = '''"""Written by multipendula, which writes it again if it is changed."""
 from math import floor, log, sqrt
@@ -298,9 +300,14 @@ def compiled_at(path: Path) -> bool:
     return path.exists() and any(path.parent.parent.rglob(f"{path.stem}.run-*.nbi"))
 
 
-@lru_cache(maxsize=32)
 def module_of(text: str) -> ModuleType:
-    """The module with this text, on disk where there is a place for it."""
+    """The module with this text, on disk where there is a place for it; one thread makes it, others wait."""
+    with MAKING:
+        return _module_of(text)
+
+
+@lru_cache(maxsize=32)
+def _module_of(text: str) -> ModuleType:
     path = path_of(text)
     if not compiled_at(path) and sys.stderr.isatty():
         print(COMPILING, file=sys.stderr)
