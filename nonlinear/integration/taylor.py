@@ -233,12 +233,11 @@ def _heyoka() -> Any:
 Seen = tuple[str, int, float, Any]
 """What is to be found within steps: its kind, a row of y, a level (rad or m), what to call with it."""
 EVENTS: dict[str, Callable[[Any, Any, float], Any]] = {
-    "cos": lambda heyoka, y, level: heyoka.cos(y / 2.0),
     "sin": lambda heyoka, y, level: heyoka.sin((y - level) / 2.0),
     "level": lambda heyoka, y, level: y - level,
     "rest": lambda heyoka, y, level: 1.0 * y,
 }
-"""Of a component of y: an angle at the top, an angle at a level, anything at a level, anything at zero."""
+"""Of a component of y: an angle at a level and whole turns from it, anything at a level, anything at zero."""
 
 
 Rates = Callable[..., Callable[[Any], Sequence[Any]]]
@@ -290,4 +289,3 @@ def _rates(rates: Rates, constants: int, y: Sequence[Any]) -> list[Any]:
     heyoka = _heyoka()
     found = rates(heyoka.sin, heyoka.cos, [heyoka.par[k] for k in range(constants)])(y)
     return [heyoka.expression(0.0) + one for one in found]
-
