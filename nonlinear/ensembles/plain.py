@@ -15,7 +15,7 @@ from nonlinear.ensembles.question import Question
 from nonlinear.integration import Trajectory
 from nonlinear.integration.costs import reproducible
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
-from nonlinear.postprocessing import extremes
+from nonlinear.postprocessing import largest_angle
 from nonlinear.simulation import simulate
 from nonlinear.system import Event, Layout, Motion, State, numbers_of
 
@@ -86,7 +86,7 @@ def _measured(question: Question, scene: Scene, run: Trajectory, sampled: Trajec
     if "first_turn" in names:
         whole.first_turns = np.array([[own.time.min(initial=np.inf)] for own in _turns(run, layout)])
     if "largest_angle" in names:
-        whole.largest = np.array([np.abs(extremes(run.times, run.motion.links, run.motion.link_rates)).max()])
+        whole.largest = np.array([largest_angle(run)])
     context = Context(scene, run.system, numbers_of(scene), layout, rows[:1].T, question.wanted)
     for measure in question.measures.measures:
         found |= {name: own[0] for name, own in measure.columns(context, whole, ending).items()}
@@ -115,8 +115,7 @@ def _counted(run: Trajectory, name: str, level: Level, layout: Layout, direction
 def _in_space(question: Question, run: Trajectory, sampled: Trajectory) -> Columns:
     found: Columns = {}
     if "largest_angle" in question.measures.names:
-        height, _ = extremes(run.times, run.motion.links[..., 2], run.motion.link_rates[..., 2])
-        found["largest_angle_deg"] = np.degrees(np.arccos(np.clip(height, -1.0, 1.0)).max())
+        found["largest_angle_deg"] = np.array(np.degrees(largest_angle(run)))
     if "pendulum_energy" in question.measures.names:
         mechanics = sampled.at(np.searchsorted(sampled.times, question.ending)).mechanics
         mean = mechanics.of_pendula(mechanics.kinetic + mechanics.potential).mean(0)

@@ -30,7 +30,7 @@ from modal.scene import Scene
 from modal.types import Floats
 from nonlinear.ensembles import run_together
 from nonlinear.integration import Trajectory
-from nonlinear.postprocessing import extremes, last
+from nonlinear.postprocessing import extremes, largest_angle, last
 from nonlinear.reduction import usual_start
 from nonlinear.simulation import simulate
 from nonlinear.synchronization import ENDING, Phases, Survival, find_survival, phases_of
@@ -220,14 +220,8 @@ def amplitude(scene: Scene, seconds: float) -> dict[str, float]:
     Both are evaluated at the turning points between the samples.
     """
     run = run_of(scene, seconds)
-    times, motion = run.times, run.motion
-    if run.system.spatial:
-        height, _ = extremes(times, motion.links[..., 2], motion.link_rates[..., 2])
-        largest = np.arccos(np.clip(height, -1.0, 1.0)).max()
-    else:
-        largest = np.abs(extremes(times, motion.links, motion.link_rates)).max()
-    left, right = extremes(times, motion.cart, motion.cart_rate)
-    return {"largest_angle_deg": float(np.degrees(largest)), "cart_travel_m": float(right - left)}
+    left, right = extremes(run.times, run.motion.cart, run.motion.cart_rate)
+    return {"largest_angle_deg": float(np.degrees(largest_angle(run))), "cart_travel_m": float(right - left)}
 
 
 RUNS = (
