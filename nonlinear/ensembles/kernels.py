@@ -25,7 +25,7 @@ from scipy.integrate import DOP853
 
 from modal.scene import whole_file
 from nonlinear.dynamics import Lanes, undisturbed
-from nonlinear.integration.watches import ASIDE, UNKNOWN
+from nonlinear.integration.watches import ASIDE, ROUNDING, UNKNOWN
 
 COMPILING = "Compiling the equations of this form, which takes some ten seconds; the result is saved for later runs."
 MAKING = Lock()
@@ -38,7 +38,7 @@ from modal.eigen.compiling import vectorized
 D, HALF, FIRST, CONSTANTS, WIDTH = {size}, {half}, {first}, {constants}, {width}
 TOP, TURN = 3.141592653589793, 6.283185307179586
 T, H, REFUSED, FRESH, DUE, LARGEST, ERROR, HORIZON, TURNED = range(9)
-ASIDE, UNKNOWN = {aside!r}, {unknown!r}
+ASIDE, ROUNDING, UNKNOWN = {aside!r}, {rounding!r}, {unknown!r}
 
 
 @vectorized
@@ -222,7 +222,10 @@ def run(task, times, wants, level, members, counts, front, y, z, K, c, rel, ab, 
             front[T, k] += h[k]
             front[H, k] = min(h[k] * factor, end - front[T, k])
             if wants[5] and isfinite(g[0, k]) and g[0, k] > 0.0:
-                front[ERROR, k] = front[ERROR, k] * g[0, k] + loc[k]
+                far = 0.0
+                for i in range(FIRST, HALF):
+                    far = max(far, abs(z[i, k]))
+                front[ERROR, k] = front[ERROR, k] * g[0, k] + max(loc[k], ROUNDING * far)
                 for i in range(2 * HALF):
                     v[i, k] = w[i, k] / g[0, k]
                 if front[ERROR, k] > UNKNOWN and front[HORIZON, k] == float("inf"):
@@ -261,6 +264,7 @@ def source(lanes: Lanes) -> str:
         constants=len(names),
         width=WIDTH,
         aside=ASIDE,
+        rounding=ROUNDING,
         unknown=UNKNOWN,
     )
     fifth, third = (_weighted(shares, "i, k") for shares in (DOP853.E5, DOP853.E3))

@@ -21,7 +21,7 @@ from nonlinear.ensembles.lanes import slope_of, stretched, task_of
 from nonlinear.integration import taylor
 from nonlinear.integration.lanes import Task
 from nonlinear.integration.passages import Level, Passages, counted, level_of, starts_of
-from nonlinear.integration.watches import UNKNOWN
+from nonlinear.integration.watches import ROUNDING, UNKNOWN
 from nonlinear.system import Layout, Numbers
 
 SEEN = 0.12  # places a radian of the fastest motion from which the growth of errors is seen
@@ -30,6 +30,7 @@ SEGMENT = 20.0  # radians of it after which a tangent vector is brought back to 
 AT_ONCE = 1024  # members between whose places in memory no time is lost
 STEP, STEPS = 0.7, 3  # radians of it in a step of the estimate, and steps of lanes in NumPy in that time
 FIRST_FEW = 3  # passages of the top, of which the first that counts is one
+FAR = 100.0  # in y, up to which a series is accurate enough
 FINEST, SPARED = 1e-5, 1e-2  # sizes of motions: the smallest that is told, and the largest that needs a finer series
 
 
@@ -108,14 +109,21 @@ def _at(integrator: Any, time: float, lane: int) -> Floats:
 def run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     """Members with these numbers from y (size, S) on; MissingExtraError without heyoka.
 
-    Small motions need finer series than the others, which then go by themselves.
+    Small motions, and those of links that have turned often, need finer series than the others, which then go by
+    themselves.
     """
     task, _, local = task_of(Lanes(numbers), numbers, y, wanted)
-    small = local < SPARED * task.relative
-    if not 0 < np.count_nonzero(small) < len(small):
+    fine = _fineness(task, local, y) < 1
+    if not 0 < np.count_nonzero(fine) < len(fine):
         return _run(numbers, y, wanted)
-    groups = [np.flatnonzero(own) for own in (~small, small)]
+    groups = [np.flatnonzero(own) for own in (~fine, fine)]
     return merged([(own, _run(numbers.at(own), np.ascontiguousarray(y[:, own]), wanted)) for own in groups])
+
+
+def _fineness(task: Task, local: Floats, y: Floats) -> Floats:
+    """What to take the tolerance of a series times, (S,): it is relative to the largest number in y (size, S)."""
+    size, far = local / task.relative, np.abs(y).max(0)
+    return np.asarray(np.minimum(np.maximum(size, FINEST) / SPARED, 1.0) * np.minimum(FAR / np.maximum(far, FAR), 1.0))
 
 
 def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
@@ -126,9 +134,9 @@ def _run(numbers: Numbers, y: Floats, wanted: Wanted) -> Found:
     places = np.linspace(0.0, wanted.duration, max(1, ceil(SEEN * wanted.duration * pace)) + 1)
     grid = np.unique(np.concatenate((places, wanted.times)))
     seen, kept = np.searchsorted(grid, places), np.searchsorted(grid, wanted.times)
-    judge = Judge(numbers, lanes.layout, scale, local)
-    size = float(np.min(local / task.relative, initial=1.0))
-    tolerance = wanted.tolerance * min(1.0, 10.0 ** floor(log10(max(size, FINEST) / SPARED)))
+    tolerance = wanted.tolerance * 10.0 ** floor(log10(np.min(_fineness(task, local, y), initial=1.0)))
+    spared = max(tolerance, taylor.TIGHTEST) / (wanted.tolerance * FAR)
+    judge = Judge(numbers, lanes.layout, scale, local, spared)
     found = Found(np.empty_like(y), np.zeros(y.shape[1]), np.full(y.shape[1], inf))
     if wanted.times:
         found.rows = np.empty((y.shape[1], len(wanted.times), len(y)))
@@ -214,12 +222,13 @@ class Judge:
     """Estimates errors and horizons as `nonlinear.integration.watches.Growth` does, from places of a grid.
 
     From each place y and a tangent vector go on together by the classical Runge-Kutta method, with compiled rates,
-    until the next place, where y is known again.
+    until the next place, where y is known again.  Errors in a step are `local`, times `spared` |y| where that is more.
     """
 
-    def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats) -> None:
+    def __init__(self, numbers: Numbers, layout: Layout, scale: Floats, local: Floats, spared: float) -> None:
         lanes = Lanes(numbers, tangent=True)
         self.size, self.scale, self.local = 2 * layout.half, scale[: 2 * layout.half], local
+        self.spared, self.angles = spared, slice(int(layout.on_cart), layout.half)
         self.constants, written = lanes.written.constants(numbers), lanes.written
         self.rates = taylor.evaluator(written.text, written.rates, len(self.constants), lanes.size)
 
@@ -243,7 +252,9 @@ class Judge:
                 v = both[size:]
                 grown = np.sqrt(np.sum((v / scale) ** 2, axis=0))
                 v /= grown
-                error = error * grown + steps * STEPS * self.local[own]
+                far = np.abs(rows[k, self.angles]).max(0)
+                erring = np.maximum(self.local[own] * np.maximum(1.0, self.spared * far), ROUNDING * far)
+                error = error * grown + steps * STEPS * erring
                 horizon = np.where((error > UNKNOWN) & (horizon == inf), grid[k], horizon)
         found.error[own], found.horizon[own] = error, horizon
 

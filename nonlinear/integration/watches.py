@@ -28,6 +28,7 @@ from nonlinear.integration.passages import (
 from nonlinear.system import Layout
 
 ASIDE = 1e-7  # of natural units, by which a neighbour is put aside to see how a difference grows
+ROUNDING = 2.0**-53  # of an angle in a step
 UNKNOWN = 0.1  # error (rad) beyond which nothing is known
 
 
@@ -205,7 +206,8 @@ class Growth:
         grown = np.sqrt(squared(v))
         v /= grown
         taken = step.taken & np.isfinite(grown) & (grown > 0)
-        error = self.error[members] * grown + self.local[members]
+        far = np.abs(step.after[int(self.layout.on_cart) : half]).max(0)
+        error = self.error[members] * grown + np.maximum(self.local[members], ROUNDING * far)
         columns = np.flatnonzero(taken)
         own = members[columns]
         self._v[:, own] = v[:, columns]
