@@ -276,6 +276,14 @@ class Frictional:
         self.set_sign(self.settled(time, y, np.sign(self.sliding(y))).sign)
         self.placed = self.place(y)
 
+    def refuse_jam(self, force: float) -> None:
+        """ComputationError where a friction of this size (N) on the rail is on its way beyond every bound.
+
+        Before it has no value it grows as 1/(1 + s μ e n₀): no step of an integrator, however short, reaches that end.
+        """
+        if force > JAM * self.contacts.coefficient * self.system.gravity * self.system.total_mass:
+            raise ComputationError(JAMMED)
+
     def _rubbing(self, y: Floats, found: Floats, response: Floats, sign: Floats) -> Rubbing:
         return self._solved(y, found, response, sign, deciding=False)
 

@@ -200,6 +200,7 @@ class StickSlip:
         rows = stepper.inside(times)
         speeds = self.equations.sliding(rows)[:, 0]
         forces = [self.equations.rubbing(time, row).tau[0] for time, row in zip(times.tolist(), rows, strict=True)]
+        self.equations.refuse_jam(max(map(abs, forces)))
         self._work[0] += (now - before) / 2 * float(WEIGHTS @ (np.array(forces) * speeds))
 
     def record(self, time: float, y: Floats) -> Friction:
