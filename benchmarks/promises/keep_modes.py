@@ -1,4 +1,4 @@
-"""Several pendula restricted to their lowest modes: is any angle off by more than was said?
+"""Several pendula restricted to their lowest modes: no angle is off by more than was said.
 
     OPENBLAS_NUM_THREADS=1 python benchmarks/promises/keep_modes.py [--quick] [--cases 200] [--seed 0]
 

@@ -128,8 +128,9 @@ class Rubbing:
 class Frictional:
     """The equations `free` with dry friction: contacts slide the way `sign` (J,) says, 0 sticking, until it is changed.
 
-    `placed` (J,) are the angles or the position of contacts at rest, `refused` says why the last trial had no friction.  Events decide when the sign changes.  A load of
-    few links acts as the `pushed` one, through M⁻¹ like friction, others as that of the free equations.
+    `placed` (J,) are the angles or the position of contacts at rest, `refused` says why the last trial step found no
+    friction.  Events decide when the sign changes.  A load of few links acts as the `pushed` one, through M⁻¹ like
+    friction, others as that of the free equations.
     """
 
     free: Minimal

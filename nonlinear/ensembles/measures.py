@@ -206,6 +206,8 @@ class Asked:
 
 def asked(texts: Sequence[str], system: System) -> Asked:
     """The measures in texts; SceneError names every mistake."""
+    if not isinstance(texts, Sequence) or isinstance(texts, str) or not all(isinstance(one, str) for one in texts):
+        raise SceneError([f"measures {texts!r}: must be a list of names, of {', '.join(MEASURES)}"])
     names: list[str] = []
     problems, section = [], None
     for text in texts:

@@ -22,7 +22,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from numbers import Integral
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,6 +45,7 @@ from nonlinear.integration import (
     sample_times,
     validate,
     validate_numbers,
+    validate_whole,
 )
 from nonlinear.reduction.excitation import PER_PERIOD, THIRD, Excitation, excite, excited
 from nonlinear.reduction.truncated import Truncated
@@ -190,8 +190,11 @@ def simulate_truncated(
     be computed, SimulationError where the integrator fails.
     """
     require_constant_lengths(scene, "motion in a few modes")
-    validate_numbers(duration, tolerance, 0.0)
-    _validate(scene, modes, method)
+    validate(
+        lambda: validate_numbers(duration, tolerance, 0.0),
+        lambda: validate_whole(1, optional=True, modes=modes),
+        lambda: _validate(scene, method),
+    )
     system = system_of(scene)
     state, times = validate(
         lambda: validate_state(start if start is not None else initial_state(scene), system),
@@ -273,12 +276,9 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
     return np.asarray(np.maximum.accumulate(values)[last])
 
 
-def _validate(scene: Scene, modes: int | None, method: str) -> None:
+def _validate(scene: Scene, method: str) -> None:
     refuse_motion(scene, "modal truncation")
     problems = [] if scene.space == "plane" else ["space: modal truncation is implemented in the plane only"]
-    whole = isinstance(modes, Integral) and not isinstance(modes, bool)
-    if modes is not None and not (whole and modes >= 1):
-        problems.append(f"modes {modes!r}: must be a whole number from 1")
     if scene.is_driven:
         problems.append("drive: a scene with drives cannot be reduced to a few modes")
     problems += unsupported(scene, "a scene with dry friction cannot be reduced to a few modes", "friction")
