@@ -60,7 +60,8 @@ REACHED = 1e-13  # angle (rad) below which a shape is moved by rounding alone
 DEAR = 4.0  # cost of the whole scene over that of its excited shapes up to which it is the judge
 CALL, PRODUCT = 100.0, 1e-3  # links, and products of R² numbers, that cost as much as the rest of a derivative
 FEWEST, MOST_LOOKED, MOST_NUMBERS = 200, 20_000, 10_000_000  # times at which two runs are compared, angles at these
-UNJUDGED = "unknown: the run that judges it did not reach its end"
+FINEST = 1e-13  # tolerance of the whole scene as judge, finer than which only compiled series go
+UNJUDGED = "not judged, for the second run did not reach its end"
 
 
 class Kept(NamedTuple):
@@ -219,7 +220,7 @@ def in_modes(
     fewer = survey.columns(modes)
     looked = _looked(survey, np.arange(fewer), times)
     first = _run(survey, np.arange(fewer), np.union1d(times, looked), method, tolerance, report)
-    errors, judge = np.full(len(first.times), np.inf), UNJUDGED
+    errors, judge = np.full(len(first.times), np.inf), "not judged, for the run did not reach its end"
     if first.complete:
         errors, judge = _judged(survey, first, fewer, looked, report)
     run = replace(first.run, error=float(errors[-1]), reason=f"{first.run.reason}; error {judge}")
@@ -244,20 +245,20 @@ def _judged(
     try:
         if whole:
             request = Request(survey.scene, survey.system, survey.start, times, report=report)
-            second = request.run(request.choice(max(tolerance, SMALLEST)))
+            second = request.run(request.choice(max(tolerance, FINEST)))
         else:
             second = _run(survey, judging, times, first.run.method, tolerance, report)
     except SimulationError as error:
         second = error.trajectory
     if not second.complete:
-        return np.full(len(first.times), np.inf), f"{UNJUDGED}, {second.run.stopped}"
+        return np.full(len(first.times), np.inf), f"{UNJUDGED}: {second.run.stopped}"
     elapsed, swings = first.times - first.times[0], survey.swings[:fewer]
     gone = np.abs(first.motion.links - second.motion.at(np.isin(times, first.times)).links).max(axis=1)
     errors = _within(elapsed, gone, 2 * np.pi / float(swings[swings > 0].min(initial=np.inf)))
     if whole:
         return SAFETY * errors, "judged by the whole scene"
     errors = errors + survey.excitation(second, judging, finer)[1].sum(elapsed)
-    return SAFETY * errors, f"judged by {len(judging)} shapes, those excited among them"
+    return SAFETY * errors, f"judged by {len(judging)} shapes, those that they excite"
 
 
 def _looked(survey: Survey, chosen: Ints, times: Floats) -> Floats:
