@@ -47,7 +47,8 @@ def case(seed: int) -> Case:
     if long:
         pendula[0] = _pendulum(rng, rng.randint(12, 60))
     if seed % 5 == 2:
-        pendula = [_pendulum(rng, rng.randint(2, 4), rng.uniform(2, 4)), *(_bob(rng) for _ in range(rng.randint(8, 14)))]
+        bobs = rng.randint(8, 14)
+        pendula = [_pendulum(rng, rng.randint(2, 4), rng.uniform(2, 4)), *(_bob(rng) for _ in range(bobs))]
     if rng.random() < 0.3:
         pendula.append(_nearly(pendula[-1], 1 + rng.choice((-1, 1)) * 10 ** rng.uniform(-4, -1.5)))
     total = sum(link.mass for pendulum in pendula for link in pendulum.links)

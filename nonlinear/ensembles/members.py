@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from hashlib import sha256
 from math import prod
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -210,8 +210,8 @@ def _varied(scene: Scene, vary: Vary | None, started: bool) -> tuple[tuple[Varia
         lists = {path: _numbers(path, own) for path, own in vary.items()}
         _check_lists(scene, lists)
     else:
-        known = isinstance(vary, Sequence) and not isinstance(vary, str)
-        if not known or not all(isinstance(own, str | Variation) for own in vary):
+        given = cast("Any", vary)
+        if not isinstance(given, list | tuple) or not all(isinstance(own, str | Variation) for own in given):
             raise SceneError([f"vary {vary!r}: must be a list of PLACE=VALUES, or a mapping of places to values"])
         texts = [own for own in vary if isinstance(own, str)]
         axes = parse_variations(texts) if len(texts) == len(vary) else tuple(vary)  # type: ignore[arg-type]

@@ -15,7 +15,7 @@ from contextlib import closing, nullcontext
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from math import isnan
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -232,7 +232,7 @@ def _validate_share(share: object) -> None:
     if share is None:
         return
     try:
-        one, of = share  # type: ignore[misc]
+        one, of = cast("tuple[int, int]", share)
         validate_whole(0, k=one, n=of)
         fits = one < of
     except (TypeError, ValueError):
