@@ -5,7 +5,7 @@ amplitude and act back at the fifth, so a single mode already has the κ of ω(a
 frequency of the lowest mode of 2 to 10 bobs alone is wrong by 0.006 % at 20°, 0.1 % at 40°, 0.6 % at 60°, with two
 more modes by 0.004 % at 60°; shapes are wrong sooner, by a³.  The truncation error is reported.  The largest error of
 any angle is estimated as SAFETY times the largest distance, so far and within the slowest period to come, to a second
-run at a tenth of the tolerance (so that it sees the integrator's error too):
+run at a hundredth of the tolerance (so that it sees the integrator's error too):
 
 - of the whole scene, where that costs at most DEAR times as much as what follows;
 - else in the kept shapes and those that their motion excites (`nonlinear.reduction.excitation`), all but LEFT of the
@@ -60,6 +60,7 @@ REACHED = 1e-13  # angle (rad) below which a shape is moved by rounding alone
 DEAR = 4.0  # cost of the whole scene over that of its excited shapes up to which it is the judge
 CALL, PRODUCT = 100.0, 1e-3  # links, and products of R² numbers, that cost as much as the rest of a derivative
 FEWEST, MOST_LOOKED, MOST_NUMBERS = 200, 20_000, 10_000_000  # times at which two runs are compared, angles at these
+FINER = 100.0  # tolerance of the run over that of its judge
 FINEST = 1e-13  # tolerance of the whole scene as judge, finer than which only compiled series go
 UNJUDGED = "not judged, for the second run did not reach its end"
 
@@ -239,7 +240,7 @@ def _judged(
     survey: Survey, first: Trajectory, fewer: int, looked: Floats, report: Callable[[float], object]
 ) -> tuple[Floats, str]:
     """The largest error (rad) of a run in the first shapes so far, (T,), and what it was judged by."""
-    judging, tolerance = survey.judging(first, fewer, looked), first.run.tolerance / 10
+    judging, tolerance = survey.judging(first, fewer, looked), first.run.tolerance / FINER
     whole = survey.cheap(judging)
     times = first.times if whole else np.union1d(first.times, finer := _looked(survey, judging, first.times))
     try:
