@@ -22,6 +22,7 @@ from nonlinear.ensembles.energies import Accounts
 from nonlinear.ensembles.found import Section
 from nonlinear.ensembles.measures import section_of
 from nonlinear.ensembles.running import Ensemble, ensemble
+from nonlinear.integration import validate_whole
 from nonlinear.reduction import usual_start
 from nonlinear.system import State, System, numbers_of, require_constant_lengths, system_of
 
@@ -96,6 +97,7 @@ def find_section(
     """
     require_constant_lengths(scene, "a Poincaré section")
     refuse_motion(scene, "a section")
+    validate_whole(1, orbits=orbits)
     system = system_of(scene)
     text = at or f"{next(label for label in system.labels if label != 'x')}>0"
     section = section_of(f"section:{text}", system)
