@@ -56,6 +56,6 @@ __all__ = [
     "orbits_text",
     "oscillating",
     "periodic_orbit",
-    "require_cycles",
     "refusals",
+    "require_cycles",
 ]
