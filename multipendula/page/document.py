@@ -19,7 +19,8 @@ from modal.report import html
 from modal.scene import scene_from, title_of
 
 HERE = Path(__file__).parent
-PHYSICS = ("system", "matrices", "modes", "dop853", "recursion", "kicks", "motion", "scene_file", "recording")
+MODAL = ("system", "matrices", "amplitude", "modes")
+PHYSICS = (*MODAL, "dop853", "recursion", "kicks", "motion", "scene_file", "recording")
 """The modules that touch no document."""
 MODULES = (*PHYSICS, "numbers", "view", "picture", "sound", "player", "stage", "table", "controls", "main")
 LARGEST = 300_000

@@ -201,19 +201,28 @@ def test_no_more_digits_are_shown_than_the_bound_leaves(capsys: pytest.CaptureFi
     [
         ("table chain-1 >&-", 1, "standard output is closed"),
         ("table - <&-", 2, "-: standard input is closed"),
-        (f"table {'x' * 5000}", 2, "cannot be read"),
         ("table chain-1 --shapes", 2, "--shapes: needs --format json"),
-        ("table chain-1 -o /no/such/place/t.txt", 2, "cannot write /no/such/place/t.txt: No such file or directory"),
-        ("table chain-3 --modes 3:2", 2, "--modes 3:2: begins after its end"),
         ("shapes chain-1 -o a.png --amplitude abc", 2, "abc: must be a number of degrees above 0 and at most 90"),
     ],
 )
-def test_one_clear_message(words: str, code: int, message: str) -> None:
+def test_one_clear_message_of_a_process(words: str, code: int, message: str) -> None:
     line = f"'{sys.executable}' -m multipendula {words}"
     done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, check=False)
     assert done.returncode == code
     assert message in done.stderr
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (f"table {'x' * 5000}", "cannot be read"),
+        ("table chain-1 -o /no/such/place/t.txt", "cannot write /no/such/place/t.txt: No such file or directory"),
+        ("table chain-3 --modes 3:2", "--modes 3:2: begins after its end"),
+    ],
+)
+def test_one_clear_message(words: str, message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert message in refused(capsys, 2, *words.split())
 
 
 def test_a_terminal_that_knows_only_ascii() -> None:

@@ -123,7 +123,7 @@ def detuned() -> tuple[floquet.Pair, tuple[Branch, ...]]:
 
 def slipped(scene: Scene, start: State, omega: float, duration: float) -> float:
     """The largest change of the phase between two pendula (rad) in a run."""
-    run = simulate(scene, duration, start=start, output=int(60 * duration) + 1, tolerance=1e-9)
+    run = simulate(scene, duration, start=start, output=int(20 * duration) + 1, tolerance=1e-9)
     psi = np.unwrap(np.arctan2(-run.motion.link_rates / omega, run.motion.links), axis=0)
     between = psi[:, 1] - psi[:, 0]
     return float(np.abs(between - between[0]).max())

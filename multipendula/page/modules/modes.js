@@ -4,14 +4,13 @@
 // cart still, and each swings as on a fixed support.  The frequency is the Rayleigh quotient of the shape, whose error
 // is the square of the shape's.
 
+import { isGuide, kappaOf } from "./amplitude.js";
 import { sum } from "./system.js";
 import { backward, cholesky, forward, inertiaForm, jacobi, matricesOf, stiffnessForm, zeros } from "./matrices.js";
 
-const NEAR = 0.02; // distance from a 1:1 or 1:3 resonance, as in `modal.modes.mode`
-
 // Rows in ascending order of frequency: omega (rad/s), growing (whether it grows at that rate instead), multiplicity,
 // shapes (cart in m and every angle, largest angle 1), kappa, onePercent (degrees), ratio (of the dampers, to first
-// order), beat (s, with the next row), resonant.
+// order), beat (s, with the next row), resonant, and the `swing` of these.
 export function modesOf(system) {
   const kinds = kindsOf(system.chains);
   const rows = kinds.flatMap((kind) => alone(system, kind));
@@ -42,7 +41,8 @@ function kindsOf(chains) {
 function alone(system, kind) {
   const fold = kind.length - (system.cart ? 1 : 0);
   if (!fold) return [];
-  const { M, K, D } = matricesOf([kind[0]], null, system.gravity, [1]);
+  const chains = [kind[0]];
+  const { M, K, D } = matricesOf(chains, null, system.gravity, [1]);
   const own = (matrix) => matrix.slice(1).map((row) => row.slice(1));
   return eigen(own(M), own(K)).map((vector) => {
     const x = Float64Array.of(0, ...vector);
@@ -56,7 +56,7 @@ function alone(system, kind) {
       }
       return shape;
     });
-    return row(shapes, x, [kind[0]], null, system.gravity, [1], D, system.cart ? "cart still" : "fixed support");
+    return row(shapes, x, chains, null, system.gravity, [1], D, system.cart ? "cart still" : "fixed support");
   });
 }
 
@@ -111,7 +111,9 @@ function row(shapes, x, chains, cart, gravity, weights, D, where) {
   const omega = Math.sqrt(Math.abs(square));
   const drag = sum(D.map((line, i) => x[i] * sum([...line].map((value, j) => value * x[j]))));
   const ratio = omega && square > 0 ? drag / (2 * omega * inertia) : 0;
-  return { omega, growing: square < 0, multiplicity: shapes.length, shapes: shapes.map(scaled), ratio, where };
+  const unit = scaled(x);
+  const swing = { omega, x: unit, chains, weights, inertia: inertiaForm(chains, cart, weights, unit), gravity };
+  return { omega, growing: square < 0, multiplicity: shapes.length, shapes: shapes.map(scaled), ratio, where, swing };
 }
 
 // The largest angle 1, the first of the largest positive.
@@ -123,39 +125,18 @@ function scaled(shape) {
 }
 
 function describe(system, rows, row, i) {
-  row.kappa = row.omega && !row.growing ? kappaOf(system, row) : NaN;
+  const swings = ({ omega, growing }) => omega > 0 && !growing;
+  row.kappa = swings(row) ? kappaOf(row.swing) : NaN;
   row.onePercent = Number.isNaN(row.kappa) ? NaN : (Math.sqrt(0.01 / Math.abs(row.kappa)) * 180) / Math.PI;
   const next = rows[i + 1];
   const beats = next && [row, next].every((one) => mannerOf(one) === "swings");
   row.beat = beats ? (2 * Math.PI) / (next.omega - row.omega) : NaN;
-  row.resonant = row.omega > 0 && (row.multiplicity > 1 && system.cart !== null ? true : rows.some((other) => other !== row && meets(row.omega, other.omega)));
+  const partners = rows.filter((other) => other !== row && swings(other) && (system.cart || other.swing.chains === row.swing.chains));
+  row.resonant = swings(row) && ((row.multiplicity > 1 && system.cart !== null) || isGuide(row, partners));
   const where = row.multiplicity > 1 ? `${row.where}, ${row.multiplicity}-fold` : row.where;
   const antiphase = row.where === "cart still" ? "antiphase" : "";
   const motion = [antiphase, agreementOf(system, row), orderOf(system, row), row.growing ? "unstable" : ""].filter(Boolean);
   row.words = motion.length ? `${where}: ${motion.join(", ")}` : where;
-}
-
-function meets(omega, other) {
-  return [1, 3, 1 / 3].some((ratio) => Math.abs(other / (ratio * omega) - 1) < NEAR);
-}
-
-// Frequency of amplitude a: omega (1 + kappa a^2), from the Lagrangian of fourth order (`modal.eigen.amplitude`).
-export function kappaOf(system, row) {
-  const shape = row.shapes[0];
-  let [cubes, fourth, pairs] = [0, 0, 0];
-  for (const { first, links } of system.chains) {
-    const f = shape.slice(1 + first, 1 + first + links.length);
-    links.forEach((link, i) => {
-      const b = link.s * link.b;
-      cubes += b * f[i] ** 3;
-      fourth += b * f[i] ** 4;
-      for (let j = 0; j < i; j++) pairs += links[j].s * links[j].l * b * (f[i] - f[j]) ** 2 * f[i] * f[j];
-    });
-  }
-  const x = row.omega ** 2;
-  const gamma = (x / 8) * ((-shape[0] * cubes) / 2 - pairs / 2) + (system.gravity * fourth) / 64;
-  const ones = system.chains.map(() => 1);
-  return (-4 * gamma) / (inertiaForm(system.chains, system.cart, ones, shape) * x);
 }
 
 // The kinetic energy of each chain in a mode, up to a factor.
