@@ -8,14 +8,14 @@ records (Efron & Stein, Ann. Stat. 9, 586 (1981)).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.identification.decays import Decays, Series, fit_decays, log_decrement
+from modal.identification.decays import Decays, Series, fit_decays, log_decrement, one_mode, shape_of
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.realization import Realization, modal_assurance, realize
@@ -43,7 +43,9 @@ VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is 
 class IdentifiedMode(Displayed):
     """A pole λ (1/s) with the standard deviations of |λ|/2π (Hz) and of the damping ratio, and its shape (C,).
 
-    The largest component of the shape is 1; `shape_std` is the standard deviation of a component.
+    The largest component of the shape is 1; `shape_std` is the standard deviation of a component.  `frequency_shift` is
+    by how much the frequency (Hz) of the record's largest swing differs from that of small ones, which is the pole's;
+    None where one frequency fits the record.
     """
 
     pole: complex
@@ -51,6 +53,7 @@ class IdentifiedMode(Displayed):
     damping_ratio_std: float
     shape: Complexes
     shape_std: float | None
+    frequency_shift: float | None = None
 
     def _summary(self) -> Summary:
         title = f"Identified mode: {self.frequency:.6g} Hz ± {self.frequency_std:.2g}, ζ = {self.damping_ratio:.4g}"
@@ -148,9 +151,13 @@ def identify(
     diagram = stabilization(realization, max(MOST_ORDER // 2, min(chosen + 10, MOST_ORDER)))
     poles, _ = realization.poles(chosen)
     poles = poles[-poles.real / np.abs(poles) > -0.2]
-    found = fit_decays(_series(segments), poles, 0.0 if order else FAINT)
+    series = _series(segments)
+    found = fit_decays(series, poles, 0.0 if order else FAINT)
     if len(found.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(found.poles), 'pole', 'poles')} left out: faint or not significant")
+    while one := one_mode(series, found, FAINT):
+        found = one
+    notes += [_bent(found, r) for r in found.model.bent.tolist()]
     if not found.white:
         notes.append("the residuals are correlated: standard deviations allow for it; large swings are not linear")
     modes = tuple(_of_decays(found, r, segments, len(names)) for r in range(len(found.poles)))
@@ -255,15 +262,25 @@ def _stable(poles: Complexes, shapes: Complexes, before: tuple[Complexes, Comple
 
 def _of_decays(found: Decays, r: int, segments: Sequence[tuple[Floats, Floats]], sensors: int) -> IdentifiedMode:
     count, R = len(segments), len(found.poles)
-    own = found.amplitudes[:, r].reshape(count, sensors)
-    shape = np.linalg.svd(own, full_matrices=False)[2][0]
+    own, shape = found.amplitudes[:, r].reshape(count, sensors), shape_of(found, r, sensors)
     noise = found.amplitude_stds[:, r].reshape(count, sensors)
     size = np.abs(own @ shape.conj())
     std = np.sqrt(1 / np.sum(size[:, None] ** 2 / np.maximum(noise, 1e-300) ** 2, axis=0))
     shape, largest = _scaled(shape)
     pole = complex(found.poles[r])
     cov = found.cov[np.ix_([r, R + r], [r, R + r])]
-    return _identified(pole, cov, shape, float(np.sqrt(np.mean(std**2))) / largest if sensors > 1 else None)
+    noise_of_shape = float(np.sqrt(np.mean(std**2))) / largest if sensors > 1 else None
+    return replace(_identified(pole, cov, shape, noise_of_shape), frequency_shift=found.shift(r))
+
+
+def _bent(found: Decays, r: int) -> str:
+    """What there is to say of a mode that linear poles take for several."""
+    small, shift = abs(found.poles[r]) / (2 * pi), found.shift(r)
+    assert shift is not None
+    return (
+        f"mode {r + 1} is one mode whose frequency changes with amplitude, {small + shift:.6g} Hz at the largest swing: "
+        "linear poles make several of it; its frequency is that of small swings"
+    )
 
 
 def _scaled(shape: Complexes) -> tuple[Complexes, float]:
