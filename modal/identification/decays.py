@@ -7,8 +7,9 @@ With every reading a sum of decaying oscillations about an offset,
 the amplitudes a_r and the offset b are linear and projected out (Golub & Pereyra, SIAM J. Numer. Anal. 10, 413 (1973)),
 and the poles λ_r are fitted to all series together.  Their covariance allows for correlated residuals.
 
-The frequency of a swing that is not small follows its amplitude, Im λ_r + β_r e^{−2σ_r t} with σ_r = −Re λ_r, for the
-change goes with the square of the amplitude (Nayfeh & Mook, Nonlinear Oscillations, 1979, §2.3).  Its exponent is
+The rate of a swing that is not small follows its amplitude, λ_r + i β_r e^{−2σ_r t} with σ_r = −Re λ_r, for the change
+goes with the square of the amplitude, Re β_r that of the frequency and Im β_r that of the damping (Nayfeh & Mook,
+Nonlinear Oscillations, 1979, §2.3).  Its exponent is
 
     λ_r t + i β_r g_r(t),        g_r(t) = (1 − e^{−2σ_r t})/(2σ_r)
 
@@ -19,7 +20,7 @@ So poles of one shape are one mode with a β_r where that fits the record as wel
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,7 +30,7 @@ from scipy.signal import find_peaks
 from modal.errors import ComputationError
 from modal.identification.covariance import autocorrelation, covariance, influence
 from modal.identification.realization import modal_assurance
-from modal.types import Complexes, Floats, Ints
+from modal.types import Booleans, Complexes, Floats, Ints
 
 LEAST_PEAKS = 6  # turning points of a logarithmic decrement
 ROUGH = 0.3  # standard deviation of the whole loss in ln a, or of all turning points in half periods
@@ -37,7 +38,10 @@ CLOSE = 1e-14
 SIGNIFICANT = 6.0  # standard deviations of an amplitude below which a pole is none
 VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is none
 NEAR, ALIKE_SHAPE = 0.05, 0.98  # relative distance and MAC of poles that may be one mode
-AS_WELL, BEATLESS = 1.5, 10.0  # residuals of one mode over those of its two poles; the same where these never beat
+AS_WELL, BEATLESS = 1.5, 30.0  # residuals of one mode over those of its two poles; the same where these never beat
+BETTER = 0.7  # residuals with a change of frequency over those without
+ROUNDING = 1e-9  # of the size of a series: residuals that tell nothing
+DIED = 3.0  # times 1/σ after which an oscillation has died away
 NEXT = 0.02  # of the change of a frequency: what fourth powers of the amplitude and other modes add to it
 
 
@@ -53,18 +57,18 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Poles λ (R,) with the changes β of their frequencies (rad/s), those of modes that have one: `bent` (B,) are these.
+    """Poles λ (R,), and the changes β (B,) of the rates of those modes that have one, `bent` (B,); all in 1/s.
 
     `squares` (series, R) are the squares of amplitudes, 1 in the strongest segment, with which β acts in each series.
     """
 
     poles: Complexes
     bent: Ints
-    shifts: Floats
+    shifts: Complexes
     squares: Floats
 
     def exponents(self, times: Floats, k: int) -> tuple[Complexes, Complexes, Complexes]:
-        """Exponents (K, R) of series k at times (K,) and their derivatives by Re λ (K, R) and by β (K, B)."""
+        """Exponents (K, R) of series k at times (K,) and their derivatives by Re λ (K, R) and by Re β (K, B)."""
         found = np.outer(times, self.poles)
         by_real = np.repeat(times[:, None] + 0j, len(self.poles), axis=1)
         g, by_rate = _accumulated(times, -self.poles.real[self.bent])
@@ -75,7 +79,7 @@ class Model:
 
 
 def _accumulated(times: Floats, rates: Floats) -> tuple[Floats, Floats]:
-    """g = (1 − e^{−2σt})/(2σ), (K, B), of rates σ (B,), and its derivative by σ."""
+    """The integral of e^{−2σt}, (1 − e^{−2σt})/(2σ), (K, B), of rates σ (B,), and its derivative by σ."""
     t = times[:, None]
     x = 2 * t * rates
     small = np.abs(x) < 1e-2
@@ -109,7 +113,7 @@ class Decays:
     def shift(self, r: int) -> float | None:
         """The change of frequency β/2π (Hz) at the strongest start of mode r, None where it has none."""
         own = self.model.shifts[self.model.bent == r]
-        return float(own[0]) / (2 * np.pi) if len(own) else None
+        return float(own[0].real) / (2 * np.pi) if len(own) else None
 
 
 def shape_of(found: Decays, r: int, sensors: int) -> Complexes:
@@ -125,29 +129,60 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
     Raises ComputationError where none is left.
     """
     none = np.zeros(0, dtype=np.int64)
-    return _significant(series, Model(poles, none, np.zeros(0), np.ones((len(series), len(poles)))), faint)
+    return _significant(
+        series, Model(poles, none, np.zeros(0, dtype=np.complex128), np.ones((len(series), len(poles)))), faint
+    )
 
 
-def one_mode(series: Sequence[Series], found: Decays, faint: float = 0.0) -> Decays | None:
+def one_mode(series: Sequence[Series], found: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
     """Decays with one mode fewer: two poles of one shape are one whose frequency changes with amplitude.
 
-    None where no two poles are.  They are if the one mode fits the series as well.
+    None where no two poles are.  They are if the one mode fits the series as well; if they never beat, and no
+    `resolved` modes are asked for, also if it fits them somewhat worse.
     """
-    R, sensors = len(found.poles), 1 + max(own.sensor for own in series)
-    shapes = np.stack([shape_of(found, r, sensors) for r in range(R)], axis=1)
-    alike = np.triu(modal_assurance(shapes, shapes) > ALIKE_SHAPE, 1)
-    apart = np.abs(found.poles[:, None] - found.poles) / np.abs(found.poles)
-    longest = max(float(own.times[-1]) for own in series)
-    for r, s in sorted(np.argwhere(alike & (apart < NEAR)).tolist(), key=lambda pair: float(apart[*pair])):
-        beats = abs(found.poles[r].imag - found.poles[s].imag) * longest > 2 * np.pi
-        try:
-            one = _significant(series, _merged(series, found, r, s), faint)
-        except ComputationError:
-            continue
-        worse = np.sqrt(np.mean((one.rms * _weights(series, found)) ** 2))
-        if len(one.poles) < R and worse < (AS_WELL if beats else BEATLESS):
-            return one
+    weights, beatless = _weights(series, found), suspects(series, found)
+    apart = np.abs(found.poles[:, None] / found.poles - 1)
+    for r, s in sorted(np.argwhere(_alike(series, found)).tolist(), key=lambda pair: float(apart[*pair])):
+        one = _fitted(series, _merged(series, found, r, s), weights)
+        most = BEATLESS if (r, s) in beatless and not resolved else AS_WELL
+        if np.sqrt(np.mean((one.rms * weights) ** 2)) < most:
+            return _significant(series, one.model, faint)
     return None
+
+
+def bent(series: Sequence[Series], found: Decays, faint: float = 0.0) -> Decays | None:
+    """Decays in which one more mode's frequency changes with amplitude: the one that betters the fit most.
+
+    None where none betters it much, or the residuals are white, or rounding.
+    """
+    if found.white or all(rms < ROUNDING * np.std(own.values) for rms, own in zip(found.rms, series, strict=True)):
+        return None
+    weights, trials = _weights(series, found), []
+    for r in np.setdiff1d(np.arange(len(found.poles)), found.model.bent):
+        model = replace(found.model, bent=np.append(found.model.bent, r), shifts=np.append(found.model.shifts, 0j))
+        one = _fitted(series, model, weights)
+        trials.append((float(np.sqrt(np.mean((one.rms * weights) ** 2))), one))
+    least, best = min(trials, key=lambda trial: trial[0], default=(1.0, found))
+    return _significant(series, best.model, faint) if least < BETTER else None
+
+
+def suspects(series: Sequence[Series], found: Decays) -> list[tuple[int, int]]:
+    """Pairs of poles of one shape that never beat: their phases part by less than a turn before one has died away."""
+    longest = max(float(own.times[-1]) for own in series)
+    lasting = np.minimum(longest, DIED / np.maximum(-found.poles.real, 1e-300))
+    return [
+        (r, s)
+        for r, s in np.argwhere(_alike(series, found)).tolist()
+        if abs(found.poles[r].imag - found.poles[s].imag) * min(lasting[r], lasting[s]) < 2 * np.pi
+    ]
+
+
+def _alike(series: Sequence[Series], found: Decays) -> Booleans:
+    """Pairs (R, R), above the diagonal, of near poles with one shape."""
+    sensors = 1 + max(own.sensor for own in series)
+    shapes = np.stack([shape_of(found, r, sensors) for r in range(len(found.poles))], axis=1)
+    near = np.abs(found.poles[:, None] / found.poles - 1) < NEAR
+    return np.asarray(np.triu(near & (modal_assurance(shapes, shapes) > ALIKE_SHAPE), 1))
 
 
 def _merged(series: Sequence[Series], found: Decays, r: int, s: int) -> Model:
@@ -165,8 +200,8 @@ def _merged(series: Sequence[Series], found: Decays, r: int, s: int) -> Model:
     return Model(
         np.append(found.poles[kept], pole),
         np.array([*bent, len(kept)], dtype=np.int64),
-        np.array([*(shifts[int(kept[j])] for j in bent), shifts.get(r, shifts.get(s, 0.0))]),
-        np.hstack((found.model.squares[:, kept], np.ones((len(series), 1)))),
+        np.array([*(shifts[int(kept[j])] for j in bent), shifts.get(r, shifts.get(s, 0j))]),
+        np.hstack((found.model.squares[:, kept], _squares(series, found.amplitudes[:, [r, s]].sum(axis=1)[:, None]))),
     )
 
 
@@ -214,7 +249,7 @@ def _weights(series: Sequence[Series], found: Decays) -> Floats:
 
 
 def _projected(own: Series, model: Model, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
-    """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R + B), variances of amplitudes per noise."""
+    """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R + 2B), variances of amplitudes per noise."""
     R = len(model.poles)
     exponents, by_real, by_shift = model.exponents(own.times, k)
     waves = np.exp(exponents)
@@ -226,20 +261,21 @@ def _projected(own: Series, model: Model, k: int) -> tuple[Floats, Complexes, Fl
     linear = inverse @ right / size
     amplitudes = linear[:R] + 1j * linear[R : 2 * R]
     waves = amplitudes * waves
-    by_imag = 1j * waves * own.times[:, None]
-    slopes = np.hstack(((waves * by_real).real, by_imag.real, (waves[:, model.bent] * by_shift).real))
+    by_imag, by_shift = 1j * waves * own.times[:, None], waves[:, model.bent] * by_shift
+    slopes = np.hstack(((waves * by_real).real, by_imag.real, by_shift.real, -by_shift.imag))
     slopes = slopes - Q @ (Q.T @ slopes)
     variance = np.sum(inverse**2, axis=1) / size**2
     return own.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2
 
 
 def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
-    poles, R = model.poles, len(model.poles)
+    poles, R, B = model.poles, len(model.poles), len(model.bent)
     scale = _scale(model)
 
     def model_of(x: Floats) -> Model:
         own = x * scale
-        return Model(np.asarray(own[:R] + 1j * own[R : 2 * R]), model.bent, own[2 * R :], model.squares)
+        rates = np.asarray(own[:R] + 1j * own[R : 2 * R])
+        return Model(rates, model.bent, np.asarray(own[2 * R : 2 * R + B] + 1j * own[2 * R + B :]), model.squares)
 
     def residuals(x: Floats) -> Floats:
         own = model_of(x)
@@ -251,7 +287,7 @@ def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
 
     weighted = list(zip(weights, series, strict=True))
     longest = max(float(own.times[-1]) for own in series)
-    start = np.concatenate((poles.real, poles.imag, model.shifts)) / scale
+    start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
     solution: Any = least_squares(
@@ -262,7 +298,7 @@ def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
 
 def _scale(model: Model) -> Floats:
     size = np.abs(model.poles)
-    return np.concatenate((size, size, size[model.bent]))
+    return np.concatenate((size, size, size[model.bent], size[model.bent]))
 
 
 def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
@@ -285,7 +321,7 @@ def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decay
             rows = slice(int(starts[k]), int(starts[k + 1]))
             blocks.append((rows, float(weights[k] ** 2 * noise), rho))
     cov = (covariance(G, blocks) * np.outer(scale, scale))[: 2 * R, : 2 * R]
-    cov[R + model.bent, R + model.bent] += (NEXT * model.shifts) ** 2
+    cov[R + model.bent, R + model.bent] += (NEXT * np.abs(model.shifts)) ** 2
     variances = {rows.start: variance for rows, variance, _ in blocks}
     stds = []
     for k, part in enumerate(parts):

@@ -9,17 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from math import pi, sqrt
+from math import degrees, pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.identification.decays import Decays, Series, fit_decays, log_decrement, one_mode, shape_of
+from modal.identification.decays import Decays, Series, bent, fit_decays, log_decrement, one_mode, shape_of, suspects
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.realization import Realization, modal_assurance, realize
-from modal.report import Displayed, Summary, brief, counted, deferred, short, tabulated
+from modal.report import Displayed, Summary, brief, counted, deferred, percent, short, tabulated
 from modal.types import Booleans, Complexes, Floats
 
 METHODS = ("era", "decrement")
@@ -152,14 +152,20 @@ def identify(
     poles, _ = realization.poles(chosen)
     poles = poles[-poles.real / np.abs(poles) > -0.2]
     series = _series(segments)
-    found = fit_decays(series, poles, 0.0 if order else FAINT)
+    faint = 0.0 if order else FAINT
+    found = fit_decays(series, poles, faint)
     if len(found.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(found.poles), 'pole', 'poles')} left out: faint or not significant")
-    while one := one_mode(series, found, FAINT):
+    while one := one_mode(series, found, faint, resolved=order is not None) or bent(series, found, faint):
         found = one
     notes += [_bent(found, r) for r in found.model.bent.tolist()]
+    notes += [
+        f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
+        "change with amplitude, as dry friction makes them"
+        for r, s in suspects(series, found)
+    ]
     if not found.white:
-        notes.append("the residuals are correlated: standard deviations allow for it; large swings are not linear")
+        notes.append(_correlated(series, names))
     modes = tuple(_of_decays(found, r, segments, len(names)) for r in range(len(found.poles)))
     return Identified(modes, tuple(names), "era", "free", chosen, diagram, tuple(notes))
 
@@ -273,13 +279,26 @@ def _of_decays(found: Decays, r: int, segments: Sequence[tuple[Floats, Floats]],
     return replace(_identified(pole, cov, shape, noise_of_shape), frequency_shift=found.shift(r))
 
 
+def _correlated(series: Sequence[Series], names: Sequence[str]) -> str:
+    """What there is to say of correlated residuals, for which swings that are not small are the usual reason."""
+    told = "the residuals are correlated: standard deviations allow for it; large swings are not linear"
+    largest = max((float(np.ptp(own.values)) / 2 for own in series if names[own.sensor].startswith("theta")), default=0)
+    if not largest:
+        return told
+    return (
+        f"{told}: where the record does not show how a frequency changes with amplitude, that of swings of "
+        f"{degrees(largest):.2g}° is off from that of small ones by some {percent(largest**2 / 16)}"
+    )
+
+
 def _bent(found: Decays, r: int) -> str:
     """What there is to say of a mode that linear poles take for several."""
     small, shift = abs(found.poles[r]) / (2 * pi), found.shift(r)
     assert shift is not None
     return (
-        f"mode {r + 1} is one mode whose frequency changes with amplitude, {small + shift:.6g} Hz at the largest swing: "
-        "linear poles make several of it; its frequency is that of small swings"
+        f"mode {r + 1} is one mode whose frequency changes with amplitude, from {small + shift:.6g} Hz at the largest "
+        "swing to that of small ones, which is given; two modes of one shape that do not beat within the record would "
+        "look the same"
     )
 
 
