@@ -7,11 +7,16 @@ The residuals are those of frequencies, of damping ratios and of shapes, each in
 with v a measured shape whose largest component is 1, u the computed one and s the scale that brings it nearest.
 Derivatives are those of `derivatives`; what the modes determine is found as for motions.  (Friswell & Mottershead,
 Finite Element Model Updating in Structural Dynamics, 1995, ch. 8.)
+
+Modes are polynomials in the numbers, so several sets of numbers may have the same ones: two bobs swing with the same
+frequencies when their lengths change places.  The fit is repeated from other starts, and every minimum within the
+confidence region of the best one is a solution.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -25,7 +30,8 @@ from modal.identification.identifiability import (
     find_determined,
 )
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
-from modal.identification.mode_fit import FittedMode, ModeFit
+from modal.identification.mode_fit import FittedMode, ModeFit, Solution
+from modal.identification.mode_report import with_error
 from modal.identification.parameters import (
     Parameter,
     find_parameters,
@@ -34,15 +40,20 @@ from modal.identification.parameters import (
     starts_of,
 )
 from modal.modes import Modes, natural_modes
-from modal.report import percent, short
+from modal.report import listed, percent, short
 from modal.scene import Scene
 from modal.types import Floats
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
 FINEST_SHAPE = 1e-9
 ROUNDS = 4  # of fitting and estimating the noise of shapes
-MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, or of the numbers, at the end
+MOST, FEWER, CLOSE = 200, 50, 1e-13  # evaluations, and those from other starts; relative change of the sum of squares, or of the numbers, at the end
 WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
+STARTS, SPREAD = 16, 0.5  # other starts, and the standard deviation of their logarithms
+MOST_EXCHANGES = 24  # of two numbers of one kind
+CONFIDENCE = 0.95  # of the region about the best fit in which other minima are solutions
+DISTINCT = 0.5  # standard deviations by which another solution differs in some number
+BETTER = 1.0  # chi-square by which another minimum is the fit itself
 UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
@@ -65,7 +76,10 @@ def fit_modes(
     parameters = find_parameters(scene, free, priors)
     problem = _Problem(scene, parameters, measured)
     z, shape_std = _search(problem, loss)
-    return _certified(problem, z, shape_std, loss)
+    minima = _minima(problem, z, loss) if problem.kept.any() else []
+    if minima and minima[0][0] < _square(problem, z) - BETTER:
+        z, shape_std = _refined(problem, minima[0][1], loss)
+    return _certified(problem, z, shape_std, loss, [other for _, other in minima])
 
 
 class _Problem:
@@ -210,11 +224,7 @@ def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
     if len(z):
         J = problem.jacobian(z)
         problem.kept[find_determined(J, problem.parameters, z, vague=WHATEVER).held] = False
-    for _ in range(ROUNDS):
-        z = _solved(problem, z, loss)
-        if not problem.estimates_noise:
-            break
-        problem.shape_std = _shape_noise(problem, z)
+    z, _ = _refined(problem, z, loss)
     if len(z):
         lost = np.flatnonzero(~problem.kept).tolist()
         found = find_determined(problem.jacobian(z), problem.parameters, z, held=lost)
@@ -224,6 +234,51 @@ def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
             z = _solved(problem, z, loss)
             problem.shape_std = _shape_noise(problem, z) if problem.estimates_noise else problem.shape_std
     return z, problem.shape_std if problem.estimates_noise else None
+
+
+def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | None]:
+    """The minimum from this z on, and the noise of shapes where it is estimated."""
+    for _ in range(ROUNDS):
+        z = _solved(problem, z, loss)
+        if not problem.estimates_noise:
+            return z, None
+        problem.shape_std = _shape_noise(problem, z)
+    return z, problem.shape_std
+
+
+def _minima(problem: _Problem, z: Floats, loss: str) -> list[tuple[float, Floats]]:
+    """Minima from other starts than that of the minimum z, each with its sum of squares, from the least on."""
+    found = []
+    for start in _starts(problem, z):
+        try:
+            own = _solved(problem, start, loss, FEWER)
+            found.append((_square(problem, own), own))
+        except (ComputationError, SceneError):
+            continue
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _starts(problem: _Problem, z: Floats) -> Iterator[Floats]:
+    """The minimum with two numbers of one kind exchanged, and random ones around it."""
+    kept = np.flatnonzero(problem.kept).tolist()
+    kinds = [(problem.parameters[k].place[-1], problem.parameters[k].log) for k in range(len(z))]
+    pairs = [(j, k) for j, k in combinations(kept, 2) if kinds[j] == kinds[k]]
+    for j, k in pairs[:MOST_EXCHANGES]:
+        own, one, other = z.copy(), problem.parameters[j], problem.parameters[k]
+        own[j], own[k] = one.z_of(other.at(float(z[k]))), other.z_of(one.at(float(z[j])))
+        yield own
+    rng = np.random.default_rng(len(z))
+    for _ in range(STARTS):
+        factors = SPREAD * rng.standard_normal(len(kept))
+        own = z.copy()
+        for k, factor in zip(kept, factors.tolist(), strict=True):
+            own[k] = z[k] + factor if problem.parameters[k].log else z[k] * np.exp(factor)
+        yield own
+
+
+def _square(problem: _Problem, z: Floats) -> float:
+    residuals = problem.residuals(z)
+    return float(residuals @ residuals)
 
 
 def _shape_noise(problem: _Problem, z: Floats) -> float:
@@ -239,7 +294,7 @@ def _shape_noise(problem: _Problem, z: Floats) -> float:
     return max(FINEST_SHAPE, float(np.sqrt(square / max(count, 1))))
 
 
-def _solved(problem: _Problem, z: Floats, loss: str) -> Floats:
+def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST) -> Floats:
     columns = np.flatnonzero(problem.kept)
     if not len(columns):
         return z
@@ -266,7 +321,7 @@ def _solved(problem: _Problem, z: Floats, loss: str) -> Floats:
         bounds=(least, np.inf),
         x_scale=np.array(steps)[columns],
         loss=loss,
-        max_nfev=MOST,
+        max_nfev=most,
         ftol=CLOSE,
         xtol=CLOSE,
         gtol=CLOSE,
@@ -274,15 +329,45 @@ def _solved(problem: _Problem, z: Floats, loss: str) -> Floats:
     return whole(found.x)
 
 
-def _certified(problem: _Problem, z: Floats, shape_std: float | None, loss: str) -> ModeFit:
+def _covariance(problem: _Problem, J: Floats) -> Floats:
+    """Of z, (p, p), zero for numbers that are held, from the derivatives (N, p) at a minimum."""
+    kept = np.flatnonzero(problem.kept)
+    cov = np.zeros((J.shape[1], J.shape[1]))
+    if len(kept):
+        size = np.linalg.norm(J[:, kept], axis=0)
+        inverse = np.linalg.pinv(J[:, kept] / size, rcond=1e-12)
+        cov[np.ix_(kept, kept)] = inverse @ inverse.T / size / size[:, None]
+    return cov
+
+
+def _solutions(problem: _Problem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
+    """Those of other minima that fit as well as z and differ from it, and from each other."""
+    most = _square(problem, z) + float(chi2.ppf(CONFIDENCE, max(1, int(np.count_nonzero(problem.kept)))))
+    found: list[tuple[Floats, Floats, Solution]] = []
+    for other in minima:
+        square = _square(problem, other)
+        if square > most:
+            continue
+        own = _covariance(problem, problem.jacobian(other))
+        known = [(z, cov), *((one, spread) for one, spread, _ in found)]
+        if all(_differ(other, own, one, spread) for one, spread in known):
+            found.append((other, own, Solution(problem.parameters, other, own, square)))
+    return [solution for *_, solution in found]
+
+
+def _differ(one: Floats, cov: Floats, other: Floats, spread: Floats) -> bool:
+    stds = np.sqrt(np.maximum(np.minimum(np.diag(cov), np.diag(spread)), 0.0))
+    return bool(np.any(np.abs(one - other) > DISTINCT * stds + 1e-6))
+
+
+def _certified(
+    problem: _Problem, z: Floats, shape_std: float | None, loss: str, minima: Sequence[Floats] = ()
+) -> ModeFit:
     count, kept = len(problem.parameters), np.flatnonzero(problem.kept)
     residuals, J = problem.residuals(z), problem.jacobian(z)
-    cov = np.zeros((count, count))
+    cov = _covariance(problem, J)
     determined = Determined(kept, np.flatnonzero(~problem.kept), (), 1.0)
     if count:
-        size = np.linalg.norm(J[:, kept], axis=0)
-        inverse = np.linalg.pinv(J[:, kept] / size, rcond=1e-12) if len(kept) else np.zeros((0, len(J)))
-        cov[np.ix_(kept, kept)] = inverse @ inverse.T / size / size[:, None]
         lost = np.flatnonzero(~problem.kept).tolist()
         found = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
         determined = Determined(kept, np.flatnonzero(~problem.kept), found.directions, found.condition)
@@ -292,18 +377,19 @@ def _certified(problem: _Problem, z: Floats, shape_std: float | None, loss: str)
         _beside(problem, modes, one, place) for one, place in zip(problem.measured.modes, problem.places, strict=True)
     )
     found_fit = ModeFit(
-        problem.scene,
-        scene,
-        problem.measured,
-        problem.parameters,
-        z,
-        cov,
-        determined,
-        determined.held,
-        beside,
-        square,
-        freedom,
-        shape_std,
+        parameters=problem.parameters,
+        z=z,
+        cov=cov,
+        chi_square=square,
+        given=problem.scene,
+        scene=scene,
+        measured=problem.measured,
+        determined=determined,
+        held=determined.held,
+        modes=beside,
+        freedom=freedom,
+        shape_std=shape_std,
+        others=tuple(_solutions(problem, z, cov, minima)),
     )
     return ModeFit(**{**vars(found_fit), "verdict": tuple(_verdict(problem, found_fit, loss))})
 
@@ -319,6 +405,12 @@ def _beside(problem: _Problem, modes: Modes, one: MeasuredMode, place: int) -> F
         mac = float((u @ v) ** 2 / ((u @ u) * (v @ v)))
     stated = None if one.damping_ratio is None else _ratio_std(one)
     return FittedMode(one, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), stated, mac)
+
+
+def _words(found: Solution, fitted: Sequence[int]) -> str:
+    numbers = [(found.parameters[k].path, found.values[k], found.stds[k]) for k in fitted]
+    told = [f"{path} = {with_error(value, std)} ± {std:.2g}" for path, value, std in numbers]
+    return listed(told, len(told))
 
 
 def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
@@ -337,6 +429,11 @@ def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
             )
     else:
         words.append("as many numbers as measured values: nothing is left to test the model by")
+    words += [
+        f"another solution fits as well, with chi-square {short(other.chi_square)}: {_words(other, found.fitted)}; a "
+        "measured shape or a prior can tell which is right"
+        for other in found.others
+    ]
     worst = max(found.modes, key=lambda one: abs(one.deviation))
     if abs(worst.deviation) > 3:
         words.append(f"mode {worst.measured.number} is off by {worst.deviation:+.1f} standard deviations in frequency")
