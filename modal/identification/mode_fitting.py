@@ -47,12 +47,20 @@ from modal.types import Floats
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
 FINEST_SHAPE = 1e-9
 ROUNDS = 4  # of fitting and estimating the noise of shapes
-MOST, FEWER, CLOSE = 200, 50, 1e-13  # evaluations, and those from other starts; relative change of the sum of squares, or of the numbers, at the end
+MOST, FEWER, CLOSE = (
+    200,
+    50,
+    1e-13,
+)  # evaluations, and those from other starts; relative change of the sum of squares, or of the numbers, at the end
 WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
 STARTS, SPREAD = 16, 0.5  # other starts, and the standard deviation of their logarithms
 MOST_EXCHANGES = 24  # of two numbers of one kind
 CONFIDENCE = 0.95  # of the region about the best fit in which other minima are solutions
 DISTINCT = 0.5  # standard deviations by which another solution differs in some number
+SINGULAR = 1e-12  # of the largest singular value: where a derivative vanishes
+LINEAR = 0.3  # of 3.84, by which chi-square at the ends of a linear fit's interval may be off
+FURTHEST, BISECTIONS, SETTLED = 1.5, 5, 1e-3  # |z| of an interval's ends; halvings to find them; change at the end
+GENERIC = 0.03  # by which numbers are moved to see what is determined at no special values, such as equal lengths
 BETTER = 1.0  # chi-square by which another minimum is the fit itself
 UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
@@ -222,18 +230,33 @@ def _ratio_std(one: MeasuredMode) -> float:
 def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
     z = starts_of(problem.parameters)
     if len(z):
-        J = problem.jacobian(z)
-        problem.kept[find_determined(J, problem.parameters, z, vague=WHATEVER).held] = False
+        problem.jacobian(z)
+        beside = _moved(problem, z)
+        found = find_determined(problem.jacobian(beside), problem.parameters, beside, vague=WHATEVER)
+        problem.kept[found.held] = False
     z, _ = _refined(problem, z, loss)
     if len(z):
         lost = np.flatnonzero(~problem.kept).tolist()
-        found = find_determined(problem.jacobian(z), problem.parameters, z, held=lost)
+        beside = _moved(problem, z)
+        found = find_determined(problem.jacobian(beside), problem.parameters, beside, held=lost)
         if len(found.held) > len(lost):
             problem.kept[found.held] = False
             z[~problem.kept] = starts_of(problem.parameters)[~problem.kept]
             z = _solved(problem, z, loss)
             problem.shape_std = _shape_noise(problem, z) if problem.estimates_noise else problem.shape_std
     return z, problem.shape_std if problem.estimates_noise else None
+
+
+def _moved(problem: _Problem, z: Floats) -> Floats:
+    """Numbers that differ from these by a few percent, each by its own; those of the start where they have no modes."""
+    factors = GENERIC * (1 + np.arange(len(z)) / max(1, len(z))) * (-1.0) ** np.arange(len(z))
+    logs = np.array([one.log for one in problem.parameters], dtype=bool)
+    moved = np.where(logs, z + factors, z * np.exp(factors))
+    try:
+        problem.jacobian(moved)
+    except (ComputationError, SceneError):
+        return z
+    return np.asarray(moved)
 
 
 def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | None]:
@@ -329,35 +352,101 @@ def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST) -> Floats
     return whole(found.x)
 
 
-def _covariance(problem: _Problem, J: Floats) -> Floats:
-    """Of z, (p, p), zero for numbers that are held, from the derivatives (N, p) at a minimum."""
+def _covariance(problem: _Problem, z: Floats) -> Floats:
+    """Of z, (p, p), zero for numbers that are held, at a minimum.
+
+    Along each singular vector of the Jacobian the standard deviation is a half of the 95 % interval (1.96 to either
+    side) in which chi-square, the least over the other directions, rises by 3.84: 1/s where residuals are linear.
+    """
     kept = np.flatnonzero(problem.kept)
-    cov = np.zeros((J.shape[1], J.shape[1]))
-    if len(kept):
-        size = np.linalg.norm(J[:, kept], axis=0)
-        inverse = np.linalg.pinv(J[:, kept] / size, rcond=1e-12)
-        cov[np.ix_(kept, kept)] = inverse @ inverse.T / size / size[:, None]
-    return cov
+    cov = np.zeros((len(z), len(z)))
+    if not len(kept):
+        return cov
+    J = problem.jacobian(z)[:, kept]
+    size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    _, singular, V = np.linalg.svd(np.vstack((J / size, np.zeros((len(kept), len(kept))))), full_matrices=False)
+    steps = np.zeros((len(z), len(kept)))
+    steps[kept] = V.T / size[:, None] / np.maximum(singular, SINGULAR * singular[0])
+    reach = np.array([_reach(problem, z, steps, k) for k in range(len(kept))])
+    scaled = steps * reach
+    return np.asarray(scaled @ scaled.T)
+
+
+def _rise(problem: _Problem, z: Floats) -> float:
+    """The sum of squares, infinite where there are no modes."""
+    try:
+        return _square(problem, z)
+    except (ComputationError, SceneError):
+        return np.inf
+
+
+def _reach(problem: _Problem, z: Floats, steps: Floats, k: int) -> float:
+    """By how much the standard deviation along the step (p,) number k differs from its length, that of a linear fit."""
+    rise = float(chi2.ppf(CONFIDENCE, 1))
+    normal, level = np.sqrt(rise), _square(problem, z) + rise
+    furthest = FURTHEST / max(float(np.abs(steps[:, k]).max()), 1e-300)
+
+    ends = []
+    for side in (-1.0, 1.0):
+        straight = np.maximum(z + side * normal * steps[:, k], [one.least for one in problem.parameters])
+        if normal < furthest and abs(_rise(problem, straight) - level) < LINEAR * rise:
+            ends.append(normal)
+            continue
+        low, high, y = 0.0, min(normal, furthest) / 4, np.zeros(steps.shape[1])
+
+        def within(t: float, y: Floats = y, side: float = side) -> bool:
+            y[k] = side * t
+            return _least_beside(problem, z, steps, y, k) < level
+
+        while high < furthest and within(high):
+            low, high = high, 1.5 * high
+        high = min(high, furthest)
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if within(middle) else (low, middle)
+        ends.append(high)
+    return float(max(ends) / normal)
+
+
+def _least_beside(problem: _Problem, z: Floats, steps: Floats, y: Floats, k: int) -> float:
+    """The sum of squares at z + steps y, the least over all y but y_k, which it moves: Gauss-Newton's method.
+
+    Infinite where there are no modes.
+    """
+    least = np.array([one.least for one in problem.parameters])
+    others = np.delete(np.arange(len(y)), k)
+    free, best = steps[:, others], np.inf
+    try:
+        for _ in range(ROUNDS):
+            place = np.maximum(z + steps @ y, least)
+            residuals = problem.residuals(place)
+            square = float(residuals @ residuals)
+            if not len(others) or square > best * (1 - SETTLED):
+                return min(square, best)
+            best = square
+            y[others] -= np.linalg.lstsq(problem.jacobian(place) @ free, residuals, rcond=None)[0]
+    except (ComputationError, SceneError):
+        return min(best, np.inf)
+    return best
 
 
 def _solutions(problem: _Problem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
     """Those of other minima that fit as well as z and differ from it, and from each other."""
     most = _square(problem, z) + float(chi2.ppf(CONFIDENCE, max(1, int(np.count_nonzero(problem.kept)))))
-    found: list[tuple[Floats, Floats, Solution]] = []
+    found: list[Solution] = []
+    known = [(z, cov)]
     for other in minima:
         square = _square(problem, other)
-        if square > most:
+        if square > most or any(_same(other, one, spread) for one, spread in known):
             continue
-        own = _covariance(problem, problem.jacobian(other))
-        known = [(z, cov), *((one, spread) for one, spread, _ in found)]
-        if all(_differ(other, own, one, spread) for one, spread in known):
-            found.append((other, own, Solution(problem.parameters, other, own, square)))
-    return [solution for *_, solution in found]
+        known.append((other, _covariance(problem, other)))
+        found.append(Solution(problem.parameters, *known[-1], square))
+    return found
 
 
-def _differ(one: Floats, cov: Floats, other: Floats, spread: Floats) -> bool:
-    stds = np.sqrt(np.maximum(np.minimum(np.diag(cov), np.diag(spread)), 0.0))
-    return bool(np.any(np.abs(one - other) > DISTINCT * stds + 1e-6))
+def _same(one: Floats, other: Floats, cov: Floats) -> bool:
+    """Whether numbers are others within a part of the standard deviations of these."""
+    return bool(np.all(np.abs(one - other) < DISTINCT * np.sqrt(np.maximum(np.diag(cov), 0.0)) + 1e-6))
 
 
 def _certified(
@@ -365,12 +454,13 @@ def _certified(
 ) -> ModeFit:
     count, kept = len(problem.parameters), np.flatnonzero(problem.kept)
     residuals, J = problem.residuals(z), problem.jacobian(z)
-    cov = _covariance(problem, J)
+    cov = _covariance(problem, z)
     determined = Determined(kept, np.flatnonzero(~problem.kept), (), 1.0)
     if count:
         lost = np.flatnonzero(~problem.kept).tolist()
         found = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
-        determined = Determined(kept, np.flatnonzero(~problem.kept), found.directions, found.condition)
+        own = tuple(one for one in found.directions if one.held in {problem.parameters[k].path for k in lost})
+        determined = Determined(kept, np.flatnonzero(~problem.kept), own, found.condition)
     scene, modes = problem.modes_at(z)
     square, freedom = float(residuals @ residuals), problem.freedom()
     beside = tuple(
