@@ -25,10 +25,7 @@ from scipy.stats import chi2
 
 from modal.errors import ComputationError, SceneError
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
-from modal.identification.identifiability import (
-    Determined,
-    find_determined,
-)
+from modal.identification.identifiability import VAGUE, Determined, find_determined
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
 from modal.identification.mode_fit import FittedMode, ModeFit, Solution
 from modal.identification.mode_report import with_error
@@ -42,20 +39,22 @@ from modal.identification.parameters import (
 from modal.modes import Modes, natural_modes
 from modal.report import listed, percent, short
 from modal.scene import Scene
-from modal.types import Floats
+from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
 FINEST_SHAPE = 1e-9
 ROUNDS = 4  # of fitting and estimating the noise of shapes
-MOST, FEWER, CLOSE = (
-    200,
-    50,
-    1e-13,
-)  # evaluations, and those from other starts; relative change of the sum of squares, or of the numbers, at the end
+MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, or of the numbers, at the end
 WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
-STARTS, SPREAD = 16, 0.5  # other starts, and the standard deviation of their logarithms
+FEWER, ROUGHLY, NEARLY = 12, 1e-6, 1e3  # from other starts: evaluations, such a change, chi-square still to lose
+STARTS, TESTED, SPREAD = (
+    8,
+    3,
+    0.5,
+)  # other starts, where there is a chi-square to tell them apart, and the standard deviation of their logarithms
 MOST_EXCHANGES = 24  # of two numbers of one kind
 CONFIDENCE = 0.95  # of the region about the best fit in which other minima are solutions
+SAME = 1e-4  # of z, within which a rough minimum is the known one
 DISTINCT = 0.5  # standard deviations by which another solution differs in some number
 SINGULAR = 1e-12  # of the largest singular value: where a derivative vanishes
 LINEAR = 0.3  # of 3.84, by which chi-square at the ends of a linear fit's interval may be off
@@ -231,32 +230,35 @@ def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
     z = starts_of(problem.parameters)
     if len(z):
         problem.jacobian(z)
-        beside = _moved(problem, z)
-        found = find_determined(problem.jacobian(beside), problem.parameters, beside, vague=WHATEVER)
-        problem.kept[found.held] = False
+        problem.kept[_lost_around(problem, z, [], WHATEVER)] = False
     z, _ = _refined(problem, z, loss)
     if len(z):
         lost = np.flatnonzero(~problem.kept).tolist()
-        beside = _moved(problem, z)
-        found = find_determined(problem.jacobian(beside), problem.parameters, beside, held=lost)
-        if len(found.held) > len(lost):
-            problem.kept[found.held] = False
+        held = _lost_around(problem, z, lost, VAGUE)
+        if len(held) > len(lost):
+            problem.kept[held] = False
             z[~problem.kept] = starts_of(problem.parameters)[~problem.kept]
             z = _solved(problem, z, loss)
             problem.shape_std = _shape_noise(problem, z) if problem.estimates_noise else problem.shape_std
     return z, problem.shape_std if problem.estimates_noise else None
 
 
-def _moved(problem: _Problem, z: Floats) -> Floats:
-    """Numbers that differ from these by a few percent, each by its own; those of the start where they have no modes."""
-    factors = GENERIC * (1 + np.arange(len(z)) / max(1, len(z))) * (-1.0) ** np.arange(len(z))
+def _lost_around(problem: _Problem, z: Floats, held: Sequence[int], vague: float) -> Ints:
+    """The numbers that are held since the modes do not determine them, a few percent to either side.
+
+    At z itself derivatives may vanish, as at equal lengths.
+    """
+    factors = GENERIC * (1 + np.arange(len(z)) / len(z)) * (-1.0) ** np.arange(len(z))
     logs = np.array([one.log for one in problem.parameters], dtype=bool)
-    moved = np.where(logs, z + factors, z * np.exp(factors))
-    try:
-        problem.jacobian(moved)
-    except (ComputationError, SceneError):
-        return z
-    return np.asarray(moved)
+    found = []
+    for own in (factors, -factors):
+        moved = np.where(logs, z + own, z * np.exp(own))
+        try:
+            J = problem.jacobian(moved)
+        except (ComputationError, SceneError):
+            moved, J = z, problem.jacobian(z)
+        found.append(find_determined(J, problem.parameters, moved, vague=vague, held=held).held)
+    return min(found, key=len)
 
 
 def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | None]:
@@ -274,8 +276,10 @@ def _minima(problem: _Problem, z: Floats, loss: str) -> list[tuple[float, Floats
     found = []
     for start in _starts(problem, z):
         try:
-            own = _solved(problem, start, loss, FEWER)
-            found.append((_square(problem, own), own))
+            own = _solved(problem, start, loss, FEWER, ROUGHLY)
+            if _square(problem, own) < NEARLY + _square(problem, z) and np.abs(own - z).max() > SAME:
+                own = _solved(problem, own, loss)
+                found.append((_square(problem, own), own))
         except (ComputationError, SceneError):
             continue
     return sorted(found, key=lambda pair: pair[0])
@@ -291,7 +295,7 @@ def _starts(problem: _Problem, z: Floats) -> Iterator[Floats]:
         own[j], own[k] = one.z_of(other.at(float(z[k]))), other.z_of(one.at(float(z[j])))
         yield own
     rng = np.random.default_rng(len(z))
-    for _ in range(STARTS):
+    for _ in range(TESTED if problem.freedom() > 0 else STARTS):
         factors = SPREAD * rng.standard_normal(len(kept))
         own = z.copy()
         for k, factor in zip(kept, factors.tolist(), strict=True):
@@ -317,7 +321,7 @@ def _shape_noise(problem: _Problem, z: Floats) -> float:
     return max(FINEST_SHAPE, float(np.sqrt(square / max(count, 1))))
 
 
-def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST) -> Floats:
+def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: float = CLOSE) -> Floats:
     columns = np.flatnonzero(problem.kept)
     if not len(columns):
         return z
@@ -345,9 +349,9 @@ def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST) -> Floats
         x_scale=np.array(steps)[columns],
         loss=loss,
         max_nfev=most,
-        ftol=CLOSE,
-        xtol=CLOSE,
-        gtol=CLOSE,
+        ftol=close,
+        xtol=close,
+        gtol=close,
     )
     return whole(found.x)
 
