@@ -17,7 +17,7 @@ from modal.identification.identifiability import (
     find_determined,
 )
 from modal.identification.measured import MeasuredMode, MeasuredModes, has_modes, read_modes
-from modal.identification.mode_fit import ModeFit
+from modal.identification.mode_fit import ModeFit, Solution
 from modal.identification.mode_fitting import fit_modes
 from modal.identification.mode_report import mode_fit_json, mode_fit_text
 from modal.identification.parameters import (
@@ -45,6 +45,7 @@ __all__ = [
     "MeasuredModes",
     "ModeFit",
     "Parameter",
+    "Solution",
     "Undetermined",
     "assurance_table",
     "autocorrelation",

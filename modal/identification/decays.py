@@ -6,12 +6,21 @@ With every reading a sum of decaying oscillations about an offset,
 
 the amplitudes a_r and the offset b are linear and projected out (Golub & Pereyra, SIAM J. Numer. Anal. 10, 413 (1973)),
 and the poles λ_r are fitted to all series together.  Their covariance allows for correlated residuals.
+
+The rate of a swing that is not small follows its amplitude, λ_r + i β_r e^{−2σ_r t} with σ_r = −Re λ_r, for the change
+goes with the square of the amplitude, Re β_r that of the frequency and Im β_r that of the damping (Nayfeh & Mook,
+Nonlinear Oscillations, 1979, §2.3).  Its exponent is
+
+    λ_r t + i β_r g_r(t),        g_r(t) = (1 − e^{−2σ_r t})/(2σ_r)
+
+which, expanded in β_r, is a row of poles λ_r, λ_r − 2σ_r, … of one shape: linear poles alone take it for several modes.
+So poles of one shape are one mode with a β_r where that fits the record as well.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -20,13 +29,20 @@ from scipy.signal import find_peaks
 
 from modal.errors import ComputationError
 from modal.identification.covariance import autocorrelation, covariance, influence
-from modal.types import Complexes, Floats
+from modal.identification.realization import modal_assurance
+from modal.types import Booleans, Complexes, Floats, Ints
 
 LEAST_PEAKS = 6  # turning points of a logarithmic decrement
 ROUGH = 0.3  # standard deviation of the whole loss in ln a, or of all turning points in half periods
 CLOSE = 1e-14
 SIGNIFICANT = 6.0  # standard deviations of an amplitude below which a pole is none
 VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is none
+NEAR, ALIKE_SHAPE = 0.05, 0.98  # relative distance and MAC of poles that may be one mode
+AS_WELL, BEATLESS = 1.5, 30.0  # residuals of one mode over those of its two poles; the same where these never beat
+BETTER = 0.7  # residuals with a change of frequency over those without
+ROUNDING = 1e-9  # of the size of a series: residuals that tell nothing
+DIED = 3.0  # times 1/σ after which an oscillation has died away
+NEXT = 0.02  # of the change of a frequency: what fourth powers of the amplitude and other modes add to it
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,19 +56,69 @@ class Series:
 
 
 @dataclass(frozen=True, eq=False)
+class Model:
+    """Poles λ (R,), and the changes β (B,) of the rates of those modes that have one, `bent` (B,); all in 1/s.
+
+    `squares` (series, R) are the squares of amplitudes, 1 in the strongest segment, with which β acts in each series.
+    """
+
+    poles: Complexes
+    bent: Ints
+    shifts: Complexes
+    squares: Floats
+
+    def exponents(self, times: Floats, k: int) -> tuple[Complexes, Complexes, Complexes]:
+        """Exponents (K, R) of series k at times (K,) and their derivatives by Re λ (K, R) and by Re β (K, B)."""
+        found = np.outer(times, self.poles)
+        by_real = np.repeat(times[:, None] + 0j, len(self.poles), axis=1)
+        g, by_rate = _accumulated(times, -self.poles.real[self.bent])
+        by_shift = 1j * g * self.squares[k, self.bent]
+        found[:, self.bent] += by_shift * self.shifts
+        by_real[:, self.bent] -= 1j * by_rate * self.squares[k, self.bent] * self.shifts
+        return found, by_real, by_shift
+
+
+def _accumulated(times: Floats, rates: Floats) -> tuple[Floats, Floats]:
+    """The integral of e^{−2σt}, (1 − e^{−2σt})/(2σ), (K, B), of rates σ (B,), and its derivative by σ."""
+    t = times[:, None]
+    x = 2 * t * rates
+    small = np.abs(x) < 1e-2
+    own = np.where(small, 1.0, x)
+    g = np.where(small, 1 - x / 2 + x**2 / 6 - x**3 / 24 + x**4 / 120, -np.expm1(-own) / own)
+    closed = (np.exp(-own) * (1 + own) - 1) / own**2
+    slope = np.where(small, -0.5 + x / 3 - x**2 / 8 + x**3 / 30 - x**4 / 144, closed)
+    return t * g, 2 * t**2 * slope
+
+
+@dataclass(frozen=True, eq=False)
 class Decays:
-    """Fitted poles λ (R,) with the covariance (2R, 2R) of all real and then all imaginary parts.
+    """A fitted `model` with the covariance (2R, 2R) of all real and then all imaginary parts of its poles.
 
     `amplitudes` (series, R) are the a_r, `amplitude_stds` (series, R) the standard deviations of their parts; `rms` is
     the root mean square of the residuals of each series.
     """
 
-    poles: Complexes
+    model: Model
     cov: Floats
     amplitudes: Complexes
     amplitude_stds: Floats
     rms: Floats
     white: bool
+
+    @property
+    def poles(self) -> Complexes:
+        """The poles λ (R,), by |λ|."""
+        return self.model.poles
+
+    def shift(self, r: int) -> float | None:
+        """The change of frequency β/2π (Hz) at the strongest start of mode r, None where it has none."""
+        own = self.model.shifts[self.model.bent == r]
+        return float(own[0].real) / (2 * np.pi) if len(own) else None
+
+
+def shape_of(found: Decays, r: int, sensors: int) -> Complexes:
+    """The direction (C,) that the amplitudes of mode r have in common in all segments."""
+    return np.asarray(np.linalg.svd(found.amplitudes[:, r].reshape(-1, sensors), full_matrices=False)[2][0])
 
 
 def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -> Decays:
@@ -62,14 +128,92 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
 
     Raises ComputationError where none is left.
     """
+    none = np.zeros(0, dtype=np.int64)
+    return _significant(
+        series, Model(poles, none, np.zeros(0, dtype=np.complex128), np.ones((len(series), len(poles)))), faint
+    )
+
+
+def one_mode(series: Sequence[Series], found: Decays, faint: float = 0.0, *, resolved: bool = False) -> Decays | None:
+    """Decays with one mode fewer: two poles of one shape are one whose frequency changes with amplitude.
+
+    None where no two poles are.  They are if the one mode fits the series as well; if they never beat, and no
+    `resolved` modes are asked for, also if it fits them somewhat worse.
+    """
+    weights, beatless = _weights(series, found), suspects(series, found)
+    apart = np.abs(found.poles[:, None] / found.poles - 1)
+    for r, s in sorted(np.argwhere(_alike(series, found)).tolist(), key=lambda pair: float(apart[*pair])):
+        one = _fitted(series, _merged(series, found, r, s), weights)
+        most = BEATLESS if (r, s) in beatless and not resolved else AS_WELL
+        if np.sqrt(np.mean((one.rms * weights) ** 2)) < most:
+            return _significant(series, one.model, faint)
+    return None
+
+
+def bent(series: Sequence[Series], found: Decays, faint: float = 0.0) -> Decays | None:
+    """Decays in which one more mode's frequency changes with amplitude: the one that betters the fit most.
+
+    None where none betters it much, or the residuals are white, or rounding.
+    """
+    if found.white or all(rms < ROUNDING * np.std(own.values) for rms, own in zip(found.rms, series, strict=True)):
+        return None
+    weights, trials = _weights(series, found), []
+    for r in np.setdiff1d(np.arange(len(found.poles)), found.model.bent):
+        model = replace(found.model, bent=np.append(found.model.bent, r), shifts=np.append(found.model.shifts, 0j))
+        one = _fitted(series, model, weights)
+        trials.append((float(np.sqrt(np.mean((one.rms * weights) ** 2))), one))
+    least, best = min(trials, key=lambda trial: trial[0], default=(1.0, found))
+    return _significant(series, best.model, faint) if least < BETTER else None
+
+
+def suspects(series: Sequence[Series], found: Decays) -> list[tuple[int, int]]:
+    """Pairs of poles of one shape that never beat: their phases part by less than a turn before one has died away."""
+    longest = max(float(own.times[-1]) for own in series)
+    lasting = np.minimum(longest, DIED / np.maximum(-found.poles.real, 1e-300))
+    return [
+        (r, s)
+        for r, s in np.argwhere(_alike(series, found)).tolist()
+        if abs(found.poles[r].imag - found.poles[s].imag) * min(lasting[r], lasting[s]) < 2 * np.pi
+    ]
+
+
+def _alike(series: Sequence[Series], found: Decays) -> Booleans:
+    """Pairs (R, R), above the diagonal, of near poles with one shape."""
+    sensors = 1 + max(own.sensor for own in series)
+    shapes = np.stack([shape_of(found, r, sensors) for r in range(len(found.poles))], axis=1)
+    near = np.abs(found.poles[:, None] / found.poles - 1) < NEAR
+    return np.asarray(np.triu(near & (modal_assurance(shapes, shapes) > ALIKE_SHAPE), 1))
+
+
+def _merged(series: Sequence[Series], found: Decays, r: int, s: int) -> Model:
+    """The model with a bent mode in the place of the poles r and s: theirs is the rate where their sum has halved."""
+    k = int(np.argmax(np.abs(found.amplitudes[:, [r, s]]).sum(axis=1)))
+    times, own = series[k].times, found.poles[[r, s]]
+    waves = found.amplitudes[k, [r, s]] * np.exp(found.model.exponents(times, k)[0][:, [r, s]])
+    whole = waves.sum(axis=1)
+    at = int(np.argmax(np.append(np.abs(whole) < np.abs(whole[0]) / 2, True)[: len(whole)])) or len(whole) // 2
+    rate = complex(waves[at] @ own / whole[at])
+    pole = rate if abs(rate / own[0] - 1) < NEAR and rate.real < 0 else own[int(np.argmin(np.abs(own.real)))]
+    kept = np.delete(np.arange(len(found.poles)), [r, s])
+    shifts = dict(zip(found.model.bent.tolist(), found.model.shifts.tolist(), strict=True))
+    bent = [j for j, old in enumerate(kept.tolist()) if old in shifts]
+    return Model(
+        np.append(found.poles[kept], pole),
+        np.array([*bent, len(kept)], dtype=np.int64),
+        np.array([*(shifts[int(kept[j])] for j in bent), shifts.get(r, shifts.get(s, 0j))]),
+        np.hstack((found.model.squares[:, kept], _squares(series, found.amplitudes[:, [r, s]].sum(axis=1)[:, None]))),
+    )
+
+
+def _significant(series: Sequence[Series], model: Model, faint: float) -> Decays:
     weights = np.array([1 / (float(np.std(own.values)) or 1.0) for own in series])
     while True:
-        if not len(poles):
+        if not len(model.poles):
             raise ComputationError("no oscillation stands out of the noise of these records")
-        found = _fitted(series, poles, weights)
+        found = _fitted(series, model, weights)
         for _ in range(2):
             weights = _weights(series, found)
-            found = _fitted(series, found.poles, weights)
+            found = _fitted(series, found.model, weights)
         strength = np.abs(found.amplitudes) / np.maximum(found.amplitude_stds, 1e-300)
         size = np.max(strength, axis=0)
         half = len(found.poles)
@@ -80,7 +224,15 @@ def fit_decays(series: Sequence[Series], poles: Complexes, faint: float = 0.0) -
         worst = int(np.argmin(score))
         if score[worst] > SIGNIFICANT:
             return found
-        poles = np.delete(found.poles, worst)
+        model = _chosen(found.model, np.delete(np.arange(half), worst))
+
+
+def _chosen(model: Model, order: Ints) -> Model:
+    """The model of these modes, in this order."""
+    at = {int(old): new for new, old in enumerate(order)}
+    there = [k for k, r in enumerate(model.bent.tolist()) if r in at]
+    bent = np.array([at[int(model.bent[k])] for k in there], dtype=np.int64)
+    return Model(model.poles[order], bent, model.shifts[there], model.squares[:, order])
 
 
 def _weights(series: Sequence[Series], found: Decays) -> Floats:
@@ -96,60 +248,65 @@ def _weights(series: Sequence[Series], found: Decays) -> Floats:
     return weights
 
 
-def _basis(times: Floats, poles: Complexes) -> Floats:
-    waves = np.exp(np.outer(times, poles))
-    return np.hstack((waves.real, -waves.imag, np.ones((len(times), 1))))
-
-
-def _projected(own: Series, poles: Complexes) -> tuple[Floats, Complexes, Floats, Floats]:
-    """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R), variances of amplitudes per noise."""
-    R = len(poles)
-    basis = _basis(own.times, poles)
+def _projected(own: Series, model: Model, k: int) -> tuple[Floats, Complexes, Floats, Floats]:
+    """Residuals (K,), amplitudes (R,), projected derivatives (K, 2R + 2B), variances of amplitudes per noise."""
+    R = len(model.poles)
+    exponents, by_real, by_shift = model.exponents(own.times, k)
+    waves = np.exp(exponents)
+    basis = np.hstack((waves.real, -waves.imag, np.ones((len(own.times), 1))))
     size = np.linalg.norm(basis, axis=0)
     Q, triangle = np.linalg.qr(basis / size)
     right = Q.T @ own.values
     inverse = np.linalg.pinv(triangle, rcond=1e-14)
     linear = inverse @ right / size
     amplitudes = linear[:R] + 1j * linear[R : 2 * R]
-    waves = amplitudes * np.exp(np.outer(own.times, poles)) * own.times[:, None]
-    slopes = np.hstack((waves.real, -waves.imag))
+    waves = amplitudes * waves
+    by_imag, by_shift = 1j * waves * own.times[:, None], waves[:, model.bent] * by_shift
+    slopes = np.hstack(((waves * by_real).real, by_imag.real, by_shift.real, -by_shift.imag))
     slopes = slopes - Q @ (Q.T @ slopes)
     variance = np.sum(inverse**2, axis=1) / size**2
     return own.values - Q @ right, amplitudes, slopes, (variance[:R] + variance[R : 2 * R]) / 2
 
 
-def _fitted(series: Sequence[Series], poles: Complexes, weights: Floats) -> Decays:
-    R = len(poles)
-    scale = np.tile(np.abs(poles), 2)
+def _fitted(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
+    poles, R, B = model.poles, len(model.poles), len(model.bent)
+    scale = _scale(model)
 
-    def poles_of(x: Floats) -> Complexes:
-        return np.asarray(x[:R] * scale[:R] + 1j * x[R:] * scale[R:])
+    def model_of(x: Floats) -> Model:
+        own = x * scale
+        rates = np.asarray(own[:R] + 1j * own[R : 2 * R])
+        return Model(rates, model.bent, np.asarray(own[2 * R : 2 * R + B] + 1j * own[2 * R + B :]), model.squares)
 
     def residuals(x: Floats) -> Floats:
-        own = poles_of(x)
-        return np.concatenate([w * _projected(one, own)[0] for w, one in zip(weights, series, strict=True)])
+        own = model_of(x)
+        return np.concatenate([w * _projected(one, own, k)[0] for k, (w, one) in enumerate(weighted)])
 
     def jacobian(x: Floats) -> Floats:
-        own = poles_of(x)
-        return np.vstack([-w * _projected(one, own)[2] * scale for w, one in zip(weights, series, strict=True)])
+        own = model_of(x)
+        return np.vstack([-w * _projected(one, own, k)[2] * scale for k, (w, one) in enumerate(weighted)])
 
+    weighted = list(zip(weights, series, strict=True))
     longest = max(float(own.times[-1]) for own in series)
-    start = np.concatenate((poles.real, poles.imag)) / scale
+    start = np.concatenate((poles.real, poles.imag, model.shifts.real, model.shifts.imag)) / scale
     low, high = start - 0.5, start + 0.5
     high[:R] = np.minimum(high[:R], np.maximum(start[:R] + 1e-9, 3 / longest / scale[:R]))
     solution: Any = least_squares(
         residuals, start, jacobian, bounds=(low, high), ftol=CLOSE, xtol=CLOSE, gtol=CLOSE, max_nfev=60
     )
-    return _described(series, poles_of(solution.x), weights)
+    return _described(series, model_of(solution.x), weights)
 
 
-def _described(series: Sequence[Series], poles: Complexes, weights: Floats) -> Decays:
-    order = np.argsort(np.abs(poles))
-    poles, R = poles[order], len(poles)
-    parts = [_projected(own, poles) for own in series]
-    scale = np.tile(np.abs(poles), 2)
+def _scale(model: Model) -> Floats:
+    size = np.abs(model.poles)
+    return np.concatenate((size, size, size[model.bent], size[model.bent]))
+
+
+def _described(series: Sequence[Series], model: Model, weights: Floats) -> Decays:
+    model, R = _chosen(model, np.argsort(np.abs(model.poles))), len(model.poles)
+    parts = [_projected(own, model, k) for k, own in enumerate(series)]
+    scale = _scale(model)
     J = np.vstack([w * part[2] * scale for w, part in zip(weights, parts, strict=True)])
-    G = influence(J) if np.linalg.matrix_rank(J) == 2 * R else np.linalg.pinv(J).T
+    G = influence(J) if np.linalg.matrix_rank(J) == len(scale) else np.linalg.pinv(J).T
     blocks, at, white = [], 0, True
     rms = [float(np.sqrt(np.mean(part[0] ** 2))) for part in parts]
     for sensor in sorted({own.sensor for own in series}):
@@ -163,14 +320,24 @@ def _described(series: Sequence[Series], poles: Complexes, weights: Floats) -> D
         for k in chosen:
             rows = slice(int(starts[k]), int(starts[k + 1]))
             blocks.append((rows, float(weights[k] ** 2 * noise), rho))
-    cov = covariance(G, blocks) * np.outer(scale, scale)
+    cov = (covariance(G, blocks) * np.outer(scale, scale))[: 2 * R, : 2 * R]
+    cov[R + model.bent, R + model.bent] += (NEXT * np.abs(model.shifts)) ** 2
     variances = {rows.start: variance for rows, variance, _ in blocks}
     stds = []
     for k, part in enumerate(parts):
         noise = np.sqrt(variances[at]) / weights[k]
         stds.append(noise * np.sqrt(part[3]))
         at += len(part[0])
-    return Decays(poles, cov, np.array([part[1] for part in parts]), np.array(stds), np.array(rms), white)
+    amplitudes = np.array([part[1] for part in parts])
+    model = Model(model.poles, model.bent, model.shifts, _squares(series, amplitudes))
+    return Decays(model, cov, amplitudes, np.array(stds), np.array(rms), white)
+
+
+def _squares(series: Sequence[Series], amplitudes: Complexes) -> Floats:
+    """Σ|a_r|² over the sensors of each segment, (series, R), over that of the strongest segment."""
+    segments = np.array([own.segment for own in series])
+    found = np.array([np.sum(np.abs(amplitudes[segments == own]) ** 2, axis=0) for own in segments])
+    return np.asarray(found / np.maximum(found.max(axis=0), 1e-300))
 
 
 @dataclass(frozen=True)

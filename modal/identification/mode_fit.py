@@ -11,7 +11,7 @@ import numpy as np
 from modal.identification.identifiability import Combination, Determined, Undetermined, find_combinations
 from modal.identification.measured import MeasuredMode, MeasuredModes
 from modal.identification.parameters import Parameter, fitted_columns
-from modal.report import Displayed, Summary, counted, deferred, tabulated
+from modal.report import Displayed, Summary, brief, counted, deferred, tabulated
 from modal.scene import Scene, name_of
 from modal.types import Floats, Ints
 
@@ -33,26 +33,16 @@ class FittedMode(Displayed):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ModeFit(Displayed):
-    """Numbers fitted to measured modes: `scene` has them, `given` those of the start.
+class Solution(Displayed):
+    """Numbers at a minimum, by z (p,) with its covariance `cov` (p, p), and chi-square there.
 
-    `values` (p,) and `covariance` (p, p), zero for those `held` (indices), are in the scene's units; `chi_square` is
-    the sum of squares of the residuals with `freedom` degrees of freedom.
+    `values` and `covariance`, zero for numbers that were held, are in the scene's units.
     """
 
-    given: Scene
-    scene: Scene
-    measured: MeasuredModes
     parameters: tuple[Parameter, ...]
     z: Floats
     cov: Floats
-    determined: Determined
-    held: Ints
-    modes: tuple[FittedMode, ...]
     chi_square: float
-    freedom: int
-    shape_std: float | None
-    verdict: tuple[str, ...] = ()
 
     @cached_property
     def values(self) -> Floats:
@@ -69,6 +59,29 @@ class ModeFit(Displayed):
     def stds(self) -> Floats:
         """Standard deviations (p,)."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+    def _summary(self) -> Summary:
+        return Summary(f"Solution of a fit: chi-square {self.chi_square:.4g}", [("numbers", brief(self.values))])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ModeFit(Solution):
+    """Numbers fitted to measured modes: `scene` has them, `given` those of the start.
+
+    `chi_square` is the sum of squares of the residuals with `freedom` degrees of freedom, `held` the indices of numbers
+    that the modes do not determine; `others` are solutions that fit as well.
+    """
+
+    given: Scene
+    scene: Scene
+    measured: MeasuredModes
+    determined: Determined
+    held: Ints
+    modes: tuple[FittedMode, ...]
+    freedom: int
+    shape_std: float | None
+    verdict: tuple[str, ...] = ()
+    others: tuple[Solution, ...] = ()
 
     def to_dict(self) -> dict[str, Any]:
         """A row for each number, (p,): its place, unit, what the scene gave, its value, its standard deviation."""

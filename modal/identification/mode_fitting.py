@@ -7,11 +7,16 @@ The residuals are those of frequencies, of damping ratios and of shapes, each in
 with v a measured shape whose largest component is 1, u the computed one and s the scale that brings it nearest.
 Derivatives are those of `derivatives`; what the modes determine is found as for motions.  (Friswell & Mottershead,
 Finite Element Model Updating in Structural Dynamics, 1995, ch. 8.)
+
+Modes are polynomials in the numbers, so several sets of numbers may have the same ones: two bobs swing with the same
+frequencies when their lengths change places.  The fit is repeated from other starts, and every minimum within the
+confidence region of the best one is a solution.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -20,12 +25,10 @@ from scipy.stats import chi2
 
 from modal.errors import ComputationError, SceneError
 from modal.identification.derivatives import ModeDerivatives, matrix_derivatives, polar
-from modal.identification.identifiability import (
-    Determined,
-    find_determined,
-)
+from modal.identification.identifiability import VAGUE, Determined, find_determined
 from modal.identification.measured import MeasuredMode, MeasuredModes, component_rows, turned
-from modal.identification.mode_fit import FittedMode, ModeFit
+from modal.identification.mode_fit import FittedMode, ModeFit, Solution
+from modal.identification.mode_report import with_error
 from modal.identification.parameters import (
     Parameter,
     find_parameters,
@@ -34,15 +37,30 @@ from modal.identification.parameters import (
     starts_of,
 )
 from modal.modes import Modes, natural_modes
-from modal.report import percent, short
+from modal.report import listed, percent, short
 from modal.scene import Scene
-from modal.types import Floats
+from modal.types import Floats, Ints
 
 ROUGH_SHAPE = 0.02  # standard deviation of a shape's component before the residuals tell it
 FINEST_SHAPE = 1e-9
 ROUNDS = 4  # of fitting and estimating the noise of shapes
 MOST, CLOSE = 200, 1e-13  # evaluations; relative change of the sum of squares, or of the numbers, at the end
 WHATEVER = 1e100  # standard deviation of z that is not too vague before the fit
+FEWER, ROUGHLY, NEARLY = 12, 1e-6, 1e3  # from other starts: evaluations, such a change, chi-square still to lose
+STARTS, TESTED, SPREAD = (
+    8,
+    3,
+    0.5,
+)  # other starts, where there is a chi-square to tell them apart, and the standard deviation of their logarithms
+MOST_EXCHANGES = 24  # of two numbers of one kind
+CONFIDENCE = 0.95  # of the region about the best fit in which other minima are solutions
+SAME = 1e-4  # of z, within which a rough minimum is the known one
+DISTINCT = 0.5  # standard deviations by which another solution differs in some number
+SINGULAR = 1e-12  # of the largest singular value: where a derivative vanishes
+LINEAR = 0.3  # of 3.84, by which chi-square at the ends of a linear fit's interval may be off
+FURTHEST, BISECTIONS, SETTLED = 1.5, 5, 1e-3  # |z| of an interval's ends; halvings to find them; change at the end
+GENERIC = 0.03  # by which numbers are moved to see what is determined at no special values, such as equal lengths
+BETTER = 1.0  # chi-square by which another minimum is the fit itself
 UNLIKELY = 0.01  # probability of a larger chi-square below which the model is doubted
 LOSSES = ("linear", "soft_l1", "huber", "cauchy")
 
@@ -65,7 +83,10 @@ def fit_modes(
     parameters = find_parameters(scene, free, priors)
     problem = _Problem(scene, parameters, measured)
     z, shape_std = _search(problem, loss)
-    return _certified(problem, z, shape_std, loss)
+    minima = _minima(problem, z, loss) if problem.kept.any() else []
+    if minima and minima[0][0] < _square(problem, z) - BETTER:
+        z, shape_std = _refined(problem, minima[0][1], loss)
+    return _certified(problem, z, shape_std, loss, [other for _, other in minima])
 
 
 class _Problem:
@@ -208,22 +229,83 @@ def _ratio_std(one: MeasuredMode) -> float:
 def _search(problem: _Problem, loss: str) -> tuple[Floats, float | None]:
     z = starts_of(problem.parameters)
     if len(z):
-        J = problem.jacobian(z)
-        problem.kept[find_determined(J, problem.parameters, z, vague=WHATEVER).held] = False
-    for _ in range(ROUNDS):
-        z = _solved(problem, z, loss)
-        if not problem.estimates_noise:
-            break
-        problem.shape_std = _shape_noise(problem, z)
+        problem.jacobian(z)
+        problem.kept[_lost_around(problem, z, [], WHATEVER)] = False
+    z, _ = _refined(problem, z, loss)
     if len(z):
         lost = np.flatnonzero(~problem.kept).tolist()
-        found = find_determined(problem.jacobian(z), problem.parameters, z, held=lost)
-        if len(found.held) > len(lost):
-            problem.kept[found.held] = False
+        held = _lost_around(problem, z, lost, VAGUE)
+        if len(held) > len(lost):
+            problem.kept[held] = False
             z[~problem.kept] = starts_of(problem.parameters)[~problem.kept]
             z = _solved(problem, z, loss)
             problem.shape_std = _shape_noise(problem, z) if problem.estimates_noise else problem.shape_std
     return z, problem.shape_std if problem.estimates_noise else None
+
+
+def _lost_around(problem: _Problem, z: Floats, held: Sequence[int], vague: float) -> Ints:
+    """The numbers that are held since the modes do not determine them, a few percent to either side.
+
+    At z itself derivatives may vanish, as at equal lengths.
+    """
+    factors = GENERIC * (1 + np.arange(len(z)) / len(z)) * (-1.0) ** np.arange(len(z))
+    logs = np.array([one.log for one in problem.parameters], dtype=bool)
+    found = []
+    for own in (factors, -factors):
+        moved = np.where(logs, z + own, z * np.exp(own))
+        try:
+            J = problem.jacobian(moved)
+        except (ComputationError, SceneError):
+            moved, J = z, problem.jacobian(z)
+        found.append(find_determined(J, problem.parameters, moved, vague=vague, held=held).held)
+    return min(found, key=len)
+
+
+def _refined(problem: _Problem, z: Floats, loss: str) -> tuple[Floats, float | None]:
+    """The minimum from this z on, and the noise of shapes where it is estimated."""
+    for _ in range(ROUNDS):
+        z = _solved(problem, z, loss)
+        if not problem.estimates_noise:
+            return z, None
+        problem.shape_std = _shape_noise(problem, z)
+    return z, problem.shape_std
+
+
+def _minima(problem: _Problem, z: Floats, loss: str) -> list[tuple[float, Floats]]:
+    """Minima from other starts than that of the minimum z, each with its sum of squares, from the least on."""
+    found = []
+    for start in _starts(problem, z):
+        try:
+            own = _solved(problem, start, loss, FEWER, ROUGHLY)
+            if _square(problem, own) < NEARLY + _square(problem, z) and np.abs(own - z).max() > SAME:
+                own = _solved(problem, own, loss)
+                found.append((_square(problem, own), own))
+        except (ComputationError, SceneError):
+            continue
+    return sorted(found, key=lambda pair: pair[0])
+
+
+def _starts(problem: _Problem, z: Floats) -> Iterator[Floats]:
+    """The minimum with two numbers of one kind exchanged, and random ones around it."""
+    kept = np.flatnonzero(problem.kept).tolist()
+    kinds = [(problem.parameters[k].place[-1], problem.parameters[k].log) for k in range(len(z))]
+    pairs = [(j, k) for j, k in combinations(kept, 2) if kinds[j] == kinds[k]]
+    for j, k in pairs[:MOST_EXCHANGES]:
+        own, one, other = z.copy(), problem.parameters[j], problem.parameters[k]
+        own[j], own[k] = one.z_of(other.at(float(z[k]))), other.z_of(one.at(float(z[j])))
+        yield own
+    rng = np.random.default_rng(len(z))
+    for _ in range(TESTED if problem.freedom() > 0 else STARTS):
+        factors = SPREAD * rng.standard_normal(len(kept))
+        own = z.copy()
+        for k, factor in zip(kept, factors.tolist(), strict=True):
+            own[k] = z[k] + factor if problem.parameters[k].log else z[k] * np.exp(factor)
+        yield own
+
+
+def _square(problem: _Problem, z: Floats) -> float:
+    residuals = problem.residuals(z)
+    return float(residuals @ residuals)
 
 
 def _shape_noise(problem: _Problem, z: Floats) -> float:
@@ -239,7 +321,7 @@ def _shape_noise(problem: _Problem, z: Floats) -> float:
     return max(FINEST_SHAPE, float(np.sqrt(square / max(count, 1))))
 
 
-def _solved(problem: _Problem, z: Floats, loss: str) -> Floats:
+def _solved(problem: _Problem, z: Floats, loss: str, most: int = MOST, close: float = CLOSE) -> Floats:
     columns = np.flatnonzero(problem.kept)
     if not len(columns):
         return z
@@ -266,44 +348,142 @@ def _solved(problem: _Problem, z: Floats, loss: str) -> Floats:
         bounds=(least, np.inf),
         x_scale=np.array(steps)[columns],
         loss=loss,
-        max_nfev=MOST,
-        ftol=CLOSE,
-        xtol=CLOSE,
-        gtol=CLOSE,
+        max_nfev=most,
+        ftol=close,
+        xtol=close,
+        gtol=close,
     )
     return whole(found.x)
 
 
-def _certified(problem: _Problem, z: Floats, shape_std: float | None, loss: str) -> ModeFit:
+def _covariance(problem: _Problem, z: Floats) -> Floats:
+    """Of z, (p, p), zero for numbers that are held, at a minimum.
+
+    Along each singular vector of the Jacobian the standard deviation is a half of the 95 % interval (1.96 to either
+    side) in which chi-square, the least over the other directions, rises by 3.84: 1/s where residuals are linear.
+    """
+    kept = np.flatnonzero(problem.kept)
+    cov = np.zeros((len(z), len(z)))
+    if not len(kept):
+        return cov
+    J = problem.jacobian(z)[:, kept]
+    size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    _, singular, V = np.linalg.svd(np.vstack((J / size, np.zeros((len(kept), len(kept))))), full_matrices=False)
+    steps = np.zeros((len(z), len(kept)))
+    steps[kept] = V.T / size[:, None] / np.maximum(singular, SINGULAR * singular[0])
+    reach = np.array([_reach(problem, z, steps, k) for k in range(len(kept))])
+    scaled = steps * reach
+    return np.asarray(scaled @ scaled.T)
+
+
+def _rise(problem: _Problem, z: Floats) -> float:
+    """The sum of squares, infinite where there are no modes."""
+    try:
+        return _square(problem, z)
+    except (ComputationError, SceneError):
+        return np.inf
+
+
+def _reach(problem: _Problem, z: Floats, steps: Floats, k: int) -> float:
+    """By how much the standard deviation along the step (p,) number k differs from its length, that of a linear fit."""
+    rise = float(chi2.ppf(CONFIDENCE, 1))
+    normal, level = np.sqrt(rise), _square(problem, z) + rise
+    furthest = FURTHEST / max(float(np.abs(steps[:, k]).max()), 1e-300)
+
+    ends = []
+    for side in (-1.0, 1.0):
+        straight = np.maximum(z + side * normal * steps[:, k], [one.least for one in problem.parameters])
+        if normal < furthest and abs(_rise(problem, straight) - level) < LINEAR * rise:
+            ends.append(normal)
+            continue
+        low, high, y = 0.0, min(normal, furthest) / 4, np.zeros(steps.shape[1])
+
+        def within(t: float, y: Floats = y, side: float = side) -> bool:
+            y[k] = side * t
+            return _least_beside(problem, z, steps, y, k) < level
+
+        while high < furthest and within(high):
+            low, high = high, 1.5 * high
+        high = min(high, furthest)
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            low, high = (middle, high) if within(middle) else (low, middle)
+        ends.append(high)
+    return float(max(ends) / normal)
+
+
+def _least_beside(problem: _Problem, z: Floats, steps: Floats, y: Floats, k: int) -> float:
+    """The sum of squares at z + steps y, the least over all y but y_k, which it moves: Gauss-Newton's method.
+
+    Infinite where there are no modes.
+    """
+    least = np.array([one.least for one in problem.parameters])
+    others = np.delete(np.arange(len(y)), k)
+    free, best = steps[:, others], np.inf
+    try:
+        for _ in range(ROUNDS):
+            place = np.maximum(z + steps @ y, least)
+            residuals = problem.residuals(place)
+            square = float(residuals @ residuals)
+            if not len(others) or square > best * (1 - SETTLED):
+                return min(square, best)
+            best = square
+            y[others] -= np.linalg.lstsq(problem.jacobian(place) @ free, residuals, rcond=None)[0]
+    except (ComputationError, SceneError):
+        return min(best, np.inf)
+    return best
+
+
+def _solutions(problem: _Problem, z: Floats, cov: Floats, minima: Sequence[Floats]) -> list[Solution]:
+    """Those of other minima that fit as well as z and differ from it, and from each other."""
+    most = _square(problem, z) + float(chi2.ppf(CONFIDENCE, max(1, int(np.count_nonzero(problem.kept)))))
+    found: list[Solution] = []
+    known = [(z, cov)]
+    for other in minima:
+        square = _square(problem, other)
+        if square > most or any(_same(other, one, spread) for one, spread in known):
+            continue
+        known.append((other, _covariance(problem, other)))
+        found.append(Solution(problem.parameters, *known[-1], square))
+    return found
+
+
+def _same(one: Floats, other: Floats, cov: Floats) -> bool:
+    """Whether numbers are others within a part of the standard deviations of these."""
+    return bool(np.all(np.abs(one - other) < DISTINCT * np.sqrt(np.maximum(np.diag(cov), 0.0)) + 1e-6))
+
+
+def _certified(
+    problem: _Problem, z: Floats, shape_std: float | None, loss: str, minima: Sequence[Floats] = ()
+) -> ModeFit:
     count, kept = len(problem.parameters), np.flatnonzero(problem.kept)
     residuals, J = problem.residuals(z), problem.jacobian(z)
-    cov = np.zeros((count, count))
+    cov = _covariance(problem, z)
     determined = Determined(kept, np.flatnonzero(~problem.kept), (), 1.0)
     if count:
-        size = np.linalg.norm(J[:, kept], axis=0)
-        inverse = np.linalg.pinv(J[:, kept] / size, rcond=1e-12) if len(kept) else np.zeros((0, len(J)))
-        cov[np.ix_(kept, kept)] = inverse @ inverse.T / size / size[:, None]
         lost = np.flatnonzero(~problem.kept).tolist()
         found = find_determined(J, problem.parameters, z, vague=WHATEVER, held=lost)
-        determined = Determined(kept, np.flatnonzero(~problem.kept), found.directions, found.condition)
+        own = tuple(one for one in found.directions if one.held in {problem.parameters[k].path for k in lost})
+        determined = Determined(kept, np.flatnonzero(~problem.kept), own, found.condition)
     scene, modes = problem.modes_at(z)
     square, freedom = float(residuals @ residuals), problem.freedom()
     beside = tuple(
         _beside(problem, modes, one, place) for one, place in zip(problem.measured.modes, problem.places, strict=True)
     )
     found_fit = ModeFit(
-        problem.scene,
-        scene,
-        problem.measured,
-        problem.parameters,
-        z,
-        cov,
-        determined,
-        determined.held,
-        beside,
-        square,
-        freedom,
-        shape_std,
+        parameters=problem.parameters,
+        z=z,
+        cov=cov,
+        chi_square=square,
+        given=problem.scene,
+        scene=scene,
+        measured=problem.measured,
+        determined=determined,
+        held=determined.held,
+        modes=beside,
+        freedom=freedom,
+        shape_std=shape_std,
+        others=tuple(_solutions(problem, z, cov, minima)),
     )
     return ModeFit(**{**vars(found_fit), "verdict": tuple(_verdict(problem, found_fit, loss))})
 
@@ -319,6 +499,12 @@ def _beside(problem: _Problem, modes: Modes, one: MeasuredMode, place: int) -> F
         mac = float((u @ v) ** 2 / ((u @ u) * (v @ v)))
     stated = None if one.damping_ratio is None else _ratio_std(one)
     return FittedMode(one, float(abs(value)) / (2 * np.pi), float(-value.real / abs(value)), stated, mac)
+
+
+def _words(found: Solution, fitted: Sequence[int]) -> str:
+    numbers = [(found.parameters[k].path, found.values[k], found.stds[k]) for k in fitted]
+    told = [f"{path} = {with_error(value, std)} ± {std:.2g}" for path, value, std in numbers]
+    return listed(told, len(told))
 
 
 def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
@@ -337,6 +523,11 @@ def _verdict(problem: _Problem, found: ModeFit, loss: str) -> list[str]:
             )
     else:
         words.append("as many numbers as measured values: nothing is left to test the model by")
+    words += [
+        f"another solution fits as well, with chi-square {short(other.chi_square)}: {_words(other, found.fitted)}; a "
+        "measured shape or a prior can tell which is right"
+        for other in found.others
+    ]
     worst = max(found.modes, key=lambda one: abs(one.deviation))
     if abs(worst.deviation) > 3:
         words.append(f"mode {worst.measured.number} is off by {worst.deviation:+.1f} standard deviations in frequency")

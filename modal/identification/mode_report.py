@@ -43,6 +43,17 @@ def mode_fit_record(found: ModeFit) -> dict[str, Any]:
         "shape_std": found.shape_std,
         "condition": found.determined.condition,
         "covariance": found.covariance[np.ix_(numbers, numbers)].tolist(),
+        "other_solutions": [
+            {
+                "parameters": [
+                    {"place": found.parameters[k].path, "value": float(one.values[k]), "std": float(one.stds[k])}
+                    for k in numbers
+                ],
+                "chi_square": one.chi_square,
+                "covariance": one.covariance[np.ix_(numbers, numbers)].tolist(),
+            }
+            for one in found.others
+        ],
         "verdict": list(found.verdict),
     }
 

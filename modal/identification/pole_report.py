@@ -62,6 +62,7 @@ def _record(found: Identified) -> dict[str, Any]:
             "shape": [[value.real, value.imag] for value in mode.shape.tolist()],
             "shape_std": mode.shape_std,
             "collinearity": mode.collinearity,
+            "frequency_shift_hz": mode.frequency_shift,
         }
         for k, mode in enumerate(found.modes, 1)
     ]

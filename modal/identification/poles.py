@@ -8,18 +8,18 @@ records (Efron & Stein, Ann. Stat. 9, 586 (1981)).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from math import pi, sqrt
+from dataclasses import dataclass, replace
+from math import degrees, pi, sqrt
 from typing import Any
 
 import numpy as np
 
 from modal.errors import ComputationError, SceneError
-from modal.identification.decays import Decays, Series, fit_decays, log_decrement
+from modal.identification.decays import Decays, Series, bent, fit_decays, log_decrement, one_mode, shape_of, suspects
 from modal.identification.derivatives import polar
 from modal.identification.measured import turned
 from modal.identification.realization import Realization, modal_assurance, realize
-from modal.report import Displayed, Summary, brief, counted, deferred, short, tabulated
+from modal.report import Displayed, Summary, brief, counted, deferred, percent, short, tabulated
 from modal.types import Booleans, Complexes, Floats
 
 METHODS = ("era", "decrement")
@@ -43,7 +43,9 @@ VAGUE = 0.1  # relative standard deviation of a frequency above which a pole is 
 class IdentifiedMode(Displayed):
     """A pole λ (1/s) with the standard deviations of |λ|/2π (Hz) and of the damping ratio, and its shape (C,).
 
-    The largest component of the shape is 1; `shape_std` is the standard deviation of a component.
+    The largest component of the shape is 1; `shape_std` is the standard deviation of a component.  `frequency_shift` is
+    by how much the frequency (Hz) of the record's largest swing differs from that of small ones, which is the pole's;
+    None where one frequency fits the record.
     """
 
     pole: complex
@@ -51,6 +53,7 @@ class IdentifiedMode(Displayed):
     damping_ratio_std: float
     shape: Complexes
     shape_std: float | None
+    frequency_shift: float | None = None
 
     def _summary(self) -> Summary:
         title = f"Identified mode: {self.frequency:.6g} Hz ± {self.frequency_std:.2g}, ζ = {self.damping_ratio:.4g}"
@@ -148,11 +151,21 @@ def identify(
     diagram = stabilization(realization, max(MOST_ORDER // 2, min(chosen + 10, MOST_ORDER)))
     poles, _ = realization.poles(chosen)
     poles = poles[-poles.real / np.abs(poles) > -0.2]
-    found = fit_decays(_series(segments), poles, 0.0 if order else FAINT)
+    series = _series(segments)
+    faint = 0.0 if order else FAINT
+    found = fit_decays(series, poles, faint)
     if len(found.poles) < len(poles):
         notes.append(f"{counted(len(poles) - len(found.poles), 'pole', 'poles')} left out: faint or not significant")
+    while one := one_mode(series, found, faint, resolved=order is not None) or bent(series, found, faint):
+        found = one
+    notes += [_bent(found, r) for r in found.model.bent.tolist()]
+    notes += [
+        f"modes {r + 1} and {s + 1} have one shape and never beat: perhaps one mode, whose frequency and damping "
+        "change with amplitude, as dry friction makes them"
+        for r, s in suspects(series, found)
+    ]
     if not found.white:
-        notes.append("the residuals are correlated: standard deviations allow for it; large swings are not linear")
+        notes.append(_correlated(series, names))
     modes = tuple(_of_decays(found, r, segments, len(names)) for r in range(len(found.poles)))
     return Identified(modes, tuple(names), "era", "free", chosen, diagram, tuple(notes))
 
@@ -255,15 +268,38 @@ def _stable(poles: Complexes, shapes: Complexes, before: tuple[Complexes, Comple
 
 def _of_decays(found: Decays, r: int, segments: Sequence[tuple[Floats, Floats]], sensors: int) -> IdentifiedMode:
     count, R = len(segments), len(found.poles)
-    own = found.amplitudes[:, r].reshape(count, sensors)
-    shape = np.linalg.svd(own, full_matrices=False)[2][0]
+    own, shape = found.amplitudes[:, r].reshape(count, sensors), shape_of(found, r, sensors)
     noise = found.amplitude_stds[:, r].reshape(count, sensors)
     size = np.abs(own @ shape.conj())
     std = np.sqrt(1 / np.sum(size[:, None] ** 2 / np.maximum(noise, 1e-300) ** 2, axis=0))
     shape, largest = _scaled(shape)
     pole = complex(found.poles[r])
     cov = found.cov[np.ix_([r, R + r], [r, R + r])]
-    return _identified(pole, cov, shape, float(np.sqrt(np.mean(std**2))) / largest if sensors > 1 else None)
+    noise_of_shape = float(np.sqrt(np.mean(std**2))) / largest if sensors > 1 else None
+    return replace(_identified(pole, cov, shape, noise_of_shape), frequency_shift=found.shift(r))
+
+
+def _correlated(series: Sequence[Series], names: Sequence[str]) -> str:
+    """What there is to say of correlated residuals, for which swings that are not small are the usual reason."""
+    told = "the residuals are correlated: standard deviations allow for it; large swings are not linear"
+    largest = max((float(np.ptp(own.values)) / 2 for own in series if names[own.sensor].startswith("theta")), default=0)
+    if not largest:
+        return told
+    return (
+        f"{told}: where the record does not show how a frequency changes with amplitude, that of swings of "
+        f"{degrees(largest):.2g}° is off from that of small ones by some {percent(largest**2 / 16)}"
+    )
+
+
+def _bent(found: Decays, r: int) -> str:
+    """What there is to say of a mode that linear poles take for several."""
+    small, shift = abs(found.poles[r]) / (2 * pi), found.shift(r)
+    assert shift is not None
+    return (
+        f"mode {r + 1} is one mode whose frequency changes with amplitude, from {small + shift:.6g} Hz at the largest "
+        "swing to that of small ones, which is given; two modes of one shape that do not beat within the record would "
+        "look the same"
+    )
 
 
 def _scaled(shape: Complexes) -> tuple[Complexes, float]:

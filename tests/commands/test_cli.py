@@ -353,11 +353,14 @@ def test_interrupted(tmp_path: Path) -> None:
     path.write_text(
         'gravity = 9.81\n[[pendulum]]\nlinks = [{ kind = "rod", mass = 1.0, length = 1.0, count = 20000 }]\n'
     )
-    command = [sys.executable, "-m", "multipendula", "table", str(path), "-o", str(out)]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+    begins = "import sys; from multipendula.cli import main; print('.', flush=True); sys.exit(main())"
+    command = [sys.executable, "-c", begins, "table", str(path), "-o", str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        assert process.stdout.readline() == ".\n"
         time.sleep(3)
         process.send_signal(signal.SIGINT)
-        errors = process.communicate(timeout=30)[1]
+        errors = process.communicate(timeout=600)[1]
     assert process.returncode == 130
     assert errors == "multipendula: interrupted\n"
     assert not out.exists()
@@ -374,7 +377,7 @@ def test_links_are_followed_and_pipes_are_written_to(capsys: pytest.CaptureFixtu
     os.mkfifo(pipe)
     with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as reader:
         printed(capsys, "table", "chain-1", "-o", str(pipe))
-        assert "ω" in reader.communicate(timeout=10)[0]
+        assert "ω" in reader.communicate(timeout=600)[0]
     assert pipe.is_fifo()
     printed(capsys, "table", "chain-1", "-o", os.devnull)
     assert not Path(os.devnull).is_file()

@@ -181,7 +181,7 @@ def test_ctrl_c_during_an_mp4_is_ctrl_c(tmp_path: Path) -> None:
         os.killpg(running.pid, signal.SIGINT)
         told = running.communicate(timeout=600)[1]
     assert (running.returncode, told) == (130, b"multipendula: interrupted\n")
-    assert eventually(lambda: not any(map(is_there, encoder)), 30)
+    assert eventually(lambda: not any(map(is_there, encoder)))
     assert not list(tmp_path.iterdir())
 
 

@@ -16,7 +16,7 @@ from modal.identification.mode_fitting import _Problem
 from modal.identification.mode_report import mode_fit_record, mode_fit_text
 from modal.identification.parameters import find_parameters, starts_of
 from modal.modes import natural_modes
-from modal.scene import Scene
+from modal.scene import Bob, Pendulum, Scene
 from modal.scene.parameters import vary
 
 COMPONENTS = ((0, 0), (1, 1), (1, 2))
@@ -53,6 +53,60 @@ def test_exact_modes_give_the_numbers_back() -> None:
         assert not len(found.held)
         assert found.freedom == 4
         assert all(one.mac == pytest.approx(1, abs=1e-12) for one in found.modes)
+
+
+LINKS = ["pendulum[0].links[0].length", "pendulum[0].links[1].length"]
+
+
+def two_bobs(*lengths: float) -> Scene:
+    links = tuple(Bob(mass=1.0, length=length) for length in lengths)
+    return Scene(gravity=9.81, pendulum=(Pendulum(links=links),))
+
+
+def frequencies(one: float, other: float) -> np.ndarray:
+    """In Hz, of two equal bobs: l l' ω⁴ − 2 g (l + l') ω² + 2 g² = 0."""
+    g = 9.81
+    return np.sqrt(np.sort(np.roots([one * other, -2 * g * (one + other), 2 * g * g]).real)) / (2 * np.pi)
+
+
+def of_frequencies(lengths: tuple[float, float], std: float) -> MeasuredModes:
+    found = frequencies(*lengths)
+    return MeasuredModes("m.csv", tuple(MeasuredMode(k, f, std * f) for k, f in enumerate(found.tolist(), 1)))
+
+
+@pytest.mark.parametrize("start", [(0.63, 0.52), (0.6, 0.6)])
+def test_lengths_that_change_places_are_a_second_solution(start: tuple[float, float]) -> None:
+    """From equal lengths too, where both have the same derivatives and neither seems determined."""
+    found = fit_modes(two_bobs(*start), of_frequencies((0.55, 0.6), 1e-4), LINKS)
+    assert not len(found.held)
+    (other,) = found.others
+    solutions = sorted([found, other], key=lambda one: float(one.values[0]))
+    assert np.allclose([one.values for one in solutions], [(0.55, 0.6), (0.6, 0.55)], rtol=1e-6)
+    assert np.allclose(found.stds, other.stds[::-1], rtol=1e-3)
+    assert any("another solution fits as well" in words for words in found.verdict)
+    (record,) = mode_fit_record(found)["other_solutions"]
+    assert [one["value"] for one in record["parameters"]] == other.values.tolist()
+
+
+def test_a_shape_tells_which_length_is_which() -> None:
+    truth, start = two_bobs(0.55, 0.6), two_bobs(0.63, 0.52)
+    shape = natural_modes(truth).matrix.shapes[:, 0].real
+    own = of_frequencies((0.55, 0.6), 1e-4)
+    modes = (replace(own.modes[0], shape=shape, shape_std=1e-3), own.modes[1])
+    found = fit_modes(start, replace(own, modes=modes, components=((1, 1), (1, 2))), LINKS)
+    assert np.allclose(found.values, (0.55, 0.6), rtol=1e-6)
+    assert not found.others
+
+
+def test_the_interval_of_equal_lengths_is_that_of_chi_square() -> None:
+    """Where derivatives do not tell both from each other: by the chi-square of the closed form on a grid."""
+    std, span = 1e-3, np.linspace(-0.08, 0.08, 81)
+    exact = frequencies(0.5, 0.5)
+    square = [[np.sum(((frequencies(0.5 + a, 0.5 + b) / exact - 1) / std) ** 2) for b in span] for a in span]
+    within = np.min(square, axis=1) < 3.84
+    found = fit_modes(two_bobs(0.52, 0.47), of_frequencies((0.5, 0.5), std), LINKS)
+    assert np.allclose(found.values, 0.5, rtol=1e-3)
+    assert 1.96 * found.stds == pytest.approx(np.full(2, np.abs(span[within]).max()), rel=0.15)
 
 
 def test_derivatives_are_those_of_the_residuals() -> None:

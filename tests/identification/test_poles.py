@@ -14,9 +14,12 @@ from modal.identification import identify, poles_table
 from modal.identification.decays import log_decrement
 from modal.identification.realization import realize
 from modal.modes import natural_modes
-from modal.scene import Scene
+from modal.scene import Cart, Scene
 from modal.scene.parameters import vary
 from modal.statespace import state_space
+from nonlinear.integration import Trajectory
+from nonlinear.simulation import simulate
+from nonlinear.system import state_at_rest
 
 NAMES = ("theta_1_1", "theta_1_2", "theta_1_3")
 STEP = 0.02
@@ -140,6 +143,59 @@ def test_two_modes_have_no_decrement() -> None:
     values = np.exp(-0.1 * times) * (np.cos(3 * times) + np.cos(4.3 * times))
     with pytest.raises(ComputationError, match="turning points"):
         identify([(times, values[:, None])], NAMES[:1], method="decrement")
+
+
+@cache
+def swing(links: int, start: tuple[float, ...], duration: float, damping: float) -> tuple[Scene, Trajectory]:
+    """A clean swing of a few degrees of bobs below each other, or of two that hang from a heavy cart."""
+    scene = vary(load(f"chain-{links}"), {"pendulum[*].links[*].damping": damping})
+    if len(start) > links:
+        scene = scene.replace(pendulum=scene.pendulum * 2, support=Cart(mass=200.0))
+    times = np.arange(0, duration, 0.04)
+    return scene, simulate(scene, duration, start=state_at_rest(scene, start), output=times, tolerance=1e-10)
+
+
+@pytest.mark.slow
+def test_a_frequency_that_changes_with_amplitude_is_no_second_mode() -> None:
+    scene, run = swing(2, (-2.6, 2.2), 25.0, 0.03)
+    parts = [(run.times, run.motion.links), (run.times[:300], run.motion.links[-300:])]
+    for segments, sensors in ((parts[:1], 2), (parts[:1], 1), (parts, 2)):
+        found = identify([(times, values[:, :sensors]) for times, values in segments], NAMES[:sensors])
+        assert len(found.modes) == 2
+        fast, own = found.modes[1], natural_modes(scene)[1]
+        assert abs(fast.frequency - own.omega / (2 * np.pi)) < 3 * fast.frequency_std < 1e-3 * fast.frequency
+        assert fast.damping_ratio == pytest.approx(own.damping_ratio, rel=0.02)
+        assert fast.frequency_shift is not None
+        assert fast.frequency_shift < -1e-3 * fast.frequency
+    assert any("one mode whose frequency changes with amplitude" in note for note in found.notes)
+
+
+def test_the_change_of_a_single_pendulums_frequency_is_a_sixteenth_of_its_squared_angle() -> None:
+    """ω = √(g/l) (1 − θ²/16 + …) (Landau & Lifshitz, Mechanics, §11)."""
+    scene, run = swing(1, (3.0,), 100.0, 0.1)
+    (found,) = identify([(run.times, run.motion.links)], NAMES[:1]).modes
+    assert found.frequency == pytest.approx(natural_modes(scene)[0].omega / (2 * np.pi), rel=3e-6)
+    assert found.frequency_shift is not None
+    assert found.frequency_shift / found.frequency == pytest.approx(-(np.radians(3.0) ** 2) / 16, rel=0.02)
+
+
+@pytest.mark.slow
+def test_close_modes_stay_two() -> None:
+    """By their shapes, in phase and in antiphase on a heavy cart, or where one sensor sees them beat."""
+    scene, run = swing(1, (2.5, 1.5), 30.0, 0.02)
+    motion = np.column_stack((run.motion.links, run.motion.cart))
+    found = identify([(run.times, motion)], ("theta_1_1", "theta_2_1", "cart"))
+    own = [mode.omega / (2 * np.pi) for mode in natural_modes(scene) if mode.oscillates]
+    assert np.allclose([one.frequency for one in found.modes], own, rtol=3e-4)
+    assert own[1] / own[0] < 1.01
+    times, rng = 2 * STEP * np.arange(1500), np.random.default_rng(6)
+    for beats in (1.5, 4.0):
+        poles = 2j * np.pi * np.array([1.0, 1.0 + beats / 60]) - np.array([0.01, 0.015])
+        values = (np.exp(np.outer(times, poles)) @ np.array([0.04, 0.02 - 0.01j])).real
+        for noise in (0.0, 1e-5):
+            two = identify([(times, (values + noise * rng.standard_normal(1500))[:, None])], NAMES[:1]).modes
+            assert np.allclose([one.frequency for one in two], np.abs(poles) / (2 * np.pi), rtol=1e-4)
+            assert all(one.frequency_shift is None for one in two)
 
 
 def test_noise_alone_has_no_poles() -> None:

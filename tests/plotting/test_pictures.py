@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import cache
 from io import BytesIO
 from itertools import combinations
+from math import inf
 from pathlib import Path
 
 import matplotlib as mpl
@@ -198,6 +199,7 @@ def traded():
             for candidate in list_candidates(scene)
             if candidate.modal or (candidate.tolerance > 1e-5 and not candidate.compiled)
         ],
+        patience=inf,
     )
 
 

@@ -121,7 +121,7 @@ def test_a_terminal_is_told_what_is_waited_for(terminal: bool, tmp_path: Path) -
         if terminal:
             assert os.read(ours, 1000).decode().strip() == f"waiting for a scene from {pipe} …"
         pipe.write_text(GOOD)
-        assert running.wait(timeout=120) == 0
+        assert running.wait(timeout=600) == 0
         assert terminal or running.stderr.read() == b""
     os.close(ours)
     os.close(theirs)

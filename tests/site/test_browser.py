@@ -126,14 +126,14 @@ def test_a_lesson_says_where_pyodide_cannot_be_reached_and_what_to_do(served: tu
     page = "<!doctype html><html><head><title>lab</title></head><body></body></html>"
     path = "/browser/lab/index.html?path=02_simple_chain.ipynb"
     (folder / "browser" / "lab" / "index.html").write_text(browser.guarded(page, f"{address}/missing.mjs"))
-    said = shown(address + path, 20)
+    said = shown(address + path, 600)
     assert "does not run here" in said
     assert address.removeprefix("http://") in said
     assert "pip install multipendula jupyterlab && jupyter lab 02_simple_chain.ipynb" in said
     assert f"{address}/browser/files/02_simple_chain.ipynb" in said
     assert f"{address}/tutorial/lessons/02_simple_chain.html" in said
     (folder / "browser" / "lab" / "index.html").write_text(browser.guarded(page, "http://127.0.0.1:9/pyodide.mjs"))
-    assert "127.0.0.1:9" in shown(address + path, 20)
+    assert "127.0.0.1:9" in shown(address + path, 600)
 
 
 @BROWSER

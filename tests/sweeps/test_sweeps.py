@@ -451,14 +451,14 @@ def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as running:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 600
         while not (tmp_path / "j").exists() or len(own.logged()) < done:
             assert time.monotonic() < deadline
             assert running.poll() is None
             time.sleep(0.05)
         time.sleep(0.4)
         os.killpg(running.pid, signal.SIGINT)
-        out, err = running.communicate(timeout=30)
+        out, err = running.communicate(timeout=600)
     assert running.returncode == 0, err
     assert out.startswith("interrupted True")
     assert err == ""
@@ -472,7 +472,7 @@ def test_ctrl_c_ends_worker_processes_at_once(done: int, tmp_path: Path) -> None
 def test_a_script_without_a_guard_is_told_so(tmp_path: Path) -> None:
     (tmp_path / "script.py").write_text(SCRIPT.replace('if __name__ == "__main__":', "if True:"))
     command = [sys.executable, str(tmp_path / "script.py"), str(tmp_path / "j")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=600)
     assert done.returncode == 1
     assert "worker processes cannot start" in done.stderr.splitlines()[-1]
 
@@ -589,7 +589,7 @@ def test_a_cluster_measures_what_this_process_does(tmp_path: Path) -> None:
         distributed.LocalCluster(
             n_workers=1, threads_per_worker=2, processes=True, dashboard_address=None, local_directory=str(tmp_path)
         ) as local,
-        cluster(local.scheduler_address) as crew,
+        cluster(local.scheduler_address, patience=600.0) as crew,
     ):
         assert crew.size == 2
         heard: list[float] = []
