@@ -10,9 +10,9 @@ from scipy.signal import find_peaks, savgol_filter
 from scipy.stats import spearmanr
 
 from modal.modes import natural_modes
-from modal.report import short
+from modal.report import percent, short
 from modal.types import Floats
-from nonlinear.identification.result import Fit
+from nonlinear.identification.result import APART, POOR, Fit
 
 STRONG = 0.25  # part of the residuals' power in one line that is named
 WIDTH = 3  # bins of a line
@@ -21,12 +21,37 @@ GROWS = 0.5  # rank correlation that counts
 STRETCHES = 8  # least number of windows for it
 TURNS = 6  # least number of turning points
 STRAIGHTER = 0.6  # residual of a straight line over that of an exponential
+UNEVEN = 3.0  # times the median, of the rms residual of one segment
+LOST = 0.2  # misfit beyond which another minimum is likely
+PERIODS = 0.8  # in a window, beyond which shorter ones may help
 BOUND = 1e-6  # of a natural unit: a number at its bound
 
 
 def diagnose(found: Fit) -> list[str]:
     """Sentences on parameters at bounds, whiteness, the frequency left, growth with amplitude and turning points."""
-    return [*_bounds(found), *_whiteness(found), *_lines(found), *_growth(found), *_turning(found)]
+    own = [*_bounds(found), *_whiteness(found)] if found.fits else [*_misfit(found)]
+    return [*own, *_lines(found), *_growth(found), *_turning(found)]
+
+
+def _misfit(found: Fit) -> Iterator[str]:
+    """That the motion does not fit, and where least."""
+    worst = int(np.argmax(found.misfit))
+    words = "the motion does not fit the record, so its numbers have no standard deviations"
+    if found.misfit[worst] >= POOR:
+        words += f": {percent(found.misfit[worst])} of the readings of {found.recording.sensors[worst].name} are left"
+    if found.gap >= APART:
+        words += ": the windows do not join"
+    if len(found.rms) > 2 and found.rms.max() > UNEVEN * np.median(found.rms):
+        one = found.recording.segments[int(np.argmax(found.rms))]
+        words += f", most in {one.name or one.file} (rms {found.rms.max():.2g} rad, half have {np.median(found.rms):.2g})"
+    yield words
+    longest = max(one.times[-1] - one.times[0] for one in found.recording.segments)
+    period = 2 * np.pi / found.problem.system.rate
+    if found.misfit.max() > LOST and longest > PERIODS * period:
+        yield (
+            "the search may have ended in a wrong minimum: begin with other numbers, or fit in windows with "
+            f"window={0.7 * period:.2g}"
+        )
 
 
 def _bounds(found: Fit) -> Iterator[str]:

@@ -43,12 +43,18 @@ LOSSES = tuple(WEIGHTS)
 COARSE = 0.02  # of a sensor's rms, its noise before the first fit
 FINEST = 1e-7  # of a sensor's rms, the least noise
 SHORTEST = 0.75  # periods of sqrt(l/g) in the first part that is fitted
+SHORT = 0.4  # periods in a short window
+MOST_WINDOWS = 64
+ROUGHLY = 1e-6  # tolerance of motions far from the end
 LONGER = 2.5  # times the part before
 STEADY = 1.0  # standard deviation of ln p while parts are fitted
 ROUGH = 12  # evaluations for a part
 MOST = 60  # evaluations for the whole
 LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the other
-CLOSE = 1e-9  # relative change of the sum of squares, or of the unknowns, at the end
+NEARLY = 1e-4  # relative change of the sum of squares, or of the unknowns, before the noise is estimated
+CLOSE = 1e-9  # the same at the end
+SLIGHT = 1e-3  # change of the sum of squares, in units of the noise, that moves no number by a part of its error bar
+LOST = 0.2  # misfit of a fit that is tried once more by short windows
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
 ROUNDS = 2  # of fitting and estimating the noise
@@ -81,12 +87,18 @@ def fit(
     if window is not None:
         recording = recording.windows(window)
     parameters = find_parameters(scene, free, priors)
-    coarse = np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
-    problem = Problem(scene, parameters, recording, coarse, scaled)
-    search = _Search(problem, loss, report)
-    u = search.begin()
-    u = search.lengthen(u)
-    return search.finish(u)
+    problem = Problem(scene, parameters, recording, coarse_noise(recording), scaled)
+    found = Search(problem, loss, report).run(joined=window is not None)
+    if window is None and found.misfit.max() > LOST:
+        again = Search(problem, loss, report)
+        if again.span < np.inf:
+            found = min(found, again.run(joined=True), key=lambda one: float(one.misfit.max()))
+    return replace(found, verdict=tuple(diagnose(found)))
+
+
+def coarse_noise(recording: Recording) -> Floats:
+    """The noise (C,) of the sensors before the first fit."""
+    return np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
 
 
 def _size(recording: Recording, sensor: int) -> float:
@@ -95,7 +107,7 @@ def _size(recording: Recording, sensor: int) -> float:
     return float(np.std(values)) or 1e-3
 
 
-class _Search:
+class Search:
     """The search for the least squares."""
 
     def __init__(self, problem: Problem, loss: str, report: Report) -> None:
@@ -103,6 +115,11 @@ class _Search:
         self.kept = np.ones(len(problem.parameters), dtype=bool)
         self.evaluations = 0
         self.begun = np.zeros(0)
+
+    def run(self, joined: bool) -> Fit:
+        """From the first samples to the whole record: through short windows that are `joined`, or ever longer parts."""
+        u = self.begin()
+        return self.finish(self.join(u) if joined and self.span < np.inf else self.lengthen(u))
 
     def begin(self) -> Floats:
         """Unknowns to start from, and the numbers that are not determined whatever the noise."""
@@ -126,26 +143,51 @@ class _Search:
         self.report(0.05)
         return u
 
+    def join(self, u: Floats) -> Floats:
+        """Fitted in short windows that join more and more, all at once; states are read off every window's samples."""
+        problem, layout = self.problem, self.problem.layout
+        short = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGHLY)
+        v = np.concatenate((u[: layout.delays.stop], initial_states(short).ravel()))
+        own = v.copy()
+        own[: layout.numbers] = starts_of(problem.parameters)
+        loose = replace(short, tightness=LOOSE[0])
+        v = min((v, own), key=lambda one: float(np.sum(np.square(loose.residuals(one)))))
+        for turn, tightness in enumerate(LOOSE):
+            v = self._solved(replace(short, tightness=tightness), v, ROUGH, True, 1e-3)
+            self.report(0.05 + 0.1 * (turn + 1))
+        rows = np.cumsum([0, *(len(one.times) for one in short.recording.segments)])
+        begins = np.cumsum([0, *(len(one.times) for one in problem.recording.segments)])[:-1]
+        states = [v[short.layout.state(int(k))] for k in np.searchsorted(rows, begins)]
+        return np.concatenate((v[: layout.delays.stop], *states))
+
+    @property
+    def span(self) -> float:
+        """The duration (s) of short windows; infinite where they would be too many, or a coordinate has no sensor."""
+        durations = [one.times[-1] - one.times[0] for one in self.problem.recording.segments]
+        period = 2 * np.pi / self.problem.system.rate
+        span = max(SHORT * period, sum(durations) / max(MOST_WINDOWS - len(durations), 1))
+        return span if self.problem.is_seen and span < SHORTEST * period else np.inf
+
     def lengthen(self, u: Floats) -> Floats:
         """Fitted to ever longer parts of all segments."""
         problem = self.problem
         longest = max(one.times[-1] - one.times[0] for one in problem.recording.segments)
         part = SHORTEST * 2 * np.pi / problem.system.rate
         while part < longest:
-            u = self._solved(
-                replace(problem, recording=problem.recording.until(part), tolerance=1e-6), u, ROUGH, True, 1e-3
-            )
+            short = problem.recording.until(part)
+            u = self._solved(replace(problem, recording=short, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
             self.report(0.05 + 0.35 * part / longest)
             part *= LONGER
         for tightness in LOOSE if any(one.continued for one in problem.recording.segments) else ():
-            u = self._solved(replace(problem, tightness=tightness, tolerance=1e-6), u, ROUGH, True, 1e-3)
+            u = self._solved(replace(problem, tightness=tightness, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
         return u
 
     def finish(self, u: Floats) -> Fit:
         """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
         problem = self.problem
         for turn in range(ROUNDS):
-            u = self._solved(problem, u, MOST, False, 1e-5)
+            rough = problem if turn else replace(problem, tolerance=ROUGHLY)
+            u = self._solved(rough, u, MOST, False, NEARLY)
             problem = replace(problem, noise=self._noise(problem, u))
             self.report(0.4 + 0.15 * (turn + 1))
         u = self._solved(problem, u, MOST, False, CLOSE)
@@ -166,7 +208,7 @@ class _Search:
         weight = np.sqrt(WEIGHTS[self.loss](residuals**2))
         cov, rho = _covariance(problem, weight[:, None] * J, weight * residuals, self._free(problem))
         self.report(1.0)
-        fitted = Fit(
+        return Fit(
             problem,
             u,
             cov,
@@ -179,7 +221,6 @@ class _Search:
             rho,
             self.evaluations,
         )
-        return replace(fitted, verdict=tuple(diagnose(fitted)))
 
     def _free(self, problem: Problem) -> Booleans:
         free = problem.free.copy()
@@ -244,7 +285,7 @@ class _Search:
             x_scale=self._scales(problem)[columns],
             loss=self.loss,
             max_nfev=most,
-            ftol=close,
+            ftol=max(close, SLIGHT / (sizes + 1.0)),
             xtol=close,
             gtol=None,
             tr_solver="lsmr" if many else "exact",
