@@ -53,7 +53,8 @@ MOST = 60  # evaluations for the whole
 LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the other
 NEARLY = 1e-4  # relative change of the sum of squares, or of the unknowns, before the noise is estimated
 CLOSE = 1e-9  # the same at the end
-SLIGHT = 1e-3  # change of the sum of squares, in units of the noise, that moves no number by a part of its error bar
+SLIGHT = 1e-2  # of a sum of squares in units of the noise: what moves no number by more than a tenth of its error bar
+BOUND = 1e-9  # of z: at its bound
 LOST = 0.2  # misfit of a fit that is tried once more by short windows
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
@@ -263,34 +264,43 @@ class Search:
                 found = problem.residuals(whole(x), ahead=True)
             except ComputationError:
                 return np.full(sizes, np.nan)
-            return np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
+            now[0] = np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
+            return now[0]
 
         def jacobian(x: Floats) -> Floats:
             rows = np.zeros((len(steady), len(columns)))
             rows[np.arange(len(steady)), where] = 1 / STEADY
             found = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
-            return csr_array(found) if many else found
+            if many or self.loss != "linear":
+                return csr_array(found) if many else found
+            if _decrement(found[:, x > low + BOUND], now[0]) < SLIGHT:
+                raise _Reached(x)
+            return found
 
+        now = [np.zeros(0)]
         many = len(columns) > DENSE
         start = np.clip(u[columns], low + 1e-12, high)
         sizes, begun = 1, residuals(start)
         sizes = len(begun)
         if not np.all(np.isfinite(begun)):
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
-        found: Any = least_squares(
-            residuals,
-            start,
-            jacobian,
-            bounds=(low, high),
-            x_scale=self._scales(problem)[columns],
-            loss=self.loss,
-            max_nfev=most,
-            ftol=max(close, SLIGHT / (sizes + 1.0)),
-            xtol=close,
-            gtol=None,
-            tr_solver="lsmr" if many else "exact",
-            tr_options=LSMR if many else {},
-        )
+        try:
+            found: Any = least_squares(
+                residuals,
+                start,
+                jacobian,
+                bounds=(low, high),
+                x_scale=self._scales(problem)[columns],
+                loss=self.loss,
+                max_nfev=most,
+                ftol=close,
+                xtol=close,
+                gtol=None,
+                tr_solver="lsmr" if many else "exact",
+                tr_options=LSMR if many else {},
+            )
+        except _Reached as reached:
+            return whole(reached.x)
         return whole(found.x)
 
     def _scales(self, problem: Problem) -> Floats:
@@ -302,6 +312,23 @@ class Search:
         for s in range(layout.segments):
             found[layout.state(s)] = 0.1 * problem.scale
         return found
+
+
+class _Reached(Exception):  # noqa: N818
+    """The least squares are reached, at x."""
+
+    def __init__(self, x: Floats) -> None:
+        super().__init__()
+        self.x = x
+
+
+def _decrement(J: Floats, residuals: Floats) -> float:
+    """By how much the sum of squares can still fall, to first order: the part of the residuals that J can make up."""
+    size = np.linalg.norm(J, axis=0)
+    size[size == 0] = 1.0
+    Q, R, _ = qr(J / size, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    return float(np.sum(np.square(Q[:, diagonal > 1e-10 * diagonal[0]].T @ residuals))) if len(diagonal) else 0.0
 
 
 def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:
