@@ -54,11 +54,13 @@ LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the 
 NEARLY = 1e-4  # relative change of the sum of squares, or of the unknowns, before the noise is estimated
 CLOSE = 1e-9  # the same at the end
 SLIGHT = 1e-2  # of a sum of squares in units of the noise: what moves no number by more than a tenth of its error bar
+KEPT = 0.01  # of a fall that the derivatives promised: less is a kink, such as those that dry friction makes
 BOUND = 1e-9  # of z: at its bound
 LOST = 0.2  # misfit of a fit that is tried once more by short windows
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
-ROUNDS = 2  # of fitting and estimating the noise
+ROUNDS = 2  # at most, of estimating the noise and fitting
+SETTLED = 0.02  # relative change of the noise
 Report = Callable[[float], object]
 
 
@@ -186,12 +188,13 @@ class Search:
     def finish(self, u: Floats) -> Fit:
         """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
         problem = self.problem
+        u = self._solved(replace(problem, tolerance=ROUGHLY), u, MOST, False, NEARLY)
         for turn in range(ROUNDS):
-            rough = problem if turn else replace(problem, tolerance=ROUGHLY)
-            u = self._solved(rough, u, MOST, False, NEARLY)
             problem = replace(problem, noise=self._noise(problem, u))
-            self.report(0.4 + 0.15 * (turn + 1))
-        u = self._solved(problem, u, MOST, False, CLOSE)
+            u = self._solved(problem, u, MOST, False, CLOSE)
+            self.report(0.5 + 0.2 * (turn + 1))
+            if np.all(np.abs(np.log(self._noise(problem, u) / problem.noise)) < SETTLED):
+                break
         numbers = problem.layout.numbers
         J = problem.jacobian(u)
         projected = _projected(J, self._nuisances(problem), numbers)
@@ -273,11 +276,14 @@ class Search:
             found = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
             if many or self.loss != "linear":
                 return csr_array(found) if many else found
-            if _decrement(found[:, x > low + BOUND], now[0]) < SLIGHT:
+            square, promised = float(now[0] @ now[0]), _decrement(found[:, x > low + BOUND], now[0])
+            fell, before = last[0] - square, last[1]
+            if promised < SLIGHT or fell < SLIGHT or (not rough and fell < KEPT * before):
                 raise _Reached(x)
+            last[:] = square, promised
             return found
 
-        now = [np.zeros(0)]
+        now, last = [np.zeros(0)], [np.inf, 0.0]
         many = len(columns) > DENSE
         start = np.clip(u[columns], low + 1e-12, high)
         sizes, begun = 1, residuals(start)
