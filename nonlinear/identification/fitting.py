@@ -27,6 +27,7 @@ from modal.identification import (
 from modal.scene import Scene
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
+from nonlinear.identification.mistakes import find_mistake, require_seconds
 from nonlinear.identification.problem import Problem, require_fittable
 from nonlinear.identification.records import Recording
 from nonlinear.identification.result import Fit, root_mean_square
@@ -56,6 +57,9 @@ CLOSE = 1e-9  # the same at the end
 SLIGHT = 1e-2  # of a sum of squares in units of the noise: what moves no number by more than a tenth of its error bar
 KEPT = 0.01  # of a fall that the derivatives promised: less is a kink, such as those that dry friction makes
 BOUND = 1e-9  # of z: at its bound
+SUSPECT = 0.02  # misfit of a fit whose record may have been read wrongly
+LOOK = 1.5  # periods of sqrt(l/g) at the beginning, of so many segments, by which mistakes are judged
+SEGMENTS = 3
 LOST = 0.2  # misfit of a fit that is tried once more by short windows
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
@@ -87,16 +91,46 @@ def fit(
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
-    if window is not None:
-        recording = recording.windows(window)
     parameters = find_parameters(scene, free, priors)
+    require_seconds(scene, recording)
+    whole, recording = recording, recording if window is None else recording.windows(window)
     problem = Problem(scene, parameters, recording, coarse_noise(recording), scaled)
-    found = Search(problem, loss, report).run(joined=window is not None)
-    if window is None and found.misfit.max() > LOST:
+
+    def mistake() -> str:
+        return find_mistake(scene, whole, lambda one: _beginning(replace(problem, recording=one)))
+
+    try:
+        found = Search(problem, loss, report).run(joined=window is not None)
+    except ComputationError as error:
+        if words := mistake():
+            raise ComputationError(f"{error}; {words}") from None
+        raise
+    if found.misfit.max() < SUSPECT:
+        return replace(found, verdict=tuple(diagnose(found)))
+    words = mistake()
+    if not words and window is None and found.misfit.max() > LOST:
         again = Search(problem, loss, report)
         if again.span < np.inf:
             found = min(found, again.run(joined=True), key=lambda one: float(one.misfit.max()))
-    return replace(found, verdict=tuple(diagnose(found)))
+    return replace(found, verdict=tuple([*([words] if words else []), *diagnose(found)]))
+
+
+def _beginning(problem: Problem) -> float:
+    """The misfit of a fit to the first periods of some segments, infinite where none is found."""
+    part = LOOK * 2 * np.pi / problem.system.rate
+    segments = [replace(one, continued=False) for one in problem.recording.segments[:SEGMENTS]]
+    recording = replace(problem.recording, segments=tuple(segments)).until(part)
+    own = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY)
+    search = Search(own, "linear", lambda part: None)
+    try:
+        u = search.lengthen(search.begin())
+        u = search.refined(u)
+        misses = [read - one.values for read, one in zip(own.readings(u), recording.segments, strict=True)]
+    except ComputationError:
+        return np.inf
+    sizes = [_size(recording, c) for c in range(len(recording.sensors))]
+    off = [root_mean_square(np.concatenate([miss[:, c] for miss in misses])) / size for c, size in enumerate(sizes)]
+    return max(off)
 
 
 def coarse_noise(recording: Recording) -> Floats:
@@ -171,6 +205,10 @@ class Search:
         span = max(SHORT * period, sum(durations) / max(MOST_WINDOWS - len(durations), 1))
         return span if self.problem.is_seen and span < SHORTEST * period else np.inf
 
+    def refined(self, u: Floats) -> Floats:
+        """Roughly fitted to all of a short record."""
+        return self._solved(self.problem, u, ROUGH, True, 1e-3)
+
     def lengthen(self, u: Floats) -> Floats:
         """Fitted to ever longer parts of all segments."""
         problem = self.problem
@@ -224,6 +262,7 @@ class Search:
             problem.scene,
             rho,
             self.evaluations,
+            self.loss,
         )
 
     def _free(self, problem: Problem) -> Booleans:

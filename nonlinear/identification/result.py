@@ -52,6 +52,7 @@ class Fit(Displayed):
     given: Scene
     rho: tuple[Floats, ...]
     evaluations: int = 0
+    loss: str = "linear"
     verdict: tuple[str, ...] = ()
 
     @property
