@@ -35,10 +35,13 @@ PERIODS = 0.8  # in a window, beyond which shorter ones may help
 BOUND = 1e-6  # of a natural unit: a number at its bound
 
 
-def diagnose(found: Fit) -> list[str]:
-    """Sentences on parameters at bounds, whiteness, the frequency left, growth with amplitude and turning points."""
-    read = [*_turns(found), *_outliers(found)]
-    own = [*_bounds(found), *_held(found), *_whiteness(found)] if found.fits else [*_misfit(found)]
+def diagnose(found: Fit, mistake: str = "") -> list[str]:
+    """Sentences on the record, the motion's misfit, numbers and residuals, each with a way out if there is one.
+
+    A `mistake` in how the record is read is said first.  From a motion that does not fit no number is judged.
+    """
+    read = [*([mistake] if mistake else []), *_turns(found), *_outliers(found)]
+    own = [*_bounds(found), *_held(found), *_whiteness(found)] if found.fits else [*_misfit(found, bool(mistake))]
     return [*read, *own, *_scales(found), *_lines(found), *_growth(found), *_turning(found)]
 
 
@@ -54,6 +57,8 @@ def _turns(found: Fit) -> Iterator[str]:
 def _outliers(found: Fit) -> Iterator[str]:
     """Single readings far from those beside them."""
     for c, sensor in enumerate(found.recording.sensors):
+        if found.misfit[c] > POOR:
+            continue
         far = sum(outliers(miss) for k, _, miss in _misses(found) if k == c)
         if far:
             words = f"{sensor.name}: {counted(far, 'reading is an outlier', 'readings are outliers')}, beyond "
@@ -84,9 +89,9 @@ def _held(found: Fit) -> Iterator[str]:
 
 
 def _scales(found: Fit) -> Iterator[str]:
-    """The sensor whose scale, if it were free, would make up for the most."""
+    """The sensor whose scale, or all angles whose common one, if it were free would make up for the most."""
     problem, layout = found.problem, found.problem.layout
-    if problem.scaled:
+    if problem.scaled or found.misfit.max() > LOST:
         return
     J, residuals = problem.ordered(problem.jacobian(found.unknowns)), problem.ordered(found.residuals)
     free, best = np.flatnonzero(np.diag(found.cov) > 0), (SURE, "")
@@ -95,8 +100,12 @@ def _scales(found: Fit) -> Iterator[str]:
     def lasting(r: Floats) -> float:
         return abs(float(sum(r[own][1:] @ r[own][:-1] for own in values)))
 
-    for c, sensor in enumerate(found.recording.sensors):
-        own = J[:, [*free, layout.scales.start + c]]
+    sensors = [(one.name, [layout.scales.start + c]) for c, one in enumerate(found.recording.sensors)]
+    angles = [c for c, one in enumerate(found.recording.sensors) if one.pendulum]
+    if len(angles) > 1:
+        sensors.append(("all angles", [layout.scales.start + c for c in angles]))
+    for name, columns in sensors:
+        own = np.column_stack((J[:, free], J[:, columns].sum(axis=1)))
         size = np.linalg.norm(own, axis=0)
         if not size.all():
             continue
@@ -108,14 +117,14 @@ def _scales(found: Fit) -> Iterator[str]:
         white = all(len(rho) == 1 for rho in found.rho)
         explained = white or lasting(after) < LEFT * lasting(residuals)
         if std and explained and abs(step[-1]) > TINY and abs(step[-1]) / std > best[0]:
-            words = f"{sensor.name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: free the scales"
+            words = f"{name}: a scale of {1 + step[-1]:.4g} ± {std:.1g} fits better: free the scales"
             best = (abs(step[-1]) / std, words)
     if best[1]:
         yield best[1]
 
 
-def _misfit(found: Fit) -> Iterator[str]:
-    """That the motion does not fit, and where least."""
+def _misfit(found: Fit, explained: bool) -> Iterator[str]:
+    """That the motion does not fit, and where least; a way out where no mistake explains it."""
     worst = int(np.argmax(found.misfit))
     words = "the motion does not fit the record, so its numbers have no standard deviations"
     if found.misfit[worst] >= POOR:
@@ -124,11 +133,13 @@ def _misfit(found: Fit) -> Iterator[str]:
         words += ": the windows do not join"
     if len(found.rms) > 2 and found.rms.max() > UNEVEN * np.median(found.rms):
         one = found.recording.segments[int(np.argmax(found.rms))]
-        words += f", most in {one.name or one.file} (rms {found.rms.max():.2g} rad, half have {np.median(found.rms):.2g})"
+        words += (
+            f", most in {one.name or one.file} (rms {found.rms.max():.2g} rad, half have {np.median(found.rms):.2g})"
+        )
     yield words
     longest = max(one.times[-1] - one.times[0] for one in found.recording.segments)
     period = 2 * np.pi / found.problem.system.rate
-    if found.misfit.max() > LOST and longest > PERIODS * period:
+    if not explained and found.misfit.max() > LOST and longest > PERIODS * period:
         yield (
             "the search may have ended in a wrong minimum: begin with other numbers, or fit in windows with "
             f"window={0.7 * period:.2g}"

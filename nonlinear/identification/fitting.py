@@ -27,7 +27,7 @@ from modal.identification import (
 from modal.scene import Scene
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
-from nonlinear.identification.mistakes import find_mistake, require_seconds
+from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
 from nonlinear.identification.problem import Problem, require_fittable
 from nonlinear.identification.records import Recording
 from nonlinear.identification.result import Fit, root_mean_square
@@ -96,9 +96,13 @@ def fit(
     whole, recording = recording, recording if window is None else recording.windows(window)
     problem = Problem(scene, parameters, recording, coarse_noise(recording), scaled)
 
-    def mistake() -> str:
-        return find_mistake(scene, whole, lambda one: _beginning(replace(problem, recording=one)))
+    def beginning(one: Recording) -> float:
+        return _beginning(replace(problem, recording=one))
 
+    def mistake() -> str:
+        return find_mistake(scene, whole, beginning)
+
+    require_radians(whole, problem.system.rate, beginning)
     try:
         found = Search(problem, loss, report).run(joined=window is not None)
     except ComputationError as error:
@@ -112,7 +116,7 @@ def fit(
         again = Search(problem, loss, report)
         if again.span < np.inf:
             found = min(found, again.run(joined=True), key=lambda one: float(one.misfit.max()))
-    return replace(found, verdict=tuple([*([words] if words else []), *diagnose(found)]))
+    return replace(found, verdict=tuple(diagnose(found, words)))
 
 
 def _beginning(problem: Problem) -> float:

@@ -15,6 +15,7 @@ import numpy as np
 
 from modal.errors import ComputationError, SceneError
 from modal.modes import natural_modes
+from modal.report import listed
 from modal.scene import Cart, Scene
 from nonlinear.identification.records import Recording
 from nonlinear.identification.starting import spectral_lines
@@ -23,6 +24,8 @@ GAIN = 3.0  # times smaller: the misfit without the mistake
 ENOUGH = 0.1  # misfit of a record that is read rightly, at its beginning
 THOUSAND = 1000.0  # milliseconds in a second
 APART = 3.0  # at most, between a frequency of the record and the scene's
+FAST = 4.0  # times sqrt(g/l): angles that turn faster whirl, or are in degrees
+SMALL = 0.05  # rad: smaller angles may be radians in a column of degrees
 MOST_SENSORS = 6  # that are exchanged or turned, one after the other
 
 
@@ -47,7 +50,7 @@ def find_mistake(scene: Scene, recording: Recording, misfit: Callable[[Recording
     least, best = min(found, key=lambda pair: pair[0])
     if not (least < ENOUGH and GAIN * least < own):
         return ""
-    return f"{best.words}: read so, the beginning fits to {100 * least:.2g} % ({best.way})"
+    return _told(best, least)
 
 
 def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
@@ -60,12 +63,13 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
         scales[chosen] = factor
         return replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))
 
-    for unit, other, factor in (("rad", "deg", np.pi / 180), ("deg", "rad", 180 / np.pi)):
-        for chosen in [angles] + [[c] for c in angles if len(angles) > 1]:
-            names = [sensors[c].name for c in chosen]
-            way = " and ".join(f"{name}_{unit}={name}_{other}" for name in names)
-            words = f"{' and '.join(names)} {'look' if len(names) > 1 else 'looks'} like {UNITS[other]}"
-            yield Mistake(times(factor, chosen), words, f"columns {way}")
+    for chosen in [angles] + [[c] for c in angles if len(angles) > 1]:
+        if chosen:
+            yield in_degrees(recording, chosen)
+    if angles and _largest(recording, angles) < SMALL:
+        names = [sensors[c].name for c in angles]
+        way = " and ".join(f"{name}_deg={name}_rad" for name in names)
+        yield Mistake(times(180 / np.pi, angles), f"{listed(names, len(names))} look like radians", f"columns {way}")
     upright = isinstance(scene.support, Cart) and any(not one.pendulum for one in sensors)
     for c in angles if len(angles) > 1 or upright else []:
         name = sensors[c].name
@@ -86,7 +90,42 @@ def possible(scene: Scene, recording: Recording) -> Iterator[Mistake]:
         yield Mistake(changed_angles, "angles look relative, from the link above", "angles relative")
 
 
-UNITS = {"deg": "degrees", "rad": "radians"}
+def in_degrees(recording: Recording, chosen: list[int]) -> Mistake:
+    """These sensors read in degrees."""
+    names = [recording.sensors[c].name for c in chosen]
+    scales = np.ones(len(recording.sensors))
+    scales[chosen] = np.pi / 180
+    read = replace(recording, segments=tuple(replace(s, values=s.values * scales) for s in recording.segments))
+    way = " and ".join(f"{name}_rad={name}_deg" for name in names)
+    return Mistake(
+        read, f"{listed(names, len(names))} {'look' if len(names) > 1 else 'looks'} like degrees", f"columns {way}"
+    )
+
+
+def _largest(recording: Recording, angles: list[int]) -> float:
+    return max(float(np.nanmax(np.abs(one.values[:, angles]))) for one in recording.segments)
+
+
+def require_radians(recording: Recording, rate: float, misfit: Callable[[Recording], float]) -> None:
+    """SceneError for angles that turn far faster than `rate` (rad/s) and in degrees fit from the beginning."""
+    fast = [c for c, sensor in enumerate(recording.sensors) if sensor.pendulum and _speed(recording, c) > FAST * rate]
+    if fast:
+        mistake = in_degrees(recording, fast)
+        left = misfit(mistake.recording)
+        if left < ENOUGH:
+            raise SceneError([_told(mistake, left)])
+
+
+def _speed(recording: Recording, sensor: int) -> float:
+    """How fast (rad/s) a sensor's angle turns at most, but for a twentieth of the samples."""
+    found = [np.abs(np.diff(one.values[:, sensor]) / np.diff(one.times)) for one in recording.segments]
+    speeds = np.concatenate(found)
+    speeds = speeds[np.isfinite(speeds)]
+    return float(np.quantile(speeds, 0.95)) if len(speeds) else 0.0
+
+
+def _told(mistake: Mistake, left: float) -> str:
+    return f"{mistake.words}: read so, the beginning fits to {100 * left:.2g} % ({mistake.way})"
 
 
 def require_seconds(scene: Scene, recording: Recording) -> None:

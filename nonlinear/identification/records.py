@@ -246,7 +246,9 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
         yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link', 'links')}"
 
 
-def _table(name: str, where: Mapping[str, str], meanings: Mapping[str, str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _table(
+    name: str, where: Mapping[str, str], meanings: Mapping[str, str]
+) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header of a file, and its rows with their line numbers."""
     try:
         with open(name, "rb") as stream:
@@ -265,7 +267,7 @@ def _table(name: str, where: Mapping[str, str], meanings: Mapping[str, str]) -> 
     columns = [meanings.get(word, word) for word in given]
     problems = [f"column {one}: is missing{meant(one, given)}" for one in meanings if one not in given]
     problems += [
-        f"column {old}: {new} must be one of {', '.join(TIMES)}, theta_P_L_rad, theta_P_L_deg, cart_m, or - and a sensor"
+        f"column {old}: {new}: must be time_s, time_ms, theta_P_L_rad, theta_P_L_deg or cart_m, or - and one of these"
         for old, new in meanings.items()
         if not _is_known(new)
     ]

@@ -163,7 +163,7 @@ def _figure(sensor: dict[str, Any], name: str) -> str:
 
 def _spread(std: float) -> str:
     """A standard deviation, where there is one."""
-    return f"{std:.2g}" if std == std else NOTHING
+    return f"{std:.2g}" if np.isfinite(std) else NOTHING
 
 
 def _number(value: float, std: float) -> str:

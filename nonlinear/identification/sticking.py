@@ -93,10 +93,7 @@ class Rates:
 
     def __call__(self, y: Any) -> Any:
         """The rates y' (size, W)."""
-        if len(self.stuck) < y.shape[1]:
-            found = filled(self.slip(y), y)
-        else:
-            found = np.empty_like(y)
+        found = filled(self.slip(y), y) if len(self.stuck) < y.shape[1] else np.empty_like(y)
         if len(self.stuck):
             free, responses = self.responses(y[:, self.stuck])
             torques = self.responses.torques(free, responses, self.sides[:, self.stuck])
