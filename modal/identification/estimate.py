@@ -92,6 +92,8 @@ def estimate_of(scene: Scene, record: Any) -> Estimate:
     """The estimate in a record such as that of a fit; SceneError lists every mistake."""
     parameters = record.get("parameters") if isinstance(record, dict) else None
     rows = record.get("covariance") if isinstance(record, dict) else None
+    if isinstance(record, dict) and record.get("fits") is False:
+        raise SceneError(["is the report of a fit that does not fit its record: its numbers have no covariance"])
     if not (isinstance(parameters, list) and isinstance(rows, list)):
         raise SceneError(['has no "parameters" and "covariance": it must be the report of a fit, in JSON'])
     if not parameters:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import replace
 
 from multipendula.command import Command
 from multipendula.commands.shared import bar, drawn, in_a_folder, listed, output, picture, say, small_swings
@@ -42,7 +43,7 @@ def _fit_modes(options: argparse.Namespace) -> None:
     from modal.scene import dump, load
 
     motions = {"--where": options.where, "--scale": options.scale, "--compare": options.compare}
-    motions |= {"--window": options.window, "--bootstrap": options.bootstrap}
+    motions |= {"--window": options.window, "--bootstrap": options.bootstrap, "--column": options.column}
     problems = [
         f"{name}: is for measured motions, and {options.data[0]} has modes" for name, own in motions.items() if own
     ]
@@ -85,7 +86,13 @@ def _fit_motions(options: argparse.Namespace) -> None:
     more = {"scaled": options.scale, "loss": options.loss, "priors": options.prior or (), "window": options.window}
     _, recording, *_ = validate(
         lambda: find_parameters(scene, free, options.prior or ()),
-        lambda: read_recording(scene, options.data, where=parse_where(options.where or ()), angles=options.angles),
+        lambda: read_recording(
+            scene,
+            options.data,
+            where=parse_where(options.where or ()),
+            angles=options.angles,
+            columns=parse_where(options.column or (), "HEADING=COLUMN, such as t=time_ms"),
+        ),
         lambda: options.picture and picture(options.picture, "--picture"),
         *(lambda path=path: in_a_folder(path) for path in (options.output, options.report, options.picture)),
     )
@@ -94,6 +101,7 @@ def _fit_motions(options: argparse.Namespace) -> None:
             compare(scene, recording, free, listed(options.compare), report=report, **more) if options.compare else []
         )
         found = candidates[0].fit if candidates else fitted(scene, recording, free, report=report, **more)
+    found = replace(found, verdict=tuple(map(options.page.in_options, found.verdict)))
     if recording.unused:
         print(f"multipendula: columns not used: {', '.join(recording.unused)}", file=sys.stderr)
     if options.output:
@@ -123,8 +131,22 @@ def _fit_arguments(page: Page) -> None:
     page.asked.add_argument("--prior", metavar="PLACE=VALUE±STD", action="append", help=words)
     words = "use only rows with this value in a column, such as use=identify; repeat for several"
     page.asked.add_argument("--where", metavar="COLUMN=VALUE", action="append", help=words)
+    words = (
+        "what a column with another heading, unit or sign holds: t=time_ms, theta_1_1_rad=theta_1_1_deg or "
+        "theta_1_1_rad=-theta_1_1_rad; repeat for several"
+    )
+    page.asked.add_argument("--column", metavar="HEADING=COLUMN", action="append", help=words)
     words = "absolute, from the vertical (default), or relative, from the link above"
     page.asked.add_argument("--angles", choices=("absolute", "relative"), default="absolute", help=words)
+    for said, option in (
+        (r"(?:columns|and) (?=[\w-]+=-?[\w-]+)", "--column "),
+        (r"(?<=\()angles relative(?=\))", "--angles relative"),
+        (r"free the scales$", "--scale"),
+        (r"loss soft_l1 gives", "--loss soft_l1 gives"),
+        (r"with window=", "with --window "),
+        (r"a prior, (\S+?)=(\S+), adds", r"--prior '\1=\2' adds"),
+    ):
+        page.rephrase(said, option)
     page.computed.add_argument("--scale", action="store_true", help="fit the scale of every sensor too")
     words = "cost of a residual (default linear); the others give less weight to outliers"
     page.computed.add_argument("--loss", choices=LOSSES, default="linear", help=words)

@@ -27,6 +27,7 @@ from modal.identification import (
 from modal.scene import Scene
 from modal.types import Booleans, Floats
 from nonlinear.identification.diagnosis import diagnose
+from nonlinear.identification.mistakes import find_mistake, require_radians, require_seconds
 from nonlinear.identification.problem import Problem, require_fittable
 from nonlinear.identification.records import Recording
 from nonlinear.identification.result import Fit, root_mean_square
@@ -43,15 +44,27 @@ LOSSES = tuple(WEIGHTS)
 COARSE = 0.02  # of a sensor's rms, its noise before the first fit
 FINEST = 1e-7  # of a sensor's rms, the least noise
 SHORTEST = 0.75  # periods of sqrt(l/g) in the first part that is fitted
+SHORT = 0.4  # periods in a short window
+MOST_WINDOWS = 64
+ROUGHLY = 1e-6  # tolerance of motions far from the end
 LONGER = 2.5  # times the part before
 STEADY = 1.0  # standard deviation of ln p while parts are fitted
 ROUGH = 12  # evaluations for a part
 MOST = 60  # evaluations for the whole
 LOOSE = (1e4, 1e2, 1.0)  # tightness of the gaps between windows, one after the other
-CLOSE = 1e-9  # relative change of the sum of squares, or of the unknowns, at the end
+NEARLY = 1e-4  # relative change of the sum of squares, or of the unknowns, before the noise is estimated
+CLOSE = 1e-9  # the same at the end
+SLIGHT = 1e-2  # of a sum of squares in units of the noise: what moves no number by more than a tenth of its error bar
+KEPT = 0.01  # of a fall that the derivatives promised: less is a kink, such as those that dry friction makes
+BOUND = 1e-9  # of z: at its bound
+SUSPECT = 0.02  # misfit of a fit whose record may have been read wrongly
+LOOK = 1.5  # periods of sqrt(l/g) at the beginning, of so many segments, by which mistakes are judged
+SEGMENTS = 3
+LOST = 0.2  # misfit of a fit that is tried once more by short windows
 DENSE = 25  # unknowns beyond which the Jacobian is sparse: states matter in their own segment alone
 LSMR = {"atol": 1e-10, "btol": 1e-10, "maxiter": 2000, "regularize": False}
-ROUNDS = 2  # of fitting and estimating the noise
+ROUNDS = 2  # at most, of estimating the noise and fitting
+SETTLED = 0.02  # relative change of the noise
 Report = Callable[[float], object]
 
 
@@ -78,15 +91,55 @@ def fit(
     require_fittable(scene)
     if loss not in LOSSES:
         raise SceneError([f"loss {loss}: must be one of {', '.join(LOSSES)}"])
-    if window is not None:
-        recording = recording.windows(window)
     parameters = find_parameters(scene, free, priors)
-    coarse = np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
-    problem = Problem(scene, parameters, recording, coarse, scaled)
-    search = _Search(problem, loss, report)
-    u = search.begin()
-    u = search.lengthen(u)
-    return search.finish(u)
+    require_seconds(scene, recording)
+    whole, recording = recording, recording if window is None else recording.windows(window)
+    problem = Problem(scene, parameters, recording, coarse_noise(recording), scaled)
+
+    def beginning(one: Recording) -> float:
+        return _beginning(replace(problem, recording=one))
+
+    def mistake() -> str:
+        return find_mistake(scene, whole, beginning)
+
+    require_radians(whole, problem.system.rate, beginning)
+    try:
+        found = Search(problem, loss, report).run(joined=window is not None)
+    except ComputationError as error:
+        if words := mistake():
+            raise ComputationError(f"{error}; {words}") from None
+        raise
+    if found.misfit.max() < SUSPECT:
+        return replace(found, verdict=tuple(diagnose(found)))
+    words = mistake()
+    if not words and window is None and found.misfit.max() > LOST:
+        again = Search(problem, loss, report)
+        if again.span < np.inf:
+            found = min(found, again.run(joined=True), key=lambda one: float(one.misfit.max()))
+    return replace(found, verdict=tuple(diagnose(found, words)))
+
+
+def _beginning(problem: Problem) -> float:
+    """The misfit of a fit to the first periods of some segments, infinite where none is found."""
+    part = LOOK * 2 * np.pi / problem.system.rate
+    segments = [replace(one, continued=False) for one in problem.recording.segments[:SEGMENTS]]
+    recording = replace(problem.recording, segments=tuple(segments)).until(part)
+    own = replace(problem, recording=recording, noise=coarse_noise(recording), tolerance=ROUGHLY)
+    search = Search(own, "linear", lambda part: None)
+    try:
+        u = search.lengthen(search.begin())
+        u = search.refined(u)
+        misses = [read - one.values for read, one in zip(own.readings(u), recording.segments, strict=True)]
+    except ComputationError:
+        return np.inf
+    sizes = [_size(recording, c) for c in range(len(recording.sensors))]
+    off = [root_mean_square(np.concatenate([miss[:, c] for miss in misses])) / size for c, size in enumerate(sizes)]
+    return max(off)
+
+
+def coarse_noise(recording: Recording) -> Floats:
+    """The noise (C,) of the sensors before the first fit."""
+    return np.array([COARSE * _size(recording, c) for c in range(len(recording.sensors))])
 
 
 def _size(recording: Recording, sensor: int) -> float:
@@ -95,7 +148,7 @@ def _size(recording: Recording, sensor: int) -> float:
     return float(np.std(values)) or 1e-3
 
 
-class _Search:
+class Search:
     """The search for the least squares."""
 
     def __init__(self, problem: Problem, loss: str, report: Report) -> None:
@@ -103,6 +156,11 @@ class _Search:
         self.kept = np.ones(len(problem.parameters), dtype=bool)
         self.evaluations = 0
         self.begun = np.zeros(0)
+
+    def run(self, joined: bool) -> Fit:
+        """From the first samples to the whole record: through short windows that are `joined`, or ever longer parts."""
+        u = self.begin()
+        return self.finish(self.join(u) if joined and self.span < np.inf else self.lengthen(u))
 
     def begin(self) -> Floats:
         """Unknowns to start from, and the numbers that are not determined whatever the noise."""
@@ -126,29 +184,59 @@ class _Search:
         self.report(0.05)
         return u
 
+    def join(self, u: Floats) -> Floats:
+        """Fitted in short windows that join more and more, all at once; states are read off every window's samples."""
+        problem, layout = self.problem, self.problem.layout
+        short = replace(problem, recording=problem.recording.windows(self.span), tolerance=ROUGHLY)
+        v = np.concatenate((u[: layout.delays.stop], initial_states(short).ravel()))
+        own = v.copy()
+        own[: layout.numbers] = starts_of(problem.parameters)
+        loose = replace(short, tightness=LOOSE[0])
+        v = min((v, own), key=lambda one: float(np.sum(np.square(loose.residuals(one)))))
+        for turn, tightness in enumerate(LOOSE):
+            v = self._solved(replace(short, tightness=tightness), v, ROUGH, True, 1e-3)
+            self.report(0.05 + 0.1 * (turn + 1))
+        rows = np.cumsum([0, *(len(one.times) for one in short.recording.segments)])
+        begins = np.cumsum([0, *(len(one.times) for one in problem.recording.segments)])[:-1]
+        states = [v[short.layout.state(int(k))] for k in np.searchsorted(rows, begins)]
+        return np.concatenate((v[: layout.delays.stop], *states))
+
+    @property
+    def span(self) -> float:
+        """The duration (s) of short windows; infinite where they would be too many, or a coordinate has no sensor."""
+        durations = [one.times[-1] - one.times[0] for one in self.problem.recording.segments]
+        period = 2 * np.pi / self.problem.system.rate
+        span = max(SHORT * period, sum(durations) / max(MOST_WINDOWS - len(durations), 1))
+        return span if self.problem.is_seen and span < SHORTEST * period else np.inf
+
+    def refined(self, u: Floats) -> Floats:
+        """Roughly fitted to all of a short record."""
+        return self._solved(self.problem, u, ROUGH, True, 1e-3)
+
     def lengthen(self, u: Floats) -> Floats:
         """Fitted to ever longer parts of all segments."""
         problem = self.problem
         longest = max(one.times[-1] - one.times[0] for one in problem.recording.segments)
         part = SHORTEST * 2 * np.pi / problem.system.rate
         while part < longest:
-            u = self._solved(
-                replace(problem, recording=problem.recording.until(part), tolerance=1e-6), u, ROUGH, True, 1e-3
-            )
+            short = problem.recording.until(part)
+            u = self._solved(replace(problem, recording=short, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
             self.report(0.05 + 0.35 * part / longest)
             part *= LONGER
         for tightness in LOOSE if any(one.continued for one in problem.recording.segments) else ():
-            u = self._solved(replace(problem, tightness=tightness, tolerance=1e-6), u, ROUGH, True, 1e-3)
+            u = self._solved(replace(problem, tightness=tightness, tolerance=ROUGHLY), u, ROUGH, True, 1e-3)
         return u
 
     def finish(self, u: Floats) -> Fit:
         """Fitted to the whole, with the noise that it leaves, and what is not determined held."""
         problem = self.problem
+        u = self._solved(replace(problem, tolerance=ROUGHLY), u, MOST, False, NEARLY)
         for turn in range(ROUNDS):
-            u = self._solved(problem, u, MOST, False, 1e-5)
             problem = replace(problem, noise=self._noise(problem, u))
-            self.report(0.4 + 0.15 * (turn + 1))
-        u = self._solved(problem, u, MOST, False, CLOSE)
+            u = self._solved(problem, u, MOST, False, CLOSE)
+            self.report(0.5 + 0.2 * (turn + 1))
+            if np.all(np.abs(np.log(self._noise(problem, u) / problem.noise)) < SETTLED):
+                break
         numbers = problem.layout.numbers
         J = problem.jacobian(u)
         projected = _projected(J, self._nuisances(problem), numbers)
@@ -166,7 +254,7 @@ class _Search:
         weight = np.sqrt(WEIGHTS[self.loss](residuals**2))
         cov, rho = _covariance(problem, weight[:, None] * J, weight * residuals, self._free(problem))
         self.report(1.0)
-        fitted = Fit(
+        return Fit(
             problem,
             u,
             cov,
@@ -178,8 +266,8 @@ class _Search:
             problem.scene,
             rho,
             self.evaluations,
+            self.loss,
         )
-        return replace(fitted, verdict=tuple(diagnose(fitted)))
 
     def _free(self, problem: Problem) -> Booleans:
         free = problem.free.copy()
@@ -222,34 +310,46 @@ class _Search:
                 found = problem.residuals(whole(x), ahead=True)
             except ComputationError:
                 return np.full(sizes, np.nan)
-            return np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
+            now[0] = np.concatenate((found, (x[where] - self.begun[steady]) / STEADY))
+            return now[0]
 
         def jacobian(x: Floats) -> Floats:
             rows = np.zeros((len(steady), len(columns)))
             rows[np.arange(len(steady)), where] = 1 / STEADY
             found = np.vstack((problem.jacobian(whole(x))[:, columns], rows))
-            return csr_array(found) if many else found
+            if many or self.loss != "linear":
+                return csr_array(found) if many else found
+            square, promised = float(now[0] @ now[0]), _decrement(found[:, x > low + BOUND], now[0])
+            fell, before = last[0] - square, last[1]
+            if promised < SLIGHT or fell < SLIGHT or (not rough and fell < KEPT * before):
+                raise _Reached(x)
+            last[:] = square, promised
+            return found
 
+        now, last = [np.zeros(0)], [np.inf, 0.0]
         many = len(columns) > DENSE
         start = np.clip(u[columns], low + 1e-12, high)
         sizes, begun = 1, residuals(start)
         sizes = len(begun)
         if not np.all(np.isfinite(begun)):
             raise ComputationError("the scene's motion cannot be followed from the first samples of the record")
-        found: Any = least_squares(
-            residuals,
-            start,
-            jacobian,
-            bounds=(low, high),
-            x_scale=self._scales(problem)[columns],
-            loss=self.loss,
-            max_nfev=most,
-            ftol=close,
-            xtol=close,
-            gtol=None,
-            tr_solver="lsmr" if many else "exact",
-            tr_options=LSMR if many else {},
-        )
+        try:
+            found: Any = least_squares(
+                residuals,
+                start,
+                jacobian,
+                bounds=(low, high),
+                x_scale=self._scales(problem)[columns],
+                loss=self.loss,
+                max_nfev=most,
+                ftol=close,
+                xtol=close,
+                gtol=None,
+                tr_solver="lsmr" if many else "exact",
+                tr_options=LSMR if many else {},
+            )
+        except _Reached as reached:
+            return whole(reached.x)
         return whole(found.x)
 
     def _scales(self, problem: Problem) -> Floats:
@@ -261,6 +361,23 @@ class _Search:
         for s in range(layout.segments):
             found[layout.state(s)] = 0.1 * problem.scale
         return found
+
+
+class _Reached(Exception):  # noqa: N818
+    """The least squares are reached, at x."""
+
+    def __init__(self, x: Floats) -> None:
+        super().__init__()
+        self.x = x
+
+
+def _decrement(J: Floats, residuals: Floats) -> float:
+    """By how much the sum of squares can still fall, to first order: the part of the residuals that J can make up."""
+    size = np.linalg.norm(J, axis=0)
+    size[size == 0] = 1.0
+    Q, R, _ = qr(J / size, mode="economic", pivoting=True)
+    diagonal = np.abs(np.diag(R))
+    return float(np.sum(np.square(Q[:, diagonal > 1e-10 * diagonal[0]].T @ residuals))) if len(diagonal) else 0.0
 
 
 def _projected(J: Floats, nuisances: Booleans, numbers: int) -> Floats:

@@ -153,6 +153,20 @@ class Problem(Displayed):
         return self._start_rows[sensor]
 
     @cached_property
+    def picks(self) -> Floats:
+        """What the sensors read of the coordinates, (C, coordinates)."""
+        found = np.zeros((len(self.recording.sensors), self.coordinates))
+        for c, sensor in enumerate(self.recording.sensors):
+            for row, sign in self.parts(sensor):
+                found[c, row] = sign
+        return found
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether the sensors read every coordinate."""
+        return int(np.linalg.matrix_rank(self.picks)) == self.coordinates
+
+    @cached_property
     def free(self) -> Booleans:
         """Which unknowns are fitted, (size,)."""
         layout, found = self.layout, np.ones(self.layout.size, dtype=bool)

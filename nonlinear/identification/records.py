@@ -3,7 +3,8 @@
 A sensor is `theta_P_L_rad` or `theta_P_L_deg`, the angle of link L of pendulum P (both from 1) from the downward
 vertical, or with relative angles from the link above, or `cart_m` (`x_m` in files of `nonlinear.save`).  A column
 `segment` separates motions that were recorded apart; other columns select rows.  An empty cell or "nan" is a
-missing value.
+missing value.  The time may be `time_ms`, and `-theta_P_L_rad` is a sensor that counts the other way.  Angles that jump
+by a turn, as those of atan2 do, are continued.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
-from math import isinf, nan, radians
+from math import isinf, nan, pi, radians
 
 import numpy as np
 
@@ -26,11 +27,15 @@ from modal.scene.files import limited
 from modal.types import Floats
 
 TIME, SEGMENT = "time_s", "segment"
+TIMES = {TIME: 1.0, "time_ms": 1e-3}
 RUNS = "x_m"  # the cart in files of simulated runs, also of those without one
 SENSOR = re.compile(r"theta_([1-9][0-9]{0,6})_([1-9][0-9]{0,6})_(rad|deg)|cart_m|x_m", re.ASCII)
+REVERSED = re.compile(rf"-({SENSOR.pattern})", re.ASCII)
 LIKE_ONE = re.compile(r"theta_(?!dot_)|cart|time", re.ASCII)
 MOST_ANGLE = 60.0  # rad: some ten turns; beyond them the column is in degrees
 FEWEST = 4  # samples of a segment
+TURN = 2 * pi
+JUMP = 0.75  # of a turn from one sample to the next: no motion, if all readings lie within one turn
 FEW_CHANGES = 2  # different values that a record has at least
 ANGLES = ("absolute", "relative")
 
@@ -75,12 +80,16 @@ class Segment(Displayed):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Recording(Displayed):
-    """Segments with the same C sensors; `relative` where angles are those to the link above."""
+    """Segments with the same C sensors; `relative` where angles are those to the link above.
+
+    `continued` are the names of sensors whose jumps by a turn were taken out.
+    """
 
     sensors: tuple[Sensor, ...]
     segments: tuple[Segment, ...]
     relative: bool = False
     unused: tuple[str, ...] = ()
+    continued: tuple[str, ...] = ()
 
     @property
     def n_values(self) -> int:
@@ -90,6 +99,18 @@ class Recording(Displayed):
     def take(self, which: Sequence[int]) -> Recording:
         """Some of its segments."""
         return replace(self, segments=tuple(self.segments[k] for k in which))
+
+    def unwrapped(self) -> Recording:
+        """With angles that go on where those of a sensor jump by a turn (`unwrap`)."""
+        found, names = [], dict.fromkeys(self.continued)
+        for one in self.segments:
+            values = one.values.copy()
+            for c, sensor in enumerate(self.sensors):
+                if sensor.pendulum and is_wrapped(values[:, c]):
+                    values[:, c] = unwrap(values[:, c])
+                    names[sensor.name] = None
+            found.append(replace(one, values=values))
+        return replace(self, segments=tuple(found), continued=tuple(names)) if names else self
 
     def absolute(self) -> Recording:
         """With angles from the vertical; SceneError where relative ones of links above are not recorded."""
@@ -117,9 +138,8 @@ class Recording(Displayed):
             parts = np.array_split(np.arange(len(one.times)), count)
             for k, own in enumerate(parts):
                 name = f"{one.name} window {k + 1}".strip() if count > 1 else one.name
-                found.append(
-                    replace(one, name=name, times=one.times[own], values=one.values[own], continued=k + 1 < count)
-                )
+                on = one.continued or k + 1 < count
+                found.append(replace(one, name=name, times=one.times[own], values=one.values[own], continued=on))
         return replace(self, segments=tuple(found))
 
     def until(self, duration: float) -> Recording:
@@ -132,16 +152,33 @@ class Recording(Displayed):
         return replace(self, segments=tuple(kept))
 
 
+def is_wrapped(values: Floats) -> bool:
+    """Whether angles (K,) in rad stay within one turn and jump by nearly one between samples that follow each other."""
+    there = values[np.isfinite(values)]
+    if not len(there) or np.ptp(there) > 1.001 * TURN:
+        return False
+    return bool(np.any(np.abs(np.diff(values)) > JUMP * TURN))
+
+
+def unwrap(values: Floats) -> Floats:
+    """Angles (K,) that go on by less than half a turn from each sample to the next that is there."""
+    found, there = values.copy(), np.isfinite(values)
+    found[there] = np.unwrap(values[there])
+    return found
+
+
 def read_recording(
     scene: Scene | None,
     paths: Sequence[str | os.PathLike[str]],
     *,
     where: Mapping[str, str] | None = None,
     angles: str = "absolute",
+    columns: Mapping[str, str] | None = None,
 ) -> Recording:
     """The recording in these files, of a scene whose links and cart the sensors read, or of any with None.
 
-    `where` gives columns with the value that used rows have there.  SceneError lists every mistake.
+    `where` gives columns with the value that used rows have there; `columns` says what columns with other headings
+    hold, such as {"t": "time_ms", "theta_1_2_rad": "-theta_1_2_rad"}.  SceneError lists every mistake.
     """
     if angles not in ANGLES:
         raise SceneError([f"angles {angles}: must be {' or '.join(ANGLES)}"])
@@ -150,7 +187,7 @@ def read_recording(
     for path in paths:
         name = os.fspath(path)
         try:
-            header, rows = _table(name, where or {})
+            header, rows = _table(name, where or {}, columns or {})
             if not isinstance(scene.support, Cart) if scene else _is_still(header, rows):
                 header = [f"({column})" if column == RUNS else column for column in header]
             tables.append((name, header, rows))
@@ -160,7 +197,7 @@ def read_recording(
         problems.append("no file of measured motions is given")
     if problems:
         raise SceneError(problems)
-    sensors = sorted({_sensor(column) for _, header, _ in tables for column in header if SENSOR.fullmatch(column)})
+    sensors = sorted({_sensor(column) for _, header, _ in tables for column in header if _is_sensor(column)})
     problems += [problem for one in sensors if scene for problem in _absent(scene, one)]
     segments: list[Segment] = []
     for name, header, rows in tables:
@@ -175,7 +212,7 @@ def read_recording(
         *(where or {}),
         f"({RUNS})",
     }
-    return Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(unused)))
+    return Recording(tuple(sensors), tuple(segments), angles == "relative", tuple(sorted(unused))).unwrapped()
 
 
 def _is_still(header: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> bool:
@@ -183,13 +220,17 @@ def _is_still(header: Sequence[str], rows: Sequence[tuple[int, list[str]]]) -> b
     return RUNS in header and len({row[header.index(RUNS)] for _, row in rows}) == 1
 
 
+def _is_sensor(column: str) -> bool:
+    return bool(SENSOR.fullmatch(column.removeprefix("-")))
+
+
 def _sensor(column: str) -> Sensor:
-    found = SENSOR.fullmatch(column)
+    found = SENSOR.fullmatch(column.removeprefix("-"))
     return Sensor(int(found[1]), int(found[2])) if found and found[1] else Sensor()
 
 
 def _is_known(column: str) -> bool:
-    return column in {TIME, SEGMENT} or bool(SENSOR.fullmatch(column))
+    return column in {*TIMES, SEGMENT} or _is_sensor(column)
 
 
 def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
@@ -205,7 +246,9 @@ def _absent(scene: Scene, sensor: Sensor) -> Iterator[str]:
         yield f"column {sensor.name}: the pendulum has {counted(sizes[sensor.pendulum - 1], 'link', 'links')}"
 
 
-def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[int, list[str]]]]:
+def _table(
+    name: str, where: Mapping[str, str], meanings: Mapping[str, str]
+) -> tuple[list[str], list[tuple[int, list[str]]]]:
     """The header of a file, and its rows with their line numbers."""
     try:
         with open(name, "rb") as stream:
@@ -220,8 +263,15 @@ def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[i
         raise SceneError([f"{name}: is not text in UTF-8, or its name is none"]) from None
     except csv.Error as error:
         raise SceneError([f"{name}: {error}"]) from None
-    columns = [word.strip() for word in header[1]]
-    if problems := [*_header_problems(columns, where)]:
+    given = [word.strip() for word in header[1]]
+    columns = [meanings.get(word, word) for word in given]
+    problems = [f"column {one}: is missing{meant(one, given)}" for one in meanings if one not in given]
+    problems += [
+        f"column {old}: {new}: must be time_s, time_ms, theta_P_L_rad, theta_P_L_deg or cart_m, or - and one of these"
+        for old, new in meanings.items()
+        if not _is_known(new)
+    ]
+    if problems := [*problems, *_header_problems(columns, where)]:
         raise SceneError([f"{name}: {problem}" for problem in problems])
     full = [(line, row) for line, row in rows if any(word.strip() for word in row)]
     if ragged := [line for line, row in full if len(row) != len(columns)]:
@@ -237,14 +287,17 @@ def _table(name: str, where: Mapping[str, str]) -> tuple[list[str], list[tuple[i
 
 
 def _header_problems(columns: Sequence[str], where: Mapping[str, str]) -> Iterator[str]:
-    if TIME not in columns:
+    times = [one for one in columns if one in TIMES]
+    if not times:
         yield f"has no column {TIME}{meant(TIME, columns)}"
+    if len(set(times)) > 1:
+        yield f"columns {listed(times, len(times))}: are the time in two units"
     yield from (f"column {one}: stands there twice" for one in dict.fromkeys(columns) if columns.count(one) > 1)
     yield from (f"column {one}: is missing{meant(one, columns)}" for one in where if one not in columns)
     for column in columns:
         if column not in where and not _is_known(column) and LIKE_ONE.match(column):
             yield f"column {column}: must be theta_P_L_rad, theta_P_L_deg or cart_m, with P and L from 1"
-    sensors = [column for column in columns if SENSOR.fullmatch(column)]
+    sensors = [column for column in columns if _is_sensor(column)]
     if not sensors:
         yield "has no column of a sensor, such as theta_1_1_rad or cart_m"
     twice = [one for one in sensors if len({own for own in sensors if _sensor(own) == _sensor(one)}) > 1]
@@ -266,11 +319,12 @@ def _segments(
             )
     if problems:
         raise SceneError(problems)
-    times = np.array(number[TIME], dtype=float)
+    clock = next(column for column in header if column in TIMES)
+    times = TIMES[clock] * np.array(number[clock], dtype=float)
     table = np.full((len(times), len(sensors)), nan)
     for column, cells in number.items():
-        if column != TIME:
-            factor = radians(1.0) if column.endswith("_deg") else 1.0
+        if column != clock:
+            factor = (radians(1.0) if column.endswith("_deg") else 1.0) * (-1 if REVERSED.fullmatch(column) else 1)
             table[:, sensors.index(_sensor(column))] = factor * np.array(cells, dtype=float)
     names = [row[header.index(SEGMENT)].strip() for _, row in rows] if SEGMENT in header else [""] * len(rows)
     found: list[Segment] = []
@@ -289,7 +343,7 @@ def _segments(
 
 
 def _is_number(column: str) -> bool:
-    return column == TIME or bool(SENSOR.fullmatch(column))
+    return column in TIMES or _is_sensor(column)
 
 
 def _number(word: str) -> float | None:
@@ -333,13 +387,13 @@ def _empty(sensors: Sequence[Sensor], segments: Sequence[Segment]) -> Iterator[s
             yield f"{one.where}: has no values"
 
 
-def parse_where(texts: Sequence[str]) -> dict[str, str]:
+def parse_where(texts: Sequence[str], example: str = "COLUMN=VALUE, such as use=identify") -> dict[str, str]:
     """The columns and values of texts such as "use=identify"; SceneError for any other."""
     found, problems = {}, []
     for text in texts:
         column, sign, value = text.partition("=")
         if not sign or not column.strip():
-            problems.append(f"{text:.60}: must be COLUMN=VALUE, such as use=identify")
+            problems.append(f"{text:.60}: must be {example}")
         found[column.strip()] = value.strip()
     if problems:
         raise SceneError(problems)

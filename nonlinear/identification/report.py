@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from modal.report import NOTHING, as_json, grid, short, titled
+from modal.report import NOTHING, as_json, finite, grid, short, titled
 from modal.scene import title_of
 from modal.scene.parameters import Variation
 from nonlinear.identification.comparison import Candidate
@@ -24,11 +24,11 @@ def fit_record(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0)
     numbers = found.fitted
     record: dict[str, Any] = {
         "parameters": [
-            {"place": found.parameters[k].path, "value": float(found.values[k]), "std": float(found.stds[k])}
+            {"place": found.parameters[k].path, "value": float(found.values[k]), "std": finite(float(found.stds[k]))}
             for k in numbers
         ],
         "fixed": [{"place": found.parameters[k].path, "value": float(found.values[k])} for k in found.held.tolist()],
-        "combinations": [{"words": c.words, "value": c.value, "std": c.std} for c in found.combinations],
+        "combinations": [{"words": c.words, "value": c.value, "std": finite(c.std)} for c in found.combinations],
         "unidentifiable": [{"place": one.held, "words": one.words} for one in found.undetermined],
         "sensors": [_sensor(found, c) for c in range(len(found.recording.sensors))],
         "segments": [
@@ -42,13 +42,15 @@ def fit_record(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0)
         ],
         "rms_residual_rad": found.rms_all,
         "condition": found.condition,
-        "covariance": found.covariance[np.ix_(numbers, numbers)].tolist(),
+        "fits": found.fits,
+        "misfit": dict(zip((one.name for one in found.recording.sensors), found.misfit.tolist(), strict=True)),
+        "covariance": found.covariance[np.ix_(numbers, numbers)].tolist() if found.fits else None,
         "verdict": list(found.verdict),
     }
     if draws:
         stds = found.bootstrap(draws)
         for one, k in zip(record["parameters"], numbers, strict=True):
-            one["bootstrap_std"] = float(stds[k])
+            one["bootstrap_std"] = finite(float(stds[k]))
     if candidates:
         record["comparison"] = [
             {
@@ -72,15 +74,17 @@ def _sensor(found: Fit, c: int) -> dict[str, Any]:
     layout, sensor = found.problem.layout, found.recording.sensors[c]
     offset, delay, scale = (own.start + c for own in (layout.offsets, layout.delays, layout.scales))
     std = np.sqrt(np.maximum(np.diag(found.cov), 0.0))
+    if not found.fits:
+        std = np.where(std > 0, np.nan, 0.0)
     return {
         "sensor": sensor.name,
         f"noise_{sensor.unit}": float(found.problem.noise[c]),
         f"offset_{sensor.unit}": float(found.unknowns[offset]),
-        f"offset_std_{sensor.unit}": float(std[offset]),
+        f"offset_std_{sensor.unit}": finite(float(std[offset])),
         "delay_s": float(found.unknowns[delay]),
-        "delay_std_s": float(std[delay]),
+        "delay_std_s": finite(float(std[delay])),
         "scale": 1 + float(found.unknowns[scale]),
-        "scale_std": float(std[scale]),
+        "scale_std": finite(float(std[scale])),
     }
 
 
@@ -117,8 +121,8 @@ def fit_text(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -
     for k, one in enumerate(found.parameters):
         unit = Variation(one.path, (one.value,)).unit
         held = k in set(found.held.tolist())
-        spread = "held" if held else f"{found.stds[k]:.2g}"
-        more = [] if again is None else ["held" if held else f"{again[k]:.2g}"]
+        spread = "held" if held else _spread(found.stds[k])
+        more = [] if again is None else ["held" if held else _spread(again[k])]
         rows.append([one.path, short(one.value), _number(found.values[k], found.stds[k]), spread, *more, unit])
     sensors = [_sensor(found, c) for c in range(len(found.recording.sensors))]
     segments = [
@@ -127,7 +131,9 @@ def fit_text(found: Fit, candidates: Sequence[Candidate] = (), draws: int = 0) -
     ]
     parts = [
         grid(rows, ["number", "given", "fitted", "std", *(["bootstrap"] if draws else []), "unit"]),
-        "\n".join(f"Determined: {c.words} = {_number(c.value, c.std)} ± {c.std:.2g}" for c in found.combinations),
+        "\n".join(
+            f"Determined: {c.words} = {_number(c.value, c.std)} ± {c.std:.2g}" for c in found.combinations if found.fits
+        ),
         "\n".join(f"Not determined: {one.words}." for one in found.undetermined),
         grid(
             [[s["sensor"], *[_figure(s, key) for key in ("noise", "offset", "delay", "scale")]] for s in sensors],
@@ -155,9 +161,14 @@ def _figure(sensor: dict[str, Any], name: str) -> str:
     return f"{sensor[key]:.3g}" + (f" ± {spread:.2g}" if spread else "")
 
 
+def _spread(std: float) -> str:
+    """A standard deviation, where there is one."""
+    return f"{std:.2g}" if np.isfinite(std) else NOTHING
+
+
 def _number(value: float, std: float) -> str:
     """As many digits as the standard deviation leaves, and one."""
-    if not std or not value:
+    if not std > 0 or not value:
         return short(value)
     digits = int(np.clip(np.ceil(np.log10(abs(value) / std)) + 2, 2, 12))
     return f"{value:.{digits}g}"

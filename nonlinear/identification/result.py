@@ -25,6 +25,10 @@ from nonlinear.identification.problem import Problem
 from nonlinear.identification.records import Recording
 
 BLOCKS = 10  # of residuals in a series, at least
+POOR = 0.05  # of a reading's standard deviation: residuals that go on from sample to sample and are larger do not fit
+BARE = 0.9  # of it: residuals of any kind that leave nothing explained
+SURE = 5.0  # standard errors 1/√n of an autocorrelation, for saying so
+APART = 10.0  # standard deviations of a gap between two windows that do not join
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -33,7 +37,8 @@ class Fit(Displayed):
 
     `scene` has them; `parameters` (p) are the ones that were free, `held` (indices) those among them that stayed at the
     scene's values; `unknowns` and `cov` (size, size) are all unknowns of `problem` with their covariance, zero for
-    those held; `residuals` (N,) are in units of the sensors' noise.
+    those held; `residuals` (N,) are in units of the sensors' noise.  Where the motion does not fit the record (`fits`),
+    its numbers have no standard deviations: they are NaN.
     """
 
     problem: Problem
@@ -47,6 +52,7 @@ class Fit(Displayed):
     given: Scene
     rho: tuple[Floats, ...]
     evaluations: int = 0
+    loss: str = "linear"
     verdict: tuple[str, ...] = ()
 
     @property
@@ -70,14 +76,49 @@ class Fit(Displayed):
         return np.array([one.at(float(z)) for one, z in zip(self.parameters, self.unknowns, strict=False)])
 
     @cached_property
+    def misfit(self) -> Floats:
+        """What the motion leaves of every sensor's readings (C,), as a part of their standard deviation.
+
+        Only what goes on from sample to sample counts, √(Σ e_k e_(k+1) / Σ e_k²) times the residuals' rms: noise and
+        outliers do not.  Where residuals are nearly as large as the readings, all of them count.
+        """
+        found = []
+        for c, rho in enumerate(self.rho):
+            read = np.concatenate([one.values[:, c] - np.nanmean(one.values[:, c]) for one in self.recording.segments])
+            miss = np.concatenate(
+                [own[:, c] - one.values[:, c] for own, one in zip(self.readings, self.recording.segments, strict=True)]
+            )
+            left = root_mean_square(miss) / (root_mean_square(read) or 1.0)
+            count = int(np.count_nonzero(np.isfinite(miss)))
+            again = float(np.abs(rho[1:3]).max()) if len(rho) > 1 else 0.0
+            lasting = left * np.sqrt(again) if again > SURE / np.sqrt(count) else 0.0
+            found.append(left if left > BARE else lasting)
+        return np.array(found)
+
+    @cached_property
+    def gap(self) -> float:
+        """The largest gap between a window and its continuation, in standard deviations of a gap; 0 without windows."""
+        first = self.recording.n_values
+        gaps = self.residuals[first : len(self.residuals) - sum(1 for one in self.parameters if one.prior)]
+        return float(np.abs(gaps).max()) if len(gaps) else 0.0
+
+    @property
+    def fits(self) -> bool:
+        """Whether the motion fits the record so well that standard deviations mean anything."""
+        return bool(np.all(self.misfit < POOR)) and self.gap < APART
+
+    @cached_property
     def covariance(self) -> Floats:
-        """Of the numbers (p, p), zero for those held."""
+        """Of the numbers (p, p), zero for those held, NaN where the motion does not fit the record."""
         count = len(self.parameters)
-        return np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
+        found = np.asarray(self.slopes[:, None] * self.cov[:count, :count] * self.slopes)
+        if not self.fits:
+            found[np.ix_(self.fitted, self.fitted)] = np.nan
+        return found
 
     @cached_property
     def stds(self) -> Floats:
-        """Standard deviations of the numbers (p,), zero for those held."""
+        """Standard deviations of the numbers (p,), zero for those held, NaN where the motion does not fit."""
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
     def to_dict(self) -> dict[str, Any]:
@@ -132,7 +173,7 @@ class Fit(Displayed):
                 drawn[own] = values - values.mean()
             steps.append(back @ drawn)
         found = np.zeros(problem.layout.size)
-        found[columns] = np.std(steps, axis=0)
+        found[columns] = np.std(steps, axis=0) if self.fits else np.nan
         return np.asarray(found[:count] * np.abs(self.slopes))
 
     @cached_property

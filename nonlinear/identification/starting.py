@@ -26,11 +26,7 @@ RESERVE = 0.5  # standard deviation of ln p in that fit
 def initial_states(problem: Problem) -> Floats:
     """The states (S, width) at the beginning of every segment, by a parabola through each sensor's first samples."""
     coordinates = problem.coordinates
-    picks = np.zeros((len(problem.recording.sensors), coordinates))
-    for c, sensor in enumerate(problem.recording.sensors):
-        for row, sign in problem.parts(sensor):
-            picks[c, row] = sign
-    back = np.linalg.pinv(picks)
+    picks, back = problem.picks, np.linalg.pinv(problem.picks)
     rest = np.concatenate((np.zeros(int(problem.system.cart is not None)), problem.system.rest))
     found = np.zeros((len(problem.recording.segments), 2 * coordinates))
     glance = GLANCE / problem.system.rate

@@ -43,6 +43,8 @@ class Responses:
 
     def __init__(self, lanes: Lanes, numbers: Numbers, joints: Sequence[Joint], width: int) -> None:
         self.joints, self.width, self.half = joints, width, lanes.layout.half
+        self.limits, self.eye = np.stack([one.limit for one in joints]), np.eye(len(joints))[:, :, None]
+        self.relative = np.array([one.relative(np.eye(self.half)) for one in joints])
         unit = np.repeat(np.eye(1 + len(joints))[1:], width, axis=1)
         every = numbers.at(np.tile(np.arange(width), 1 + len(joints)))
         self.rates = pushed(lanes, every, joints, unit)
@@ -56,11 +58,9 @@ class Responses:
     def torques(self, free: Any, responses: Any, sides: Any) -> Any:
         """The torques (J, W) of joints that slip to these sides (J, W), or at side 0 stick."""
         slipping = sides != 0
-        limits = np.stack([joint.limit for joint in self.joints])
-        matrix = np.array([[joint.relative(own) for own in responses] for joint in self.joints])
-        matrix = np.where(slipping[:, None], np.eye(len(self.joints))[:, :, None], matrix)
-        wanted = np.stack([-joint.relative(free[self.half :]) for joint in self.joints])
-        right = np.where(slipping, -sides * limits, wanted)
+        matrix = np.tensordot(self.relative, responses, axes=(1, 1))
+        matrix = np.where(slipping[:, None], self.eye, matrix)
+        right = np.where(slipping, -sides * self.limits, -(self.relative @ free[self.half :]))
         if len(self.joints) == 1:
             return right / matrix[0]
         return np.linalg.solve(np.moveaxis(matrix, -1, 0), right.T[..., None])[..., 0].T
@@ -93,7 +93,7 @@ class Rates:
 
     def __call__(self, y: Any) -> Any:
         """The rates y' (size, W)."""
-        found = filled(self.slip(y), y)
+        found = filled(self.slip(y), y) if len(self.stuck) < y.shape[1] else np.empty_like(y)
         if len(self.stuck):
             free, responses = self.responses(y[:, self.stuck])
             torques = self.responses.torques(free, responses, self.sides[:, self.stuck])
