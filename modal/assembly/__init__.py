@@ -10,7 +10,7 @@ scenes of one form, `linearization` is the dense form for printing, for small pr
 
 from modal.assembly.arrays import ARRAYS, Block, CartNumbers, Rig, Units, masses_below, rig_of
 from modal.assembly.dense import Columns, assembled, centres, dampers, drag_of
-from modal.assembly.hoisting import Hoisting, Hoists, hoisting_of, matrices_along, matrices_at, require_constant_lengths
+from modal.assembly.hoisting import Hoisting, Hoists, hoisting_of, matrices_along, matrices_at
 from modal.assembly.linearization import Matrices, coordinate_labels, matrices, matrices_of
 from modal.assembly.modal_damping import RatioAt, frequencies, modal_dampers, modal_factor, ratio_at
 from modal.assembly.stacks import Group, Stack, can_stack, stacked
@@ -44,7 +44,6 @@ __all__ = [
     "modal_dampers",
     "modal_factor",
     "ratio_at",
-    "require_constant_lengths",
     "rig_of",
     "stacked",
 ]

@@ -35,7 +35,7 @@ from modal.assembly import Matrices, matrices
 from modal.eigen import is_singular
 from modal.errors import ComputationError, SceneError
 from modal.report import Displayed, Summary, counted, deferred
-from modal.scene import Fixed, Scene, validate_scene
+from modal.scene import Fixed, Scene, require, validate_scene
 from modal.statespace.signals import (
     DRIVES,
     INPUTS,
@@ -130,8 +130,7 @@ def state_space(scene: Scene, inputs: tuple[str, ...] = (), outputs: tuple[str, 
     absolute angles.  Raises SceneError for groups that the scene does not have, ComputationError where M is singular or
     the model has more than LARGEST_STATE states.
     """
-    if validate_scene(scene).is_hoisted:
-        raise SceneError(["hoist: its linear model varies in time, and this one is constant: export one to npz or mat"])
+    require(validate_scene(scene), "a constant linear model")
     return assembled(scene, None, inputs, outputs)
 
 

@@ -122,9 +122,9 @@ def estimate_of(scene: Scene, path: str | None) -> Estimate | None:
 
 def small_swings(scene: Scene) -> Scene:
     """The scene itself; what its linear model leaves out is told on standard error."""
-    from modal.modes import omitted
+    from modal.scene import left_out
 
-    for words in omitted(scene):
+    for words in left_out(scene):
         print(f"multipendula: {words}", file=sys.stderr)
     return scene
 

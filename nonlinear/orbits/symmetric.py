@@ -16,7 +16,7 @@ from functools import cached_property
 
 import numpy as np
 
-from modal.scene import Scene, refuse_motion
+from modal.scene import Scene, require
 from modal.types import Floats
 from nonlinear.orbits.floquet import of_symmetric
 from nonlinear.orbits.flow import Flow
@@ -76,5 +76,5 @@ class Quarter:
 
 def quarter_of(scene: Scene, tolerance: float, fast: bool | None = None) -> Quarter:
     """The equations of a conservative scene in the plane."""
-    refuse_motion(scene, "a periodic orbit")
+    require(scene, "a periodic orbit of a mode")
     return Quarter(scene, Flow(system_of(scene), tolerance, fast=fast))

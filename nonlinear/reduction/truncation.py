@@ -27,7 +27,7 @@ import numpy as np
 from modal.errors import SceneError
 from modal.modes import Modes
 from modal.report import Displayed
-from modal.scene import Scene, refuse_motion, unsupported
+from modal.scene import Scene, refusals
 from modal.types import Floats, Ints
 from nonlinear.integration import (
     SCIPY,
@@ -43,7 +43,7 @@ from nonlinear.integration import (
     validate_numbers,
 )
 from nonlinear.reduction.truncated import Truncated
-from nonlinear.system import State, System, initial_state, require_constant_lengths, system_of, validate_state
+from nonlinear.system import State, System, initial_state, system_of, validate_state
 
 SAFETY = 2.0
 NEGLIGIBLE = 1e-8  # fraction of the start's energy that an automatic choice may neglect
@@ -171,7 +171,6 @@ def simulate_truncated(
     infinite. Raises SceneError for a scene in space and for invalid arguments, ComputationError where the modes cannot
     be computed, SimulationError where the integrator fails.
     """
-    require_constant_lengths(scene, "motion in a few modes")
     validate_numbers(duration, tolerance, 0.0)
     _validate(scene, modes, method)
     system = system_of(scene)
@@ -220,18 +219,14 @@ def _within(elapsed: Floats, values: Floats, period: float) -> Floats:
 
 
 def _validate(scene: Scene, modes: int | None, method: str) -> None:
-    refuse_motion(scene, "modal truncation")
-    problems = [] if scene.space == "plane" else ["space: modal truncation is implemented in the plane only"]
+    found = refusals(scene, "motion in a few modes")
     whole = isinstance(modes, Integral) and not isinstance(modes, bool)
     if modes is not None and not (whole and modes >= 1):
-        problems.append(f"modes {modes!r}: must be a whole number from 1")
-    if scene.is_driven:
-        problems.append("drive: a scene with drives cannot be reduced to a few modes")
-    problems += unsupported(scene, "a scene with dry friction cannot be reduced to a few modes", "friction")
+        found.append(f"modes {modes!r}: must be a whole number from 1")
     if method not in SCIPY:
-        problems.append(f"method {method}: must be one of {', '.join(SCIPY)}")
-    if problems:
-        raise SceneError(problems)
+        found.append(f"method {method}: must be one of {', '.join(SCIPY)}")
+    if found:
+        raise SceneError(found)
 
 
 def survey_modes(scene: Scene, system: System, start: State) -> Survey:

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from modal.errors import ComputationError, SceneError
-from modal.modes import natural_modes, omitted
-from modal.scene import Scene, scene_from
+from modal.modes import natural_modes
+from modal.scene import Scene, left_out, scene_from
 from modal.scene.parameters import Variation, vary
 from modal.symbolic.system import of_scene
 from nonlinear import simulate
@@ -83,11 +83,11 @@ def test_links_that_count_as_one_have_the_friction_of_all() -> None:
 
 
 def test_the_linear_model_says_what_it_leaves_out() -> None:
-    assert "Dry friction" in omitted(RUBBING)[0]
-    assert "Quadratic drag" in omitted(AIRY)[0]
-    assert omitted(scene_from(data(drag=1.0))) == ()
+    assert "Dry friction" in left_out(RUBBING)[0]
+    assert "Quadratic drag" in left_out(AIRY)[0]
+    assert left_out(scene_from(data(drag=1.0))) == ()
     assert natural_modes(RUBBING).omega == pytest.approx(natural_modes(RUBBING.frictionless).omega)
-    assert natural_modes(RUBBING).notes[0] == omitted(RUBBING)[0]
+    assert natural_modes(RUBBING).notes[0] == left_out(RUBBING)[0]
 
 
 @pytest.mark.parametrize("scene", [RUBBING, AIRY, scene_from(data(drag=0.1))], ids=["friction", "quadratic", "linear"])

@@ -1,0 +1,205 @@
+"""Every kind of scene by every capability, tried as a user would: by the command where there is one.
+
+A pair works, is refused with one of the project's messages, breaks with any other exception, or gives no answer within
+PATIENCE seconds of processor time.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import signal
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from modal.errors import MultipendulaError
+from modal.scene import Scene, load
+from multipendula import cli
+from nonlinear.ensembles import ensemble
+from nonlinear.simulation import simulate
+from nonlinear.system import AppliedForces, State
+
+SCENES = Path(__file__).parents[1] / "combinations" / "scenes"
+PATIENCE = 20.0
+GRAVITY = "--vary gravity=9.8:9.9:2"
+FIRST, SECOND = "pendulum[0].start.angles_deg[0]", "pendulum[0].start.angles_deg[1]"
+GRID = f"--vary {FIRST}=5:10:2 --vary {SECOND}=5:10:2"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a pair: works, refused, breaks or silent (no answer), with the message or the output."""
+
+    status: str
+    words: str = ""
+
+
+class _Late(BaseException):
+    """No answer in time."""
+
+
+@contextlib.contextmanager
+def _patiently(seconds: float) -> Iterator[None]:
+    """Raise `_Late` after so many seconds of processor time, and again where a library swallows it."""
+
+    def late(number: int, frame: object) -> None:
+        raise _Late
+
+    before = signal.signal(signal.SIGPROF, late)
+    signal.setitimer(signal.ITIMER_PROF, seconds, 1.0)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def push(time: float, state: State) -> AppliedForces:
+    """A load that every scene can take: moments on all links."""
+    moments = np.zeros_like(state.links)
+    moments[..., 0] = 0.3 * np.sin(2.0 * time)
+    return AppliedForces(0.0, moments)
+
+
+def _command(words: str, scene: Path, folder: Path) -> str:
+    """Run `multipendula words`, with @ for the scene and # for a file in the folder."""
+    said = io.StringIO()
+    arguments = [word.replace("@", str(scene)).replace("#", str(folder / "out")) for word in words.split()]
+    with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        status = cli.main(arguments)
+    if status:
+        raise Refusal(said.getvalue())
+    written = [path for path in folder.glob("out*") if path.suffix in {".json", ".csv"}]
+    return said.getvalue() + "".join(path.read_text() for path in written)
+
+
+class Refusal(MultipendulaError):
+    """A command ended with a message."""
+
+
+def _motion(path: Path, scene: Scene, **options: Any) -> str:
+    if path.stem == "load":
+        options |= {"load": push, "breaks": []}
+    run = simulate(scene, 1.0, output=11, **options)
+    return repr([run.motion.links.tolist(), run.motion.cart.tolist()])
+
+
+def _members(path: Path, scene: Scene, engine: str) -> str:
+    found = ensemble(scene, 1.0, vary={"gravity": [9.8, 9.81, 9.82, 9.83]}, engine=engine, workers=1)
+    return f"{found.engine} {found.column('links_rad').tolist()}"
+
+
+def _fit(path: Path, scene: Scene, folder: Path) -> str:
+    run = simulate(scene, 2.0, output=201)
+    rng = np.random.default_rng(0)
+    links = run.motion.links if run.motion.links.ndim == 2 else run.motion.links[..., 0]
+    data = np.column_stack((run.times, links + 1e-3 * rng.standard_normal(links.shape)))
+    names = [label.replace("[", "_").replace(",", "_").rstrip("]") for label in run.system.labels if label != "x"]
+    header = ",".join(["time_s", *(f"{name}_rad" for name in names[: links.shape[1]])])
+    np.savetxt(folder / "data.csv", data, delimiter=",", header=header, comments="")
+    return _command(f"fit @ {folder / 'data.csv'} --free pendulum[0].links[0].length", path, folder)
+
+
+def _vibration(path: Path, scene: Scene, folder: Path) -> str:
+    (folder / "psd.csv").write_text("frequency_hz,psd\n0.1,0.01\n10,0.01\n")
+    return _command(f"vibration @ --psd {folder / 'psd.csv'}", path, folder)
+
+
+def _shock(path: Path, scene: Scene, folder: Path) -> str:
+    times = np.arange(81) * 0.025
+    rows = "\n".join(f"{t},{a}" for t, a in zip(times, np.sin(3 * times) * np.exp(-times), strict=True))
+    (folder / "quake.csv").write_text("time_s,acceleration_m_per_s2\n" + rows + "\n")
+    return _command(f"shock @ {folder / 'quake.csv'}", path, folder)
+
+
+Attempt = Callable[[Path, Scene, Path], str]
+
+
+def _by(words: str) -> Attempt:
+    return lambda path, scene, folder: _command(words, path, folder)
+
+
+def _simulated(**options: Any) -> Attempt:
+    return lambda path, scene, folder: _motion(path, scene, **options)
+
+
+def _ensemble(engine: str) -> Attempt:
+    return lambda path, scene, folder: _members(path, scene, engine)
+
+
+CAPABILITIES: dict[str, Attempt] = {
+    "table": _by("table @ --format json"),
+    "shapes": _by("shapes @ -o #.png"),
+    "matrices": _by("matrices @"),
+    "explain": _by("explain @"),
+    "check": _by("check @ --mode 2 --amplitude 5"),
+    "check general": _by("check @ --general --start angles:5,0 --duration 2"),
+    "simulate": _simulated(),
+    "simulate maximal": _simulated(form="maximal"),
+    "simulate hamiltonian": _simulated(form="hamiltonian"),
+    "simulate Radau": _simulated(method="Radau"),
+    "simulate taylor": _simulated(method="taylor"),
+    "simulate accuracy": _simulated(accuracy=1e-4),
+    "ensemble auto": _ensemble("auto"),
+    "ensemble numpy": _ensemble("numpy"),
+    "ensemble numba": _ensemble("numba"),
+    "ensemble heyoka": _ensemble("heyoka"),
+    "orbits mode": _by("orbits @ --mode 2 --to 10 --format json"),
+    "orbits vary": _by(f"orbits @ {GRAVITY} --start scene --duration 20"),
+    "sync": _by("sync @ --duration 5"),
+    "sync vary": _by(f"sync @ {GRAVITY}"),
+    "chaos": _by("chaos @ --duration 7 --ensemble 2"),
+    "section": _by("section @ --orbits 2 --duration 2 --workers 1"),
+    "basins": _by(f"basins @ {GRID} --measure largest_angle --duration 1 --workers 1"),
+    "fit": _fit,
+    "sweep": _by("sweep @ --vary gravity=9:10:2 --workers 1 -o #.csv"),
+    "response": _by("response @ --at 0.1,1"),
+    "gains": _by("gains @"),
+    "shaper": _by("shaper @"),
+    "export": _by("export @ --to json -o #.json"),
+    "vibration": _vibration,
+    "shock": _shock,
+    "play": _by("play @ -o #.html"),
+    "derive": _by("derive @ --show matrices"),
+    "enclose": _by("enclose @ --digits 10"),
+    "spread": _by("spread @ --tolerance gravity=1% --members 20 --workers 1"),
+    "spread motion": _by("spread @ --tolerance gravity=1% --members 8 --duration 1 --workers 1"),
+    "keep modes": _by("simulate @ --keep-modes 1 --duration 1 -o #.csv"),
+    "tradeoff": _by("tradeoff @ --duration 0.5"),
+    "advise": _by("advise @ --accuracy 1e-3 --duration 1"),
+    "plot": _by("plot @ --duration 1 -o #.png"),
+}
+LOADED = tuple(name for name in CAPABILITIES if name.startswith("simulate"))
+"""What takes a load, which a scene file has not."""
+
+
+@cache
+def kinds() -> dict[str, Path]:
+    """The kinds of scene by name."""
+    return {path.stem: path for path in sorted(SCENES.glob("*.toml"))}
+
+
+def pairs() -> list[tuple[str, str]]:
+    """Every pair that can be asked for."""
+    return [
+        (kind, capability) for kind in kinds() for capability in CAPABILITIES if kind != "load" or capability in LOADED
+    ]
+
+
+def attempt(kind: str, capability: str, folder: Path, patience: float = PATIENCE) -> Outcome:
+    """Try a pair; files go into the folder."""
+    path = kinds()[kind]
+    try:
+        with _patiently(patience):
+            return Outcome("works", CAPABILITIES[capability](path, load(path), folder))
+    except MultipendulaError as refusal:
+        return Outcome("refused", str(refusal))
+    except _Late:
+        return Outcome("silent")
+    except Exception as error:
+        return Outcome("breaks", f"{type(error).__name__}: {error}")
